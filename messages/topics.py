@@ -7,6 +7,7 @@ checks and `docs/topics.md` all read these rows.
 
 from messages.aiding import AidSource
 from messages.control import ThrusterCommand, Wrench
+from messages.film import FilmAnswer, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
@@ -80,6 +81,8 @@ CLOCK_PING     = Topic("clock/ping",          ClockPing,           5, REALTIME, 
 CLOCK_PONG     = Topic("clock/pong",          ClockPong,           5, REALTIME,    UP)
 PREDICTION     = Topic("prediction",          Prediction,         25, LIVE,        DOWN)
 VIDEO          = Topic("camera/video",        VideoPart,          25, BULK,        UP)
+FILM_REQUEST   = Topic("film/request",        FilmRequest,         0, EVENT,       DOWN)
+FILM_ANSWER    = Topic("film/answer",         FilmAnswer,          0, EVENT,       UP)
 PICTURE_AGE    = Topic("camera/age",          PictureAge,          5, BULK,        DOWN)
 IDENTITY       = Topic("identity/*",          SideIdentity,        0, BULK,        BOTH)
 HEALTH         = Topic("health/*",            Health,              1, BULK,        BOTH)

@@ -2,6 +2,7 @@
 
 from collections.abc import Generator
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from typing import Annotated, Protocol
 
@@ -12,7 +13,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.choices import NewFile
 from tools.fresh import EXISTS, refuse_existing, write_fresh
-from tools.log.film_scenes import FilmedPicture, pictures
+from tools.log.film_scenes import FilmedPicture, filmed_spans, pictures, within
 from tools.log.subtitles import Subtitles
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
@@ -34,6 +35,9 @@ def film(
     overlay: Annotated[
         bool, Parameter(negative=(), help="time, depth, heading … in the picture: encoded anew")
     ] = False,
+    marked: Annotated[
+        bool, Parameter(negative=(), help="only what the pilot filmed, a film for each")
+    ] = False,
 ) -> int:
     """The pictures of a recording as a film (MP4), with subtitles.
 
@@ -49,26 +53,31 @@ def film(
         raise LindyError(f"--out {out}: expected a name that ends in .mp4")
     opened = open_recording(recording)
     with reading("filming", opened.size) as opened.advance:
-        made = filmed(opened, out, overlay=overlay)
+        made = filmed(opened, out, overlay=overlay, marked=marked)
     print("\n".join([*made, *opened.damage]), flush=True)
     return INCOMPLETE if opened.damage else COMPLETE
 
 
-def filmed(recording: Recording, out: Path, *, overlay: bool = False) -> list[str]:
+def filmed(
+    recording: Recording, out: Path, *, overlay: bool = False, marked: bool = False
+) -> list[str]:
     """Write the films. Returns a sentence for each.
 
     Raises:
         LindyError: there are no pictures, or a file exists or cannot be written.
     """
-    said, size = list[str](), None
+    said, what = list[str](), None
     writing: _Writing | None = None
     refuse_existing(out)
+    spans = filmed_spans(recording) if marked else [(0, inf)]
+    if not spans:
+        raise LindyError(f"{recording.files[0]}: the pilot filmed nothing; leave out --marked")
     try:
-        for picture in pictures(recording):
-            if picture.size != size:
+        for span, picture in within(pictures(recording), spans):
+            if (span, picture.size) != what:
                 if writing is not None:
                     said.append(writing.end())
-                size = picture.size
+                what = span, picture.size
                 number = len(said) + 1
                 path = out if number == 1 else out.with_name(f"{out.stem}-{number}.mp4")
                 writing = _Writing(path, picture, overlay=overlay)

@@ -1,12 +1,13 @@
 """A recording's pictures, and where the drone was when the light of each arrived."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
-from math import degrees
+from math import degrees, inf
 from typing import NamedTuple
 
 from messages import topics
+from messages.film import FilmKind, FilmRequest
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
 from messages.video import Assembler, VideoPart
@@ -77,6 +78,51 @@ def pictures(recording: Recording) -> Iterator[FilmedPicture]:
                 yield FilmedPicture(raw.publish_ns, size, part.keyframe, unit.data, drone)
             case _:
                 pass
+
+
+def marks(recording: Recording) -> list[tuple[FilmKind, int]]:
+    """What the pilot filmed: kind, and [ns] UTC of the light of the picture that was seen."""
+    found = dict[str, tuple[FilmKind, int]]()
+    for raw in recording.raw():
+        if raw.key != topics.FILM_REQUEST.key:
+            continue
+        message = recording.decode(raw)
+        if isinstance(message, FilmRequest):
+            light = raw.publish_ns + message.light_ns - message.stamp_ns
+            found.setdefault(message.id, (message.kind, light))
+    return sorted(found.values(), key=lambda each: each[1])
+
+
+def filmed_spans(recording: Recording) -> list[tuple[int, float]]:
+    """[ns] UTC from when to when the pilot filmed. What was not ended lasts to the end."""
+    spans, began = list[tuple[int, float]](), None
+    for kind, light in marks(recording):
+        if kind == "begin" and began is None:
+            began = light
+        elif kind == "end" and began is not None:
+            spans.append((began, light))
+            began = None
+    return spans if began is None else [*spans, (began, inf)]
+
+
+def within(
+    found: Iterable[FilmedPicture], spans: Sequence[tuple[int, float]]
+) -> Iterator[tuple[int, FilmedPicture]]:
+    """The pictures of each span, with its number, from the keyframe on that it needs."""
+    number, inside = 0, False
+    group = list[FilmedPicture]()  # since the newest keyframe
+    for picture in found:
+        while number < len(spans) and picture.light_ns > spans[number][1]:
+            number, inside = number + 1, False
+        if number == len(spans):
+            return
+        if picture.keyframe:
+            group = []
+        group.append(picture)
+        if picture.light_ns >= spans[number][0]:
+            for each in [picture] if inside else group:
+                yield number, each
+            inside = True
 
 
 def _at(light_ns: int, seen: deque[Whereabouts]) -> Whereabouts:

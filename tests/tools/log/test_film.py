@@ -22,7 +22,7 @@ from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
 from tools.log import film_file
 from tools.log.film import filmed
-from tools.log.film_scenes import FilmedPicture, pictures
+from tools.log.film_scenes import FilmedPicture, Whereabouts, pictures, within
 from tools.log.subtitles import STEP_NS, Subtitles
 from tools.recordings.recording import open_recording
 from tools.simulate import simulated
@@ -141,6 +141,31 @@ def test_a_recording_without_pictures_is_one_sentence(tmp_path: Path, clean_dive
     with pytest.raises(LindyError, match="holds no pictures"):
         filmed(open_recording(clean_dive.folder), tmp_path / "dive.mp4")
     assert list(tmp_path.iterdir()) == []
+
+
+@given(
+    st.lists(st.booleans(), min_size=1, max_size=60),
+    st.lists(st.integers(0, 70), max_size=8),
+)
+def test_a_marked_film_has_all_of_its_span_and_begins_with_a_keyframe(
+    keyframes: list[bool], marks: list[int]
+) -> None:
+    keyframes[0] = True
+    found = [
+        FilmedPicture(10 * k, (64, 64), key, b"", Whereabouts(10 * k))
+        for k, key in enumerate(keyframes)
+    ]
+    ordered = sorted(set(marks))
+    spans = [(10 * a, 10.0 * b) for a, b in zip(ordered[::2], ordered[1::2], strict=False)]
+    films = dict[int, list[FilmedPicture]]()
+    for number, picture in within(found, spans):
+        films.setdefault(number, []).append(picture)
+    for number, (begin, end) in enumerate(spans):
+        film = films.get(number, [])
+        wanted = [each for each in found if begin <= each.light_ns <= end]
+        assert [each for each in film if each.light_ns >= begin] == wanted
+        assert not film or film[0].keyframe
+        assert all(not each.keyframe for each in film[1:] if each.light_ns < begin)
 
 
 @given(
