@@ -44,6 +44,10 @@ class Topic(Generic[M]):
     hz: float  # [1/s] nominal rate; 0 for events
     qos: Qos
     way: Direction
+    # On a link that cannot carry all: what is left for telemetry is divided by weight, and no
+    # stream gets less than its floor while the picture does not need it. 0: never thinned out.
+    weight: float = 0.0
+    floor_hz: float = 0.0  # [1/s] 0: it may be left out
 
     @property
     def encoding(self) -> str:

@@ -9,6 +9,7 @@ from messages.link import Stage, Stages
 from messages.message import Message
 from messages.units import Count, NotNegative, Share, Stamp, Text
 
+HEADERS = 200  # [B] of one message besides its data: its other fields, and those of the network
 LONGEST_PART = 60_000  # [B] of one message
 MOST_PARTS = 256  # of one access unit
 LONGEST_UNIT = 900_000  # [B] of one access unit, below what a port keeps
@@ -26,8 +27,8 @@ class VideoPart(Message, frozen=True, kw_only=True):
     """A part of one access unit of H.264 in Annex B form, which is one picture. All parts of a
     picture have its number and stamp; `messages.video.Assembler` puts them together again.
 
-    `stamp_ns` is when the light of the picture arrived. A keyframe begins with its parameter sets,
-    so that anybody can begin to decode there.
+    `stamp_ns` is when the light of the picture arrived; unless `exact`, it arrived then or earlier.
+    A keyframe begins with its parameter sets, so that anybody can begin to decode there.
     """
 
     picture: Count  # number of the picture, also of those that were not sent
@@ -36,6 +37,7 @@ class VideoPart(Message, frozen=True, kw_only=True):
     parts: Parts = 1  # of how many
     width: Pixels  # [px]
     height: Pixels  # [px]
+    exact: bool = False  # the source says when the light arrived
     captured_ns: Stamp  # [ns] the picture was in memory
     encoded_ns: Stamp  # [ns] its access unit was there
     budget_kbit: NotNegative  # [kbit/s] what the camera may send, when this was encoded
@@ -48,12 +50,13 @@ class PictureAge(Message, frozen=True, kw_only=True):
 
     picture_ns: Stamp | None = None  # [ns] stamp of the newest picture that was decoded
     age_ms: NotNegative | None = None  # [ms] of that picture now; it grows while none arrives
+    exact: bool = False  # that is its age; False: at least that
     stages: Stages | None = None  # PICTURE_STAGES, in their order
     total: Stage | None = None  # "light to picture", measured end to end
     checked: bool = False  # the time stripe in the picture says the same
     per_second: NotNegative = 0.0  # [1/s] pictures decoded
     heard_kbit: NotNegative = 0.0  # [kbit/s] that arrived, without headers
-    room_kbit: NotNegative | None = None  # [kbit/s] at which the parts of a picture arrive
+    room_kbit: NotNegative | None = None  # [kbit/s] at which its parts arrive, with headers
     lost: Share = 0.0  # [-] of the period's pictures that did not arrive whole
     newest: Count | None = None  # number of the newest picture of which anything arrived
     keyframe_wanted: bool = False  # nothing can be decoded before the next one
@@ -81,7 +84,7 @@ class Assembler:
         if part.part >= part.parts:
             return None
         if self._of is None or not _same(self._of, part):
-            if self._of is not None and part.stamp_ns < self._of.stamp_ns:
+            if self._of is not None and part.encoded_ns < self._of.encoded_ns:
                 return None  # of a picture that was given up
             self.dropped += bool(self._data)
             self._of, self._data = part, {}

@@ -4,6 +4,7 @@ units and limits at their fields. docs/topics.md"""
 from messages import events, topics
 from messages.aiding import AidSource
 from messages.control import LearntModel, ThrusterCommand, Wrench
+from messages.film import FilmAnswer, FilmKind, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest, ReachableDrone
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
@@ -75,6 +76,9 @@ __all__ = [
     "FaultAnswer",
     "FaultKind",
     "FaultRequest",
+    "FilmAnswer",
+    "FilmKind",
+    "FilmRequest",
     "FlightMode",
     "FlyAnswer",
     "FlyRequest",

@@ -19,10 +19,11 @@ from messages.video import PictureAge
 from services.marine.summation import plain_sum
 
 FIRST_KBIT = 300.0  # [kbit/s] before anything is known
-SHARE = 0.75  # [-] of the room that is used: the rest is headroom
-FULL = 0.85  # [-] of the room that has lasted, or all of that of now: more is reduced to SHARE
-WORTHWHILE = 1.25  # [-] more bitrate that is worth a change …
+SHARE = 0.85  # [-] of the room that is used: the rest is headroom
+FULL = 0.95  # [-] of the room that has lasted, or all of that of now: more is reduced to SHARE
+WORTHWHILE = 1.1  # [-] more bitrate that is worth a change …
 LASTING_NS = 2_000_000_000  # [ns] … once there has been room for it as long …
+TRIAL = 1.25  # [-] step of a bitrate that is tried again
 CLEAR = 2.5  # [-] … or at once, if there is room for so much more
 GROWTH, BLIND_GROWTH = 2.0, 1.3  # [-] at most, from one report to the next, if the room is measured
 LONG_WAIT_MS = 80.0  # [ms] longer on the way than at best: too much was sent …
@@ -141,7 +142,7 @@ class BitrateLaw:
             return self.most_kbit
         if now >= self._trusted_at:
             self._on_trial = True
-            self._too_much *= WORTHWHILE
+            self._too_much *= TRIAL
             self._trusted_at = now + TRIAL_NS
         return SHARE * self._too_much
 

@@ -10,13 +10,14 @@ from messages import events
 from messages.events import Event
 from messages.link import LinkStatus
 from messages.units import Ns
-from messages.video import LONGEST_UNIT, PictureAge, VideoPart
+from messages.video import HEADERS, LONGEST_UNIT, PictureAge, VideoPart
 from services.camera.bitrate import BitrateLaw
-from services.camera.pacing import HEADERS, Pacer, encoder_kbit, pictures_per_second, split
+from services.camera.capture_time import Light
+from services.camera.pacing import Pacer, encoder_kbit, pictures_per_second, split
 from services.camera.sea import WaterLight
 
 SIMULATED = "simulated"
-STALE_NS = 200_000_000  # [ns] an older picture is not even encoded
+STALE_NS = 200_000_000  # [ns] a picture that came longer ago is not even encoded
 PictureSide = Annotated[int, msgspec.Meta(ge=64, le=4096, multiple_of=2)]
 VideoKilobits = Annotated[float, msgspec.Meta(ge=4.0, le=50_000.0)]
 
@@ -81,10 +82,10 @@ class Camera:
         """[kbit/s]"""
         return self._settings.least_kbit if self._cut else self._law.budget(now)
 
-    def order(self, stamp: Ns, now: Ns) -> Order | Event:
-        """How to encode a picture with this stamp; or why it is left out."""
+    def order(self, came: Ns, now: Ns) -> Order | Event:
+        """How to encode a picture that came then; or why it is left out."""
         self._pictures += 1
-        if now > stamp + STALE_NS:
+        if now > came + STALE_NS:
             return events.STALE_PICTURE()
         budget = self.budget(now)
         kbit = encoder_kbit(budget, self._kbit)
@@ -95,7 +96,7 @@ class Camera:
         return Order(kbit, hz, keyframe)
 
     def parts(
-        self, data: bytes, order: Order, stamp: Ns, captured: Ns, encoded: Ns
+        self, data: bytes, order: Order, light: Light, captured: Ns, encoded: Ns
     ) -> list[VideoPart]:
         """The messages of an access unit; none of one that is empty or absurdly long."""
         self._kbit = order.kbit
@@ -109,7 +110,8 @@ class Camera:
         self._pacer.sent(size, order.kbit, order.hz, keyframe=order.keyframe, now=encoded)
         return [
             VideoPart(
-                stamp_ns=stamp,
+                stamp_ns=light.at_ns,
+                exact=light.exact,
                 picture=self._pictures,
                 keyframe=order.keyframe,
                 part=number,

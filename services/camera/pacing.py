@@ -1,27 +1,24 @@
 """Which pictures are sent: never more bytes than the bitrate allows, whatever the encoder makes."""
 
 from dataclasses import dataclass
-from math import floor, log
 
 from messages.units import Ns
 
-STEP = 1.25  # [-] between two bitrates of the encoder: each change costs a keyframe
-WORTH_KBIT = 6.0  # [kbit] of a picture that can be recognised; below it fewer pictures are better
+STEP = 1.1  # [-] more bitrate that is worth a change of the encoder's: it costs a keyframe
+WORTH_KBIT = 10.0  # [kbit] of a picture that can be recognised; below it fewer pictures are better
 BURST_NS = 100_000_000  # [ns] of the bitrate that may be sent ahead
 EARLY = 0.3  # [-] of the time between two pictures
-HEADERS = 240  # [B] of one message: its other fields, and those of the network
 KEYFRAME_SHARE = 0.2  # [-] of the bitrate that regular keyframes may take
 KEYFRAME_NS = 2_000_000_000  # [ns] between two of them at least
-BLOCKS_MS = 10.0  # [ms] for which one part may hold back something more urgent
-SMALLEST, LARGEST = 600, 16_000  # [B] of one part
+BLOCKS_MS = 20.0  # [ms] for which one part may hold back telemetry that is more urgent
+MEASURED = 700  # [B] of a picture that comes in two parts at least
+SMALLEST, LARGEST = 1200, 16_000  # [B] of one part: a packet of the network, or several
 
 
 def encoder_kbit(budget: float, before: float) -> float:
-    """[kbit/s] The encoder's bitrate for a budget: the next lower of a geometric row. The one
-    before is kept until the budget is well above the next higher."""
-    if before <= budget < 1.1 * STEP * before:
-        return before
-    return STEP ** floor(log(budget) / log(STEP))
+    """[kbit/s] The encoder's bitrate for a budget: the one before until that is too much, or more
+    is worth a change."""
+    return before if before <= budget < STEP * before else budget
 
 
 def pictures_per_second(kbit: float, most: float) -> float:
@@ -33,7 +30,7 @@ def split(data: bytes, room_kbit: float) -> list[bytes]:
     """An access unit in parts of about the same size. None occupies the link for long, and there
     are two or more, so that the pace of their arrival can be measured."""
     size = min(max(round(room_kbit * BLOCKS_MS / 8.0), SMALLEST), LARGEST)
-    number = max(2 if len(data) > SMALLEST else 1, -(-len(data) // size))
+    number = max(2 if len(data) > MEASURED else 1, -(-len(data) // size))
     size = max(1, -(-len(data) // number))
     return [data[at : at + size] for at in range(0, len(data), size)]
 

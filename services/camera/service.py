@@ -7,6 +7,7 @@ import msgspec
 from messages import events, topics
 from messages.events import Event
 from messages.units import Positive, Vec3
+from services.camera.capture_time import Light
 from services.camera.core import SIMULATED, Camera, Settings
 from services.camera.sea import CameraView, Picture, SimulatedSea
 from services.marine import time_stripe
@@ -18,7 +19,8 @@ from services.runtime.config.passwords import without_passwords
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
-Film = Callable[[int, Callable[[], tuple[Picture, int]]], None]  # (stamp, how to take it)
+# (when its light arrived, when the picture came, how to take it)
+Film = Callable[[Light, int, Callable[[], tuple[Picture, int]]], None]
 TRUTH_NS = 500_000_000  # [ns] an older truth is that of a simulator that has stopped
 
 
@@ -39,14 +41,14 @@ def wire(node: Node, stack: Stack) -> None:
     camera, encoder = Camera(settings), VideoEncoder(settings.width, settings.height)
     video = node.publisher(topics.VIDEO)
 
-    def film(stamp: int, take: Callable[[], tuple[Picture, int]]) -> None:
-        order = camera.order(stamp, node.now())
+    def film(light: Light, came: int, take: Callable[[], tuple[Picture, int]]) -> None:
+        order = camera.order(came, node.now())
         if isinstance(order, Event):
             node.tell(order)
             return
         picture, captured = take()
-        data = encoder.encode(picture, stamp, order)
-        parts = camera.parts(data, order, stamp, captured, node.now())
+        data = encoder.encode(picture, captured, order)
+        parts = camera.parts(data, order, light, captured, node.now())
         if not parts:
             node.tell(events.UNENCODED_PICTURE())
         for part in parts:
@@ -94,7 +96,7 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
                 time_stripe.write(picture.y, here.stamp_ns)
             return picture, node.now()
 
-        film(here.stamp_ns, draw)
+        film(Light(here.stamp_ns, exact=True), here.stamp_ns, draw)
 
     node.every(settings.rate, tick)
 
@@ -103,7 +105,9 @@ def _watch(node: Node, settings: Settings, film: Film) -> None:
     """Take what a device, the network or a file gives."""
     from services.camera.io.feed import Feed
 
-    feed = Feed(settings.source, settings.width, settings.height, node.now)
+    feed = Feed(
+        settings.source, settings.width, settings.height, node.now, lambda: node.wall_offset_ns
+    )
 
     def look(_: int) -> None:
         while feed.said:
@@ -111,7 +115,7 @@ def _watch(node: Node, settings: Settings, film: Film) -> None:
         while feed.events:
             node.tell(feed.events.popleft())
         if (shot := feed.take()) is not None:
-            film(shot.stamp_ns, lambda: (shot.picture, shot.captured_ns))
+            film(shot.light, shot.arrived_ns, lambda: (shot.picture, shot.captured_ns))
 
     def look_after(now: int) -> None:
         feed.look_after(now)

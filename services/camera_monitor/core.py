@@ -7,7 +7,7 @@ from messages import events
 from messages.events import Outbox
 from messages.link import Stage
 from messages.units import Ns
-from messages.video import PICTURE_STAGES, AccessUnit, Assembler, PictureAge, VideoPart
+from messages.video import HEADERS, PICTURE_STAGES, AccessUnit, Assembler, PictureAge, VideoPart
 from services.vehicle_view import ages
 
 TOTAL = "light to picture"
@@ -40,7 +40,8 @@ class PictureAccount:
         self._train: tuple[Ns, Ns, int] | None = None  # stamp, arrival of the first part, bytes
         self._seq: int | None = None
         self._newest: int | None = None
-        self._picture_ns: Ns | None = None  # stamp of the newest decoded picture
+        self._picture_ns: Ns | None = None  # stamp of the newest decoded picture …
+        self._exact = False  # … and whether its light arrived no earlier
         self._broken = True  # nothing can be decoded before the next keyframe
 
     @property
@@ -70,7 +71,7 @@ class PictureAccount:
         """
         about, self._broken = unit.about, False
         light = about.stamp_ns if stripe_ns is None else stripe_ns
-        self._picture_ns = light
+        self._picture_ns, self._exact = light, about.exact or stripe_ns is not None
         times = light, about.captured_ns, about.encoded_ns, arrived, now
         self._period.stages.append(tuple(_ms(begin, end) for begin, end in pairwise(times)))
         self._period.totals.append(_ms(light, now))
@@ -98,6 +99,7 @@ class PictureAccount:
             stamp_ns=now,
             picture_ns=self._picture_ns,
             age_ms=age,
+            exact=self._exact,
             stages=stages or None,
             total=_stage(TOTAL, tuple(period.totals)) if period.totals else None,
             checked=bool(period.stripes) and all(period.stripes),
@@ -107,7 +109,7 @@ class PictureAccount:
             lost=period.missing / expected if expected else 0.0,
             newest=self._newest,
             keyframe_wanted=self._broken,
-            words=_words(age, self._broken, self._newest),
+            words=_words(age, self._broken, self._newest, exact=self._exact),
         )
 
     def _measure(self, part: VideoPart, now: Ns) -> None:
@@ -124,7 +126,7 @@ class PictureAccount:
             self._train = part.stamp_ns, now, 0
             return
         stamp, began, size = self._train
-        self._train = stamp, began, size + len(part.data)
+        self._train = stamp, began, size + len(part.data) + HEADERS
         if part.part == part.parts - 1:
             period.train_bytes += self._train[2]
             period.train_ns += now - began
@@ -137,14 +139,15 @@ def _room(period: _Period) -> float | None:
     return min(MOST_KBIT, period.train_bytes * 8e6 / max(period.train_ns, 1))
 
 
-def _words(age: float | None, broken: bool, newest: int | None) -> str:
+def _words(age: float | None, broken: bool, newest: int | None, *, exact: bool) -> str:
     if newest is None:
         return "no picture has arrived"
     if age is None:
         return "no picture could be decoded"
     if age > OLD_MS:
         why = ", and no newer one can be decoded" if broken else ""
-        return f"the picture is {age / 1e3:.1f} s old{why}"
+        least = "" if exact else "at least "
+        return f"the picture is {least}{age / 1e3:.1f} s old{why}"
     return ""
 
 

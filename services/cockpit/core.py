@@ -10,6 +10,7 @@ import msgspec
 from messages import events
 from messages.control import ThrusterCommand
 from messages.events import Level
+from messages.film import FilmAnswer, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
@@ -17,6 +18,7 @@ from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.cockpit_pilot import CockpitPilot
 from services.cockpit.drone_order import DroneOrder
+from services.cockpit.filming import Filming
 from services.cockpit.page_messages import (
     AnyPageMessage,
     PageAbsence,
@@ -99,6 +101,7 @@ class PageEffects(Effects):
     """What one event causes, beyond what a pilot does."""
 
     orders: list[FlyRequest] = field(default_factory=list[FlyRequest])
+    films: list[FilmRequest] = field(default_factory=list[FilmRequest])
 
 
 class Cockpit:
@@ -122,6 +125,7 @@ class Cockpit:
         self._outbox.also = lambda level, text: self._said.append((level, text))
         self._pilot = CockpitPilot(pilot, settings.pilot)
         self._order = DroneOrder()
+        self.filming = Filming(settings.pilot)
         self._limits = limits
         self._pages: dict[int, Page] = {}
         self._lines = LogLines()
@@ -159,6 +163,8 @@ class Cockpit:
         match message:
             case PageSticks():
                 out = self._pilot.steer(page, message, read_ns, waiting, now)
+            case PageWish(what="film" | "snapshot"):
+                out = self._film(message, read_ns, now)
             case PageWish():
                 out = self._pilot.wish(page, message, read_ns, waiting, now)
             case PageFly():
@@ -175,6 +181,14 @@ class Cockpit:
             self._outbox.tell(events.REFUSED_HERE("fly", detail=why))
             return Effects()
         return PageEffects(orders=[self._order.ask(drone, now)])
+
+    def _film(self, wish: PageWish, read_ns: Ns, now: Ns) -> Effects:
+        """Any page that may fly may film, without the sticks."""
+        request = self.filming.wish(wish, read_ns, now)
+        if isinstance(request, str):
+            self._outbox.tell(events.REFUSED_HERE(wish.what, detail=request))
+            return Effects()
+        return PageEffects(films=[request])
 
     def _read_ns(self, sender: Page, message: PageMessage, now: Ns) -> Ns:
         """[ns] The earliest moment at which the page may have made the message."""
@@ -207,6 +221,17 @@ class Cockpit:
     def not_changed(self, request: FlyRequest, now: Ns) -> None:
         """`lindy fly` has not answered."""
         self._order.given_up(request, now)
+
+    def filmed(self, request: FilmRequest, answer: FilmAnswer, now: Ns) -> None:
+        """The recorder on board has answered."""
+        self.filming.answered(request, answer, now)
+        if not answer.accepted:
+            self._outbox.tell(events.REFUSED(f"film {request.kind}", detail=answer.reason))
+
+    def not_filmed(self, request: FilmRequest, _: Ns) -> None:
+        """It has not answered."""
+        self.filming.given_up(request)
+        self._outbox.tell(events.UNANSWERED(f"film {request.kind}"))
 
     def log(self, line: LogLine, now: Ns) -> None:
         """Warnings and errors of all services."""
@@ -242,6 +267,7 @@ class Cockpit:
             numbers=words.numbers(seen),
             thrust=thrust(thrusters, self._limits, now),
             sticks=positions(self._command, now),
+            filming_s=self.filming.seconds(now),
             change=self._order.words,
             lines=tuple((e.line.level, brief(e)) for e in self._lines.newest(LINES)),
         )

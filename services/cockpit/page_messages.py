@@ -15,8 +15,10 @@ from messages.units import Count, Name, NotNegative, Stick
 LONGEST = 1024  # [B] of one message
 # take: the sticks of this cockpit, and control of the drone unless another pilot has it;
 # force: control from whoever has it; give_back: both; offer: control, to any other pilot
+# film: begin one, or end it
 Wish = Literal[
-    "arm", "disarm", "stop", "light", "mode", "take", "force", "offer", "give_back"
+    "arm", "disarm", "stop", "light", "mode", "take", "force", "offer", "give_back",
+    "film", "snapshot",
 ]  # fmt: skip
 Absence = Literal["hidden", "unplugged"]
 DroneName = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_.-]{1,64}\Z")]

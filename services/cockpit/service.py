@@ -45,7 +45,7 @@ def wire(node: Node, stack: Stack) -> None:
     node.on_close(server.close)
     vehicle = stack.section("vehicle", Vehicle)
     connected = CockpitPages(node, settings, vehicle, server, stack.name)
-    _relay(node, server.show_video)
+    _relay(node, server.show_video, connected.sent_picture)
     server.start(node.from_outside(connected.receive))
     node.log("info", f"cockpit: {access.address}")
     if not settings.local:
@@ -73,6 +73,12 @@ class CockpitPages:
             topics.FLY_ANSWER,
             on_answer=self._on_change,
             on_given_up=self._cockpit.not_changed,
+        )
+        self._filming = node.request(
+            topics.FILM_REQUEST,
+            topics.FILM_ANSWER,
+            on_answer=self._cockpit.filmed,
+            on_given_up=self._cockpit.not_filmed,
         )
         node.each(topics.STATUS, self._on_status)
         node.each(topics.LOG, self._on_log)
@@ -102,6 +108,12 @@ class CockpitPages:
         if isinstance(effects, PageEffects):
             for request in effects.orders:
                 self._ordering.ask(request, now)
+            for request in effects.films:
+                self._filming.ask(request, now)
+
+    def sent_picture(self, light_ns: int) -> None:
+        """Pages were sent a picture with this light."""
+        self._cockpit.filming.light_ns = light_ns
 
     def _on_change(self, request: FlyRequest, answer: FlyAnswer, now: int) -> None:
         self._cockpit.changed(request, answer, now)
@@ -113,7 +125,7 @@ class CockpitPages:
         self._cockpit.log(line, now)
 
 
-def _relay(node: Node, show: Callable[[PageUnit], None]) -> None:
+def _relay(node: Node, show: Callable[[PageUnit], None], sent: Callable[[int], None]) -> None:
     """Hand the camera's pictures on to the pages."""
     stream = PictureStream(node.outbox)
 
@@ -121,6 +133,7 @@ def _relay(node: Node, show: Callable[[PageUnit], None]) -> None:
         unit = stream.take(part)
         if unit is not None:
             show(unit)
+            sent(part.stamp_ns)
 
     node.each(topics.VIDEO, hear)
 

@@ -12,9 +12,9 @@ from messages.events import Outbox
 from messages.units import Ns
 from messages.video import Assembler, VideoPart
 
-VERSION, KEYFRAME = 1, 1  # first byte of a message; flag of its second
-# Version, flags, two bytes of nothing, number, and when the light arrived [ms] by the service's
-# clock; the access unit follows (H.264, Annex B). Little-endian.
+VERSION, KEYFRAME, EXACT = 1, 1, 2  # first byte of a message; flags of its second
+# Version, flags, two bytes of nothing, number, and when the light arrived (unless EXACT, then or
+# earlier) [ms] by the service's clock; the access unit follows (H.264, Annex B). Little-endian.
 HEADER = struct.Struct("<BBxxId")
 LATE_NS = 600_000_000  # [ns] a page that has not dealt with a picture by then is too slow
 MOST_KEPT = 1_000_000  # [B] since the newest keyframe, for pages that are opened later
@@ -49,7 +49,7 @@ class PictureStream:
             return None
         self._broken = False
         self._number += 1
-        flags = KEYFRAME if part.keyframe else 0
+        flags = KEYFRAME * part.keyframe | EXACT * part.exact
         head = HEADER.pack(VERSION, flags, self._number, part.stamp_ns / 1e6)
         return PageUnit(self._number, part.keyframe, head + unit.data)
 

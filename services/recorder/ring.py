@@ -2,6 +2,7 @@
 
 from collections import deque
 
+from messages.film import FilmRequest
 from messages.link import LatencyBudget
 from messages.message import Message
 from messages.pilot import PilotRequest
@@ -61,6 +62,8 @@ def trigger(message: Message) -> str | None:
             return f"the drone noticed {message.conditions[0]}"
     if isinstance(message, PilotRequest) and message.kind not in ABOUT_CONTROL:
         return f"the pilot asks for {message.kind}"
+    if isinstance(message, FilmRequest):
+        return "the pilot films"
     if isinstance(message, LatencyBudget) and message.alarm:
         return f"link alarm: {message.alarm}"
     return None

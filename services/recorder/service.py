@@ -2,7 +2,7 @@
 and log lines are not in the file, because nobody receives their own messages; what it lost is in
 the file's `losses` metadata."""
 
-from messages import events
+from messages import events, topics
 from services.marine.vehicle import Vehicle
 from services.recorder.core import Intake, RecordedRow
 from services.recorder.foxglove.views import Views
@@ -14,6 +14,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 FLUSH_HZ = 5.0  # [1/s] at most 0.2 s of a dive is lost when the process is killed
+DRONE = "drone"
 DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a dive
 
 
@@ -47,9 +48,16 @@ def wire(node: Node, stack: Stack) -> None:
         if ring.holds and (why := trigger(found.message)) is not None:
             begin(why)
 
+    _answer(node, session)
     node.collect(home, "**", record, depth=DEPTH)
     node.every(FLUSH_HZ, session.flush)
     node.on_close(lambda: session.close(intake.log_hash()))
+
+
+def _answer(node: Node, session: McapSession) -> None:
+    """Say whether what the pilot films is recorded. A second recorder, topside, has no say."""
+    if DRONE in node.sides:
+        node.answers(topics.FILM_REQUEST, topics.FILM_ANSWER, session.films)
 
 
 def _span_s(rows: list[RecordedRow]) -> float:

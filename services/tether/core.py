@@ -7,7 +7,7 @@ import numpy as np
 from messages.link import Clock, LinkStatus
 from services.tether.link_model import LinkDirection
 from services.tether.profile import LinkProfile
-from services.tether.telemetry_rate_control import RateLadder, TelemetryRateControl, limits
+from services.tether.telemetry_rate_control import TelemetryRateControl
 
 T = TypeVar("T")
 
@@ -23,23 +23,19 @@ class Link(Generic[T]):
         self.up: LinkDirection[T] = LinkDirection(profile.up, np.random.default_rng(seed + 1))
         self.changes = 0  # since start
         self._profile = profile
-        self._ladder = RateLadder()
         self._rate_control = TelemetryRateControl()
-        self._judged = (0, 0, 0)  # [ns], bytes carried and messages lost in the queue, until then
+        self._judged = (0, 0)  # bytes carried, and the time that took [ns], until then
+        self._begin()
 
     # Changes.
 
     def change(self, name: str, profile: LinkProfile, now: int) -> None:
         """Use another model from now on; messages on the link still arrive."""
         self.changes += 1
-        faster = _carries_more(profile.up.rate_kbit, self._profile.up.rate_kbit)
         self.name, self._profile = name, profile
         self.down.change(profile.down, now)
         self.up.change(profile.up, now)
-        if faster or not profile.thin:
-            # The old link's capacity and losses do not apply to this one.
-            self._ladder, self._rate_control.rates = RateLadder(), {}
-            self._judged = (now, self.up.carried_bytes, self.up.lost_in_queue)
+        self._begin()
 
     def cut(self, now: int) -> None:
         """Lose every message on the link, and every message that enters until `restore`."""
@@ -60,18 +56,23 @@ class Link(Generic[T]):
 
     def judge(self, now: int) -> bool:
         """Check the upward direction since the last call. True: the rates have changed."""
-        before, carried, lost = self._judged
-        seconds = (now - before) / 1e9
-        standing, offered = self.up.standing_bytes(now), self._rate_control.offered(now)
-        self._judged = (now, self.up.carried_bytes, self.up.lost_in_queue)
-        if not self._profile.thin or seconds <= 0.0:
+        carried, busy = self._judged
+        self._judged = (self.up.carried_bytes, self.up.busy_ns)
+        if not self._thins:
             return False
-        kilobits = (self.up.carried_bytes - carried) * 8e-3 / seconds
-        new = self.up.lost_in_queue - lost
-        if not self._ladder.judge(standing, new, kilobits, offered, now):
-            return False
-        self._rate_control.rates = limits(self._ladder.level)
-        return True
+        took = self.up.busy_ns - busy
+        carries = (self.up.carried_bytes - carried) * 8e6 / took if took > 0 else None
+        return self._rate_control.judge(carries, now)
+
+    def _begin(self) -> None:
+        """Another model is in force."""
+        self._rate_control.rates = {}
+        if self._thins:
+            self._rate_control.begin()
+
+    @property
+    def _thins(self) -> bool:
+        return self._profile.thin and self._profile.up.rate_kbit > 0.0
 
     @property
     def thinned(self) -> dict[str, float]:
@@ -81,7 +82,7 @@ class Link(Generic[T]):
     @property
     def telemetry(self) -> str:
         """The same in words."""
-        rates = ", ".join(f"{key} {hz:g}/s" for key, hz in self.thinned.items())
+        rates = ", ".join(f"{key} {hz:.3g}/s" for key, hz in self.thinned.items())
         return f"telemetry thinned out to {rates}" if rates else "full telemetry"
 
     # Status.
@@ -102,8 +103,3 @@ class Link(Generic[T]):
             changes=self.changes,
             clock=clock,
         )
-
-
-def _carries_more(rate_kbit: float, before_kbit: float) -> bool:
-    """[kbit/s] 0 is no limit."""
-    return rate_kbit == 0.0 or rate_kbit > before_kbit > 0.0

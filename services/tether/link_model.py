@@ -24,7 +24,6 @@ from services.tether.random_streams import streams
 
 T = TypeVar("T")
 MOST = 16_384  # messages on the link; more are lost, whatever the profile
-IN_THE_QUEUE = (events.QUEUE_FULL, events.CODEL)  # reasons for a loss by overload
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +41,7 @@ class LinkDirection(Generic[T]):
         self.lost: Counter[str] = Counter()  # by reason, since start
         self.entered = self.forwarded = self.copied = 0  # messages since start
         self.carried_bytes = 0  # since start, overhead included
+        self.busy_ns = 0  # [ns] since start, in which a limited rate carried them
         self._streams = streams(random)
         self._most = most
         self._clock = 0  # [ns] latest `now` so far
@@ -50,7 +50,6 @@ class LinkDirection(Generic[T]):
         self._numbered = 0  # breaks ties in the heap
         self._last_arrival = 0  # [ns] no message arrives before it, so that the order is kept
         self._sending: tuple[int, Packet[T]] | None = None  # [ns] when it has been sent
-        self._least_waiting = 0  # [B] since the last call of standing_bytes
         self._newly_lost: list[tuple[T, Row]] = []
         self._delays: list[int] = []  # [ns] of the period
         self._before = ReportPeriod()
@@ -151,18 +150,6 @@ class LinkDirection(Generic[T]):
         at = self._seconds(now)
         return not self._is_cut and not self._profile.outages.touch(at, at)
 
-    def standing_bytes(self, now: int) -> int:
-        """[B] Shortest queue since the last call: what a burst alone cannot explain. Without what
-        does not wait for long anyway."""
-        self._advance(now)
-        standing = min(self._least_waiting, self._waiting.lasting_bytes)
-        self._least_waiting = self._waiting.lasting_bytes
-        return standing
-
-    @property
-    def lost_in_queue(self) -> int:
-        return sum(self.lost[reason.name] for reason in IN_THE_QUEUE)
-
     def report(self, now: int, tiers: dict[str, float] | None = None) -> DirectionReport:
         """Report of the period since the last report; a new period begins."""
         self._advance(now)
@@ -200,6 +187,7 @@ class LinkDirection(Generic[T]):
         self._clock = max(self._clock, now)
         while self._sending is not None and self._sending[0] <= self._clock:
             at, packet = self._sending
+            self.busy_ns += self._takes_ns(packet)
             self._depart(packet, at)
             self._next(at)
 
@@ -207,11 +195,12 @@ class LinkDirection(Generic[T]):
         """The link is free at `at` [ns]: start to send the next packet."""
         packet, dropped = self._waiting.take(at)
         self._lose_all(dropped)
-        self._least_waiting = min(self._least_waiting, self._waiting.lasting_bytes)
         self._sending = None
         if packet is not None:
-            takes = packet.size * 8e6 / self._profile.rate_kbit  # [ns]
-            self._sending = (at + round(takes), packet)
+            self._sending = (at + self._takes_ns(packet), packet)
+
+    def _takes_ns(self, packet: Packet[T]) -> int:
+        return round(packet.size * 8e6 / self._profile.rate_kbit)
 
     def _depart(self, packet: Packet[T], at: int) -> None:
         """A packet was sent at `at` [ns]: decide loss, damage, copies and arrival."""

@@ -35,7 +35,6 @@ class PriorityQueue(Generic[T]):
         self._rows: list[deque[Packet[T]]] = [deque() for _ in URGENCY]
         self._droppers = [Dropper(queue.codel) for _ in URGENCY]
         self.packets = self.bytes = 0
-        self.lasting_bytes = 0  # of packets that wait however long it takes
 
     def put(self, packet: Packet[T]) -> Lost[T]:
         """Enqueue a packet; returns those evicted, possibly this one."""
@@ -74,7 +73,7 @@ class PriorityQueue(Generic[T]):
         packets = [packet for row in self._rows for packet in row]
         for row in self._rows:
             row.clear()
-        self.packets = self.bytes = self.lasting_bytes = 0
+        self.packets = self.bytes = 0
         return packets
 
     def _evict(self) -> Packet[T]:
@@ -87,5 +86,3 @@ class PriorityQueue(Generic[T]):
     def _add(self, packet: Packet[T], sign: int) -> None:
         self.packets += sign
         self.bytes += sign * packet.size
-        if packet.life is None:
-            self.lasting_bytes += sign * packet.size

@@ -1,27 +1,33 @@
 """Pictures from a device, the network or a file, by FFmpeg.
 
-A thread of its own waits for them and keeps the newest one. A camera that is not there, vanishes,
-falls silent or sends garbage is said once and tried again every two seconds.
+A thread of its own reads them without a pause, another one decodes them and keeps the newest one. A
+camera that is not there, vanishes, falls silent or sends garbage is said once and tried again every
+two seconds.
 """
 
+import struct
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from errno import ENOTTY
 from pathlib import Path
 from typing import NamedTuple, cast
 
 import av
 import numpy as np
-from av.codec.context import Flags2
+from av.codec.context import Flags, Flags2
 from av.container import InputContainer
 from av.error import ExitError, FFmpegError, InvalidDataError
 from av.video.codeccontext import VideoCodecContext
+from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 
 from messages import events
 from messages.events import Event
 from messages.units import Ns
+from services.camera.backlog import Backlog
+from services.camera.capture_time import BEHIND_NS, CaptureTime, Light
+from services.camera.core import STALE_NS
 from services.camera.sea import Bytes, Picture
 from services.runtime.config.passwords import without_passwords
 
@@ -29,6 +35,10 @@ RETRY_S = 2.0  # [s]
 TIMEOUT_S = 5.0  # [s] without a picture: the camera is silent
 SILENT = f"no picture has come for {TIMEOUT_S:g} s"
 MOST_GARBAGE = 100  # packets in a row of which nothing can be decoded
+# Formats whose time stamps are the sender's. Others have none, and FFmpeg counts pictures instead.
+STAMPED = {"rtsp", "sdp", "rtp", "mpegts", "flv", "video4linux2,v4l2"}
+V4L2 = "video4linux2,v4l2"  # its stamps are the kernel's, by the monotonic clock, as ours
+WALLCLOCK = struct.Struct("<q")  # [µs] UTC, of FFmpeg's AVProducerReferenceTime: a sender report's
 FILM_HZ = 25.0  # [1/s] pictures of a film that does not say when each is due
 LARGEST = 8192  # [px] of a side of a picture that is taken
 # What a stream holds is known from its first pictures; how many a second they are is not waited
@@ -40,18 +50,39 @@ class Shot(NamedTuple):
     """A picture in memory."""
 
     picture: Picture
-    stamp_ns: Ns  # when it came from the camera
+    light: Light
+    arrived_ns: Ns  # when it came from the camera
     captured_ns: Ns  # when it was decoded and scaled
+
+
+class Arrived(NamedTuple):
+    """Goes along with a packet through the decoder."""
+
+    light: Light
+    at_ns: Ns
 
 
 class Feed:
     """Keeps the newest picture of one source. `events` and `said` are emptied by the service."""
 
-    def __init__(self, source: str, width: int, height: int, clock: Callable[[], Ns]) -> None:
+    def __init__(
+        self,
+        source: str,
+        width: int,
+        height: int,
+        clock: Callable[[], Ns],
+        wall_offset_ns: Callable[[], Ns] = lambda: 0,
+    ) -> None:
+        """
+        Args:
+            wall_offset_ns: UTC minus `clock`.
+        """
         self.events: deque[Event] = deque()
         self.said: deque[str] = deque()  # sentences for the log
         self._source, self._size, self._clock = source, (width, height), clock
+        self._wall_offset_ns = wall_offset_ns
         self._newest: deque[Shot] = deque(maxlen=1)
+        self._scaler = VideoReformatter()
         self._called = without_passwords(source)
         self._trouble = ""
         self._alive_ns = clock()  # [ns] of the last picture, or of the last that was said
@@ -71,6 +102,22 @@ class Feed:
         """To be called now and then: FFmpeg waits for ever for a device that is only connected."""
         if now > self._alive_ns + round((TIMEOUT_S + RETRY_S) * 1e9):
             self._complain(SILENT, now, "waiting for it")
+
+    def now(self) -> Ns:
+        return self._clock()
+
+    @property
+    def stopped(self) -> bool:
+        return self._stop.is_set()
+
+    def said_ns(self, packet: "av.Packet[VideoStream]", form: str, own_ns: Ns | None) -> Ns | None:
+        """When the light of a packet arrived, as its source says."""
+        if form == V4L2:
+            return own_ns
+        if not packet.has_sidedata("prft"):
+            return None
+        (utc_us,) = WALLCLOCK.unpack(bytes(packet.get_sidedata("prft"))[: WALLCLOCK.size])
+        return utc_us * 1000 - self._wall_offset_ns()
 
     def close(self) -> None:
         self._stop.set()
@@ -121,55 +168,57 @@ class Feed:
             # GStreamer puts parameter sets before each slice of a keyframe, where FFmpeg then sees
             # as many pictures. So told, its decoder puts them together again.
             codec.flags2 |= Flags2.chunks
-        film = Path(self._source).is_file() and not self._source.endswith(".sdp")
-        return self._pass(container, stream, notify, film=film) > 0 and film
+        if Path(self._source).is_file() and not self._source.endswith(".sdp"):
+            return self._show(container, stream, notify) > 0
+        _Live(self, container, stream, codec, notify).watch()
+        return False
 
-    def _pass(
-        self, container: InputContainer, stream: VideoStream, notify: Callable[[], None], *,
-        film: bool,
-    ) -> int:  # fmt: skip
-        """Until the source ends. Returns how many pictures there were."""
+    def _show(
+        self, container: InputContainer, stream: VideoStream, notify: Callable[[], None]
+    ) -> int:
+        """A film, at its own pace, to its end. Returns how many pictures there were."""
         began, first, number = self._clock(), None, 0
         rate = float(stream.average_rate or FILM_HZ)
-        for number, frame in enumerate(self._frames(container, stream), 1):
-            if film:
+        garbage = 0
+        for packet in container.demux(stream):
+            frames = self.decoded(packet)
+            garbage = 0 if frames else garbage + 1
+            if garbage > MOST_GARBAGE:
+                raise InvalidDataError(0, "")
+            for frame in frames:
+                number += 1
                 time = number / rate if frame.pts is None else frame.time
-                first = time if first is None else first  # a film that was cut does not begin at 0
+                first = time if first is None else first  # a film that was cut begins later than 0
                 wait = began + round((time - first) * 1e9) - self._clock()
                 self._stop.wait(min(max(wait / 1e9, 0.001), 1.0))
-            if self._stop.is_set():
-                return number
-            self._keep(frame)
-            notify()
+                if self._stop.is_set():
+                    return number
+                now = self._clock()
+                self.keep(frame, Arrived(Light(now, exact=False), now))
+                notify()
         return number
 
-    def _frames(self, container: InputContainer, stream: VideoStream) -> Iterator[av.VideoFrame]:
-        """What is decoded. A packet that was damaged on its way is no reason to connect anew."""
-        garbage, asked = 0, self._clock()
-        for packet in container.demux(stream):
-            # A wait that timed out first gives what was kept back: an old picture.
-            if self._clock() > asked + round(TIMEOUT_S * 1e9):
-                raise ValueError(SILENT)
-            try:
-                frames = packet.decode()
-                garbage = 0 if frames else garbage
-            except InvalidDataError:
-                frames, garbage = [], garbage + 1
-                self.events.append(events.UNDECODABLE("picture"))
-                if garbage > MOST_GARBAGE:
-                    raise
-            yield from frames
-            asked = self._clock()
+    def decoded(self, packet: "av.Packet[VideoStream]") -> list[av.VideoFrame]:
+        """What is in it. A packet that was damaged on its way is no reason to connect anew."""
+        try:
+            return packet.decode()
+        except InvalidDataError:
+            self.events.append(events.UNDECODABLE("picture"))
+            return []
 
-    def _keep(self, frame: av.VideoFrame) -> None:
-        stamp = self._clock()
+    def keep(self, frame: av.VideoFrame, arrived: Arrived) -> None:
+        """
+        Raises:
+            ValueError: it is too large, or of a format that cannot be converted.
+        """
         if max(frame.width, frame.height) > LARGEST:
             raise ValueError(f"its pictures have {frame.width} x {frame.height} pixels")
-        picture = planes(frame.reformat(*self._size, format="yuv420p"))
+        picture = planes(self._scaler.reformat(frame, *self._size, format="yuv420p"))
         if self._newest:
             self.events.append(events.SKIPPED_PICTURE())
-        self._newest.append(Shot(picture, stamp, self._clock()))
-        self._alive_ns = stamp
+        now = self._clock()
+        self._newest.append(Shot(picture, arrived.light, arrived.at_ns, now))
+        self._alive_ns = now
         if self._trouble:
             self._trouble = ""
             self.said.append(f"camera: {self._called} gives pictures again")
@@ -180,6 +229,100 @@ class Feed:
         if why != self._trouble:
             self._trouble = why
             self.said.append(f"camera: {self._called} gives no pictures: {why}; {then}")
+
+
+class _Live:
+    """A source whose pictures come when they come, from its opening to its end."""
+
+    def __init__(
+        self,
+        feed: Feed,
+        container: InputContainer,
+        stream: VideoStream,
+        codec: VideoCodecContext,
+        notify: Callable[[], None],
+    ) -> None:
+        self._feed, self._container, self._stream, self._notify = feed, container, stream, notify
+        codec.flags |= Flags.copy_opaque  # a picture has the arrival of its packet
+        self._backlog: Backlog[av.Packet[VideoStream]] = Backlog()
+        self._changed = threading.Condition()  # of the backlog, and of what follows
+        self._ended = False
+        self._error: Exception | None = None
+        self._decoded_ns = feed.now()  # [ns] when something was decoded last
+
+    def watch(self) -> None:
+        """Read, until it ends.
+
+        Raises:
+            ValueError: it has fallen silent, or behind, or nothing of it can be decoded.
+        """
+        decoder = threading.Thread(target=self._decode, daemon=True)
+        decoder.start()
+        try:
+            self._read()
+        finally:
+            with self._changed:
+                self._ended = True
+                self._changed.notify()
+            decoder.join()
+        if self._error is not None:
+            raise self._error
+
+    def _read(self) -> None:
+        """Without a pause: what waits, waits in the backlog, where it is counted."""
+        feed, form, dropped = self._feed, self._container.format.name, 0
+        capture, asked, own_before = CaptureTime(), feed.now(), None
+        for packet in self._container.demux(self._stream):
+            now = feed.now()
+            # A wait that timed out first gives what was kept back: an old picture.
+            if now > asked + round(TIMEOUT_S * 1e9):
+                raise ValueError(SILENT)
+            if feed.stopped or self._error is not None:
+                return
+            asked = now
+            own = None if packet.pts is None else round(packet.pts * packet.time_base * 10**9)
+            stamped = own if form in STAMPED else None
+            light = capture.light(stamped, feed.said_ns(packet, form, stamped), now)
+            if stamped is not None and not light.exact and now > light.at_ns + BEHIND_NS:
+                late = (now - light.at_ns) / 1e9
+                raise ValueError(f"its pictures come {late:.1f} s later than at first")
+            packet.opaque = Arrived(light, now)
+            with self._changed:
+                # Slices of one picture come as several packets of one time.
+                new = own is None or own != own_before
+                self._backlog.put(packet, now, keyframe=packet.is_keyframe and new)
+                lost, dropped = self._backlog.dropped - dropped, self._backlog.dropped
+                self._changed.notify()
+            own_before = own
+            feed.events.extend([events.SKIPPED_PICTURE()] * lost)
+            if now > self._decoded_ns + round(TIMEOUT_S * 1e9):
+                raise ValueError(f"nothing of it could be decoded for {TIMEOUT_S:g} s")
+
+    def _decode(self) -> None:
+        """On a thread of its own."""
+        try:
+            while (packet := self._next()) is not None:
+                self._look(packet)
+        except Exception as error:
+            self._error = error
+
+    def _next(self) -> "av.Packet[VideoStream] | None":
+        with self._changed:
+            while not self._ended:
+                if (packet := self._backlog.take()) is not None:
+                    return packet
+                self._changed.wait()
+        return None
+
+    def _look(self, packet: "av.Packet[VideoStream]") -> None:
+        for frame in self._feed.decoded(packet):
+            self._decoded_ns = now = self._feed.now()
+            arrived = cast(Arrived, frame.opaque)
+            if now > arrived.at_ns + STALE_NS:
+                self._feed.events.append(events.SKIPPED_PICTURE())
+                continue
+            self._feed.keep(frame, arrived)
+            self._notify()
 
 
 def reason(error: Exception) -> str:

@@ -2,6 +2,7 @@
 
 import { Connection } from "/connection.js";
 import { Drones } from "/drones.js";
+import { Film } from "/film.js";
 import { HoldButton } from "/hold_button.js";
 import { Hud } from "/hud.js";
 import { Keyboard } from "/keyboard.js";
@@ -44,6 +45,7 @@ const hold = (down) => {
 };
 const pad = new Pad(wish, hold);
 const keyboard = new Keyboard(wish, hold, steer);
+const film = new Film(wish);
 const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
 const steering = new Steering(...thumbs, keyboard, pad);
 
@@ -130,6 +132,7 @@ function draw() {
   const steeredBy = steering.device === "pad" ? "pad" : steering.device;
   const old = show(connection, picture.you, picture.view, steeredBy);
   showPicture(video);
+  film.show(picture.view, !connection.watching);
   drones.show(picture.view);
   arming = buttons(picture.you, picture.view);
   hud.draw(picture.view, old);

@@ -50,9 +50,9 @@ export function show(connection, you, view, steeredBy) {
 
 // The age of the picture, and what is wrong with it.
 export function showPicture(video) {
-  const { age, words, silence } = video;
+  const { age, least, words, silence } = video;
   const known = age !== undefined && silence < Infinity;
-  put("picture-age", `picture ${known ? seconds(age / 1000) : UNKNOWN}`, known && words ? "old" : "");
+  put("picture-age", `picture ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && words ? "old" : "");
   put("no-picture", words, words && known ? "old" : "");
 }
 

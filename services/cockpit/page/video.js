@@ -3,7 +3,7 @@
 
 import { stripeRows } from "/stripe.js";
 
-const VERSION = 1, KEYFRAME = 1, HEADER = 16; // of a message, see services/cockpit/video.py
+const VERSION = 1, KEYFRAME = 1, EXACT = 2, HEADER = 16; // of a message, see services/cockpit/video.py
 const RETRY_MS = 700;
 const NOTHING = "no picture";
 
@@ -11,7 +11,8 @@ export class Video {
   constructor(canvas, connection) {
     Object.assign(this, { canvas, connection });
     this.g = canvas.getContext("2d");
-    this.light = null; // [ms] of the shown picture, by the service's clock
+    this.light = null; // [ms] of the shown picture, by the service's clock …
+    this.exact = false; // … and not earlier
     this.shownAt = 0; // [ms] when it was decoded, by this page's
     this.frame = null; // decoded, not yet drawn
     this.unable = cannot(); // why this browser shows no picture; empty: it can
@@ -52,7 +53,7 @@ export class Video {
     const head = new DataView(message);
     if (head.getUint8(0) !== VERSION) return;
     const unit = {
-      keyframe: Boolean(head.getUint8(1) & KEYFRAME), number: head.getUint32(4, true),
+      keyframe: Boolean(head.getUint8(1) & KEYFRAME), exact: Boolean(head.getUint8(1) & EXACT), number: head.getUint32(4, true),
       light: head.getFloat64(8, true), data: new Uint8Array(message, HEADER), socket,
     };
     if (unit.keyframe) this.configure(codecOf(unit.data));
@@ -90,6 +91,7 @@ export class Video {
     this.frame?.close();
     this.frame = frame;
     this.light = unit.light;
+    this.exact = unit.exact;
     this.shownAt = performance.now();
   }
 
@@ -112,13 +114,16 @@ export class Video {
   // [ms] Since the newest one was decoded.
   get silence() { return this.light === null ? Infinity : performance.now() - this.shownAt; }
 
+  // Before the age in words: it is exact only where the camera says when the light arrived.
+  get least() { return this.exact ? "" : "≥ "; }
+
   // What is wrong with the picture; empty: nothing.
   get words() {
     if (this.unable) return this.unable;
     if (this.light === null) return NOTHING;
     if (this.silence > this.ages[0]) return `no picture for ${(this.silence / 1000).toFixed(0)} s`;
     if (this.age === undefined) return "the picture's age is not known";
-    return this.age > this.connection.ages.state[0] ? `picture ${(this.age / 1000).toFixed(1)} s old` : "";
+    return this.age > this.connection.ages.state[0] ? `picture ${this.least}${(this.age / 1000).toFixed(1)} s old` : "";
   }
 
   // Draw the newest picture. Returns whether one is to be seen.

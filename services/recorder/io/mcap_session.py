@@ -21,6 +21,7 @@ import msgspec
 
 from messages import events, topics
 from messages.events import Level, Outbox
+from messages.film import FilmAnswer, FilmRequest
 from messages.link import Clock
 from services.recorder.core import RecordedRow
 from services.recorder.io.attachments import AttachedFile, attachments
@@ -109,6 +110,11 @@ class McapSession:
     def begun(self) -> bool:
         """Did something trigger the recording already, also before a restart of the service?"""
         return self._opened.begun
+
+    def films(self, request: FilmRequest, now: int) -> FilmAnswer:
+        """The pilot films: is there a file for it?"""
+        why = "" if self._file is not None else "the disk has failed: nothing is recorded"
+        return FilmAnswer(stamp_ns=now, id=request.id, accepted=not why, reason=why)
 
     def begin(self) -> None:
         """Something triggers the recording."""

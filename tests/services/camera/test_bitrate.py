@@ -91,7 +91,7 @@ def test_a_smaller_room_is_obeyed_within_two_seconds(room: float) -> None:
 
 
 def test_it_comes_back_within_four_seconds_of_a_better_link() -> None:
-    rate, now = settled(20.0)
+    rate, now = settled(18.0)
     assert rate.budget(now) == LEAST
     end = now + 4 * S
     while now < end:

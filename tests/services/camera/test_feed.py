@@ -81,7 +81,7 @@ def test_a_film_of_another_size_is_scaled_and_repeated(tmp_path: Path) -> None:
             shown += 1
             assert shot.picture.y.shape == (90, 160)
             assert shot.picture.u.shape == (45, 80)
-            assert shot.stamp_ns <= shot.captured_ns
+            assert shot.arrived_ns <= shot.captured_ns
             seen.add(round(float(shot.picture.y.mean()) / 40.0))
     watched.feed.close()
     assert seen == {1, 2, 3}
@@ -110,7 +110,7 @@ def test_a_film_is_shown_at_its_own_pace_wherever_its_times_begin(
     while len(stamps) < pictures:
         watched.wait()
         if (shot := watched.feed.take()) is not None:
-            stamps.append(shot.stamp_ns)
+            stamps.append(shot.arrived_ns)
     watched.feed.close()
     # Compared with the film's own length: a busy computer makes it longer, never much shorter.
     took = (stamps[-1] - stamps[0]) / 1e9

@@ -19,6 +19,9 @@ import pytest
 
 pytest.importorskip("av")
 
+import av
+from av.video.stream import VideoStream
+
 from messages import events
 from services.camera.io.feed import Feed, Shot
 from services.marine import time_stripe
@@ -29,8 +32,14 @@ SERVER = Path(__file__).with_name("rtsp_camera.py")
 PYTHON = "/usr/bin/python3"  # which has GStreamer's bindings
 NEEDED = "import gi; gi.require_version('GstRtspServer', '1.0')"
 PICTURES = 20
+STARVED_NS = 10_000_000_000  # [ns] of a decoder that is too slow: 6 s behind, if it fell behind
+# [ns] by which a picture may be older than is said: the camera's own coding and the quickest way,
+# here 0.05 to 0.1 s, of which nobody tells; and a busy computer's.
+UNTOLD_NS = 1_000_000_000
 FFMPEG = ("ffmpeg", "-nostdin", "-loglevel", "error", "-f", "rawvideo",
-          "-pix_fmt", "yuv420p", "-s", f"{WIDTH}x{HEIGHT}", "-r", str(HZ), "-i", "-",
+          "-pix_fmt", "yuv420p", "-s", f"{WIDTH}x{HEIGHT}", "-framerate", str(HZ),
+          "-use_wallclock_as_timestamps", "1", "-i", "-",
+          "-vsync", "passthrough",
           "-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency",
           "-g", "10")  # fmt: skip
 SDP = """v=0
@@ -54,13 +63,17 @@ gstreamer = pytest.mark.skipif(not has_gstreamer(), reason="no GStreamer RTSP se
 ffmpeg = pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg program")
 
 
+def utc_minus_monotonic() -> int:
+    return time.time_ns() - time.monotonic_ns()
+
+
 class Watched:
     """A feed, its pictures and its sentences."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, feed: type[Feed]) -> None:
         self.said: list[str] = []
         self.shots: list[Shot] = []
-        self.feed = Feed(source, WIDTH, HEIGHT, time.monotonic_ns)
+        self.feed = feed(source, WIDTH, HEIGHT, time.monotonic_ns, utc_minus_monotonic)
         self.feed.start(lambda: None)
 
     def until(self, happened: Callable[[], bool]) -> None:
@@ -82,8 +95,8 @@ class Watched:
 
 
 @contextmanager
-def watched(source: str) -> Generator[Watched]:
-    found = Watched(source)
+def watched(source: str, feed: type[Feed] = Feed) -> Generator[Watched]:
+    found = Watched(source, feed)
     try:
         yield found
     finally:
@@ -129,6 +142,14 @@ def sent(*words: str) -> Generator[None]:
             pipe.close()
 
 
+class Starved(Feed):
+    """A processor that decodes two of five pictures in time."""
+
+    def decoded(self, packet: "av.Packet[VideoStream]") -> "list[av.VideoFrame]":
+        time.sleep(2.5 / HZ)
+        return super().decoded(packet)
+
+
 def free_port() -> int:
     """Of UDP, even as RTP wants it; the next one is RTP's own too."""
     while True:
@@ -140,11 +161,11 @@ def free_port() -> int:
 
 def require_whole(shots: list[Shot]) -> None:
     """Each picture can be read, is newer than the one before and was made before it came."""
-    made = [time_stripe.read(shot.picture.y, shot.stamp_ns) for shot in shots]
+    made = [time_stripe.read(shot.picture.y, shot.arrived_ns) for shot in shots]
     assert None not in made, made
     times = [each for each in made if each is not None]
     assert all(before < after for before, after in pairwise(times))
-    assert all(at < shot.stamp_ns for at, shot in zip(times, shots, strict=True))
+    assert all(at < shot.arrived_ns for at, shot in zip(times, shots, strict=True))
 
 
 @gstreamer
@@ -187,6 +208,42 @@ def test_pictures_over_udp() -> None:
     with watched(url) as seen, sent("-f", "mpegts", f"{url}?pkt_size=1316"):
         seen.until_pictures()
     require_whole(seen.shots)
+
+
+def require_told(shots: list[Shot], now: int) -> None:
+    """No picture is older than it is said to be, nor kept back."""
+    for shot in shots:
+        made = time_stripe.read(shot.picture.y, shot.arrived_ns)
+        assert made is not None
+        assert shot.light.at_ns - made < UNTOLD_NS
+        assert shot.light.at_ns <= shot.arrived_ns
+    assert now - shots[-1].arrived_ns < UNTOLD_NS
+
+
+@ffmpeg
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["udp", "rtp"])
+def test_a_starved_decoder_never_makes_a_picture_older_than_is_said(
+    form: str, tmp_path: Path
+) -> None:
+    port = free_port()
+    if form == "rtp":
+        file = tmp_path / "camera.sdp"
+        file.write_text(SDP.format(port=port, codec="H264"))
+        source, words = str(file), ("-f", "rtp", f"rtp://127.0.0.1:{port}")
+    else:
+        source = f"udp://127.0.0.1:{port}"
+        words = ("-f", "mpegts", f"{source}?pkt_size=1316")
+    with watched(source, Starved) as seen, sent(*words):
+        seen.until_pictures(1)
+        began = time.monotonic_ns()
+        seen.until(lambda: time.monotonic_ns() > began + STARVED_NS)
+        many = len(seen.shots)
+        seen.until(lambda: len(seen.shots) > many)
+        require_told(seen.shots, time.monotonic_ns())
+        assert any(shot.light.exact for shot in seen.shots) == (form == "rtp")
+    assert seen.said == []
+    assert events.SKIPPED_PICTURE() in seen.feed.events
 
 
 @ffmpeg

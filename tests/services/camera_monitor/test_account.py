@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from messages.events import Outbox
 from messages.units import Ns
-from messages.video import PICTURE_STAGES, Assembler, PictureAge, VideoPart
+from messages.video import HEADERS, PICTURE_STAGES, Assembler, PictureAge, VideoPart
 from services.camera_monitor.core import PictureAccount
 
 MS, S = 1_000_000, 1_000_000_000
@@ -99,7 +99,7 @@ def test_a_picture_whose_stripe_says_another_time_has_the_stripes_age() -> None:
 
 @pytest.mark.parametrize("kbit", [100.0, 1000.0, 20_000.0])
 def test_the_room_is_the_pace_of_the_parts(kbit: float) -> None:
-    account, apart = PictureAccount(Outbox()), round(1000 * 8e6 / kbit)
+    account, apart = PictureAccount(Outbox()), round((1000 + HEADERS) * 8e6 / kbit)
     arrive(account, parts(1), 50 * MS, apart)
     room = account.report(10 * S).room_kbit
     assert room == pytest.approx(kbit, rel=0.01)

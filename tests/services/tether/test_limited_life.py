@@ -55,8 +55,8 @@ def state_delays(link: Link[tuple[str, int]], until: int) -> list[int]:
     return delays
 
 
-def test_telemetry_is_thinned_out_as_if_there_were_no_video() -> None:
-    def flown(video_bytes: int) -> tuple[list[int], dict[str, float]]:
+def test_the_picture_has_its_room_first_and_the_state_its_floor() -> None:
+    def flown(video_bytes: int) -> tuple[list[int], Link[tuple[str, int]]]:
         link: Link[tuple[str, int]] = Link("congested", named("congested").profile, 1)
         states = list[int]()
         for tick in range(2000):
@@ -70,11 +70,16 @@ def test_telemetry_is_thinned_out_as_if_there_were_no_video() -> None:
             if video_bytes and tick % 4 == 0 and link.admits_up(topics.VIDEO.key, 600, now):
                 for _ in range(video_bytes // 600):
                     link.up.enter((topics.VIDEO.key, now), now, 600, BULK, LIFE)
-        return states, dict(link.thinned)
+        return states, link
 
-    alone, rates = flown(0)
-    beside, same_rates = flown(6000)  # 1200 kbit/s on a link of 384
-    assert same_rates == rates
-    assert len(beside) >= 0.98 * len(alone)
+    alone, link = flown(0)
+    beside, shared = flown(6000)  # 1200 kbit/s on a link of 384
+    floor = round(20 * topics.STATE.floor_hz)
+    assert len(alone) > 2 * floor
+    assert floor - 2 <= len(beside) <= floor + 5
+    telemetry = sum(shared.thinned[key] * 400 * 8e-3 for key in ("state", "reference"))
+    assert shared.up.carried_bytes * 8e-3 / 20.0 > 0.9 * 384.0  # the rest of it is the picture's
+    assert telemetry < 0.15 * 384.0
+    assert link.thinned[topics.STATE.key] > shared.thinned[topics.STATE.key]
     # Behind one part that is on the wire already: 700 bytes take 14.6 ms.
     assert float(np.percentile(beside, 99)) <= float(np.percentile(alone, 99)) + 15 * MS

@@ -22,14 +22,18 @@ Keys are relative to the namespace `lindy/@v1/<drone's name>`. Every message is 
 `seq` (count per publisher) and `stamp_ns` (when the content was true). A request also has an `id`;
 its answer has the same `id` and says whether it was `accepted`. A topic is stale after
 five periods, and never before 100 ms.
+
+Streams with a weight are thinned out where the link has no room for all: a picture has 1,900 kbit/s
+first, and what is left is divided by weight, with no less than the floor for each. Where not even
+the floors fit, the lightest streams yield first, down to a tenth of their floor.
 """
 
 
 def page() -> str:
     """The whole page."""
     rows = [
-        "| key | message | Hz | how it travels | across the tether |",
-        "|---|---|---|---|---|",
+        "| key | message | Hz | how it travels | across the tether | weight | floor [1/s] |",
+        "|---|---|---|---|---|---|---|",
         *map(_row, topics.ALL),
     ]
     kinds: list[type[msgspec.Struct]] = list(dict.fromkeys(t.message for t in topics.ALL))
@@ -49,7 +53,9 @@ def _row(topic: AnyTopic) -> str:
     name = topic.message.__name__
     rate = f"{topic.hz:g}" if topic.hz else "event"
     where = f"[{name}](#{name.lower()})"
-    return f"| `{topic.key}` | {where} | {rate} | {topic.qos.value} | {topic.way.value} |"
+    thinned = f"{topic.weight:g} | {topic.floor_hz:g}" if topic.weight else " | "
+    travels = f"{topic.qos.value} | {topic.way.value}"
+    return f"| `{topic.key}` | {where} | {rate} | {travels} | {thinned} |"
 
 
 def _section(kind: type[msgspec.Struct]) -> str:

@@ -1,0 +1,67 @@
+"""Snapshots: the picture that was seen, with where it was taken in its EXIF fields."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("av")
+pytest.importorskip("PIL")
+
+from PIL import Image
+from PIL.ExifTags import GPS, IFD, Base
+
+from services.marine import time_stripe
+from services.runtime.config.errors import LindyError
+from tests.tools.log.test_film import dive as dive
+from tests.tools.log.test_film import filmed_pictures as filmed_pictures
+from tools.log.film_scenes import FilmedPicture
+from tools.log.snapshot_file import jpeg, last_of
+from tools.log.snapshots import taken
+from tools.recordings.recording import open_recording
+
+
+def test_a_snapshot_is_the_newest_picture_by_then_and_says_where(
+    dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
+) -> None:
+    import numpy as np
+
+    seconds = (1.5, 5.0, 6.02)
+    written = taken(open_recording(dive), tmp_path / "pictures", seconds)
+    assert len(written) == len(seconds)
+    for at, path in zip(seconds, written, strict=True):
+        until = filmed_pictures[0].light_ns + round(1e9 * at)
+        shot = [each for each in filmed_pictures if each.light_ns <= until][-1]
+        with Image.open(path) as image:
+            exif = image.getexif()
+            seen = time_stripe.read(np.asarray(image.convert("L")), shot.light_ns)
+        assert seen == shot.light_ns // 1000 * 1000  # the picture itself, by its own stripe
+        assert exif[Base.DateTime] == f"{shot.drone.utc:%Y:%m:%d %H:%M:%S}"
+        gps = exif.get_ifd(IFD.GPSInfo)
+        if shot.drone.depth is not None:
+            assert float(gps[GPS.GPSAltitude]) == pytest.approx(max(0, shot.drone.depth), abs=0.01)
+            assert gps[GPS.GPSAltitudeRef] == b"\x01"
+        if shot.drone.heading is not None:
+            assert float(gps[GPS.GPSImgDirection]) == pytest.approx(shot.drone.heading, abs=0.1)
+
+
+def test_place_is_in_the_comment(filmed_pictures: list[FilmedPicture]) -> None:
+    import io
+
+    first = filmed_pictures[0]
+    image = last_of([first.data])
+    assert image is not None
+    data = jpeg(image, first.drone._replace(north=1.25, east=-3.5))
+    exif = Image.open(io.BytesIO(data)).getexif()
+    comment = exif.get_ifd(IFD.Exif)[Base.UserComment]
+    assert comment == b"ASCII\0\0\0north 1.25 m, east -3.50 m"
+
+
+def test_nothing_is_overwritten_and_none_is_one_sentence(dive: Path, tmp_path: Path) -> None:
+    recording = open_recording(dive)
+    (path,) = taken(recording, tmp_path, (3.0,))
+    before = path.read_bytes()
+    with pytest.raises(LindyError, match="it exists already"):
+        taken(recording, tmp_path, (3.0,))
+    assert path.read_bytes() == before
+    with pytest.raises(LindyError, match="holds no snapshots"):
+        taken(recording, tmp_path)

@@ -1,0 +1,148 @@
+"""`lindy log film`: the pictures of a recording as a film that any player and editor opens."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from math import inf
+from pathlib import Path
+from typing import Annotated, Protocol
+
+from cyclopts import Parameter
+
+from services.runtime.config.disk import reason
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
+from tools.choices import NewFile
+from tools.fresh import EXISTS, refuse_existing, write_fresh
+from tools.log.film_scenes import FilmedPicture, filmed_spans, pictures, within
+from tools.log.subtitles import Subtitles
+from tools.recordings.progress import reading
+from tools.recordings.recording import Recording, open_recording
+
+COMPLETE, INCOMPLETE = 0, 3  # exit statuses
+
+
+class FilmFile(Protocol):
+    """An MP4 that is being written."""
+
+    def add(self, picture: FilmedPicture) -> None: ...
+    def close(self) -> None: ...
+
+
+def film(
+    recording: Path,
+    *,
+    out: NewFile,
+    overlay: Annotated[
+        bool, Parameter(negative=(), help="time, depth, heading … in the picture: encoded anew")
+    ] = False,
+    marked: Annotated[
+        bool, Parameter(negative=(), help="only what the pilot filmed, a film for each")
+    ] = False,
+) -> int:
+    """The pictures of a recording as a film (MP4), with subtitles.
+
+    RECORDING is a dive's folder or its MCAP file. Pictures are copied as they were sent, each at
+    the time of its light; OUT's name with .srt has time, depth, heading, place and flight mode. A
+    camera that changes its size begins another film, OUT-2. Exit status 3: the recording is damaged
+    or was not finished.
+
+    Example: lindy log film dives/latest --out dive.mp4
+             lindy log film dives/latest --overlay --out shown.mp4
+    """
+    if out.suffix != ".mp4":
+        raise LindyError(f"--out {out}: expected a name that ends in .mp4")
+    opened = open_recording(recording)
+    with reading("filming", opened.size) as opened.advance:
+        made = filmed(opened, out, overlay=overlay, marked=marked)
+    print("\n".join([*made, *opened.damage]), flush=True)
+    return INCOMPLETE if opened.damage else COMPLETE
+
+
+def filmed(
+    recording: Recording, out: Path, *, overlay: bool = False, marked: bool = False
+) -> list[str]:
+    """Write the films. Returns a sentence for each.
+
+    Raises:
+        LindyError: there are no pictures, or a file exists or cannot be written.
+    """
+    said, what = list[str](), None
+    writing: _Writing | None = None
+    refuse_existing(out)
+    spans = filmed_spans(recording) if marked else [(0, inf)]
+    if not spans:
+        raise LindyError(f"{recording.files[0]}: the pilot filmed nothing; leave out --marked")
+    try:
+        for span, picture in within(pictures(recording), spans):
+            if (span, picture.size) != what:
+                if writing is not None:
+                    said.append(writing.end())
+                what = span, picture.size
+                number = len(said) + 1
+                path = out if number == 1 else out.with_name(f"{out.stem}-{number}.mp4")
+                writing = _Writing(path, picture, overlay=overlay)
+            assert writing is not None
+            writing.add(picture)
+        if writing is None:
+            raise LindyError(f"{recording.files[0]} holds no pictures")
+        said.append(writing.end())
+    except BaseException:
+        if writing is not None:
+            writing.give_up()
+        raise
+    return said
+
+
+class _Writing:
+    """One film and its subtitles."""
+
+    def __init__(self, path: Path, first: FilmedPicture, *, overlay: bool) -> None:
+        try:
+            from tools.log.film_file import CopiedFilm, new_file
+        except ImportError:
+            raise LindyError(
+                f"a film needs PyAV, which is not installed; {how_to_install('camera')}"
+            ) from None
+        self._path, self._srt = path, path.with_suffix(".srt")
+        self._began, self._end, self._pictures = first.light_ns, first.light_ns, 0
+        self._subtitles = Subtitles()
+        refuse_existing(self._srt)
+        with _said(path):
+            self._file = new_file(path)
+            self._film: FilmFile
+            if overlay:
+                from tools.log.film_overlay import DrawnFilm
+
+                self._film = DrawnFilm(self._file, first)
+            else:
+                self._film = CopiedFilm(self._file, first)
+
+    def add(self, picture: FilmedPicture) -> None:
+        with _said(self._path):
+            self._film.add(picture)
+        self._subtitles.add(max(0, picture.light_ns - self._began), picture.drone.words)
+        self._end, self._pictures = picture.light_ns, self._pictures + 1
+
+    def end(self) -> str:
+        with _said(self._path):
+            self._film.close()
+            self._file.close()
+        write_fresh(self._srt, self._subtitles.text().encode())
+        seconds = (self._end - self._began) / 1e9
+        return f"{self._pictures} pictures, {seconds:.1f} s, in {self._path} and {self._srt}"
+
+    def give_up(self) -> None:
+        """It is not whole: nothing of it stays."""
+        if not self._file.closed:
+            self._file.close()
+            self._path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _said(path: Path) -> Generator[None]:
+    try:
+        yield
+    except FileExistsError:
+        raise LindyError(f"cannot write {path}: {EXISTS.format('--out')}") from None
+    except OSError as error:
+        raise LindyError(f"cannot write {path}: {reason(error)}") from None

@@ -1,0 +1,146 @@
+"""A recording's pictures, and where the drone was when the light of each arrived."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import UTC, datetime
+from math import degrees, inf
+from typing import NamedTuple
+
+from messages import topics
+from messages.film import FilmKind, FilmRequest
+from messages.state import VehicleState
+from messages.vehicle import VehicleStatus
+from messages.video import Assembler, VideoPart
+from tools.recordings.recording import Recording
+
+KEYS = {topics.VIDEO.key, topics.STATE.key, topics.STATUS.key}
+LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
+OLD_NS = 1_000_000_000  # [ns] before a picture: where the drone was then is not where it is
+
+
+class Whereabouts(NamedTuple):
+    """None: not known."""
+
+    at_ns: int  # [ns] UTC
+    depth: float | None = None  # [m] positive down
+    heading: float | None = None  # [°] clockwise from north, 0 … 360
+    north: float | None = None  # [m] NED
+    east: float | None = None  # [m]
+    flight_mode: str = ""
+
+    @property
+    def utc(self) -> datetime:
+        return datetime.fromtimestamp(self.at_ns // 10**9, UTC)
+
+    @property
+    def words(self) -> str:
+        """One line."""
+        place = self.north is not None and self.east is not None
+        said = (
+            f"{self.utc:%Y-%m-%d %H:%M:%S} UTC",
+            "depth –" if self.depth is None else f"depth {self.depth:.1f} m",
+            "heading –" if self.heading is None else f"heading {round(self.heading) % 360:03d}°",
+            f"north {self.north:.1f} m, east {self.east:.1f} m" if place else "",
+            self.flight_mode.replace("_", " "),
+        )
+        return " · ".join(filter(None, said))
+
+
+class FilmedPicture(NamedTuple):
+    light_ns: int  # [ns] UTC
+    size: tuple[int, int]  # [px] width, height
+    keyframe: bool
+    data: bytes  # H.264, Annex B
+    drone: Whereabouts
+
+
+def pictures(recording: Recording) -> Iterator[FilmedPicture]:
+    """Every picture that can be decoded with those before it, in their order."""
+    assembler, seen = Assembler(), deque[Whereabouts](maxlen=LATEST)
+    mode, seq, broken = "", None, True
+    for raw in recording.raw():
+        if raw.key not in KEYS:
+            continue
+        match recording.decode(raw):
+            case VehicleState() as state:
+                seen.append(_whereabouts(state, raw.publish_ns, mode))
+            case VehicleStatus(flight_mode=mode):
+                pass
+            case VideoPart() as part:
+                broken = broken or (seq is not None and part.seq != seq + 1)
+                seq = part.seq
+                unit = assembler.take(part)
+                if unit is None or (broken and not part.keyframe):
+                    continue
+                broken = False
+                size = part.width, part.height
+                drone = _at(raw.publish_ns, seen)
+                yield FilmedPicture(raw.publish_ns, size, part.keyframe, unit.data, drone)
+            case _:
+                pass
+
+
+def marks(recording: Recording) -> list[tuple[FilmKind, int]]:
+    """What the pilot filmed: kind, and [ns] UTC of the light of the picture that was seen."""
+    found = dict[str, tuple[FilmKind, int]]()
+    for raw in recording.raw():
+        if raw.key != topics.FILM_REQUEST.key:
+            continue
+        message = recording.decode(raw)
+        if isinstance(message, FilmRequest):
+            light = raw.publish_ns + message.light_ns - message.stamp_ns
+            found.setdefault(message.id, (message.kind, light))
+    return sorted(found.values(), key=lambda each: each[1])
+
+
+def filmed_spans(recording: Recording) -> list[tuple[int, float]]:
+    """[ns] UTC from when to when the pilot filmed. What was not ended lasts to the end."""
+    spans, began = list[tuple[int, float]](), None
+    for kind, light in marks(recording):
+        if kind == "begin" and began is None:
+            began = light
+        elif kind == "end" and began is not None:
+            spans.append((began, light))
+            began = None
+    return spans if began is None else [*spans, (began, inf)]
+
+
+def within(
+    found: Iterable[FilmedPicture], spans: Sequence[tuple[int, float]]
+) -> Iterator[tuple[int, FilmedPicture]]:
+    """The pictures of each span, with its number, from the keyframe on that it needs."""
+    number, inside = 0, False
+    group = list[FilmedPicture]()  # since the newest keyframe
+    for picture in found:
+        while number < len(spans) and picture.light_ns > spans[number][1]:
+            number, inside = number + 1, False
+        if number == len(spans):
+            return
+        if picture.keyframe:
+            group = []
+        group.append(picture)
+        if picture.light_ns >= spans[number][0]:
+            for each in [picture] if inside else group:
+                yield number, each
+            inside = True
+
+
+def _at(light_ns: int, seen: deque[Whereabouts]) -> Whereabouts:
+    """The newest that is no younger than the light, and not much older."""
+    known = (each for each in reversed(seen) if light_ns - OLD_NS < each.at_ns <= light_ns)
+    found = next(known, Whereabouts(light_ns))
+    return found._replace(at_ns=light_ns)
+
+
+def _whereabouts(state: VehicleState, at_ns: int, mode: str) -> Whereabouts:
+    heading = state.heading_navigation
+    place = state.north, state.east
+    north, east = (each.value if each is not None and each.valid else None for each in place)
+    return Whereabouts(
+        at_ns,
+        state.depth.value if state.depth.valid else None,
+        degrees(heading.value) % 360.0 if heading is not None and heading.valid else None,
+        north,
+        east,
+        mode,
+    )

@@ -1,0 +1,93 @@
+"""`lindy log snapshots`: the pictures that the pilot took, each with where it was taken."""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
+from tools.choices import named
+from tools.fresh import write_fresh
+from tools.log.film_scenes import FilmedPicture, marks, pictures
+from tools.recordings.progress import reading
+from tools.recordings.recording import Recording, open_recording
+
+COMPLETE, INCOMPLETE = 0, 3  # exit statuses
+
+
+def snapshots(
+    recording: Path,
+    *,
+    out: Annotated[Path, Parameter(converter=named, help="the folder to write into")],
+    at: Annotated[
+        tuple[float, ...],
+        Parameter(consume_multiple=True, help="[s] since the first picture; default: as taken"),
+    ] = (),
+) -> int:
+    """The pictures that the pilot took, as JPEG files.
+
+    RECORDING is a dive's folder or its MCAP file. Each file is named by its time (UTC) and carries
+    time, depth, heading and place in its EXIF fields. Exit status 3: the recording is damaged or
+    was not finished.
+
+    Example: lindy log snapshots dives/latest --out pictures
+             lindy log snapshots dives/latest --at 12.5 60 --out pictures
+    """
+    opened = open_recording(recording)
+    with reading("reading", 2 * opened.size) as opened.advance:
+        written = taken(opened, out, at)
+    print("\n".join([*map(str, written), *opened.damage]), flush=True)
+    return INCOMPLETE if opened.damage else COMPLETE
+
+
+def taken(recording: Recording, out: Path, at: tuple[float, ...] = ()) -> list[Path]:
+    """Write the files. Returns their paths.
+
+    Raises:
+        LindyError: there are none, or one exists or cannot be written.
+    """
+    try:
+        from tools.log.snapshot_file import jpeg, last_of
+    except ImportError:
+        raise LindyError(
+            f"a snapshot needs PyAV and Pillow, which are not installed; {how_to_install('camera')}"
+            f", {how_to_install('figures')}"
+        ) from None
+    wanted = [light for kind, light in marks(recording) if kind == "snapshot"]
+    if at:
+        first = next(pictures(recording), None)
+        wanted = [] if first is None else [first.light_ns + round(1e9 * each) for each in at]
+    if not wanted:
+        raise LindyError(f"{recording.files[0]} holds no snapshots; --at SECONDS takes one anyway")
+    written = list[Path]()
+    for group in _each(recording, sorted(wanted)):
+        image = last_of([picture.data for picture in group])
+        if image is None:
+            continue
+        shot = group[-1]
+        ms = shot.light_ns // 1_000_000 % 1000
+        path = out / f"{shot.drone.utc:%Y-%m-%dT%H-%M-%S}.{ms:03d}Z.jpg"
+        out.mkdir(parents=True, exist_ok=True)
+        write_fresh(path, jpeg(image, shot.drone))
+        written.append(path)
+    if not written:
+        raise LindyError(f"{recording.files[0]} holds no picture at that time")
+    return written
+
+
+def _each(recording: Recording, wanted: list[int]) -> Iterator[list[FilmedPicture]]:
+    """For each time the newest picture by then, behind all that it builds on."""
+    group, done = list[FilmedPicture](), 0
+    for picture in pictures(recording):
+        due = bisect_right(wanted, picture.light_ns - 1)
+        if due > done and group:
+            yield group
+        done = max(done, due)
+        if picture.keyframe:
+            group = []
+        group.append(picture)
+    if done < len(wanted) and group:
+        yield group
