@@ -269,6 +269,7 @@ CLOSED_KEYBOARD = row("closed:keyboard", DANGER, "pilot lost: the keyboard's win
 OUTDONE_LEASE = row("outdone:lease", DANGER, "another pilot has taken control", said="warning", spoken=True)
 REFUSED = row("refused", PILOT, "the drone refuses a request", said="warning")
 REFUSED_HERE = row("refused_here", PILOT, "a request was not sent", said="warning")
+VOID_HOLD = row("void:hold", PILOT, "what is held has changed its meaning: nothing was done", "let go, and hold again", said="warning")
 REFUSED_FAULT = row("refused:simulator/request", PILOT, "a simulated fault was refused")
 REFUSED_INCIDENT = row("refused:incident", PILOT, "an incident of the script was refused", said="warning")
 UNANSWERED = row("unanswered", PILOT, "the drone did not answer a request", said="warning")

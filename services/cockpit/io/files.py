@@ -3,15 +3,18 @@
 import hashlib
 from importlib.resources import files
 
+import msgspec
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
 from services import cockpit
+from services.piloting.keys import KEYS
 
 TYPES = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
     "js": "text/javascript; charset=utf-8",
+    "json": "application/json",
 }
 HEADERS = {
     # Nothing from elsewhere, and nobody may lay another page over the sticks.
@@ -34,6 +37,8 @@ class PageFiles:
             for entry in folder.iterdir()
             if entry.name.rpartition(".")[2] in TYPES
         }
+        keys = [key._asdict() for key in KEYS]
+        self.contents["keys.json"] = msgspec.json.encode(keys)
         everything = b"".join(self.contents[name] for name in sorted(self.contents))
         self.version = hashlib.sha256(everything).hexdigest()[:12]
         self.contents[INDEX] = self.contents[INDEX].replace(VERSION, self.version.encode())

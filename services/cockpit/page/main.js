@@ -5,6 +5,7 @@ import { Drones } from "/drones.js";
 import { HoldButton } from "/hold_button.js";
 import { Hud } from "/hud.js";
 import { Keyboard } from "/keyboard.js";
+import { Keys } from "/keys.js";
 import { Pad } from "/pad.js";
 import { buttons, show, showPicture } from "/panel.js";
 import { GAINS } from "/shape.js";
@@ -16,6 +17,7 @@ import { Video } from "/video.js";
 const STICKS_MS = 20; // between two messages
 const MOVED_MS = 8; // between two of a stick that moves; the service takes 250 messages a second
 const SAME_MS = 200; // the same picture is drawn again after this
+const SAID_MS = 5000; // a sentence of the page
 const THEMES = ["dark", "bright", "contrast"];
 const $ = (id) => document.getElementById(id);
 
@@ -28,6 +30,8 @@ let arming = "arm"; // what the hold button asks for now
 let gain = "Normal";
 let gone = false; // the device that steered is gone
 
+const PRESSED = { speed: faster }; // keys of the page itself
+
 const you = () => connection.picture?.you ?? {};
 const wish = (what, hold) => connection.wish(what, hold);
 
@@ -35,15 +39,18 @@ const wish = (what, hold) => connection.wish(what, hold);
 function takeFirst() {
   if (!you().has_sticks && !you().taken) wish("take");
 }
-const arm = new HoldButton($("arm"), takeFirst, () => wish(arming));
-new HoldButton($("disarm"), takeFirst, () => wish("disarm"));
-new HoldButton($("force"), () => {}, () => wish("force"));
-const hold = (down) => {
-  if (!down) arm.release();
-  else if (arming === "arm") arm.press(); // to disarm there is a button of its own
+const VOID = "what was held has changed its meaning: nothing was done. Let go, and hold again";
+const deliberate = (id, meaning, begin = takeFirst) =>
+  new HoldButton($(id), meaning, begin, wish, () => say(VOID));
+const held = {
+  arm: deliberate("arm", () => arming),
+  disarm: deliberate("disarm", () => "disarm"),
+  force: deliberate("force", () => "force", () => {}),
 };
-const pad = new Pad(wish, hold);
-const keyboard = new Keyboard(wish, hold, steer);
+const hold = (what, down) => (down ? held[what].press() : held[what].release());
+const press = (what) => (what in PRESSED ? PRESSED[what]() : wish(what));
+const pad = new Pad(press, hold);
+const keyboard = new Keyboard(await Keys.load(), press, hold, steer);
 const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
 const steering = new Steering(...thumbs, keyboard, pad);
 
@@ -51,11 +58,12 @@ $("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("sto
 for (const id of ["take", "offer", "give_back"]) $(id).addEventListener("click", () => wish(id));
 $("lamp").addEventListener("click", () => wish("light"));
 $("flight_mode").addEventListener("change", (e) => { wish("mode", e.target.value); e.target.blur(); });
-$("gain").addEventListener("click", () => {
+$("gain").addEventListener("click", () => PRESSED.speed());
+function faster() {
   const names = Object.keys(GAINS);
   gain = names[(names.indexOf(gain) + 1) % names.length];
   $("gain").textContent = `Speed: ${gain.toLowerCase()}`;
-});
+}
 
 // Sticks, 50 times a second while the page can be seen, and at once when one has moved.
 let sent = "", sentAt = 0, movedAt = 0;
@@ -77,7 +85,7 @@ setInterval(steer, STICKS_MS / 2); // a pad tells nobody that it has moved
 function hide() {
   if (connection.watching) return;
   steering.release();
-  arm.release();
+  for (const what of Object.values(held)) what.release();
   connection.absent("hidden");
 }
 document.addEventListener("visibilitychange", () => (document.hidden ? hide() : stayAwake()));
@@ -125,12 +133,24 @@ function frame() {
   draw();
 }
 
+// A sentence of the page itself, for as long as it takes to read it.
+let own = "", ownAt = 0;
+function say(words) {
+  [own, ownAt] = [words, performance.now()];
+}
+function told() {
+  if (performance.now() - ownAt > SAID_MS) own = "";
+  $("own").textContent = own;
+  $("own").hidden = !own;
+}
+
 function draw() {
   const picture = connection.picture ?? { you: {}, view: {} };
   const steeredBy = steering.device === "pad" ? "pad" : steering.device;
   const old = show(connection, picture.you, picture.view, steeredBy);
   showPicture(video);
   drones.show(picture.view);
+  told();
   arming = buttons(picture.you, picture.view);
   hud.draw(picture.view, old);
   trace.add(picture.view.rtt_ms, performance.now());

@@ -6,6 +6,8 @@ import { shape } from "/shape.js";
 const DEAD_BAND = 0.12, EXPO = 0.4;
 const B = { stop: 1, light: 3, slow: 6, boost: 7, disarm: 8, arm: 9, up: 12, down: 13 };
 
+const HELD = ["arm", "disarm"]; // what is deliberate
+
 export class Pad {
   constructor(press, hold) {
     this.press = press;
@@ -14,7 +16,7 @@ export class Pad {
   }
 
   forget() {
-    if (this.pressed.arm) this.hold(false);
+    for (const what of HELD) if (this.pressed[what]) this.hold(what, false);
     this.clear();
   }
 
@@ -40,8 +42,8 @@ export class Pad {
     const values = `${pad.timestamp} ${pad.axes} ${pad.buttons.map((b) => b.value)}`;
     if (values !== this.values) { this.values = values; this.reported = performance.now(); }
     this.trusted ||= !this.moving;
-    for (const what of ["stop", "disarm", "light"]) this.edge(what, () => this.press(what));
-    this.edge("arm", () => this.hold(true), () => this.hold(false));
+    for (const what of ["stop", "light"]) this.edge(what, () => this.press(what));
+    for (const what of HELD) this.edge(what, () => this.hold(what, true), () => this.hold(what, false));
     return pad;
   }
 

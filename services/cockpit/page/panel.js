@@ -69,13 +69,18 @@ function lines(all) {
   }));
 }
 
+// Where it is not offered its place stays empty: nothing else comes to lie under the finger.
+function deliberate(id, words, offered, taken) {
+  put(id, words, offered ? "hold" : "hold away");
+  $(id).disabled = Boolean(taken) || !offered;
+}
+
 export function buttons(you, view) {
   const may = Boolean(you.has_sticks);
-  const resumes = view.armed && view.failsafe && view.failsafe !== "none";
-  put("arm", resumes ? "Hold to resume" : view.armed ? "Hold to disarm" : "Hold to arm", "hold");
-  $("arm").disabled = Boolean(you.taken);
-  $("disarm").hidden = !resumes; // then the button above resumes
-  $("disarm").disabled = $("arm").disabled;
+  const resumes = Boolean(view.armed && view.failsafe && view.failsafe !== "none");
+  // Arming and disarming have places of their own: what is under a finger never becomes the other.
+  deliberate("arm", resumes ? "Hold to resume" : "Hold to arm", resumes || !view.armed, you.taken);
+  deliberate("disarm", "Hold to disarm", view.armed, you.taken);
   $("take").hidden = may && Boolean(you.in_control);
   $("take").disabled = Boolean(you.taken);
   $("force").hidden = !(view.pilot && !you.in_control && !you.taken);
@@ -83,5 +88,5 @@ export function buttons(you, view) {
   for (const id of ["flight_mode", "lamp"]) $(id).disabled = !(may && you.in_control);
   const mode = $("flight_mode");
   if (view.flight_mode && document.activeElement !== mode && mode.value !== view.flight_mode) mode.value = view.flight_mode;
-  return resumes || !view.armed ? "arm" : "disarm";
+  return resumes ? "resume" : "arm";
 }

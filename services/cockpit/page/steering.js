@@ -34,6 +34,6 @@ export class Steering {
   release() {
     this.left.release();
     this.right.release();
-    this.keyboard.keys.clear();
+    this.keyboard.release();
   }
 }
