@@ -100,7 +100,7 @@ class Outbox:
         self.counts: Counter[str] = Counter() if counts is None else counts
         self.said: deque[tuple[Level, str, str]] = deque()  # level, text, the event's name
         # Hears each line at once: a service with a screen of its own, which is not sent its own.
-        self.also: Callable[[Level, str], None] = lambda _level, _text: None
+        self.also: Callable[[Level, str, str], None] = lambda _level, _text, _name: None
         self._lock = lock
 
     def tell(self, event: Event | None, times: int = 1) -> None:
@@ -122,7 +122,7 @@ class Outbox:
 
     def _say(self, level: Level, text: str, name: str) -> None:
         self.said.append((level, text, name))
-        self.also(level, text)
+        self.also(level, text, name)
 
 
 ALL: dict[str, Row] = {}  # by name

@@ -7,6 +7,7 @@ import msgspec
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
+from messages import events
 from services import cockpit
 from services.piloting.keys import KEYS
 
@@ -24,7 +25,19 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 INDEX = "index.html"
+ENGLISH = "words_en.json"  # the page's own sentences; those of events are added to them
 VERSION = b"@VERSION@"  # stands in the page for the version
+
+
+def sentences() -> dict[str, str]:
+    """The English of all events that a page says, from the event table."""
+    found = dict[str, str]()
+    for row in events.ALL.values():
+        if row.said in ("warning", "error"):
+            found[row.name] = row.sentence
+        if row.kind == events.FAILSAFE_ACTED.kind and row.short:
+            found |= {f"{row.name}.short": row.short, f"{row.name}.do": row.to_do}
+    return found
 
 
 class PageFiles:
@@ -37,6 +50,8 @@ class PageFiles:
             for entry in folder.iterdir()
             if entry.name.rpartition(".")[2] in TYPES
         }
+        english = sentences() | msgspec.json.decode(self.contents[ENGLISH])
+        self.contents[ENGLISH] = msgspec.json.encode(english)
         keys = [key._asdict() for key in KEYS]
         self.contents["keys.json"] = msgspec.json.encode(keys)
         everything = b"".join(self.contents[name] for name in sorted(self.contents))

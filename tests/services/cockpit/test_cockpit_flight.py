@@ -222,7 +222,7 @@ def test_each_loss_of_the_pilot_ends_the_motion_within_the_time_to_live(dive: Di
     assert dive.counts[f"lost:page_{how}"] == 1
     assert dive.status.failsafe == "pilot_lost"
     assert "lost" in dive.you(BOB)  # said on the other screens
-    assert any("pilot lost" in text for _, text in dive.view(BOB)["lines"])
+    assert any("pilot lost" in line[3] for line in dive.view(BOB)["lines"])
     assert dive.commands[-1].pilot == "lost"
     assert dive.commands[-1].stamp_ns < dive.host.now - S // 2  # and then silence: the lease ends
 
@@ -514,4 +514,4 @@ def test_without_a_list_no_drone_is_ordered_and_nothing_is_shown(tmp_path: Path)
     assert fly(dive, "rov2") == ""
     assert dive.counts["refused_here:fly"] == 2
     assert program.ordered == []
-    assert any("was not started by `lindy fly`" in text for _, text in dive.view()["lines"])
+    assert any("was not started by `lindy fly`" in line[3] for line in dive.view()["lines"])

@@ -15,6 +15,7 @@ from tests.support.docs.cockpit_dive import CockpitDive
 OUT = Path("docs/cockpit.png")
 PORT = 8797
 SCREEN = Size(1280, 800, touch=True)
+STICKS = "document.getElementById('left').offsetParent !== null"  # once the screen was touched
 FLOWN_S = 9.0  # [s]
 
 
@@ -26,6 +27,7 @@ def main(out: Path) -> None:
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         page.call("Emulation.setEmulatedMedia", features=dark)
         arm(page)
+        page.wait(STICKS)
         left, right = page.middle("#left"), page.middle("#right")
         page.touch("touchStart", left, right)
         page.touch("touchMove", (left[0] + 22.0, left[1] + 70.0), (right[0], right[1] - 45.0))

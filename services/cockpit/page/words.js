@@ -1,0 +1,35 @@
+// Sentences by their keys, in the pilot's language. English has them all: those of events come from
+// the event table. What another language lacks is shown in English.
+
+export const LANGUAGES = { en: "English", no: "Norsk", sv: "Svenska", de: "Deutsch", es: "Español", zh: "中文" };
+
+async function read(language) {
+  return (await fetch(`/words_${language}.json`)).json();
+}
+
+class Words {
+  constructor(english) {
+    this.english = this.own = english;
+    this.language = "en";
+  }
+
+  async use(language) {
+    if (!(language in LANGUAGES)) return;
+    this.own = language === "en" ? this.english : await read(language);
+    this.language = document.documentElement.lang = language;
+    for (const element of document.querySelectorAll("[data-t]")) element.textContent = this.t(element.dataset.t);
+  }
+
+  t(key, values = {}) {
+    const sentence = this.own[key] ?? this.english[key] ?? key;
+    return sentence.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "–");
+  }
+
+  // A sentence that the service says: that of its event is translated, and its details stay.
+  said(text, event) {
+    const english = this.english[event], own = this.own[event];
+    return english && own ? text.replace(english, own) : text;
+  }
+}
+
+export const words = new Words(await read("en"));
