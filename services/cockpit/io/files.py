@@ -30,13 +30,14 @@ VERSION = b"@VERSION@"  # stands in the page for the version
 
 
 def sentences() -> dict[str, str]:
-    """The English of all events that a page says, from the event table."""
-    found = dict[str, str]()
-    for row in events.ALL.values():
-        if row.said in ("warning", "error"):
-            found[row.name] = row.sentence
-        if row.kind == events.FAILSAFE_ACTED.kind and row.short:
-            found |= {f"{row.name}.short": row.short, f"{row.name}.do": row.to_do}
+    """The English of all events that a page says, from the event table. A condition is said alike
+    when it is noticed and when it acts."""
+    said = [row for row in events.ALL.values() if row.said in ("warning", "error")]
+    found = {row.name: row.sentence for row in said if row.kind != events.FAILSAFE_ACTED.kind}
+    for condition in events.CONDITIONS.values():
+        if condition.acted.short:  # one that acts, said in four lines
+            found[f"{condition.noticed.name}.short"] = condition.acted.short
+            found[f"{condition.noticed.name}.do"] = condition.acted.to_do
     return found
 
 

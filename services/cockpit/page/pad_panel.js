@@ -15,7 +15,7 @@ export class PadPanel {
     $("pad-reset").addEventListener("click", () => { pad.reset(); this.shown = ""; });
     $("pad").querySelector("ul").replaceChildren(...PAD_ACTIONS.map((action) => {
       const [row, name, button] = ["li", "span", "button"].map((tag) => document.createElement(tag));
-      name.dataset.t = `pad.${action}`;
+      name.dataset.t = `key.${action}`;
       button.dataset.action = action;
       button.addEventListener("click", () => pad.wait(pad.waits?.action === action ? null : action));
       row.append(name, button);

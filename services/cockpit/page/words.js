@@ -21,15 +21,21 @@ class Words {
   }
 
   t(key, values = {}) {
-    const sentence = this.own[key] ?? this.english[key] ?? key;
+    const sentence = find(this.own, key) ?? find(this.english, key) ?? key;
     return sentence.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "–");
   }
 
   // A sentence that the service says: that of its event is translated, and its details stay.
   said(text, event) {
-    const english = this.english[event], own = this.own[event];
-    return english && own ? text.replace(english, own) : text;
+    const english = find(this.english, event), own = find(this.own, event);
+    return english && own ? text.replace(english, () => own) : text;
   }
+}
+
+// By the event's name, or by its kind. A condition has one sentence, whether it acts or not.
+function find(sentences, key) {
+  const name = key.replace(/^failsafe:/, "notice:");
+  return sentences[name] ?? sentences[name.split(":")[0]];
 }
 
 export const words = new Words(await read("en"));

@@ -250,6 +250,23 @@ def test_the_picture_fills_the_screen_and_everything_can_be_pressed(
     page.close()
 
 
+@pytest.mark.parametrize("language", ["no", "sv", "de", "es", "zh"])
+def test_in_every_language_nothing_is_cut(browser: Browser, served: Served, language: str):
+    for size in (SIZES[2], SIZES[0]):
+        page = served.open(browser, size)
+        page.look(FINGER)
+        choice = "document.getElementById('language')"
+        page.look(f"{choice}.value = '{language}'; {choice}.dispatchEvent(new Event('change'))")
+        page.wait(f"document.documentElement.lang === '{language}'")
+        for state in (READY, {}, ACTING):
+            served.becomes(page, **state)
+            assert page.look(UNPRESSED) == "", state
+        said = page.look("document.getElementById('failsafe').textContent")
+        assert said.count(".") >= 4
+        assert "lost" not in said
+        page.close()
+
+
 @pytest.mark.parametrize("theme", ["dark", "bright", "contrast"])
 def test_every_text_can_be_read_in_every_state(browser: Browser, served: Served, theme: str):
     page = served.open(browser, Size(844, 390, touch=True), theme)
