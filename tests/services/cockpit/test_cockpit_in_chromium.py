@@ -14,7 +14,7 @@ from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import VehicleStatus
 from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium, insist
 from tests.support.docs.cockpit_dive import CockpitDive
-from tests.support.docs.cockpit_picture import STICKS, arm, hold
+from tests.support.docs.cockpit_picture import arm, hold
 from tests.support.patience import until
 
 PROGRAM = chromium()
@@ -110,7 +110,6 @@ def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(filmed_
     arm(page)
     page.wait("!document.getElementById('picture').hidden")
     assert page.look(OVERFLOWS) == ""
-    page.wait(STICKS)
     left = page.middle("#left")
 
     def push() -> None:

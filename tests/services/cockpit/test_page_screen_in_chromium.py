@@ -18,7 +18,7 @@ from messages.events import Outbox
 from services.cockpit.core import Settings
 from services.cockpit.io.access import access_to
 from services.cockpit.io.server import PageServer
-from services.cockpit.page_messages import PageOpened, PageSaid, PageWish
+from services.cockpit.page_messages import PageOpened, PageSaid, PageSticks, PageWish
 from services.cockpit.page_view import AGES_MS
 from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
 from tests.support.patience import until
@@ -154,6 +154,26 @@ APART = """(() => {
   const [a, b] = ['arm', 'disarm'].map((id) => document.getElementById(id).getBoundingClientRect());
   return Math.max(a.left - b.right, b.left - a.right, a.top - b.bottom, b.top - a.bottom);
 })()"""
+PAD = """
+window.pad = { id: 'unknown', index: 0, connected: true, mapping: '', timestamp: 1, axes: [0.1, 0],
+  buttons: Array.from({ length: 40 }, () => ({ pressed: false, value: 0 })) };
+navigator.getGamepads = () => [window.pad];
+"""
+HEARD = """
+window.heard = { tones: 0, said: [] };
+window.AudioContext = class {
+  currentTime = 0;
+  createOscillator() {
+    window.heard.tones++;
+    return { frequency: {}, connect: (next) => next, start() {}, stop() {} };
+  }
+  createGain() {
+    const gain = { setValueAtTime() {}, exponentialRampToValueAtTime() {} };
+    return { gain, connect() {} };
+  }
+};
+speechSynthesis.speak = (words) => window.heard.said.push(words.text);
+"""
 FINGER = "document.body.classList.add('touch')"
 
 
@@ -165,6 +185,7 @@ class Served:
             settings = Settings(port=free.getsockname()[1])
         self.url = f"http://127.0.0.1:{settings.port}/"
         self.you, self.view, self.wishes = dict(PILOT), dict[str, Any](FLOWN), list[PageWish]()
+        self.sticks = list[PageSticks]()
         self._server = PageServer(settings, access_to(settings), Outbox())
         self._pages, self._number, self._stop = set[int](), 0, threading.Event()
         self._server.start(lambda: None)
@@ -189,15 +210,19 @@ class Served:
                     self._pages.add(event.page)
                 elif isinstance(event, PageSaid) and isinstance(event.message, PageWish):
                     self.wishes.append(event.message)
+                elif isinstance(event, PageSaid) and isinstance(event.message, PageSticks):
+                    self.sticks.append(event.message)
             text = (
                 f'{{"n":{self._number},"t":{time.monotonic_ns() / 1e6},"ages":{AGES},'
                 f'"you":{json.dumps(self.you)},"view":{json.dumps(self.view)}}}'
             )
             self._server.show(dict.fromkeys(self._pages, text))
 
-    def open(self, browser: Browser, size: Size, theme: str = "dark") -> BrowserPage:
-        before = f"localStorage.setItem('theme', '{theme}'); localStorage.setItem('language', 'en')"
-        page = browser.open(self.url, size, f"try {{ {before} }} catch {{}}")
+    def open(
+        self, browser: Browser, size: Size, theme: str = "dark", before: str = ""
+    ) -> BrowserPage:
+        chosen = f"localStorage.setItem('theme', '{theme}'); localStorage.setItem('language', 'en')"
+        page = browser.open(self.url, size, f"try {{ {chosen} }} catch {{}} {before}")
         page.look(INSIDE)
         page.wait("window.video && document.getElementById('activity').textContent.length > 8")
         page.look(FILMED)
@@ -370,4 +395,81 @@ def test_what_lies_abeam_of_the_axis_is_there_on_the_tape_and_the_horizon(
     shown = 640 * min(667 / 640, 375 / 342)
     assert edge == pytest.approx(shown / 2, abs=0.5)
     assert (box[0] + box[1]) / 2 == pytest.approx(axis["x"], abs=0.5)
+    page.close()
+
+
+def test_any_pad_is_mapped_in_the_page_by_pressing_what_is_wanted(browser: Browser, served: Served):
+    """One of two axes and forty buttons, of which the browser knows nothing."""
+    page = served.open(browser, Size(1280, 720), before=PAD)
+    page.look("document.getElementById('menu-open').click()")
+    page.look("document.getElementById('pad-open').click()")
+    page.wait("document.getElementById('pad-name').textContent === 'unknown'")
+
+    def given(action: str, push: str, let: str) -> None:
+        button = f"document.querySelector('#pad [data-action={action}]')"
+        page.look(f"{button}.click()")
+        page.wait(f"{button}.className === 'waits'")
+        time.sleep(0.1)  # the page has seen the pad at rest
+        page.look(f"void ({push}, pad.timestamp++)")
+        page.wait(f"{button}.className === '' && {button}.textContent !== '–'")
+        page.look(f"void ({let}, pad.timestamp++)")
+
+    down = "pad.buttons[37] = { pressed: true, value: 1 }"
+    up = "pad.buttons[37] = { pressed: false, value: 0 }"
+    given("stop", down, up)
+    given("ahead", "pad.axes[1] = -1", "pad.axes[1] = 0")
+    assert served.wishes == []
+    assert all(each.surge == 0.0 for each in served.sticks)
+    assert page.look("document.querySelectorAll('#pad-picture circle').length") == 40
+    page.look("document.querySelector('#pad .close').click()")
+    until(lambda: served.sticks and served.sticks[-1].surge == 0.0)
+    page.look("void (pad.axes[1] = -1, pad.timestamp++)")
+    until(lambda: served.sticks[-1].surge > 0.5)
+    page.look(f"void ({down}, pad.timestamp++)")
+    until(lambda: [wish.what for wish in served.wishes] == ["stop"])
+    page.close()
+
+
+def test_an_alarm_is_heard_and_spoken_once_until_one_tap_ends_the_sound(
+    browser: Browser, served: Served
+):
+    page = served.open(browser, SIZES[0], before=HEARD)
+    page.touch("touchStart", (300.0, 150.0))
+    page.touch("touchEnd")
+    page.look("document.getElementById('speech').click()")  # on
+    served.becomes(page, **ACTING)
+    page.wait("heard.said.length > 0 && heard.tones > 0")
+    for seconds in (3, 4, 5):
+        acting = [[key, {"s": seconds} if "s" in more else more] for key, more in ACTING["acting"]]
+        served.becomes(page, **{**ACTING, "acting": acting})
+    assert page.look("heard.said") == ["Pilot lost. Centre the sticks and resume."]
+    tones = page.look("heard.tones")
+    page.touch("touchStart", page.middle("#silence"))
+    page.touch("touchEnd")
+    page.wait("document.getElementById('silence').offsetParent === null")
+    served.becomes(page)
+    served.becomes(page, **ACTING)
+    assert page.look("heard.tones") == tones
+    page.close()
+
+
+def test_the_first_touch_shows_the_sticks_and_moves_none(browser: Browser, served: Served):
+    page = served.open(browser, SIZES[0])
+    assert page.look("document.getElementById('left').offsetParent === null")
+    page.touch("touchStart", page.middle("#lamp"))
+    page.touch("touchEnd")
+    page.wait("document.getElementById('left').offsetParent !== null")
+    until(lambda: [wish.what for wish in served.wishes] == ["light"])
+    assert all(each.heave == each.surge == 0.0 for each in served.sticks)
+    x, y = page.middle("#left")
+    page.touch("touchStart", (x, y))
+    page.touch("touchMove", (x, y + 40.0))
+    until(lambda: served.sticks[-1].heave > 0.2)
+    page.touch("touchEnd")
+    page.look("document.getElementById('menu-open').click()")
+    page.look("document.getElementById('goto-depth').value = '3,5'")
+    page.look("document.getElementById('goto-heading').value = ''")
+    page.look("document.getElementById('go').click()")
+    until(lambda: any(wish.what == "goto" for wish in served.wishes))
+    assert [wish.depth for wish in served.wishes if wish.what == "goto"] == [3.5]
     page.close()

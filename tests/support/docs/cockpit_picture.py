@@ -27,7 +27,6 @@ def main(out: Path) -> None:
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         page.call("Emulation.setEmulatedMedia", features=dark)
         arm(page)
-        page.wait(STICKS)
         left, right = page.middle("#left"), page.middle("#right")
         page.touch("touchStart", left, right)
         page.touch("touchMove", (left[0] + 22.0, left[1] + 70.0), (right[0], right[1] - 45.0))
@@ -39,6 +38,7 @@ def arm(page: BrowserPage) -> None:
     """As a thumb does."""
     page.wait("document.getElementById('activity').textContent.startsWith('ready')")
     hold(page, lambda: page.look("document.getElementById('armed').textContent === 'ARMED'"))
+    page.wait(STICKS)
 
 
 def hold(page: BrowserPage, happens: Callable[[], object]) -> None:
