@@ -13,6 +13,7 @@ from messages.events import Level
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.sensors import TemperatureSample
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.aids import DiveTimer, Endurance
@@ -133,7 +134,7 @@ class Cockpit:
         self._outbox = pilot.outbox
         # Here, and not on a page's lines yet: level, text, the event's name.
         self._said: list[tuple[Level, str, str]] = []
-        self._outbox.also = lambda *line: self._said.append(line)
+        self._outbox.also = self._overhear
         self._pilot = CockpitPilot(pilot, settings.pilot)
         self._order = DroneOrder()
         self._limits = limits
@@ -240,17 +241,20 @@ class Cockpit:
         thrusters: ThrusterCommand | None,
         drones: DroneList | None,
         now: Ns,
+        temperature: TemperatureSample | None = None,
     ) -> dict[int, str]:
         """What each page is sent now. A page that has not seen the
         newest pictures gets none, so that none of them waits anywhere.
 
         Args:
             drones: that can be reached; None: nobody says so now.
+            temperature: in the enclosure; None: never said.
         """
         self._order.look(drones, now)
         self._picture += 1
         self._sent_ns[self._picture] = now
         self._sent_ns.pop(self._picture - REMEMBERED, None)
+        inside = ages.shown(topics.TEMPERATURE, temperature, now)
         battery = ages.shown(topics.BATTERY, newest.battery, now)
         self._endurance.heard(battery)
         if not self._pages:
@@ -269,6 +273,7 @@ class Cockpit:
             fov_deg=self._fov_deg,
             dive_s=self._timer.seconds(now),
             left_min=self._endurance.minutes(battery),
+            inside_c=None if inside is None else round(inside.temperature, 1),
             turns=turns(ages.shown(topics.STATE, newest.state, now)),
         )
         shared = self._encode(view).decode()
@@ -331,6 +336,9 @@ class Cockpit:
         if in_control:
             return "another page has the sticks" if taken else words.sticks(view, yours=True)
         return f"{view.pilot} has control" if view.pilot else "asking for control"
+
+    def _overhear(self, level: Level, text: str, name: str) -> None:
+        self._said.append((level, text, name))
 
     def _remember(self, line: LogLine, now: Ns) -> None:
         self._lines.add(line, self._timer.seconds(now))

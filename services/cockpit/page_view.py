@@ -53,6 +53,7 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     fov_deg: float | None = None  # [deg] that the picture is wide
     dive_s: float | None = None  # [s] since the drone was first armed
     left_min: float | None = None  # [min] until the battery is empty
+    inside_c: float | None = None  # [°C] in the enclosure
     turns: int | None = None  # of the tether: whole turns of the drone to starboard
 
 
@@ -61,8 +62,8 @@ def acting(view: VehicleView) -> tuple[Sentence, ...]:
     if not view.acts:
         return ()
     name = FAILSAFE_ACTED(view.failsafe).name
-    since = {} if view.since_s is None else {"s": round(view.since_s)}
-    more = {} if view.next_s is None else {"s": round(max(0.0, view.next_s))}
+    since: dict[str, float] = {} if view.since_s is None else {"s": round(view.since_s)}
+    more: dict[str, float] = {} if view.next_s is None else {"s": round(max(0.0, view.next_s))}
     return (
         (f"{name}.short", {}),
         ("over", {}) if view.resumable else (name, since),

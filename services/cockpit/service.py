@@ -75,6 +75,7 @@ class CockpitPages:
         self._cockpit = Cockpit(settings, pilot, limits, drone, fov_deg)
         self._vehicle = VehiclePorts(node)
         self._thrusters = node.latest(topics.THRUSTERS)
+        self._temperature = node.latest(topics.TEMPERATURE)
         self._drones = node.latest(topics.FLY_DRONES)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
         self._ordering = node.request(
@@ -105,7 +106,8 @@ class CockpitPages:
 
     def _show(self, now: int) -> None:
         newest, thrusters = self._vehicle.newest(now), self._thrusters.newest(now)
-        self._pages.show(self._cockpit.pictures(newest, thrusters, self._drones.fresh(now), now))
+        drones, inside = self._drones.fresh(now), self._temperature.newest(now)
+        self._pages.show(self._cockpit.pictures(newest, thrusters, drones, now, inside))
 
     def _order(self, effects: Effects, now: int) -> None:
         if isinstance(effects, PageEffects):

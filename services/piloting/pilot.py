@@ -16,6 +16,7 @@ from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.piloting.pilot_intents import (
+    Asked,
     FollowIntent,
     GotoIntent,
     Held,
@@ -253,7 +254,7 @@ class Pilot:
                 self.progress = replace(self.progress, may_arm=False)
             out.requests.append(self._request_for(intent))
 
-    def _request_for(self, intent: Intent) -> PilotRequest:
+    def _request_for(self, intent: Asked) -> PilotRequest:
         match intent:
             case GotoIntent(depth, heading):
                 return self._request("goto", depth=depth, heading=heading)

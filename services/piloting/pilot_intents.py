@@ -38,7 +38,8 @@ class Held(NamedTuple):
     began_ns: Ns
 
 
-Intent = Press | GotoIntent | FollowIntent | ModeIntent | LightIntent | Held
+Asked = Press | GotoIntent | FollowIntent | ModeIntent | LightIntent
+Intent = Asked | Held
 
 
 def goto(depth: float | None, heading_deg: float | None) -> GotoIntent:

@@ -43,9 +43,12 @@ export function show(connection, you, view, steeredBy) {
   put("age", `${words.t("state")} ${old === undefined ? UNKNOWN : seconds(old / 1000)}`, grey ? "old" : "");
   const stale = old === undefined || grey || Boolean(connection.words);
   digits(view, stale);
-  const lost = connection.words ? `${words.t(connection.words)}${connection.watching ? "" : `: ${words.t("pilot_lost")}`}` : you.lost;
+  const why = words.same(you.lost ?? ""); // of a lost pilot the drone knows less than the page's service
+  const tells = why && view.failsafe === "pilot_lost";
+  const apart = `${words.t(connection.words)}${connection.watching ? "" : `: ${words.t("pilot_lost")}`}`;
+  const lost = connection.words ? apart : tells ? "" : why;
   alarm("lost", lost);
-  const acting = failsafe(view.acting ?? []);
+  const acting = failsafe(view.acting ?? [], tells && !view.resumable ? why : "");
   const said = [...(you.wants_rest ? [[words.t("wants_rest"), "warning"]] : []), ...(view.said ?? [])];
   const of = (tone) => said.filter((each) => each[1] === tone).map((each) => each[0]).join(" · ");
   alarm("note", of("warning"));
@@ -61,16 +64,16 @@ function digits(view, stale) {
 }
 
 // What the drone does by itself, in four short lines. Returns what is lost, for who does not look.
-function failsafe(acting) {
+function failsafe(acting, known) {
   $("failsafe").hidden = !acting.length;
   document.body.classList.toggle("acting", acting.length > 0);
   if (!acting.length) return "";
   const [[lost], [why, since], [does, more], [must]] = acting;
-  const because = words.t(why).split(/[:：] ?/).at(-1);
+  const because = (known || words.t(why)).split(/[:：] ?/).at(-1);
   const sentences = [
     words.t(lost),
-    "s" in since ? words.t("for", { what: because, s: units.number(since.s) }) : because,
-    "s" in more ? words.t("then", { what: words.t(does), s: units.number(more.s) }) : words.t(does),
+    since.s ? words.t("for", { what: because, s: units.number(since.s) }) : because,
+    more.s ? words.t("then", { what: words.t(does), s: units.number(more.s) }) : words.t(does),
     words.t(must),
   ].map((each) => each && `${each[0].toUpperCase()}${each.slice(1)}.`);
   const rows = $("failsafe").children;
@@ -140,6 +143,7 @@ export function aids(view) {
     ["climb", climb === undefined ? undefined : `${climb > 0.005 ? "↑" : climb < -0.005 ? "↓" : ""} ${units.speed(Math.abs(climb))}`],
     ["left", view.left_min === undefined ? undefined : `${units.number(view.left_min)} min`],
     ["stick", view.stick_ms === undefined ? undefined : ms(view.stick_ms)],
+    ["inside", view.inside_c === undefined ? undefined : units.temperature(view.inside_c)],
     ["turns", view.turns || undefined],
     ["pitch", degrees(view.pitch_deg), "wide"],
     ["roll", degrees(view.roll_deg), "wide"],

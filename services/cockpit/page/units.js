@@ -36,6 +36,11 @@ class Units {
     return value === undefined ? UNKNOWN : `${this.number(value * this.system.speed[0], decimals)} ${this.speedUnit}`;
   }
 
+  temperature(celsius) {
+    const [value, unit] = this.system.temperature(celsius);
+    return `${this.number(value)} ${unit}`;
+  }
+
   time(seconds) {
     if (seconds === undefined || seconds === null) return UNKNOWN;
     const two = (n) => String(Math.floor(n)).padStart(2, "0");

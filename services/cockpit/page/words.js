@@ -25,6 +25,12 @@ class Words {
     return sentence.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "–");
   }
 
+  // A sentence of the event table that comes without its name.
+  same(text) {
+    const key = Object.keys(this.english).find((each) => this.english[each] === text);
+    return key === undefined ? text : this.t(key);
+  }
+
   // A sentence that the service says: that of its event is translated, and its details stay.
   said(text, event) {
     const english = find(this.english, event), own = find(this.own, event);

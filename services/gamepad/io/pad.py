@@ -75,6 +75,7 @@ class Pad:
         if self._silent:
             return self._absent(now)
         sticks = sticks_of(controls, self._profile)
+        presses: tuple[Press, ...]
         presses = presses_of(self._pressed(happened, self._pad), self._profile)
         if not self._trusted:
             presses = tuple(kind for kind in presses if kind in URGENT)

@@ -4,12 +4,13 @@ the event table and the page itself."""
 import json
 import re
 from pathlib import Path
+from typing import cast
 
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
-from messages.vehicle import VehicleStatus
+from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.cockpit.io.files import PageFiles
 from services.cockpit.page_view import acting
 from services.piloting.keys import KEYS
@@ -59,18 +60,21 @@ def test_every_sentence_that_the_page_asks_for_is_there():
 def test_whatever_the_drone_does_by_itself_is_said_in_four_sentences(does: str, resumable: bool):
     names = [key.removesuffix(".short") for key in ENGLISH if key.endswith(".short")]
     assert len(names) == 6
-    reactions = {words: reaction for reaction, words in DOES.items()} | {"stopping": "stop"}
+    reactions: dict[str, Reaction] = {words: reaction for reaction, words in DOES.items()}
+    reactions["stopping"] = "stop"
     for name in names:
         status = VehicleStatus(
-            stamp_ns=0, activity="stopping" if does == "stopping" else "ready", armed=True,
-            failsafe=name.removeprefix("notice:"), reaction=reactions[does], since_ns=0,
+            stamp_ns=0,
+            activity="stopping" if does == "stopping" else "ready",
+            armed=True,
+            failsafe=cast(Failsafe, name.removeprefix("notice:")),
+            reaction=reactions[does],
+            since_ns=0,
             resumable=resumable,
-        )  # fmt: skip
+        )
         assert status.reaction in ACTING
-        keys = [
-            key.replace("failsafe:", "notice:")
-            for key, _ in acting(vehicle_view(Newest(status), 5))
-        ]
+        said = [key for key, _ in acting(vehicle_view(Newest(status), 5))]
+        keys = [key.replace("failsafe:", "notice:") for key in said]
         assert len(keys) == 4
         assert all(ENGLISH[key] for key in keys)
 

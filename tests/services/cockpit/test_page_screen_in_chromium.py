@@ -405,11 +405,16 @@ def test_any_pad_is_mapped_in_the_page_by_pressing_what_is_wanted(browser: Brows
     page.look("document.getElementById('pad-open').click()")
     page.wait("document.getElementById('pad-name').textContent === 'unknown'")
 
+    def looked() -> None:
+        """The page has read the pad as it is: it does so before every message."""
+        before = len(served.sticks)
+        until(lambda: len(served.sticks) > before + 5)
+
     def given(action: str, push: str, let: str) -> None:
         button = f"document.querySelector('#pad [data-action={action}]')"
         page.look(f"{button}.click()")
         page.wait(f"{button}.className === 'waits'")
-        time.sleep(0.1)  # the page has seen the pad at rest
+        looked()
         page.look(f"void ({push}, pad.timestamp++)")
         page.wait(f"{button}.className === '' && {button}.textContent !== '–'")
         page.look(f"void ({let}, pad.timestamp++)")
@@ -422,7 +427,7 @@ def test_any_pad_is_mapped_in_the_page_by_pressing_what_is_wanted(browser: Brows
     assert all(each.surge == 0.0 for each in served.sticks)
     assert page.look("document.querySelectorAll('#pad-picture circle').length") == 40
     page.look("document.querySelector('#pad .close').click()")
-    until(lambda: served.sticks and served.sticks[-1].surge == 0.0)
+    looked()
     page.look("void (pad.axes[1] = -1, pad.timestamp++)")
     until(lambda: served.sticks[-1].surge > 0.5)
     page.look(f"void ({down}, pad.timestamp++)")
