@@ -102,7 +102,7 @@ class Outbox:
         self.counts: Counter[str] = Counter() if counts is None else counts
         self.said: deque[tuple[Level, str, str]] = deque()  # level, text, the event's name
         # Hears each line at once: a service with a screen of its own, which is not sent its own.
-        self.also: Callable[[Level, str], None] = lambda _level, _text: None
+        self.also: Callable[[Level, str, str], None] = lambda _level, _text, _name: None
         self._lock = lock
 
     def tell(self, event: Event | None, times: int = 1) -> None:
@@ -124,7 +124,7 @@ class Outbox:
 
     def _say(self, level: Level, text: str, name: str) -> None:
         self.said.append((level, text, name))
-        self.also(level, text)
+        self.also(level, text, name)
 
 
 ALL: dict[str, Row] = {}  # by name
@@ -284,6 +284,7 @@ CLOSED_KEYBOARD = row("closed:keyboard", DANGER, "pilot lost: the keyboard's win
 OUTDONE_LEASE = row("outdone:lease", DANGER, "another pilot has taken control", said="warning", spoken=True)
 REFUSED = row("refused", PILOT, "the drone refuses a request", said="warning")
 REFUSED_HERE = row("refused_here", PILOT, "a request was not sent", said="warning")
+VOID_HOLD = row("void:hold", PILOT, "what is held has changed its meaning: nothing was done", "let go, and hold again", said="warning")
 REFUSED_FAULT = row("refused:simulator/request", PILOT, "a simulated fault was refused")
 REFUSED_INCIDENT = row("refused:incident", PILOT, "an incident of the script was refused", said="warning")
 UNANSWERED = row("unanswered", PILOT, "the drone did not answer a request", said="warning")

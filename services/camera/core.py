@@ -1,7 +1,6 @@
 """The camera between a picture and the parts of its access unit. Time is an argument; pictures and
 the encoder are elsewhere."""
 
-from math import radians
 from typing import Annotated, NamedTuple
 
 import msgspec
@@ -15,6 +14,7 @@ from services.camera.bitrate import BitrateLaw
 from services.camera.capture_time import Light
 from services.camera.pacing import Pacer, encoder_kbit, pictures_per_second, split
 from services.camera.sea import WaterLight
+from services.marine.field_of_view import FieldOfView
 
 SIMULATED = "simulated"
 STALE_NS = 200_000_000  # [ns] a picture that came longer ago is not even encoded
@@ -22,7 +22,7 @@ PictureSide = Annotated[int, msgspec.Meta(ge=64, le=4096, multiple_of=2)]
 VideoKilobits = Annotated[float, msgspec.Meta(ge=4.0, le=50_000.0)]
 
 
-class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Settings(FieldOfView, frozen=True, forbid_unknown_fields=True):
     """The table [camera] of a vehicle file.
 
     Raises:
@@ -37,7 +37,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rate: Annotated[float, msgspec.Meta(ge=1.0, le=60.0)] = 25.0  # [1/s] pictures at most
     least_kbit: VideoKilobits = 16.0  # [kbit/s] of a link with no room: a slide show
     most_kbit: VideoKilobits = 2000.0  # [kbit/s]
-    angle: Annotated[float, msgspec.Meta(ge=0.3, le=2.4)] = radians(80.0)  # [rad] simulated: width
     water: WaterLight = WaterLight()  # simulated
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from messages.vehicle import VehicleStatus
 from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
 from services.cockpit.stick_page import StickPage
 from services.piloting.pilot import Effects, Pilot, Waiting
-from services.piloting.pilot_intents import Intent, ModeIntent
+from services.piloting.pilot_intents import Intent, LightIntent, ModeIntent, goto
 
 REPEAT_NS = 30_000_000  # [ns] after the newest command: a page that is late for once
 SAY_LOST_NS = (
@@ -88,7 +88,7 @@ class CockpitPilot:
             self._give_back(out)
         elif what == "offer":
             out.requests.append(self._request("offer"))
-        elif what == "arm" and not self.holder.fresh(now):
+        elif what in ("arm", "resume") and not self.holder.fresh(now):
             self.pilot.outbox.tell(events.REFUSED_HERE(what, detail="no stick positions arrive"))
         else:
             self._press(message, waiting, now, out)
@@ -118,6 +118,7 @@ class CockpitPilot:
         """Ask for control only while a page sends sticks."""
         if self.holder.fresh(now):
             return self.pilot.status(status, waiting, now)
+        self.pilot.notice_failsafe(status, now)
         return Effects()
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
@@ -142,13 +143,11 @@ class CockpitPilot:
             out.requests.append(self._request("release"))
 
     def _press(self, message: PageWish, waiting: Waiting, now: Ns, out: Effects) -> None:
-        match message.what:
-            case "mode":
-                intent: Intent | None = message.flight_mode and ModeIntent(message.flight_mode)
-            case "arm" | "disarm" | "stop" | "light":
-                intent = message.what
-            case _:
-                intent = None
+        intent = _intent(message)
+        resumes = message.what == "resume"
+        if message.what in ("arm", "resume") and resumes != self.pilot.in_failsafe:
+            self.pilot.outbox.tell(events.VOID_HOLD(detail=message.what))
+            return
         if intent is None:
             self.pilot.outbox.tell(events.MALFORMED_PAGE())
         else:
@@ -188,6 +187,21 @@ class CockpitPilot:
     def _request(self, kind: RequestKind) -> PilotRequest:
         epoch = self.pilot.progress.epoch or 0
         return PilotRequest(stamp_ns=0, id="", kind=kind, source=self.name, epoch=epoch)
+
+
+def _intent(message: PageWish) -> Intent | None:
+    """None: it says too little."""
+    match message.what:
+        case "mode":
+            return message.flight_mode and ModeIntent(message.flight_mode)
+        case "goto" if message.depth is not None or message.heading_deg is not None:
+            return goto(message.depth, message.heading_deg)
+        case "light" if message.value is not None:
+            return LightIntent(message.value)
+        case "arm" | "resume" | "disarm" | "stop" | "light":
+            return message.what
+        case _:
+            return None
 
 
 def _named(what: str) -> str:

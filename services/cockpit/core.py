@@ -7,15 +7,17 @@ from typing import Annotated
 
 import msgspec
 
-from messages import events
+from messages import events, topics
 from messages.control import ThrusterCommand
 from messages.events import Level
 from messages.film import FilmAnswer, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.sensors import TemperatureSample
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
+from services.cockpit.aids import DiveTimer, Endurance
 from services.cockpit.cockpit_pilot import CockpitPilot
 from services.cockpit.drone_order import DroneOrder
 from services.cockpit.filming import Filming
@@ -28,10 +30,18 @@ from services.cockpit.page_messages import (
     PageSticks,
     PageWish,
 )
-from services.cockpit.page_view import AGES_MS, PageView, positions, thrust
+from services.cockpit.page_view import (
+    AGES_MS,
+    PageView,
+    acting,
+    line,
+    positions,
+    thrust,
+    turns,
+)
 from services.piloting.pilot import Effects, Pilot, Waiting
-from services.vehicle_view import words
-from services.vehicle_view.log_lines import LogLines, brief
+from services.vehicle_view import ages, words
+from services.vehicle_view.log_lines import LogLines
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
 
 SHOW_HZ = 25.0  # [1/s] pictures of the drone
@@ -40,6 +50,8 @@ UNSEEN = (
 )
 REMEMBERED = 64  # pictures whose time of sending is known
 LINES = 4  # newest warnings that are shown
+LISTED = 60  # and in the list of all
+LIST_EVERY = 50  # pictures: a page that has lost the list has it after two seconds
 CLOCK_ERROR_NS = 20_000_000  # [ns] by which a browser's coarse clock may be ahead
 VERY_OLD_NS = -(2**62)  # [ns] when a message was read that does not say so
 
@@ -113,22 +125,29 @@ class Cockpit:
         pilot: Pilot,
         limits: Sequence[tuple[float, float]] = (),
         drone: str = "",
+        fov_deg: float | None = None,
     ) -> None:
         """
         Args:
             limits: [N] least and most thrust of each thruster.
             drone: its name, which every page is shown.
+            fov_deg: [deg] that the picture is wide; None: not known.
         """
         self._drone = drone
         self._outbox = pilot.outbox
-        self._said: list[tuple[Level, str]] = []  # here, and not on a page's lines yet
-        self._outbox.also = lambda level, text: self._said.append((level, text))
+        # Here, and not on a page's lines yet: level, text, the event's name.
+        self._said: list[tuple[Level, str, str]] = []
+        self._outbox.also = self._overhear
         self._pilot = CockpitPilot(pilot, settings.pilot)
         self._order = DroneOrder()
         self.filming = Filming(settings.pilot)
         self._limits = limits
         self._pages: dict[int, Page] = {}
+        self._fov_deg = fov_deg
+        self._timer = DiveTimer(pilot.progress.began_ns)
+        self._endurance = Endurance()
         self._lines = LogLines()
+        self._listed = True  # nothing was said since the list of all lines was sent
         self._picture = 0  # number of the newest
         self._sent_ns: dict[int, Ns] = {}  # by number of the picture
         self._command: PilotCommand | None = None
@@ -206,6 +225,7 @@ class Cockpit:
         return self._kept(self._pilot.tick(waiting, now), now)
 
     def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
+        self._timer.heard(status, now)
         return self._kept(self._pilot.status(status, waiting, now), now)
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
@@ -236,7 +256,7 @@ class Cockpit:
     def log(self, line: LogLine, now: Ns) -> None:
         """Warnings and errors of all services."""
         if line.level != "info":
-            self._lines.add(line, self._elapsed_s(now))
+            self._remember(line, now)
 
     # To pages.
 
@@ -246,36 +266,51 @@ class Cockpit:
         thrusters: ThrusterCommand | None,
         drones: DroneList | None,
         now: Ns,
+        temperature: TemperatureSample | None = None,
     ) -> dict[int, str]:
         """What each page is sent now. A page that has not seen the
         newest pictures gets none, so that none of them waits anywhere.
 
         Args:
             drones: that can be reached; None: nobody says so now.
+            temperature: in the enclosure; None: never said.
         """
         self._order.look(drones, now)
         self._picture += 1
         self._sent_ns[self._picture] = now
         self._sent_ns.pop(self._picture - REMEMBERED, None)
+        inside = ages.shown(topics.TEMPERATURE, temperature, now)
+        battery = ages.shown(topics.BATTERY, newest.battery, now)
+        self._endurance.heard(battery)
         if not self._pages:
             return {}
         seen = vehicle_view(newest, now)
         view = PageView(
             **msgspec.structs.asdict(seen),
             drone=self._drone,
-            said=tuple((each.text, each.tone) for each in words.said(seen)),
+            said=tuple((each.text, each.tone) for each in words.others(seen)),
+            acting=acting(seen),
             numbers=words.numbers(seen),
             thrust=thrust(thrusters, self._limits, now),
             sticks=positions(self._command, now),
             filming_s=self.filming.seconds(now),
             change=self._order.words,
-            lines=tuple((e.line.level, brief(e)) for e in self._lines.newest(LINES)),
+            lines=tuple(map(line, self._lines.newest(LINES))),
+            fov_deg=self._fov_deg,
+            dive_s=self._timer.seconds(now),
+            left_min=self._endurance.minutes(battery),
+            inside_c=None if inside is None else round(inside.temperature, 1),
+            turns=turns(ages.shown(topics.STATE, newest.state, now)),
         )
         shared = self._encode(view).decode()
         ready = [n for n, page in self._pages.items() if page.sent - page.seen < UNSEEN]
         for number in ready:
             self._pages[number].sent = self._picture
         head = f'{{"n":{self._picture},"t":{now / 1e6:.2f},"ages":{self._ages},"you":'
+        if not self._listed or self._picture % LIST_EVERY == 0:
+            every = self._encode([line(entry) for entry in self._lines.newest(LISTED)])
+            head = f'{{"log":{every.decode()},{head[1:]}'
+            self._listed = True
         listed = "" if drones is None else f',"fly":{self._encode(drones).decode()}'
         self._outbox.tell(events.DROPPED_PAGE(), len(self._pages) - len(ready))
         return {
@@ -313,9 +348,9 @@ class Cockpit:
 
     def _kept(self, effects: Effects, now: Ns) -> Effects:
         """Remember what pages are shown of it."""
-        for level, text in self._said:
-            line = LogLine(stamp_ns=now, service="cockpit", level=level, text=text)
-            self._lines.add(line, self._elapsed_s(now))
+        for level, text, name in self._said:
+            said = LogLine(stamp_ns=now, service="cockpit", level=level, text=text, event=name)
+            self._remember(said, now)
         self._said.clear()
         self._command = effects.command or self._command
         return effects
@@ -328,7 +363,9 @@ class Cockpit:
             return "another page has the sticks" if taken else words.sticks(view, yours=True)
         return f"{view.pilot} has control" if view.pilot else "asking for control"
 
-    def _elapsed_s(self, now: Ns) -> float | None:
-        """[s] Since this pilot was first armed."""
-        began = self._pilot.pilot.progress.began_ns
-        return None if began is None else (now - began) / 1e9
+    def _overhear(self, level: Level, text: str, name: str) -> None:
+        self._said.append((level, text, name))
+
+    def _remember(self, line: LogLine, now: Ns) -> None:
+        self._lines.add(line, self._timer.seconds(now))
+        self._listed = False

@@ -10,15 +10,17 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 
 from messages.pilot import FlightMode
-from messages.units import Count, Name, NotNegative, Stick
+from messages.units import Count, Name, NotNegative, Share, Stick
+from services.piloting.pilot_intents import DEEPEST, TURN
 
 LONGEST = 1024  # [B] of one message
 # take: the sticks of this cockpit, and control of the drone unless another pilot has it;
-# force: control from whoever has it; give_back: both; offer: control, to any other pilot
+# force: control from whoever has it; give_back: both; offer: control, to any other pilot. What is
+# held says what stood on the button when that began: arm never resumes, and resume never arms.
 # film: begin one, or end it
 Wish = Literal[
-    "arm", "disarm", "stop", "light", "mode", "take", "force", "offer", "give_back",
-    "film", "snapshot",
+    "arm", "resume", "disarm", "stop", "light", "mode", "goto", "take", "force", "offer",
+    "give_back", "film", "snapshot",
 ]  # fmt: skip
 Absence = Literal["hidden", "unplugged"]
 DroneName = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_.-]{1,64}\Z")]
@@ -48,6 +50,9 @@ class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
 
     what: Wish
     flight_mode: FlightMode | None = None  # mode
+    value: Share | None = None  # light: brightness; None: on or off, whichever it is not
+    depth: Annotated[float, msgspec.Meta(ge=0.0, le=DEEPEST)] | None = None  # [m] goto
+    heading_deg: Annotated[float, msgspec.Meta(ge=-TURN, le=TURN)] | None = None  # goto
 
 
 class PageFly(PageMessage, frozen=True, kw_only=True, tag="fly"):

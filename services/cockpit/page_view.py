@@ -1,12 +1,18 @@
 """What every page is shown: the vehicle, and what only a page shows of it."""
 
+import math
 from collections.abc import Sequence
+
+import msgspec
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.events import FAILSAFE_ACTED
 from messages.pilot import PilotCommand
+from messages.state import VehicleState
 from messages.units import Ns
 from services.vehicle_view import ages
+from services.vehicle_view.log_lines import LogEntry, printable
 from services.vehicle_view.view import VehicleView
 from services.vehicle_view.words import Tone
 
@@ -16,6 +22,21 @@ AGES_MS = {
     name: (table.grey_ns / 1e6, table.gone_ns / 1e6)
     for name, table in (("state", ages.STATE), ("picture", ages.PICTURE), ("drones", ages.DRONES))
 }
+
+
+# A sentence of the page's languages by its key, with the numbers in it. Of an event its name is the
+# key; with `.short` it is its name in few words, with `.do` what the pilot can do.
+Sentence = tuple[str, dict[str, float]]
+
+
+class PageLine(msgspec.Struct, frozen=True, array_like=True):
+    """A line of the log."""
+
+    level: str
+    at_s: float | None  # [s] of the dive; None: before
+    times: int
+    text: str  # service and sentence
+    event: str  # name of its row in the event table; empty: none
 
 
 class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
@@ -28,7 +49,40 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     sticks: tuple[float, ...] = ()  # [-] surge, sway, heave, yaw as sent to the drone
     filming_s: float | None = None  # [s] that a film runs; None: none does
     change: str = ""  # of drone: what has become of the newest order to fly another one
-    lines: tuple[tuple[str, str], ...] = ()  # (level, text), the newest last
+    acting: tuple[Sentence, ...] = ()  # what is lost, why, what the drone does, what the pilot must
+    lines: tuple[PageLine, ...] = ()  # the newest last
+    fov_deg: float | None = None  # [deg] that the picture is wide
+    dive_s: float | None = None  # [s] since the drone was first armed
+    left_min: float | None = None  # [min] until the battery is empty
+    inside_c: float | None = None  # [°C] in the enclosure
+    turns: int | None = None  # of the tether: whole turns of the drone to starboard
+
+
+def acting(view: VehicleView) -> tuple[Sentence, ...]:
+    """While the drone acts by itself; empty: it does not."""
+    if not view.acts:
+        return ()
+    name = FAILSAFE_ACTED(view.failsafe).name
+    since: dict[str, float] = {} if view.since_s is None else {"s": round(view.since_s)}
+    more: dict[str, float] = {} if view.next_s is None else {"s": round(max(0.0, view.next_s))}
+    return (
+        (f"{name}.short", {}),
+        ("over", {}) if view.resumable else (name, since),
+        (f"does.{view.doing}", more),
+        ("do.resume" if view.resumable else f"{name}.do", {}),
+    )
+
+
+def turns(state: VehicleState | None) -> int | None:
+    """Of the drone, since its start and to starboard; None: its heading is not known."""
+    if state is None or not state.heading.valid:
+        return None
+    return round(state.heading.value / math.tau)
+
+
+def line(entry: LogEntry) -> PageLine:
+    said = entry.line
+    return PageLine(said.level, entry.last_s, entry.times, printable(said), said.event)
 
 
 def positions(command: PilotCommand | None, now: Ns) -> tuple[float, ...]:

@@ -1,6 +1,7 @@
 """Cockpit service: serves the pilot's page, and publishes what the page with the sticks says."""
 
 from collections.abc import Callable, Mapping
+from math import degrees
 from typing import Protocol
 
 from messages import topics
@@ -11,6 +12,7 @@ from messages.video import VideoPart
 from services.cockpit.core import SHOW_HZ, Cockpit, PageEffects, Settings
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.video import PageUnit, PictureStream
+from services.marine.field_of_view import FieldOfView
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Effects, Pilot
@@ -44,7 +46,8 @@ def wire(node: Node, stack: Stack) -> None:
     server = PageServer(settings, access, node.outbox)
     node.on_close(server.close)
     vehicle = stack.section("vehicle", Vehicle)
-    connected = CockpitPages(node, settings, vehicle, server, stack.name)
+    fov_deg = round(degrees(stack.section("camera", FieldOfView).angle), 1)
+    connected = CockpitPages(node, settings, vehicle, server, stack.name, fov_deg)
     _relay(node, server.show_video, connected.sent_picture)
     server.start(node.from_outside(connected.receive))
     node.log("info", f"cockpit: {access.address}")
@@ -58,14 +61,21 @@ class CockpitPages:
     """Connects a `Cockpit` to its pages and to a node."""
 
     def __init__(
-        self, node: Node, settings: Settings, vehicle: Vehicle, pages: Pages, drone: str = ""
+        self,
+        node: Node,
+        settings: Settings,
+        vehicle: Vehicle,
+        pages: Pages,
+        drone: str = "",
+        fov_deg: float | None = None,
     ) -> None:
         self._node, self._pages = node, pages
         pilot = Pilot(restored(node), node.outbox, arms=False)
         limits = [thruster.limits for thruster in vehicle.thruster]
-        self._cockpit = Cockpit(settings, pilot, limits, drone)
+        self._cockpit = Cockpit(settings, pilot, limits, drone, fov_deg)
         self._vehicle = VehiclePorts(node)
         self._thrusters = node.latest(topics.THRUSTERS)
+        self._temperature = node.latest(topics.TEMPERATURE)
         self._drones = node.latest(topics.FLY_DRONES)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
         self._ordering = node.request(
@@ -102,7 +112,8 @@ class CockpitPages:
 
     def _show(self, now: int) -> None:
         newest, thrusters = self._vehicle.newest(now), self._thrusters.newest(now)
-        self._pages.show(self._cockpit.pictures(newest, thrusters, self._drones.fresh(now), now))
+        drones, inside = self._drones.fresh(now), self._temperature.newest(now)
+        self._pages.show(self._cockpit.pictures(newest, thrusters, drones, now, inside))
 
     def _order(self, effects: Effects, now: int) -> None:
         if isinstance(effects, PageEffects):

@@ -146,15 +146,15 @@ def sticks_of(controls: Mapping[str, float], profile: PadProfile) -> Sticks:
 
 
 def presses_of(pressed: list[str], profile: PadProfile) -> tuple[Press, ...]:
-    """What the pilot asks for with buttons, in the order they were pressed."""
-    button = profile.button
-    meaning: dict[str, Press] = {
-        button.arm: "arm",
-        button.disarm: "disarm",
-        button.stop: "stop",
-        button.light: "light",
-    }
+    """What the pilot asks for at once with buttons, in the order they were pressed."""
+    meaning: dict[str, Press] = {profile.button.stop: "stop", profile.button.light: "light"}
     return tuple(meaning[name] for name in pressed if name in meaning)
+
+
+def held_of(controls: Mapping[str, float], profile: PadProfile) -> set[Press]:
+    """What the pilot asks for with buttons that have to be held, as long as they are."""
+    meaning: dict[Press, str] = {"arm": profile.button.arm, "disarm": profile.button.disarm}
+    return {press for press, name in meaning.items() if controls.get(name, 0.0)}
 
 
 def _travel(controls: Mapping[str, float], name: str) -> float:

@@ -265,7 +265,7 @@ class Submarine:
         self._texts.pack(out, self._outbox, now)
         return out
 
-    def _overhear(self, level: Level, text: str) -> None:
+    def _overhear(self, level: Level, text: str, _name: str) -> None:
         self._said.append((level, text))
 
 

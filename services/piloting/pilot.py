@@ -15,7 +15,15 @@ from messages.events import Outbox
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.piloting.pilot_intents import FollowIntent, GotoIntent, Intent, ModeIntent
+from services.piloting.pilot_intents import (
+    Asked,
+    FollowIntent,
+    GotoIntent,
+    Held,
+    Intent,
+    LightIntent,
+    ModeIntent,
+)
 from services.piloting.sticks import CENTRED, StickReading
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
@@ -72,6 +80,7 @@ class Pilot:
     _back_off_ns: Ns = BACK_OFF_NS[0]
     _light: bool = False  # as last requested or reported
     in_failsafe: bool = False  # the drone acts by itself, until this pilot resumes
+    _changed_ns: Ns = 0  # [ns] when arming began to mean resuming, or ended to
     _resume_after: Ns = 0  # [ns]
     _reading: StickReading = ABSENT
 
@@ -105,7 +114,7 @@ class Pilot:
         self._hold_lease(status, waiting, now, out)
         if "light" not in waiting:
             self._light = status.light > 0.0
-        self.in_failsafe = status.armed and status.failsafe != "none"
+        self.notice_failsafe(status, now)
         if self.resumes and status.resumable and self._has_control:
             self._resume(waiting, now, out)
         if self.progress.began_ns is not None or not self._has_control:
@@ -117,6 +126,11 @@ class Pilot:
         elif self.arms and self.progress.may_arm and status.activity == "ready":
             self._arm(waiting, now, out)
         return out
+
+    def notice_failsafe(self, status: VehicleStatus, now: Ns) -> None:
+        """Also of a drone that this pilot does not fly: what arming means."""
+        if self.in_failsafe != (status.armed and status.failsafe != "none"):
+            self.in_failsafe, self._changed_ns = not self.in_failsafe, now
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
         out = Effects()
@@ -220,12 +234,17 @@ class Pilot:
 
     def _press(self, intent: Intent, waiting: Waiting, out: Effects) -> None:
         """Make the pilot's request; a stop or a disarm also ends automatic arming. Who arms while a
-        failsafe acts wants to resume."""
+        failsafe acts wants to resume, unless it was held since before."""
+        if isinstance(intent, Held):
+            if intent.press == "arm" and intent.began_ns < self._changed_ns:
+                self.outbox.tell(events.VOID_HOLD(detail="arm"))
+                return
+            intent = intent.press
         if intent == "arm" and self.in_failsafe and self._has_control:
             intent = "resume"
         if intent == "arm" and not self._reading.at_rest:
             self.outbox.tell(events.REFUSED_HERE("arm", detail="let go of the sticks first"))
-        elif intent == "arm" and not self._has_control:
+        elif intent in ("arm", "resume") and not self._has_control:
             if not self._arms_next and "lease" not in waiting:
                 out.requests.append(self._request("lease"))
             self._arms_next = True
@@ -235,7 +254,7 @@ class Pilot:
                 self.progress = replace(self.progress, may_arm=False)
             out.requests.append(self._request_for(intent))
 
-    def _request_for(self, intent: Intent) -> PilotRequest:
+    def _request_for(self, intent: Asked) -> PilotRequest:
         match intent:
             case GotoIntent(depth, heading):
                 return self._request("goto", depth=depth, heading=heading)
@@ -243,6 +262,8 @@ class Pilot:
                 return self._request("follow", course=course)
             case ModeIntent(flight_mode):
                 return self._request("mode", flight_mode=flight_mode)
+            case LightIntent(value):
+                return self._request("light", value=value)
             case "light":
                 self._light = not self._light
                 return self._request("light", value=float(self._light))

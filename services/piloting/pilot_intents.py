@@ -4,6 +4,7 @@ import math
 from typing import Literal, NamedTuple
 
 from messages.pilot import Course, FlightMode
+from messages.units import Ns
 
 DEEPEST = 11_000.0  # [m] no sea is deeper
 TURN = 360.0  # [deg] a heading is given within one turn either way
@@ -26,7 +27,19 @@ class ModeIntent(NamedTuple):
     flight_mode: FlightMode
 
 
-Intent = Press | GotoIntent | FollowIntent | ModeIntent
+class LightIntent(NamedTuple):
+    value: float  # [-] 0 … 1
+
+
+class Held(NamedTuple):
+    """A key or button was held for a second. It asks for what it meant when that began."""
+
+    press: Press
+    began_ns: Ns
+
+
+Asked = Press | GotoIntent | FollowIntent | ModeIntent | LightIntent
+Intent = Asked | Held
 
 
 def goto(depth: float | None, heading_deg: float | None) -> GotoIntent:

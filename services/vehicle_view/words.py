@@ -24,8 +24,13 @@ class Said(NamedTuple):
 def said(view: VehicleView) -> list[Said]:
     """What is wrong, the gravest first, as what is lost, what the drone does, and what ends it."""
     acts = ": ".join(filter(None, (failsafe(view), acting(view))))
-    found = [*([acts] if acts else []), *([f"LINK {view.alarm}"] if view.alarm else [])]
-    return [*map(Said, found), *(Said(note, "warning") for note in notes(view))]
+    return [*([Said(acts)] if acts else []), *others(view)]
+
+
+def others(view: VehicleView) -> list[Said]:
+    """What is wrong beside what makes the drone act by itself."""
+    link = [Said(f"LINK {view.alarm}")] if view.alarm else []
+    return [*link, *(Said(note, "warning") for note in notes(view))]
 
 
 def acting(view: VehicleView) -> str:

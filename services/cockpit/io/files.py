@@ -3,15 +3,19 @@
 import hashlib
 from importlib.resources import files
 
+import msgspec
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
+from messages import events
 from services import cockpit
+from services.piloting.keys import KEYS
 
 TYPES = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
     "js": "text/javascript; charset=utf-8",
+    "json": "application/json",
 }
 HEADERS = {
     # Nothing from elsewhere, and nobody may lay another page over the sticks.
@@ -21,7 +25,20 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 INDEX = "index.html"
+ENGLISH = "words_en.json"  # the page's own sentences; those of events are added to them
 VERSION = b"@VERSION@"  # stands in the page for the version
+
+
+def sentences() -> dict[str, str]:
+    """The English of all events that a page says, from the event table. A condition is said alike
+    when it is noticed and when it acts."""
+    said = [row for row in events.ALL.values() if row.said in ("warning", "error")]
+    found = {row.name: row.sentence for row in said if row.kind != events.FAILSAFE_ACTED.kind}
+    for condition in events.CONDITIONS.values():
+        if condition.acted.short:  # one that acts, said in four lines
+            found[f"{condition.noticed.name}.short"] = condition.acted.short
+            found[f"{condition.noticed.name}.do"] = condition.acted.to_do
+    return found
 
 
 class PageFiles:
@@ -34,6 +51,10 @@ class PageFiles:
             for entry in folder.iterdir()
             if entry.name.rpartition(".")[2] in TYPES
         }
+        english = sentences() | msgspec.json.decode(self.contents[ENGLISH])
+        self.contents[ENGLISH] = msgspec.json.encode(english)
+        keys = [key._asdict() for key in KEYS]
+        self.contents["keys.json"] = msgspec.json.encode(keys)
         everything = b"".join(self.contents[name] for name in sorted(self.contents))
         self.version = hashlib.sha256(everything).hexdigest()[:12]
         self.contents[INDEX] = self.contents[INDEX].replace(VERSION, self.version.encode())

@@ -15,6 +15,7 @@ export class Connection {
     this.picture = null; // the newest
     this.arrived = 0; // [ms] when, by this page's clock
     this.drones = null; // the newest list of those that can be reached
+    this.log = []; // all warnings and errors of the dive
     this.listed = -Infinity; // [ms] when that arrived
     this.ages = { state: [Infinity, Infinity], picture: [1000, 3000], drones: [0, 0] }; // until said
     this.words = "connecting"; // what is wrong; empty: nothing
@@ -57,6 +58,7 @@ export class Connection {
     this.ages = this.picture.ages;
     this.clock.learn(this.picture.t, this.arrived, this.picture.you.delay_ms);
     this.words = "";
+    this.log = this.picture.log ?? this.log;
     if (this.picture.fly) [this.drones, this.listed] = [this.picture.fly, this.arrived];
     if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
   }
@@ -80,8 +82,8 @@ export class Connection {
     return true;
   }
 
-  wish(what, hold) {
-    this.send("wish", hold ? { what, hold } : { what });
+  wish(what, fields = {}) {
+    this.send("wish", { what, ...fields });
   }
 
   fly(drone) {

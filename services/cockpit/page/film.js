@@ -1,18 +1,21 @@
-// The buttons `film` and `snapshot`, wherever the page has them. A film runs once the recorder says so.
+// The buttons `film` and `snapshot`. A film runs once the recorder says so.
+
+import { words } from "/words.js";
 
 export class Film {
   constructor(wish) {
-    for (const what of ["film", "snapshot"]) this[what] = document.getElementById(what);
-    for (const what of ["film", "snapshot"]) this[what]?.addEventListener("click", () => wish(what));
+    for (const what of ["film", "snapshot"]) {
+      this[what] = document.getElementById(what);
+      this[what].addEventListener("click", () => wish(what));
+    }
   }
 
   show(view, may) {
-    if (!this.film) return;
     const seconds = view.filming_s, runs = seconds !== undefined;
     const clock = runs && `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
-    const words = runs ? `● Filming ${clock}` : "Film";
-    if (this.film.textContent !== words) this.film.textContent = words;
+    const said = runs ? `● ${words.t("filming")} ${clock}` : words.t("film");
+    if (this.film.textContent !== said) this.film.textContent = said;
     this.film.setAttribute("aria-pressed", String(runs));
-    for (const what of ["film", "snapshot"]) if (this[what]) this[what].disabled = !may;
+    for (const what of ["film", "snapshot"]) this[what].disabled = !may;
   }
 }

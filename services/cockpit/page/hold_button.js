@@ -1,11 +1,13 @@
-// A button that must be held for a second: arming is deliberate.
+// A button that must be held for a second: what it does is deliberate. It does what stood there when
+// the hold began; where that changes meanwhile, the hold is void, and nothing is done.
 
 const HOLD_MS = 1000;
 
 export class HoldButton {
-  // begin(): it was pressed; done(): it was held long enough
-  constructor(element, begin, done) {
-    Object.assign(this, { element, begin, done });
+  // meaning(): what it asks for now; begin(): it was pressed; done(what): it was held long enough;
+  // spoilt(): its meaning has changed under the finger
+  constructor(element, meaning, begin, done, spoilt) {
+    Object.assign(this, { element, meaning, begin, done, spoilt });
     this.since = null;
     element.addEventListener("pointerdown", (e) => {
       e.preventDefault();
@@ -18,8 +20,11 @@ export class HoldButton {
     element.addEventListener("contextmenu", (e) => e.preventDefault());
   }
 
+  get inert() { return this.element.disabled || this.element.hidden; }
+
   press() {
-    if (this.since !== null || this.element.disabled || this.element.hidden) return;
+    if (this.since !== null || this.inert) return;
+    this.what = this.meaning();
     this.since = performance.now();
     this.begin();
     this.timer = setInterval(() => this.grow(), 40);
@@ -38,10 +43,14 @@ export class HoldButton {
   }
 
   grow() {
+    if (this.inert || this.meaning() !== this.what) {
+      this.release();
+      return this.spoilt();
+    }
     const share = (performance.now() - this.since) / HOLD_MS;
     this.element.style.setProperty("--held", Math.min(share, 1));
     if (share < 1) return;
     this.release();
-    this.done();
+    this.done(this.what);
   }
 }

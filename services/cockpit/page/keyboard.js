@@ -1,42 +1,59 @@
-// Keys that are down. Another window gets their release, so all count as released with the focus.
-
-const MOVES = new Set(["KeyW", "KeyS", "KeyA", "KeyD", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "KeyR", "KeyF"]);
-const PRESSES = { Space: "stop", Backspace: "disarm", KeyL: "light" };
+// Keys that are down. Another window gets their release, so all count as released with the focus. The
+// same holds for Ctrl, Alt and Meta: what is pressed with them is the browser's.
 
 export class Keyboard {
-  // press(what): a key that asks for something; hold(isDown): Enter; moved(): a key that steers
-  constructor(press, hold, moved) {
-    this.keys = new Set();
-    addEventListener("keydown", (e) => {
-      if (e.ctrlKey && e.code.startsWith("Key") && !MOVES.has(e.code)) return; // the browser's own
-      const known = MOVES.has(e.code) || e.code in PRESSES || e.code === "Enter";
-      // A button that has the focus would be clicked by Space or Enter as well.
-      if (known) { e.preventDefault(); document.activeElement?.blur(); }
-      this.keys.add(e.code);
-      if (e.repeat) return;
-      if (MOVES.has(e.code)) moved();
-      if (e.code in PRESSES) press(PRESSES[e.code]);
-      if (e.code === "Enter") hold(true);
-    }, { capture: true });
-    addEventListener("keyup", (e) => {
-      if (e.code in PRESSES || e.code === "Enter") e.preventDefault();
-      this.keys.delete(e.code);
-      if (MOVES.has(e.code)) moved();
-      if (e.code === "Enter") hold(false);
-    }, { capture: true });
-    addEventListener("blur", () => { this.keys.clear(); hold(false); });
+  // press(action): once; hold(action, isDown): what is deliberate; moved(): a key that steers
+  constructor(keys, press, hold, moved) {
+    Object.assign(this, { keys, press, hold, moved });
+    this.down = new Set(); // codes
+    addEventListener("keydown", (e) => this.pressed(e), { capture: true });
+    addEventListener("keyup", (e) => this.let(e), { capture: true });
+    addEventListener("blur", () => this.release());
   }
 
-  get moving() { return [...this.keys].some((key) => MOVES.has(key)); }
+  pressed(event) {
+    const row = this.keys.actions.get(event.code);
+    const stop = row?.action === "stop";
+    if ((event.ctrlKey || event.altKey || event.metaKey) && !stop) return this.release();
+    if (!row || (writes(event.target) && !stop)) return;
+    // A button that has the focus would be clicked by Space or Enter as well.
+    event.preventDefault();
+    document.activeElement?.blur();
+    if (event.repeat) return;
+    this.down.add(event.code);
+    if (row.kind === "steer") this.moved();
+    else if (row.kind === "hold") this.hold(row.action, true);
+    else this.press(row.action);
+  }
+
+  let(event) {
+    const row = this.keys.actions.get(event.code);
+    if (!this.down.delete(event.code) || !row) return;
+    event.preventDefault();
+    if (row.kind === "steer") this.moved();
+    if (row.kind === "hold") this.hold(row.action, false);
+  }
+
+  release() {
+    this.down.clear();
+    for (const action of ["arm", "disarm"]) this.hold(action, false);
+    this.moved();
+  }
+
+  get moving() { return [...this.down].some((code) => this.keys.actions.get(code)?.kind === "steer"); }
 
   sticks(gain) {
-    const on = (key) => Number(this.keys.has(key));
-    const either = (a) => Number(this.keys.has(`${a}Left`) || this.keys.has(`${a}Right`));
-    const g = Math.max(0.1, Math.min(1, gain * (1 + either("Shift") - 0.6 * either("Control"))));
+    const on = (action) => Number(this.keys.codes(action).some((code) => this.down.has(code)));
+    const g = Math.max(0.1, Math.min(1, gain * (1 + on("boost") - 0.6 * on("slow"))));
     return {
-      surge: g * (on("KeyW") - on("KeyS")), sway: g * (on("KeyD") - on("KeyA")),
-      heave: g * (on("ArrowDown") - on("ArrowUp")), yaw: g * (on("ArrowRight") - on("ArrowLeft")),
-      tilt: on("KeyR") - on("KeyF"),
+      surge: g * (on("ahead") - on("back")), sway: g * (on("starboard") - on("port")),
+      heave: g * (on("sink") - on("rise")), yaw: g * (on("turn_starboard") - on("turn_port")),
+      tilt: on("tilt_up") - on("tilt_down"),
     };
   }
+}
+
+// Does this element take what is typed?
+function writes(element) {
+  return element?.matches?.("input:not([type=checkbox]), textarea") ?? false;
 }

@@ -1,23 +1,35 @@
 // The pilot's page: devices → connection → service, and pictures of the drone → screen.
 
+import { Alarms } from "/alarms.js";
 import { Connection } from "/connection.js";
 import { Drones } from "/drones.js";
 import { Film } from "/film.js";
+import { Goto } from "/goto.js";
 import { HoldButton } from "/hold_button.js";
 import { Hud } from "/hud.js";
 import { Keyboard } from "/keyboard.js";
+import { Keys } from "/keys.js";
+import { KeysPanel } from "/keys_panel.js";
+import { Menu } from "/menu.js";
 import { Pad } from "/pad.js";
-import { buttons, show, showPicture } from "/panel.js";
+import { PadPanel } from "/pad_panel.js";
+import { aids, buttons, lines, show, showPicture } from "/panel.js";
+import { Picture } from "/picture.js";
+import { Settings } from "/settings.js";
 import { GAINS } from "/shape.js";
 import { Steering } from "/steering.js";
 import { TouchStick } from "/touch_stick.js";
 import { Trace } from "/trace.js";
+import { units } from "/units.js";
 import { Video } from "/video.js";
+import { LANGUAGES, words } from "/words.js";
 
 const STICKS_MS = 20; // between two messages
 const MOVED_MS = 8; // between two of a stick that moves; the service takes 250 messages a second
 const SAME_MS = 200; // the same picture is drawn again after this
-const THEMES = ["dark", "bright", "contrast"];
+const SAID_MS = 5000; // a sentence of the page
+const CLICKED_MS = 100; // after a touch: what it has clicked has heard of it
+const FOV_DEG = 80; // where the service does not say how wide the picture is
 const $ = (id) => document.getElementById(id);
 
 const connection = new Connection();
@@ -25,45 +37,69 @@ const hud = new Hud($("hud"));
 const trace = new Trace($("trace"));
 const drones = new Drones(connection);
 export const video = new Video($("picture"), connection);
+const picture = new Picture($("picture"));
+const settings = new Settings(apply);
+const alarms = new Alarms(settings, words);
 let arming = "arm"; // what the hold button asks for now
 let gain = "Normal";
 let gone = false; // the device that steered is gone
 
 const you = () => connection.picture?.you ?? {};
-const wish = (what, hold) => connection.wish(what, hold);
+const view = () => connection.picture?.view ?? {};
+const wish = (what, fields) => connection.wish(what, fields);
+$("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("stop"); });
+const goto = new Goto(view, wish, (key) => say(words.t(key)));
 
 // Holding begins to steer, so that positions have arrived when it ends.
 function takeFirst() {
   if (!you().has_sticks && !you().taken) wish("take");
 }
-const arm = new HoldButton($("arm"), takeFirst, () => wish(arming));
-new HoldButton($("disarm"), takeFirst, () => wish("disarm"));
-new HoldButton($("force"), () => {}, () => wish("force"));
-const hold = (down) => {
-  if (!down) arm.release();
-  else if (arming === "arm") arm.press(); // to disarm there is a button of its own
+const deliberate = (id, meaning, begin = takeFirst) =>
+  new HoldButton($(id), meaning, begin, (what) => wish(what), () => say(words.t("void")));
+const held = {
+  arm: deliberate("arm", () => arming),
+  disarm: deliberate("disarm", () => "disarm"),
+  force: deliberate("force", () => "force", () => {}),
 };
-const pad = new Pad(wish, hold);
-const keyboard = new Keyboard(wish, hold, steer);
+const hold = (what, down) => (down ? held[what].press() : held[what].release());
+const click = (id) => $(id).hidden || $(id).click();
+const OWN = { // what the page does itself
+  speed: faster, mute: () => settings.next("sound"), film: () => click("film"), snapshot: () => click("snapshot"),
+  brighter: () => goto.light(1), darker: () => goto.light(-1),
+  deeper: () => goto.deeper(1), shallower: () => goto.deeper(-1),
+  heading_port: () => goto.turned(-1), heading_starboard: () => goto.turned(1),
+};
+const press = (what) => (what in OWN ? OWN[what]() : wish(what));
+const keys = await Keys.load();
+const keysPanel = new KeysPanel(keys, say); // hears a key before what steers does
+const pad = new Pad(press, hold);
+const padPanel = new PadPanel(pad);
 const film = new Film(wish);
+const keyboard = new Keyboard(keys, press, hold, steer);
 const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
 const steering = new Steering(...thumbs, keyboard, pad);
+const menu = new Menu((name) => {
+  if (name === "menu") goto.fill();
+  if (name === "keys") keysPanel.draw();
+  draw();
+});
 
-$("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("stop"); });
 for (const id of ["take", "offer", "give_back"]) $(id).addEventListener("click", () => wish(id));
 $("lamp").addEventListener("click", () => wish("light"));
-$("flight_mode").addEventListener("change", (e) => { wish("mode", e.target.value); e.target.blur(); });
-$("gain").addEventListener("click", () => {
+$("flight_mode").addEventListener("change", (e) => { wish("mode", { flight_mode: e.target.value }); e.target.blur(); });
+$("gain").addEventListener("click", faster);
+function faster() {
   const names = Object.keys(GAINS);
   gain = names[(names.indexOf(gain) + 1) % names.length];
-  $("gain").textContent = `Speed: ${gain.toLowerCase()}`;
-});
+  name();
+}
 
 // Sticks, 50 times a second while the page can be seen, and at once when one has moved.
 let sent = "", sentAt = 0, movedAt = 0;
 function steer() {
   if (document.hidden || connection.watching) return;
   const sticks = steering.read(GAINS[gain]);
+  if (keyboard.moving || pad.active) document.body.classList.remove("touch");
   if (!you().has_sticks) return;
   const now = performance.now(), moved = positions(sticks) !== sent;
   if (now - (moved ? movedAt : sentAt) < (moved ? MOVED_MS : STICKS_MS - 1)) return;
@@ -76,10 +112,15 @@ function steer() {
 const positions = (sticks) => sticks && [sticks.surge, sticks.sway, sticks.heave, sticks.yaw, sticks.tilt].join();
 setInterval(steer, STICKS_MS / 2); // a pad tells nobody that it has moved
 
+// The first touch shows the sticks. It moves none, and nothing moves away under it.
+addEventListener("pointerup", (e) => {
+  if (e.pointerType === "touch") setTimeout(() => document.body.classList.add("touch"), CLICKED_MS);
+}, { capture: true });
+
 function hide() {
   if (connection.watching) return;
   steering.release();
-  arm.release();
+  for (const what of Object.values(held)) what.release();
   connection.absent("hidden");
 }
 document.addEventListener("visibilitychange", () => (document.hidden ? hide() : stayAwake()));
@@ -92,23 +133,35 @@ function stayAwake() {
 }
 stayAwake();
 
-// A choice for this screen; without one as the system wants it.
-function theme(name) {
-  document.documentElement.className = name;
-  $("theme").textContent = `Screen: ${name}`;
+// Choices for this screen; without one the theme is as the system wants it.
+const light = matchMedia("(prefers-color-scheme: light)"), contrast = matchMedia("(prefers-contrast: more)");
+const wanted = () => (contrast.matches ? "contrast" : light.matches ? "bright" : "dark");
+async function apply(changed) {
+  document.documentElement.className = settings.chosen ? settings.theme : wanted();
   hud.colours();
+  if (changed === "language" || words.language !== settings.language) await words.use(settings.language);
+  units.use(settings.units, settings.language);
+  name();
+  drawnAt = 0;
+  if (menu.open) menu.opened(menu.open);
 }
-const preferred = matchMedia("(prefers-color-scheme: light)");
-const contrast = matchMedia("(prefers-contrast: more)");
-const wanted = () => (contrast.matches ? "contrast" : preferred.matches ? "bright" : "dark");
-let stored = null;
-try { stored = localStorage.getItem("theme"); } catch { /* not allowed: not remembered */ }
-theme(THEMES.includes(stored) ? stored : wanted());
-preferred.addEventListener("change", () => stored || theme(wanted()));
-$("theme").addEventListener("click", () => {
-  stored = THEMES[(THEMES.indexOf(document.documentElement.className) + 1) % THEMES.length];
-  theme(stored);
-  try { localStorage.setItem("theme", stored); } catch { /* as above */ }
+// What stands on buttons that say a choice.
+function name() {
+  const named = { theme: settings.theme, crop: settings.crop, sound: settings.sound, speech: settings.speech, units: settings.units };
+  for (const [id, value] of Object.entries(named)) $(id).textContent = `${words.t(id)}: ${words.t(`${id}.${value}`)}`;
+  $("gain").textContent = words.t(`speed.${gain}`);
+}
+for (const id of ["theme", "crop", "sound", "speech", "units"]) $(id).addEventListener("click", () => {
+  if (id === "theme" && !settings.chosen) settings.theme = wanted();
+  settings.next(id);
+});
+$("language").append(...Object.entries(LANGUAGES).map(([code, called]) => new Option(called, code)));
+$("language").value = settings.language;
+$("language").addEventListener("change", (e) => settings.set("language", e.target.value));
+$("silence").addEventListener("click", () => settings.set("sound", "off"));
+$("fullscreen").addEventListener("click", () => {
+  const asked = document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.();
+  asked?.catch(() => say(words.t("fullscreen.refused")));
 });
 
 document.body.classList.toggle("watcher", connection.watching);
@@ -127,15 +180,38 @@ function frame() {
   draw();
 }
 
-function draw() {
-  const picture = connection.picture ?? { you: {}, view: {} };
-  const steeredBy = steering.device === "pad" ? "pad" : steering.device;
-  const old = show(connection, picture.you, picture.view, steeredBy);
-  showPicture(video);
-  film.show(picture.view, !connection.watching);
-  drones.show(picture.view);
-  arming = buttons(picture.you, picture.view);
-  hud.draw(picture.view, old);
-  trace.add(picture.view.rtt_ms, performance.now());
+// A sentence of the page itself, for as long as it takes to read it.
+let own = "", ownAt = 0;
+function say(sentence) {
+  [own, ownAt] = [sentence, performance.now()];
 }
+function told(now) {
+  if (now - ownAt > SAID_MS) own = "";
+  if ($("own").textContent !== own) $("own").textContent = own;
+  $("own").hidden = !own;
+}
+
+function draw() {
+  const now = performance.now(), seen = view();
+  const found = show(connection, you(), seen, steering.device);
+  showPicture(video);
+  film.show(seen, !connection.watching);
+  drones.show(seen);
+  told(now);
+  arming = buttons(you(), seen);
+  aids(seen);
+  alarms.look(found.alarms, now);
+  $("silence").hidden = !found.alarms.length || settings.sound === "off";
+  if (menu.open === "menu") lines(connection.log.toReversed(), "log");
+  if (menu.open === "pad") padPanel.draw();
+  const box = (id) => $(id).getBoundingClientRect();
+  const boxes = { heading: box("heading"), depth: box("depth"), aids: box("aids"), buttons: box("buttons") };
+  const free = [boxes.heading.bottom, boxes.buttons.top];
+  const axis = picture.place({ stripe: video.stripe ?? 0, fov: seen.fov_deg ?? FOV_DEG, whole: settings.crop === "whole", free });
+  hud.draw(seen, found.stale, axis, boxes);
+  trace.add(seen.rtt_ms, now);
+}
+await words.use(settings.language);
+await apply("language");
+for (const query of [light, contrast]) query.addEventListener("change", () => apply("theme"));
 frame();

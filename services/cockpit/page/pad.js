@@ -4,17 +4,28 @@
 import { shape } from "/shape.js";
 
 const DEAD_BAND = 0.12, EXPO = 0.4;
-const B = { stop: 1, light: 3, slow: 6, boost: 7, disarm: 8, arm: 9, up: 12, down: 13 };
+const HELD = ["arm", "disarm"]; // what is deliberate
+const PRESSED = ["stop", "light", "film", "snapshot", "speed"];
+const MOVED = 0.6; // of a stick's travel: it is this one that is meant
+const STORE = "pads";
+// Of a pad that the browser knows ("standard"): axes with their sign, and buttons.
+const STANDARD = {
+  ahead: [3, -1], starboard: [2, 1], rise: [1, -1], turn_starboard: [0, 1],
+  stop: 1, light: 3, slow: 6, boost: 7, disarm: 8, arm: 9, tilt_up: 12, tilt_down: 13,
+};
+export const PAD_ACTIONS = ["ahead", "starboard", "rise", "turn_starboard", "stop", "arm", "disarm", "light", "slow", "boost", "tilt_up", "tilt_down", "speed", "film", "snapshot"];
+const AXES = PAD_ACTIONS.slice(0, 4);
 
 export class Pad {
   constructor(press, hold) {
     this.press = press;
     this.hold = hold;
+    try { this.maps = JSON.parse(localStorage.getItem(STORE)) ?? {}; } catch { this.maps = {}; }
     this.clear();
   }
 
   forget() {
-    if (this.pressed.arm) this.hold(false);
+    for (const what of HELD) if (this.pressed[what]) this.hold(what, false);
     this.clear();
   }
 
@@ -24,12 +35,16 @@ export class Pad {
     this.values = "";
     this.reported = 0; // [ms]
     this.pressed = {};
+    this.waits = null; // for the stick or button of an action
   }
+
+  get map() { return { ...(this.pad?.mapping === "standard" ? STANDARD : {}), ...this.maps[this.pad?.id] }; }
 
   // Read it. Returns the raw pad, or null when there is none.
   look() {
     const pads = navigator.getGamepads ? [...navigator.getGamepads()] : [];
-    const found = pads.filter((p) => p && p.connected && p.mapping === "standard");
+    this.any = pads.find((p) => p?.connected) ?? null; // also one that has no mapping yet
+    const found = pads.filter((p) => p && p.connected && (p.mapping === "standard" || this.maps[p.id] || this.waits));
     const pad = found.find((p) => p.index === this.index && p.id === this.id) ?? found[0] ?? null;
     const same = pad && pad.id === this.id && pad.index === this.index;
     if (this.id !== null && !same) this.forget();
@@ -37,33 +52,73 @@ export class Pad {
     if (!pad) return null;
     this.id = pad.id;
     this.index = pad.index;
+    this.now = this.map;
     const values = `${pad.timestamp} ${pad.axes} ${pad.buttons.map((b) => b.value)}`;
     if (values !== this.values) { this.values = values; this.reported = performance.now(); }
+    if (this.waits) return this.learn(pad);
     this.trusted ||= !this.moving;
-    for (const what of ["stop", "disarm", "light"]) this.edge(what, () => this.press(what));
-    this.edge("arm", () => this.hold(true), () => this.hold(false));
+    for (const what of PRESSED) this.edge(what, () => this.press(what));
+    for (const what of HELD) this.edge(what, () => this.hold(what, true), () => this.hold(what, false));
     return pad;
   }
 
   edge(what, down, up = () => {}) {
-    const now = Boolean(this.pad.buttons[B[what]]?.pressed);
+    const now = Boolean(this.pad.buttons[this.now[what]]?.pressed);
     const before = this.pressed[what] ?? now; // held when it was plugged in: not pressed now
     this.pressed[what] = now;
     if (!now && before) up();
     if (now && !before && (this.trusted || what === "stop" || what === "disarm")) down();
   }
 
-  get moving() { return this.pad.axes.slice(0, 4).some((a) => shape(a, DEAD_BAND, EXPO) !== 0); }
+  // Until a stick is pushed or a button pressed: that is what the action has from now on.
+  wait(action) { this.waits = action && { action, axes: null, buttons: null }; }
+
+  learn(pad) {
+    const { action } = this.waits;
+    this.edge("stop", () => this.press("stop"));
+    this.trusted = false; // and nothing else acts meanwhile
+    this.waits.axes ??= [...pad.axes];
+    this.waits.buttons ??= pad.buttons.map((b) => b.pressed);
+    const pressed = pad.buttons.findIndex((b, k) => b.pressed && !this.waits.buttons[k]);
+    const moved = pad.axes.findIndex((a, k) => Math.abs(a - this.waits.axes[k]) > MOVED);
+    this.waits.buttons = pad.buttons.map((b) => b.pressed);
+    if (AXES.includes(action) ? moved >= 0 : pressed >= 0 && (action === "stop" || pressed !== this.now.stop))
+      this.set(action, AXES.includes(action) ? [moved, Math.sign(pad.axes[moved] - this.waits.axes[moved])] : pressed);
+    return pad;
+  }
+
+  set(action, to) {
+    const map = { ...this.map };
+    for (const [other, button] of Object.entries(map)) if (button === to) map[other] = -1; // it has none now
+    this.keep({ ...map, [action]: to });
+  }
+
+  reset() { this.keep(undefined); }
+
+  keep(map) {
+    if (this.pad) this.maps[this.pad.id] = map;
+    this.pressed = {};
+    this.waits = null;
+    try { localStorage.setItem(STORE, JSON.stringify(this.maps)); } catch { /* not allowed: not remembered */ }
+  }
+
+  // -1 … 1 of an axis, shaped.
+  travel(action) {
+    const [axis, sign] = this.now[action] ?? [-1, 1];
+    return sign * shape(this.pad.axes[axis] ?? 0, DEAD_BAND, EXPO);
+  }
+
+  get moving() { return AXES.some((action) => this.travel(action) !== 0); }
 
   get active() { return this.pad !== null && this.trusted && this.moving; }
 
   get age() { return performance.now() - this.reported; }
 
   sticks(gain) {
-    const pulled = (k) => this.pad.buttons[k]?.value ?? 0;
-    const g = Math.min(1, gain + pulled(B.boost) * (1 - gain) - pulled(B.slow) * gain * 0.6);
-    const [leftX, leftY, rightX, rightY] = this.pad.axes.map((a) => g * shape(a, DEAD_BAND, EXPO));
-    const tilt = pulled(B.up) - pulled(B.down);
-    return { surge: -rightY, sway: rightX, heave: leftY, yaw: leftX, tilt };
+    const pulled = (what) => this.pad.buttons[this.now[what]]?.value ?? 0;
+    const g = Math.min(1, gain + pulled("boost") * (1 - gain) - pulled("slow") * gain * 0.6);
+    const of = (action) => g * this.travel(action);
+    const tilt = pulled("tilt_up") - pulled("tilt_down");
+    return { surge: of("ahead"), sway: of("starboard"), heave: -of("rise"), yaw: of("turn_starboard"), tilt };
   }
 }

@@ -1,22 +1,24 @@
 // Everything in words: what the drone does, who has the sticks, what is wrong.
 
-const $ = (id) => document.getElementById(id);
-const UNKNOWN = "–";
+import { UNKNOWN, units } from "/units.js";
+import { words } from "/words.js";
 
-function put(id, words, kind = "") {
+const $ = (id) => document.getElementById(id);
+
+export function put(id, text, kind = "") {
   const element = $(id);
-  if (element.textContent !== words) element.textContent = words;
+  if (element.textContent !== text) element.textContent = text;
   if (element.className !== kind) element.className = kind;
 }
 
-function alarm(id, words) {
-  put(id, words ?? "");
-  $(id).hidden = !words;
+function alarm(id, text) {
+  put(id, text ?? "");
+  $(id).hidden = !text;
 }
 
-const plain = (name) => (name || UNKNOWN).replaceAll("_", " ");
-const ms = (value) => (value === undefined ? UNKNOWN : `${value < 9.95 ? value.toFixed(1) : value.toFixed(0)} ms`);
-const seconds = (value) => (value < 0.995 ? `${(1000 * value).toFixed(0)} ms` : `${value.toFixed(1)} s`);
+const plain = (name) => (name ? words.t(name).replaceAll("_", " ") : UNKNOWN);
+const ms = (value) => (value === undefined ? UNKNOWN : `${units.number(value, value < 9.95 ? 1 : 0)} ms`);
+const seconds = (value) => (value < 0.995 ? `${units.number(1000 * value)} ms` : `${units.number(value, 1)} s`);
 
 // [ms] Age of depth and attitude on this screen; undefined: not known.
 export function age(you, view, arrived) {
@@ -24,64 +26,137 @@ export function age(you, view, arrived) {
   return view.age_ms + (you.delay_ms ?? 0) / 2 + performance.now() - arrived;
 }
 
+// Returns whether depth and attitude are old, and the alarms that stand.
 export function show(connection, you, view, steeredBy) {
-  const silent = view.silent_s === undefined ? "" : "last known: ";
-  put("armed", view.activity ? `${silent}${view.armed ? "ARMED" : "DISARMED"}` : UNKNOWN, view.armed && !silent ? "on" : "");
+  const silent = view.silent_s === undefined ? "" : `${words.t("last_known")} `;
+  put("armed", view.activity ? `${silent}${words.t(view.armed ? "ARMED" : "DISARMED")}` : UNKNOWN, view.armed && !silent ? "on" : "");
   put("drone", view.drone || UNKNOWN);
   document.title = view.drone ? `${view.drone} · Lindy cockpit` : "Lindy cockpit";
   put("activity", `${plain(view.doing)} · ${plain(view.flight_mode)}`);
-  const who = you.who ?? "";
-  put("who", you.watcher ? `watching · ${who}` : who + (you.has_sticks ? ` · ${steeredBy}` : ""));
-  put("numbers", (view.numbers ?? []).map((pair) => pair.join(" ")).join(" · ") || UNKNOWN);
-  const loss = view.loss === undefined ? "" : ` loss ${(100 * view.loss).toFixed(0)} %`;
-  put("link", view.link_up === false ? "link DOWN" : `link ${ms(view.rtt_ms)}${loss} · page ${ms(you.delay_ms)}`);
+  const who = words.t(you.who ?? "");
+  put("who", you.watcher ? `${words.t("watching")} · ${who}` : who + (you.has_sticks ? ` · ${words.t(steeredBy)}` : ""));
+  put("numbers", (view.numbers ?? []).map(([label, text]) => `${words.t(label)} ${text}`).join(" · ") || UNKNOWN);
+  const loss = view.loss === undefined ? "" : ` ${words.t("loss")} ${units.number(100 * view.loss)} %`;
+  put("link", view.link_up === false ? words.t("link_down") : `${words.t("link")} ${ms(view.rtt_ms)}${loss} · ${words.t("page")} ${ms(you.delay_ms)}`, view.link_up === false ? "old" : "");
   const old = age(you, view, connection.arrived);
   const grey = old > connection.ages.state[0];
-  put("age", old === undefined ? `state ${UNKNOWN}` : `state ${seconds(old / 1000)}`, grey ? "old" : "");
-  alarm("lost", connection.words ? `${connection.words}${connection.watching ? "" : ": pilot lost"}` : you.lost);
-  const rest = you.wants_rest ? [["centre the sticks: until then they move nothing", "warning"]] : [];
-  const said = [...rest, ...(view.said ?? [])];
+  put("age", `${words.t("state")} ${old === undefined ? UNKNOWN : seconds(old / 1000)}`, grey ? "old" : "");
+  const stale = old === undefined || grey || Boolean(connection.words);
+  digits(view, stale);
+  const why = words.same(you.lost ?? ""); // of a lost pilot the drone knows less than the page's service
+  const tells = why && view.failsafe === "pilot_lost";
+  const apart = `${words.t(connection.words)}${connection.watching ? "" : `: ${words.t("pilot_lost")}`}`;
+  const lost = connection.words ? apart : tells ? "" : why;
+  alarm("lost", lost);
+  const acting = failsafe(view.acting ?? [], tells && !view.resumable ? why : "");
+  const said = [...(you.wants_rest ? [[words.t("wants_rest"), "warning"]] : []), ...(view.said ?? [])];
   const of = (tone) => said.filter((each) => each[1] === tone).map((each) => each[0]).join(" · ");
-  alarm("failsafe", of("alarm"));
   alarm("note", of("warning"));
   lines(view.lines ?? []);
-  return old === undefined || grey || Boolean(connection.words);
+  return { stale, alarms: [lost, acting, link(said)].filter(Boolean) };
+}
+
+function digits(view, stale) {
+  const kind = stale ? "digits old" : "digits";
+  put("heading", view.heading_deg === undefined ? UNKNOWN : `${units.number(Math.round(view.heading_deg) % 360).padStart(3, "0")}°`, kind);
+  const depth = units.length(view.depth_m);
+  put("depth", depth === undefined ? UNKNOWN : `${units.number(depth, 2)} ${units.lengthUnit}`, kind);
+}
+
+// What the drone does by itself, in four short lines. Returns what is lost, for who does not look.
+function failsafe(acting, known) {
+  $("failsafe").hidden = !acting.length;
+  document.body.classList.toggle("acting", acting.length > 0);
+  if (!acting.length) return "";
+  const [[lost], [why, since], [does, more], [must]] = acting;
+  const because = (known || words.t(why)).split(/[:：] ?/).at(-1);
+  const sentences = [
+    words.t(lost),
+    since.s ? words.t("for", { what: because, s: units.number(since.s) }) : because,
+    more.s ? words.t("then", { what: words.t(does), s: units.number(more.s) }) : words.t(does),
+    words.t(must),
+  ].map((each) => each && `${each[0].toUpperCase()}${each.slice(1)}.`);
+  const rows = $("failsafe").children;
+  if (rows.length !== 4) $("failsafe").replaceChildren(...sentences.map(() => document.createElement("p")));
+  sentences.forEach((each, k) => rows[k].textContent !== each && (rows[k].textContent = each));
+  return `${sentences[0]} ${sentences[3]}`;
+}
+
+function link(said) {
+  const words = said.filter((each) => each[1] === "alarm").map((each) => each[0]).join(" · ");
+  const note = $("note").textContent;
+  if (words) alarm("note", note ? `${words} · ${note}` : words);
+  return words;
 }
 
 // The age of the picture, and what is wrong with it.
 export function showPicture(video) {
-  const { age, least, words, silence } = video;
+  const { age, least, words: wrong, silence } = video;
   const known = age !== undefined && silence < Infinity;
-  put("picture-age", `picture ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && words ? "old" : "");
-  put("no-picture", words, words && known ? "old" : "");
+  put("picture-age", `${words.t("picture")} ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && wrong ? "old" : "");
+  put("no-picture", wrong, wrong && known ? "old" : "");
 }
 
-let shown = "";
-function lines(all) {
-  const now = JSON.stringify(all);
-  if (now === shown) return;
-  shown = now;
-  $("lines").replaceChildren(...all.map(([level, text]) => {
+const rows = new Map(); // what a list shows, by its id
+
+export function lines(all, id = "lines") {
+  const now = words.language + JSON.stringify(all);
+  if (now === rows.get(id)) return;
+  rows.set(id, now);
+  $(id).replaceChildren(...all.map(([level, at, times, text, event]) => {
     const line = document.createElement("li");
     line.className = level;
-    line.textContent = text;
+    line.textContent = `${at === null ? "–" : units.time(at)}  ${times > 1 ? `${times} × ` : ""}${words.said(text, event)}`;
     return line;
   }));
 }
 
+// Where it is not offered its place stays empty: nothing else comes to lie under the finger.
+function deliberate(id, text, offered, taken) {
+  put(id, text, offered ? "hold" : "hold away");
+  $(id).disabled = Boolean(taken) || !offered;
+}
+
 export function buttons(you, view) {
-  const may = Boolean(you.has_sticks);
-  const resumes = view.armed && view.failsafe && view.failsafe !== "none";
-  put("arm", resumes ? "Hold to resume" : view.armed ? "Hold to disarm" : "Hold to arm", "hold");
-  $("arm").disabled = Boolean(you.taken);
-  $("disarm").hidden = !resumes; // then the button above resumes
-  $("disarm").disabled = $("arm").disabled;
-  $("take").hidden = may && Boolean(you.in_control);
+  const may = Boolean(you.has_sticks), mine = Boolean(may && you.in_control);
+  const resumes = Boolean(view.armed && view.failsafe && view.failsafe !== "none");
+  // Arming and disarming have places of their own: what is under a finger never becomes the other.
+  deliberate("arm", words.t(resumes ? "hold_resume" : "hold_arm"), resumes || !view.armed, you.taken);
+  deliberate("disarm", words.t("hold_disarm"), view.armed, you.taken);
+  $("take").hidden = mine;
   $("take").disabled = Boolean(you.taken);
   $("force").hidden = !(view.pilot && !you.in_control && !you.taken);
-  for (const id of ["offer", "give_back"]) $(id).hidden = !(may && you.in_control);
-  for (const id of ["flight_mode", "lamp"]) $(id).disabled = !(may && you.in_control);
+  for (const id of ["offer", "give_back"]) $(id).hidden = !mine;
+  for (const id of ["flight_mode", "lamp", "go", "darker", "brighter"]) $(id).disabled = !mine;
   const mode = $("flight_mode");
   if (view.flight_mode && document.activeElement !== mode && mode.value !== view.flight_mode) mode.value = view.flight_mode;
-  return resumes || !view.armed ? "arm" : "disarm";
+  put("brightness", view.light === undefined ? UNKNOWN : `${units.number(100 * view.light)} %`);
+  return resumes ? "resume" : "arm";
+}
+
+// Figures that help to fly: those that are known.
+export function aids(view) {
+  const degrees = (value) => (value === undefined ? undefined : `${value > 0 ? "+" : ""}${units.number(value)}°`);
+  const climb = view.depth_rate === undefined ? undefined : -view.depth_rate;
+  const all = [
+    ["dive", view.dive_s === undefined ? undefined : units.time(view.dive_s)],
+    ["climb", climb === undefined ? undefined : `${climb > 0.005 ? "↑" : climb < -0.005 ? "↓" : ""} ${units.speed(Math.abs(climb))}`],
+    ["left", view.left_min === undefined ? undefined : `${units.number(view.left_min)} min`],
+    ["stick", view.stick_ms === undefined ? undefined : ms(view.stick_ms)],
+    ["inside", view.inside_c === undefined ? undefined : units.temperature(view.inside_c)],
+    ["turns", view.turns || undefined],
+    ["pitch", degrees(view.pitch_deg), "wide"],
+    ["roll", degrees(view.roll_deg), "wide"],
+    ["camera", degrees(view.tilt_deg), "wide"],
+  ].filter((each) => each[1] !== undefined);
+  const now = words.language + JSON.stringify(all);
+  if (now === rows.get("aids")) return;
+  rows.set("aids", now);
+  $("aids").hidden = !all.length;
+  $("aids").replaceChildren(...all.flatMap(([key, value, kind = ""]) => [["dt", words.t(key)], ["dd", String(value)]].map(([tag, text]) => {
+    const element = document.createElement(tag);
+    element.textContent = text;
+    element.className = kind;
+    return element;
+  })));
 }

@@ -18,7 +18,7 @@ export class Steering {
     else if (this.keyboard.moving) this.device = "keyboard";
     else if (this.pad.active) this.device = "pad";
     if (this.device === "pad" && !this.pad.pad) return null;
-    if (this.device === "pad" && !this.pad.trusted) return { ...CENTRED, device: this.name };
+    if (this.device === "pad" && (!this.pad.trusted || this.pad.waits)) return { ...CENTRED, device: this.name };
     if (this.device === "pad")
       return { ...this.pad.sticks(gain), device: this.name, device_ms: this.pad.age };
     if (this.device === "keyboard") return { ...this.keyboard.sticks(gain), device: "keyboard" };
@@ -34,6 +34,6 @@ export class Steering {
   release() {
     this.left.release();
     this.right.release();
-    this.keyboard.keys.clear();
+    this.keyboard.release();
   }
 }

@@ -10,7 +10,7 @@ export class TouchStick {
     this.knob = element.querySelector("i");
     this.element = element;
     element.addEventListener("pointerdown", (e) => {
-      if (this.pointer !== null) return;
+      if (this.pointer !== null || e.pointerType === "mouse") return;
       e.preventDefault();
       this.pointer = e.pointerId;
       element.setPointerCapture(e.pointerId);

@@ -134,7 +134,6 @@ export class Video {
         canvas.width = frame.displayWidth;
         canvas.height = frame.displayHeight;
       }
-      canvas.style.objectViewBox = `inset(${this.stripe}px 0 0 0)`;
       this.g.drawImage(frame, 0, 0);
       frame.close();
       this.frame = null;

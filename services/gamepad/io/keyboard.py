@@ -14,32 +14,43 @@ import pygame
 from messages import events
 from messages.events import Outbox
 from services.gamepad.core import StickGain
-from services.gamepad.io.pad import URGENT
+from services.gamepad.io.pad import HELD, URGENT
 from services.gamepad.io.window import PilotWindow, open_window
+from services.piloting.holds import Holds
+from services.piloting.keys import KEYS, Key
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import StickReading, Sticks
 from services.vehicle_view.head_up import NumbersRow, head_up
 from services.vehicle_view.view import VehicleView
 
-HELP = (
-    ("W  S", "forward, back"),
-    ("A  D", "port, starboard"),
-    ("arrows up, down", "rise, sink"),
-    ("arrows left, right", "turn"),
-    ("R  F", "camera up, down"),
-    ("Shift, Ctrl", "boost, slow"),
-    ("Enter, Backspace", "arm or resume, disarm"),
-    ("Space", "STOP"),
-    ("L", "light on, off"),
-)
-
 HELD_NS = 300_000_000  # [ns] after the focus came: keys that were held before are repeated by then
-REQUESTS: dict[int, Press] = {
-    pygame.K_RETURN: "arm",
-    pygame.K_BACKSPACE: "disarm",
-    pygame.K_SPACE: "stop",
-    pygame.K_l: "light",
-}
+NAMES = {
+    "ShiftLeft": "LSHIFT",
+    "ShiftRight": "RSHIFT",
+    "Enter": "RETURN",
+}  # SDL's, where they differ
+
+
+def scancode(code: str) -> int:
+    """A key of the table, as SDL counts the places on the keyboard."""
+    name = NAMES.get(code, code.removeprefix("Key").removeprefix("Arrow").upper())
+    return getattr(pygame, f"KSCAN_{name}")
+
+
+def label(key: Key) -> str:
+    """How its first key is called."""
+    return key.codes[0].removeprefix("Key").removeprefix("Arrow").removesuffix("Left")
+
+
+HERE = tuple(key for key in KEYS if key.kind != "page")
+CODES = {key.action: frozenset(map(scancode, key.codes)) for key in HERE}
+HELP = tuple(
+    (label(key), f"{key.sentence} (hold)" if key.kind == "hold" else key.sentence) for key in HERE
+)
+PRESSES: dict[int, Press] = {
+    code: press for press in ("stop", "light") for code in CODES[press]
+}  # fmt: skip
+ALONE = pygame.KMOD_CTRL | pygame.KMOD_ALT | pygame.KMOD_META  # with them keys are the system's
 
 
 class Keyboard:
@@ -57,7 +68,8 @@ class Keyboard:
         self._window = PilotWindow(surface, HELP)
         self.show(head_up(VehicleView()))
         self._gain, self._outbox = gain, outbox
-        self._down: set[int] = set()
+        self._holds = Holds()
+        self._down: set[int] = set()  # scancodes
         self._held: set[int] = set()  # since before the window had the focus
         self._focused_at: int | None = None  # [ns]
         self._closed_at: int | None = None  # [ns]
@@ -78,7 +90,8 @@ class Keyboard:
             age_ms = (now - self._closed_at) / 1e6
             return StickReading(present=False, at_rest=False, age_ms=age_ms)
         sticks = self._sticks()
-        return StickReading(sticks=sticks, at_rest=sticks.at_rest, presses=tuple(presses))
+        held = self._holds.read({press for press in HELD if self._any(press)}, HELD, now)
+        return StickReading(sticks=sticks, at_rest=sticks.at_rest, presses=(*presses, *held))
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
         return None
@@ -93,38 +106,43 @@ class Keyboard:
 
     def _key(self, event: pygame.event.Event, now: int) -> list[Press]:
         """Update the set of keys that are down; returns the requests of a key press."""
-        if event.type == pygame.KEYDOWN and self._is_held(event.key, now):
-            self._held.add(event.key)
-        elif event.type == pygame.KEYDOWN:
-            self._down.add(event.key)
-            return [REQUESTS[event.key]] if event.key in REQUESTS else []
+        if event.type == pygame.KEYDOWN:
+            return self._pressed(event, now)
         if event.type == pygame.KEYUP:
-            self._down.discard(event.key)
-            self._held.discard(event.key)
+            self._down.discard(event.scancode)
+            self._held.discard(event.scancode)
         elif event.type == pygame.WINDOWFOCUSLOST:
             self._down.clear()  # another window will get their release
             self._held.clear()
         return []
 
-    def _is_held(self, key: int, now: int) -> bool:
+    def _pressed(self, event: pygame.event.Event, now: int) -> list[Press]:
+        code, press = event.scancode, PRESSES.get(event.scancode)
+        if event.mod & ALONE and press not in URGENT:
+            self._down.clear()  # the system may take the release as well
+        elif self._is_held(code, now):
+            self._held.add(code)
+        else:
+            self._down.add(code)
+            return [press] if press else []
+        return []
+
+    def _is_held(self, code: int, now: int) -> bool:
         """Was it down before this window had the focus? A stop is never held back."""
-        if REQUESTS.get(key) in URGENT:
+        if PRESSES.get(code) in URGENT:
             return False
         focused = self._focused_at
-        return key in self._held or (focused is not None and now < focused + HELD_NS)
+        return code in self._held or (focused is not None and now < focused + HELD_NS)
 
     def _sticks(self) -> Sticks:
-        gain = self._gain.level(
-            slow=self._any(pygame.K_LCTRL, pygame.K_RCTRL),
-            boost=self._any(pygame.K_LSHIFT, pygame.K_RSHIFT),
-        )
+        gain = self._gain.level(slow=self._any("slow"), boost=self._any("boost"))
         return Sticks(
-            surge=gain * (self._any(pygame.K_w) - self._any(pygame.K_s)),
-            sway=gain * (self._any(pygame.K_d) - self._any(pygame.K_a)),
-            heave=gain * (self._any(pygame.K_DOWN) - self._any(pygame.K_UP)),
-            yaw=gain * (self._any(pygame.K_RIGHT) - self._any(pygame.K_LEFT)),
-            tilt=self._any(pygame.K_r) - self._any(pygame.K_f),
+            surge=gain * (self._any("ahead") - self._any("back")),
+            sway=gain * (self._any("starboard") - self._any("port")),
+            heave=gain * (self._any("sink") - self._any("rise")),
+            yaw=gain * (self._any("turn_starboard") - self._any("turn_port")),
+            tilt=self._any("tilt_up") - self._any("tilt_down"),
         )
 
-    def _any(self, *keys: int) -> float:
-        return float(not self._down.isdisjoint(keys))
+    def _any(self, action: str) -> float:
+        return float(not self._down.isdisjoint(CODES[action]))

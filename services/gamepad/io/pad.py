@@ -3,7 +3,7 @@
 An unplugged pad reads as centred sticks, so its absence has its own field: `present=False`. A pad
 that is plugged in, again or for the first time, moves nothing until its sticks were centred once,
 and until then only its stop and disarm buttons work, because pads send a burst of false events when
-they are opened.
+they are opened. Arming and disarming have to be held.
 
 `age_ms` is the time since the pad last answered. It grows from the moment the pad is unplugged, or
 has stopped answering although it is plugged in (`pad_silence` says how that is known); then the
@@ -17,11 +17,12 @@ from pygame._sdl2 import controller
 
 from messages import events
 from messages.events import Outbox
-from services.gamepad.core import PadProfile, presses_of, sticks_of
+from services.gamepad.core import PadProfile, held_of, presses_of, sticks_of
 from services.gamepad.io import sdl
 from services.gamepad.io.hid_reports import HidReports
 from services.gamepad.io.window import PilotWindow, open_window
 from services.gamepad.pad_silence import PadAnswer, PadSilence
+from services.piloting.holds import Holds
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import CENTRED, StickReading
 from services.vehicle_view.head_up import NumbersRow
@@ -32,7 +33,8 @@ BUTTONS = (
     "a", "b", "x", "y", "back", "guide", "start", "leftstick", "rightstick",
     "leftshoulder", "rightshoulder", "dpup", "dpdown", "dpleft", "dpright",
 )  # fmt: skip
-URGENT: tuple[Press, ...] = ("stop", "disarm")  # accepted from a pad at any time
+URGENT: frozenset[Press] = frozenset(("stop", "disarm"))  # accepted from a pad at any time
+HELD: frozenset[Press] = frozenset(("arm", "disarm"))
 FULL = 32767  # SDL's full travel; the other way it is one more, which counts as full
 
 
@@ -50,6 +52,7 @@ class Pad:
         self._pad: controller.Controller | None = None
         self._reports = HidReports("")
         self._silence = PadSilence(profile.silent_after, profile.dead_band)
+        self._holds = Holds()
         self._silent = False  # it is plugged in and does not answer
         self._trusted = False  # the sticks were at rest once since the pad was plugged in
         self._answered_at: int | None = None  # [ns]
@@ -76,12 +79,14 @@ class Pad:
         presses = presses_of(self._pressed(happened, self._pad), self._profile)
         if not self._trusted:
             presses = tuple(kind for kind in presses if kind in URGENT)
+        counted = HELD if self._trusted else URGENT
+        held = self._holds.read(held_of(controls, self._profile), counted, now)
         self._trusted = self._trusted or sticks.at_rest
         return StickReading(
             sticks=sticks if self._trusted else CENTRED,
             at_rest=sticks.at_rest,
             age_ms=answering.age_ns / 1e6,
-            presses=presses,
+            presses=(*presses, *held),
         )
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
@@ -98,6 +103,7 @@ class Pad:
             self._announced = True
             self._outbox.say("warning", "no pad is plugged in; waiting for one")
         assert self._answered_at is not None
+        self._holds = Holds()
         return StickReading(
             present=False,
             at_rest=False,

@@ -105,12 +105,12 @@ class PilotWindow:
         if not focused:
             self._write(FOCUS, SMALL, TONES["warning"], MARGIN, top, SIZE[0])
             return
-        columns, half = 2, -(-len(self._keys) // 2)
+        columns, rows = 3, -(-len(self._keys) // 3)
         width = (SIZE[0] - 2 * MARGIN) // columns
         for n, (key, meaning) in enumerate(self._keys):
-            left, row = MARGIN + n // half * width, top + n % half * LABELS
-            self._write(key, LABELS, INK, left, row, width)
-            self._write(meaning, LABELS, LABEL, left + width * 9 // 20, row, width)
+            left, row = MARGIN + n // rows * width, top + n % rows * LABELS
+            self._write(key, LABELS, INK, left, row, width * 2 // 5 - 4)
+            self._write(meaning, LABELS, LABEL, left + width * 2 // 5, row, width * 3 // 5 - 4)
 
     def _wrapped(self, text: str, width: int) -> list[str]:
         """In rows that are no wider; what does not fit into `SAID_ROWS` is cut."""

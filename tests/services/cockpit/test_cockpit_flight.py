@@ -182,6 +182,19 @@ def test_a_page_arms_dives_a_metre_and_sees_what_the_drone_does(dive: Dive):
     assert not dive.status.armed
 
 
+def test_a_page_goes_to_a_depth_and_a_heading_and_sets_the_light_in_steps(dive: Dive):
+    dive.wish("goto", depth=1.5, heading_deg=40.0)
+    assert dive.status.activity == "goto"
+    while dive.status.activity == "goto":
+        dive.steer(0.5)
+    assert dive.depth == pytest.approx(1.5, abs=0.15)
+    assert dive.view()["heading_deg"] == pytest.approx(40.0, abs=2.0)
+    dive.wish("light", value=0.25).steer(0.3)
+    assert dive.status.light == 0.25
+    dive.wish("goto")  # to nowhere
+    assert dive.counts["malformed:page"] == 1
+
+
 def lost_after(dive: Dive, seconds: float = 2.0) -> float:
     """[ms] From now until no command of a present pilot acts any more."""
     began = dive.host.now
@@ -209,7 +222,7 @@ def test_each_loss_of_the_pilot_ends_the_motion_within_the_time_to_live(dive: Di
     assert dive.counts[f"lost:page_{how}"] == 1
     assert dive.status.failsafe == "pilot_lost"
     assert "lost" in dive.you(BOB)  # said on the other screens
-    assert any("pilot lost" in text for _, text in dive.view(BOB)["lines"])
+    assert any("pilot lost" in line[3] for line in dive.view(BOB)["lines"])
     assert dive.commands[-1].pilot == "lost"
     assert dive.commands[-1].stamp_ns < dive.host.now - S // 2  # and then silence: the lease ends
 
@@ -220,7 +233,11 @@ def test_after_a_loss_the_sticks_are_centred_first_and_holding_arm_resumes(dive:
     dive.steer(0.5, surge=0.6)
     assert dive.commands[-1].pilot == "present"
     assert dive.commands[-1].surge == 0.0
-    dive.say("wish", what="arm")  # deflected or not: the stick still moves nothing
+    dive.say("wish", what="arm")  # of a hold that began before: it is not what is meant now
+    dive.steer(0.5, surge=0.6)
+    assert dive.status.failsafe == "pilot_lost"
+    assert dive.counts["void:hold"] == 1
+    dive.say("wish", what="resume")  # deflected or not: the stick still moves nothing
     dive.steer(0.5, surge=0.6)
     assert dive.status.failsafe == "none"
     assert dive.commands[-1].surge == 0.0
@@ -497,4 +514,4 @@ def test_without_a_list_no_drone_is_ordered_and_nothing_is_shown(tmp_path: Path)
     assert fly(dive, "rov2") == ""
     assert dive.counts["refused_here:fly"] == 2
     assert program.ordered == []
-    assert any("was not started by `lindy fly`" in text for _, text in dive.view()["lines"])
+    assert any("was not started by `lindy fly`" in line[3] for line in dive.view()["lines"])

@@ -47,14 +47,15 @@ OVERFLOWS = """
 
 
 COVERED = """
-['view', 'alarms', 'left', 'right', 'stop', 'arm', 'take', 'list'].filter((id) => {
+['left', 'right', 'stop', 'arm', 'take', 'list'].filter((id) => {
   const a = document.getElementById(id).getBoundingClientRect();
   const b = document.getElementById('drones').getBoundingClientRect();
   const over = Math.min(a.right, b.right) - Math.max(a.left, b.left);
   return a.width && over > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
 }).join()
 """  # what the list of drones lies over
-TALLEST = "document.getElementById('view').clientHeight"
+TALLEST = """document.getElementById('drones').getBoundingClientRect().top
+  - document.getElementById('heading').getBoundingClientRect().bottom"""  # [px] of picture
 CHANGE = "document.getElementById('change').textContent"
 TEXTS = "[...document.querySelectorAll('#drones li')].map((line) => line.textContent)"
 DRONES = (

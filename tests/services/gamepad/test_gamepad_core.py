@@ -5,7 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.gamepad.core import Buttons, PadProfile, StickGain, Tilt, presses_of, shape, sticks_of
+from services.gamepad.core import (
+    Buttons,
+    PadProfile,
+    StickGain,
+    Tilt,
+    held_of,
+    presses_of,
+    shape,
+    sticks_of,
+)
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.settings import deploy_file, read
 
@@ -132,7 +141,9 @@ def test_an_untouched_pad_is_centred():
 
 def test_buttons_mean_what_the_profile_says_and_the_others_nothing():
     profile = PadProfile(button=Buttons(arm="a", stop="x"))
-    assert presses_of(["start", "x", "a", "dpup"], profile) == ("stop", "arm")
+    assert presses_of(["start", "x", "y", "a", "dpup"], profile) == ("stop", "light")
+    assert held_of({"a": 1.0, "start": 1.0, "back": 0.0}, profile) == {"arm"}
+    assert held_of({"back": 1.0}, profile) == {"disarm"}
 
 
 def test_the_shipped_profile_is_the_default():

@@ -1,5 +1,6 @@
 """The keyboard's window, fed with key events under SDL's dummy video driver."""
 
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -7,6 +8,8 @@ import pytest
 from messages.events import Outbox
 from services.gamepad.core import StickGain
 from services.gamepad.io import sdl
+from services.piloting.keys import KEYS
+from services.piloting.pilot_intents import Held, Press
 from services.piloting.sticks import CENTRED, StickReading, Sticks
 from services.runtime.config.errors import LindyError
 
@@ -35,27 +38,27 @@ def keyboard(monkeypatch: pytest.MonkeyPatch, outbox: Outbox) -> Iterator[Keyboa
 
 def press(keyboard: Keyboard, *keys: int) -> StickReading:
     for key in keys:
-        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, scancode=key, mod=0))
     return keyboard.read(0, None)
 
 
 def release(keyboard: Keyboard, *keys: int) -> StickReading:
     for key in keys:
-        pygame.event.post(pygame.event.Event(pygame.KEYUP, key=key))
+        pygame.event.post(pygame.event.Event(pygame.KEYUP, scancode=key))
     return keyboard.read(0, None)
 
 
 @pytest.mark.parametrize(
     ("key", "expected"),
     [
-        (pygame.K_w, Sticks(surge=0.6)),
-        (pygame.K_s, Sticks(surge=-0.6)),
-        (pygame.K_d, Sticks(sway=0.6)),
-        (pygame.K_a, Sticks(sway=-0.6)),
-        (pygame.K_DOWN, Sticks(heave=0.6)),
-        (pygame.K_UP, Sticks(heave=-0.6)),
-        (pygame.K_RIGHT, Sticks(yaw=0.6)),
-        (pygame.K_LEFT, Sticks(yaw=-0.6)),
+        (pygame.KSCAN_W, Sticks(surge=0.6)),
+        (pygame.KSCAN_S, Sticks(surge=-0.6)),
+        (pygame.KSCAN_D, Sticks(sway=0.6)),
+        (pygame.KSCAN_A, Sticks(sway=-0.6)),
+        (pygame.KSCAN_DOWN, Sticks(heave=0.6)),
+        (pygame.KSCAN_UP, Sticks(heave=-0.6)),
+        (pygame.KSCAN_RIGHT, Sticks(yaw=0.6)),
+        (pygame.KSCAN_LEFT, Sticks(yaw=-0.6)),
     ],
 )
 def test_a_key_acts_while_it_is_down(keyboard: Keyboard, key: int, expected: Sticks):
@@ -68,33 +71,31 @@ def test_a_key_acts_while_it_is_down(keyboard: Keyboard, key: int, expected: Sti
     assert released.at_rest
 
 
-@pytest.mark.parametrize(("key", "tilt"), [(pygame.K_r, 1.0), (pygame.K_f, -1.0)])
+@pytest.mark.parametrize(("key", "tilt"), [(pygame.KSCAN_R, 1.0), (pygame.KSCAN_F, -1.0)])
 def test_the_cameras_keys_act_in_full_without_a_gain_and_do_not_unrest_the_hands(
     keyboard: Keyboard, key: int, tilt: float
 ):
-    reading = press(keyboard, key, pygame.K_LCTRL)
+    reading = press(keyboard, key, pygame.KSCAN_C)
     assert reading.sticks == Sticks(tilt=tilt)
     assert reading.at_rest
     assert release(keyboard, key).sticks == CENTRED
 
 
-def test_shift_boosts_and_ctrl_slows(keyboard: Keyboard):
-    assert press(keyboard, pygame.K_w, pygame.K_LSHIFT).sticks == Sticks(surge=1.0)
-    release(keyboard, pygame.K_LSHIFT)
-    assert press(keyboard, pygame.K_RCTRL).sticks == pytest.approx(Sticks(surge=0.25))
+def test_shift_boosts_and_c_slows(keyboard: Keyboard):
+    assert press(keyboard, pygame.KSCAN_W, pygame.KSCAN_LSHIFT).sticks == Sticks(surge=1.0)
+    release(keyboard, pygame.KSCAN_LSHIFT)
+    assert press(keyboard, pygame.KSCAN_C).sticks == pytest.approx(Sticks(surge=0.25))
 
 
 def test_opposite_keys_cancel(keyboard: Keyboard):
-    assert press(keyboard, pygame.K_LEFT, pygame.K_RIGHT).sticks == CENTRED
+    assert press(keyboard, pygame.KSCAN_LEFT, pygame.KSCAN_RIGHT).sticks == CENTRED
 
 
 @pytest.mark.parametrize(
     ("key", "kind"),
     [
-        (pygame.K_RETURN, "arm"),
-        (pygame.K_BACKSPACE, "disarm"),
-        (pygame.K_SPACE, "stop"),
-        (pygame.K_l, "light"),
+        (pygame.KSCAN_SPACE, "stop"),
+        (pygame.KSCAN_L, "light"),
     ],
 )
 def test_a_request_is_made_once_when_its_key_goes_down(keyboard: Keyboard, key: int, kind: str):
@@ -103,20 +104,51 @@ def test_a_request_is_made_once_when_its_key_goes_down(keyboard: Keyboard, key: 
     assert release(keyboard, key).presses == ()
 
 
+@pytest.mark.parametrize(
+    ("key", "kind"), [(pygame.KSCAN_RETURN, "arm"), (pygame.KSCAN_BACKSPACE, "disarm")]
+)
+def test_what_is_deliberate_is_asked_for_once_after_a_second(
+    keyboard: Keyboard, key: int, kind: Press
+):
+    assert press(keyboard, key).presses == ()
+    assert keyboard.read(999 * MS, None).presses == ()
+    assert keyboard.read(1000 * MS, None).presses == (Held(kind, 0),)
+    assert keyboard.read(3000 * MS, None).presses == ()
+    release(keyboard, key)
+    press(keyboard, key)
+    assert release(keyboard, key).presses == ()
+    assert keyboard.read(5000 * MS, None).presses == ()
+
+
+@pytest.mark.parametrize("mod", [pygame.KMOD_LCTRL, pygame.KMOD_RALT, pygame.KMOD_LMETA])
+def test_with_ctrl_alt_or_meta_only_a_stop_is_heard(keyboard: Keyboard, mod: int):
+    press(keyboard, pygame.KSCAN_D)
+    for code in (pygame.KSCAN_W, pygame.KSCAN_L, pygame.KSCAN_SPACE):
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, scancode=code, mod=mod))
+    reading = keyboard.read(0, None)
+    assert (reading.sticks, reading.presses) == (CENTRED, ("stop",))
+
+
+def test_no_key_of_the_table_has_two_meanings_or_is_one_that_browsers_own():
+    codes = [code for key in KEYS for code in key.codes]
+    assert len(set(codes)) == len(codes)
+    assert not [code for code in codes if re.match(r"Control|Alt|Meta|OS|F\d|Tab|Escape", code)]
+
+
 def test_space_never_arms_whatever_was_pressed_before(keyboard: Keyboard):
-    press(keyboard, pygame.K_RETURN)
+    press(keyboard, pygame.KSCAN_RETURN)
     for _ in range(3):
-        assert press(keyboard, pygame.K_SPACE).presses == ("stop",)
-        assert release(keyboard, pygame.K_SPACE).presses == ()
+        assert press(keyboard, pygame.KSCAN_SPACE).presses == ("stop",)
+        assert release(keyboard, pygame.KSCAN_SPACE).presses == ()
 
 
 def test_losing_the_focus_releases_all_keys_and_the_pilot_stays(keyboard: Keyboard):
-    press(keyboard, pygame.K_w, pygame.K_LSHIFT)
+    press(keyboard, pygame.KSCAN_W, pygame.KSCAN_LSHIFT)
     pygame.event.post(pygame.event.Event(pygame.WINDOWFOCUSLOST))
     reading = keyboard.read(0, None)
     assert reading.sticks == CENTRED
     assert reading.present
-    assert press(keyboard, pygame.K_w).sticks == Sticks(surge=0.6)  # and shift is not down
+    assert press(keyboard, pygame.KSCAN_W).sticks == Sticks(surge=0.6)  # and shift is not down
 
 
 def test_keys_that_are_held_while_the_window_opens_do_nothing_until_they_were_let_go(
@@ -125,20 +157,20 @@ def test_keys_that_are_held_while_the_window_opens_do_nothing_until_they_were_le
     """… and a stop always acts."""
 
     def happened(kind: int, at_ms: int, **more: int) -> StickReading:
-        pygame.event.post(pygame.event.Event(kind, more))
+        pygame.event.post(pygame.event.Event(kind, {"mod": 0, **more}))
         return keyboard.read(at_ms * MS, None)
 
     happened(pygame.WINDOWFOCUSGAINED, 0)
     for at_ms in (40, 70, 2000):  # as the system repeats it
-        assert happened(pygame.KEYDOWN, at_ms, key=pygame.K_w).sticks == CENTRED
-    assert happened(pygame.KEYDOWN, 100, key=pygame.K_RETURN).presses == ()
-    assert happened(pygame.KEYDOWN, 110, key=pygame.K_SPACE).presses == ("stop",)
-    happened(pygame.KEYUP, 2100, key=pygame.K_w)
-    assert happened(pygame.KEYDOWN, 2200, key=pygame.K_w).sticks == Sticks(surge=0.6)
+        assert happened(pygame.KEYDOWN, at_ms, scancode=pygame.KSCAN_W).sticks == CENTRED
+    assert happened(pygame.KEYDOWN, 100, scancode=pygame.KSCAN_RETURN).presses == ()
+    assert happened(pygame.KEYDOWN, 110, scancode=pygame.KSCAN_SPACE).presses == ("stop",)
+    happened(pygame.KEYUP, 2100, scancode=pygame.KSCAN_W)
+    assert happened(pygame.KEYDOWN, 2200, scancode=pygame.KSCAN_W).sticks == Sticks(surge=0.6)
 
 
 def test_closing_the_window_loses_the_pilot(keyboard: Keyboard, outbox: Outbox):
-    press(keyboard, pygame.K_w)
+    press(keyboard, pygame.KSCAN_W)
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     closing, later = keyboard.read(20 * MS, None), keyboard.read(60 * MS, None)
     assert not closing.present

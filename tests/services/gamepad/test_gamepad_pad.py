@@ -11,6 +11,7 @@ import pytest
 from messages.events import Outbox
 from services.gamepad.core import PadProfile
 from services.gamepad.io import sdl
+from services.piloting.pilot_intents import Held
 from services.piloting.sticks import CENTRED, StickReading, Sticks
 from services.runtime.config.errors import LindyError
 
@@ -109,8 +110,9 @@ def test_a_stick_a_trigger_and_a_button_reach_the_reading(pilot: Pilot):
     plugged.axis(RIGHT_TRIGGER, 1.0)
     assert pilot.read().sticks == Sticks(heave=-1.0)
     plugged.button(START)
-    assert pilot.read().presses == ("arm",)
-    assert pilot.read().presses == ()  # held down is not pressed again
+    pressed = [pilot.read().presses for _ in range(60)]
+    assert [each for each in pressed if each] == [(Held("arm", 80 * MS),)]  # once, after a second
+    assert pressed[50]
     plugged.button(START, down=False)
     plugged.button(B)
     plugged.button(Y)
@@ -206,7 +208,11 @@ def test_until_the_sticks_were_centred_only_stop_and_disarm_are_heard(pilot: Pil
     assert not pilot.read().at_rest
     for button in (START, Y, B, BACK):
         plugged.button(button)
-    assert pilot.read().presses == ("stop", "disarm")
+    assert pilot.read().presses == ("stop",)
+    held = [press for _ in range(60) for press in pilot.read().presses]
+    assert held == [Held("disarm", 40 * MS)]
+    plugged.axis(LEFT_Y, 0.0)  # and start, which was held since before, does nothing
+    assert not any(pilot.read().presses for _ in range(60))
     plugged.pull()
 
 

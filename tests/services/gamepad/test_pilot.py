@@ -13,7 +13,7 @@ from messages.events import Outbox
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import Activity, VehicleStatus
 from services.piloting.pilot import Effects, Pilot, Progress
-from services.piloting.pilot_intents import GotoIntent, Press
+from services.piloting.pilot_intents import GotoIntent, Held, Intent, Press
 from services.piloting.sticks import CENTRED, StickReading, Sticks
 from tests.support.told import told
 
@@ -31,7 +31,7 @@ def answer(accepted: bool, epoch: int | None = None) -> PilotAnswer:
     return PilotAnswer(stamp_ns=0, id="", accepted=accepted, epoch=epoch)
 
 
-def press(pilot: Pilot, intent: Press, now: int = 0) -> Effects:
+def press(pilot: Pilot, intent: Intent, now: int = 0) -> Effects:
     return pilot.read(StickReading(presses=(intent,)), "hands", 0, NOBODY, now)
 
 
@@ -162,6 +162,20 @@ def test_a_person_resumes_with_the_arm_button_and_with_deflected_sticks_too():
     assert kinds(pilot.read(deflected, "hands", 0, NOBODY, 1)) == ["resume"]
     pilot.status(status(1, pilot="hands", armed=True), NOBODY, 2)
     assert kinds(press(pilot, "arm")) == ["arm"]
+
+
+def test_what_was_held_since_before_its_meaning_changed_is_void():
+    """Arming becomes resuming, and the other way round."""
+    pilot = Pilot(Progress(began_ns=0, epoch=1), Outbox(), arms=False)
+    acting = replace(status(1, pilot="hands", armed=True), failsafe="pilot_lost")
+    for now, failsafe in ((10, True), (20, False), (30, True)):
+        began = now - 1
+        pilot.status(acting if failsafe else status(1, pilot="hands", armed=True), NOBODY, now)
+        assert kinds(press(pilot, Held("arm", began), now + 1)) == []
+        asked = "resume" if failsafe else "arm"
+        assert kinds(press(pilot, Held("arm", now), now + 1)) == [asked]
+        assert kinds(press(pilot, Held("disarm", began), now + 1)) == ["disarm"]
+    assert pilot.outbox.counts["void:hold"] == 3
 
 
 def test_who_takes_over_a_drone_in_a_failsafe_resumes_with_the_arm_button():

@@ -15,6 +15,7 @@ from tests.support.docs.cockpit_dive import CockpitDive
 OUT = Path("docs/cockpit.png")
 PORT = 8797
 SCREEN = Size(1280, 800, touch=True)
+STICKS = "document.getElementById('left').offsetParent !== null"  # once the screen was touched
 FLOWN_S = 9.0  # [s]
 
 
@@ -37,6 +38,7 @@ def arm(page: BrowserPage) -> None:
     """As a thumb does."""
     page.wait("document.getElementById('activity').textContent.startsWith('ready')")
     hold(page, lambda: page.look("document.getElementById('armed').textContent === 'ARMED'"))
+    page.wait(STICKS)
 
 
 def hold(page: BrowserPage, happens: Callable[[], object]) -> None:

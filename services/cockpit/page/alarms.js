@@ -1,0 +1,52 @@
+// Alarms that are new are heard and felt, and spoken where the pilot wants it.
+
+const BEEPS = [[0, 880], [0.18, 660], [0.36, 880]]; // [s] from when on, [Hz]
+const BEEP_S = 0.14;
+const AGAIN_MS = 10000; // an alarm that lasts is heard again
+
+export class Alarms {
+  constructor(settings, words) {
+    Object.assign(this, { settings, words });
+    this.since = new Map(); // by sentence: when it was last heard [ms]
+    // Browsers let a page sound once somebody has touched it.
+    for (const name of ["pointerdown", "keydown"]) addEventListener(name, () => this.wake(), { once: true, capture: true });
+  }
+
+  wake() {
+    const Audio = globalThis.AudioContext;
+    if (Audio) this.audio ??= new Audio();
+  }
+
+  // sentences: every alarm that stands now, without the numbers in them
+  look(sentences, now) {
+    for (const known of this.since.keys()) if (!sentences.includes(known)) this.since.delete(known);
+    const due = sentences.filter((each) => now - (this.since.get(each) ?? -Infinity) > AGAIN_MS);
+    if (!due.length) return;
+    const fresh = due.filter((each) => !this.since.has(each));
+    for (const each of due) this.since.set(each, now);
+    if (this.settings.sound === "on") this.sound();
+    if (this.settings.speech === "on") fresh.forEach((each) => this.speak(each));
+  }
+
+  sound() {
+    navigator.vibrate?.([200, 100, 200]);
+    const { audio } = this;
+    if (!audio) return;
+    for (const [at, hertz] of BEEPS) {
+      const tone = audio.createOscillator(), gain = audio.createGain(), begins = audio.currentTime + at;
+      tone.frequency.value = hertz;
+      gain.gain.setValueAtTime(0.25, begins);
+      gain.gain.exponentialRampToValueAtTime(0.001, begins + BEEP_S);
+      tone.connect(gain).connect(audio.destination);
+      tone.start(begins);
+      tone.stop(begins + BEEP_S);
+    }
+  }
+
+  speak(sentence) {
+    if (!globalThis.speechSynthesis) return;
+    const said = new SpeechSynthesisUtterance(sentence);
+    said.lang = this.words.language;
+    speechSynthesis.speak(said);
+  }
+}

@@ -1,0 +1,42 @@
+// What this browser remembers for its pilot. Each setting has a few values; a button goes through
+// them.
+
+const VALUES = {
+  theme: ["dark", "bright", "contrast"],
+  crop: ["fill", "whole"],
+  sound: ["on", "off"],
+  speech: ["off", "on"],
+  units: ["metric", "imperial", "knots"],
+  language: ["en", "no", "sv", "de", "es", "zh"],
+};
+
+export class Settings {
+  constructor(changed) {
+    this.changed = changed;
+    for (const name of Object.keys(VALUES)) {
+      const stored = read(name);
+      this[name] = VALUES[name].includes(stored) ? stored : VALUES[name][0];
+    }
+    if (read("language") === null) this.language = spoken();
+    this.chosen = read("theme") !== null; // by the pilot; else as the system wants it
+  }
+
+  next(name) { this.set(name, VALUES[name][(VALUES[name].indexOf(this[name]) + 1) % VALUES[name].length]); }
+
+  set(name, value) {
+    this[name] = value;
+    if (name === "theme") this.chosen = true;
+    try { localStorage.setItem(name, value); } catch { /* not allowed: not remembered */ }
+    this.changed(name);
+  }
+}
+
+// The first language of the browser that the page has.
+function spoken() {
+  const codes = (navigator.languages ?? []).map((each) => each.slice(0, 2).replace(/^n[bn]$/, "no"));
+  return codes.find((code) => VALUES.language.includes(code)) ?? "en";
+}
+
+function read(name) {
+  try { return localStorage.getItem(name); } catch { return null; }
+}

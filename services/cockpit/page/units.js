@@ -1,0 +1,52 @@
+// Numbers as the pilot reads them: units, and digits by his language.
+
+const SYSTEMS = {
+  metric: { length: [1, "m"], speed: [1, "m/s"], temperature: (c) => [c, "°C"] },
+  imperial: { length: [1 / 0.3048, "ft"], speed: [1 / 0.3048, "ft/s"], temperature: (c) => [c * 1.8 + 32, "°F"] },
+  knots: { length: [1, "m"], speed: [3600 / 1852, "kn"], temperature: (c) => [c, "°C"] },
+};
+export const UNITS = Object.keys(SYSTEMS);
+export const UNKNOWN = "–";
+
+class Units {
+  constructor() { this.use("metric", "en"); }
+
+  use(system, language) {
+    [this.system, this.language] = [SYSTEMS[system] ?? SYSTEMS.metric, language];
+    this.formats = new Map(); // by number of decimals
+  }
+
+  number(value, decimals = 0) {
+    if (value === undefined || value === null) return UNKNOWN;
+    if (!this.formats.has(decimals))
+      this.formats.set(decimals, new Intl.NumberFormat(this.language, { minimumFractionDigits: decimals, maximumFractionDigits: decimals, useGrouping: false, signDisplay: "negative" }));
+    return this.formats.get(decimals).format(value);
+  }
+
+  get lengthUnit() { return this.system.length[1]; }
+
+  get speedUnit() { return this.system.speed[1]; }
+
+  // [m] to what is shown, and back.
+  length(metres) { return metres === undefined ? undefined : metres * this.system.length[0]; }
+
+  metres(length) { return length / this.system.length[0]; }
+
+  speed(value, decimals = 2) {
+    return value === undefined ? UNKNOWN : `${this.number(value * this.system.speed[0], decimals)} ${this.speedUnit}`;
+  }
+
+  temperature(celsius) {
+    const [value, unit] = this.system.temperature(celsius);
+    return `${this.number(value)} ${unit}`;
+  }
+
+  time(seconds) {
+    if (seconds === undefined || seconds === null) return UNKNOWN;
+    const two = (n) => String(Math.floor(n)).padStart(2, "0");
+    const hours = Math.floor(seconds / 3600);
+    return `${hours ? `${hours}:` : ""}${two((seconds / 60) % 60)}:${two(seconds % 60)}`;
+  }
+}
+
+export const units = new Units();

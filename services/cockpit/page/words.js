@@ -1,0 +1,47 @@
+// Sentences by their keys, in the pilot's language. English has them all: those of events come from
+// the event table. What another language lacks is shown in English.
+
+export const LANGUAGES = { en: "English", no: "Norsk", sv: "Svenska", de: "Deutsch", es: "Español", zh: "中文" };
+
+async function read(language) {
+  return (await fetch(`/words_${language}.json`)).json();
+}
+
+class Words {
+  constructor(english) {
+    this.english = this.own = english;
+    this.language = "en";
+  }
+
+  async use(language) {
+    if (!(language in LANGUAGES)) return;
+    this.own = language === "en" ? this.english : await read(language);
+    this.language = document.documentElement.lang = language;
+    for (const element of document.querySelectorAll("[data-t]")) element.textContent = this.t(element.dataset.t);
+  }
+
+  t(key, values = {}) {
+    const sentence = find(this.own, key) ?? find(this.english, key) ?? key;
+    return sentence.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "–");
+  }
+
+  // A sentence of the event table that comes without its name.
+  same(text) {
+    const key = Object.keys(this.english).find((each) => this.english[each] === text);
+    return key === undefined ? text : this.t(key);
+  }
+
+  // A sentence that the service says: that of its event is translated, and its details stay.
+  said(text, event) {
+    const english = find(this.english, event), own = find(this.own, event);
+    return english && own ? text.replace(english, () => own) : text;
+  }
+}
+
+// By the event's name, or by its kind. A condition has one sentence, whether it acts or not.
+function find(sentences, key) {
+  const name = key.replace(/^failsafe:/, "notice:");
+  return sentences[name] ?? sentences[name.split(":")[0]];
+}
+
+export const words = new Words(await read("en"));

@@ -1,0 +1,93 @@
+"""The page's sentences in each language: whole, and with the numbers that English has. Made from
+the event table and the page itself."""
+
+import json
+import re
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+pytest.importorskip("websockets", reason="the extra cockpit is not installed")
+
+from messages.vehicle import Failsafe, Reaction, VehicleStatus
+from services.cockpit.io.files import PageFiles
+from services.cockpit.page_view import acting
+from services.piloting.keys import KEYS
+from services.reference.failsafe.table import ACTING
+from services.vehicle_view.view import DOES, Newest, vehicle_view
+
+FILES = PageFiles().contents
+PAGE = {name: text.decode() for name, text in FILES.items()}
+SENTENCES = {
+    name[6:8]: json.loads(text) for name, text in PAGE.items() if name.startswith("words_")
+}
+ENGLISH = SENTENCES["en"]
+OTHERS = sorted(set(SENTENCES) - {"en"})
+MOST = 150_000  # [B] of a page that is opened, with one language beside English
+
+
+def numbers(sentence: str) -> list[str]:
+    return sorted(re.findall(r"\{\w+\}", sentence))
+
+
+def test_the_languages_are_those_of_the_list():
+    listed = re.findall(r"(\w\w): \"", PAGE["words.js"])
+    assert sorted(listed) == sorted(SENTENCES) == ["de", "en", "es", "no", "sv", "zh"]
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_nothing_is_missing_and_every_number_is_where_english_has_it(language: str):
+    own = SENTENCES[language]
+    assert sorted(own) == sorted(ENGLISH)
+    assert {key: numbers(own[key]) for key in own} == {key: numbers(ENGLISH[key]) for key in own}
+    assert all(own.values())
+    long = [key for key, sentence in ENGLISH.items() if len(sentence.split()) > 3]
+    assert [key for key in long if own[key] == ENGLISH[key]] == []
+
+
+def test_every_sentence_that_the_page_asks_for_is_there():
+    asked = set(re.findall(r'data-t="([^"]+)"', PAGE["index.html"]))
+    for name, text in PAGE.items():
+        if name.endswith(".js"):
+            asked |= set(re.findall(r'words\.t\("([^"]+)"', text))
+    asked |= {f"key.{key.action}" for key in KEYS}
+    assert asked - set(ENGLISH) == set()
+
+
+@pytest.mark.parametrize("does", ["stopping", *DOES.values()])
+@pytest.mark.parametrize("resumable", [False, True])
+def test_whatever_the_drone_does_by_itself_is_said_in_four_sentences(does: str, resumable: bool):
+    names = [key.removesuffix(".short") for key in ENGLISH if key.endswith(".short")]
+    assert len(names) == 6
+    reactions: dict[str, Reaction] = {words: reaction for reaction, words in DOES.items()}
+    reactions["stopping"] = "stop"
+    for name in names:
+        status = VehicleStatus(
+            stamp_ns=0,
+            activity="stopping" if does == "stopping" else "ready",
+            armed=True,
+            failsafe=cast(Failsafe, name.removeprefix("notice:")),
+            reaction=reactions[does],
+            since_ns=0,
+            resumable=resumable,
+        )
+        assert status.reaction in ACTING
+        said = [key for key, _ in acting(vehicle_view(Newest(status), 5))]
+        keys = [key.replace("failsafe:", "notice:") for key in said]
+        assert len(keys) == 4
+        assert all(ENGLISH[key] for key in keys)
+
+
+def test_a_page_is_light():
+    languages = [len(FILES[f"words_{language}.json"]) for language in OTHERS]
+    rest = sum(len(text) for name, text in FILES.items() if name[6:8] not in OTHERS)
+    assert rest + max(languages) <= MOST
+
+
+def test_the_files_are_where_translators_find_them():
+    folder = Path("services/cockpit/page")
+    for language in OTHERS:
+        text = (folder / f"words_{language}.json").read_text()
+        own = json.loads(text)
+        assert text == json.dumps(dict(sorted(own.items())), indent=2, ensure_ascii=False) + "\n"
