@@ -227,8 +227,18 @@ def test_each_loss_of_the_pilot_ends_the_motion_within_the_time_to_live(dive: Di
     assert dive.commands[-1].stamp_ns < dive.host.now - S // 2  # and then silence: the lease ends
 
 
-def test_after_a_loss_the_sticks_are_centred_first_and_holding_arm_resumes(dive: Dive):
+def test_after_a_short_loss_a_stick_that_is_still_deflected_moves_nothing(dive: Dive):
     dive.steer(1.0, surge=0.6).run(1.0)
+    assert dive.status.failsafe == "pilot_lost"
+    dive.steer(1.0, surge=0.6)  # held at zero until it is centred, which the drone takes for that
+    assert dive.status.failsafe == "none"
+    assert dive.commands[-1].surge == 0.0
+    dive.steer(0.3).steer(0.3, surge=0.6)
+    assert dive.commands[-1].surge > 0.0
+
+
+def test_after_a_loss_the_sticks_are_centred_first_and_holding_arm_resumes(dive: Dive):
+    dive.steer(1.0, surge=0.6).run(2.5)  # longer than what ends by itself
     assert dive.status.failsafe == "pilot_lost"
     dive.steer(0.5, surge=0.6)
     assert dive.commands[-1].pilot == "present"
