@@ -162,7 +162,9 @@ def _beliefs(found: Review) -> Iterator[str]:
     ]  # fmt: skip
     if doubted:
         yield f"Refused measurements: {'; '.join(doubted)}."
-        mostly = (row_of(event).to_do for b in found.beliefs if b.refused > 0.5 for event in b.reasons)
+        mostly = (
+            row_of(event).to_do for b in found.beliefs if b.refused > 0.5 for event in b.reasons
+        )
         yield from (f"What helps: {to_do}." for to_do in dict.fromkeys(mostly) if to_do)
     elif found.beliefs:
         yield "Nearly all measurements were believed."
