@@ -40,7 +40,8 @@ SCREEN = Size(800, 600)
 
 WORDS = "document.getElementById('no-picture').textContent"
 # Rows [px] at the top of the picture that are not shown.
-CUT = """(({ style, width }) => parseFloat(style.clipPath.slice(6)) / parseFloat(style.width) * width
+CUT = """(({ style, width }) =>
+  parseFloat(style.clipPath.slice(6)) / parseFloat(style.width) * width
 )(document.getElementById('picture'))"""
 SEEN = "!document.getElementById('picture').hidden"
 FRESH = f"{SEEN} && {WORDS} === ''"
