@@ -11,7 +11,7 @@ from messages.link import Clock
 from messages.topic import AnyTopic, Side
 from services.runtime.config.errors import LindyError
 from tools.choices import RunningDive, UntilCtrlC, Whole
-from tools.topic.figures import HEADINGS, SenderClock, StreamFigures, aligned
+from tools.topic.figures import HEADINGS, HeardStream, SenderClock, aligned
 
 Key = Annotated[str, Parameter(help="such as state or health/*; default: all of that side")]
 MostMessages = Annotated[Whole | None, Parameter(help="end after so many messages")]
@@ -142,7 +142,7 @@ def _measured(
     running = dive_in(dive)
     at = side_of(running, asked, side)
     clock = SenderClock(at, apart=len(running.endpoints) == 1)
-    found = {each.key: StreamFigures() for each in asked if not each.is_family}
+    found = {each.key: HeardStream() for each in asked if not each.is_family}
     stamp = msgspec.msgpack.Decoder(_Stamp).decode
 
     def take(key: str, payload: bytes, now: int) -> None:
@@ -152,7 +152,7 @@ def _measured(
         if row is topics.CLOCK:
             clock.offset_ns = msgspec.msgpack.decode(payload, type=Clock).offset_ns
         age = clock.age(row, stamp(payload).stamp_ns, now)
-        found.setdefault(key, StreamFigures()).hear(len(payload), age, now)
+        found.setdefault(key, HeardStream()).hear(len(payload), age, now)
 
     def draw() -> list[str]:
         heard = sorted((key, figures) for key, figures in found.items())

@@ -21,7 +21,7 @@ UNKNOWN = "–"
 
 
 @dataclass(slots=True)
-class StreamFigures:
+class HeardStream:
     """Of one key, since its first message."""
 
     messages: int = 0

@@ -21,7 +21,7 @@ from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
-from tools.topic.figures import SenderClock, StreamFigures, aligned
+from tools.topic.figures import HeardStream, SenderClock, aligned
 from tools.topic.listening import named, side_of
 from tools.topic.top import SILENT_NS, table
 
@@ -32,7 +32,7 @@ TOPSIDE = Running("rov1", {"topside": "a"}, 1, {})
 
 @given(st.lists(st.integers(1, S), min_size=1, max_size=50), st.integers(1, 2000))
 def test_rate_pauses_and_amount_are_those_of_what_came(gaps: list[int], size: int) -> None:
-    figures, now = StreamFigures(), 7
+    figures, now = HeardStream(), 7
     figures.hear(size, 0, now)
     for gap in gaps:
         now += gap
@@ -50,7 +50,7 @@ def test_rate_pauses_and_amount_are_those_of_what_came(gaps: list[int], size: in
 
 def test_of_a_stream_that_did_not_come_nothing_is_known() -> None:
     for what in ("hz", "delay", "bw"):
-        assert "–" in StreamFigures().cells(what, topics.STATE)
+        assert "–" in HeardStream().cells(what, topics.STATE)
 
 
 @given(st.integers(-(10**15), 10**15), st.integers(0, 10**9), st.sampled_from(["topside", "drone"]))
