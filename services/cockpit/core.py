@@ -268,6 +268,7 @@ class Cockpit:
             thrust=thrust(thrusters, self._limits, now),
             sticks=positions(self._command, now),
             filming_s=self.filming.seconds(now),
+            snapshots=self.filming.snapshots,
             change=self._order.words,
             lines=tuple((e.line.level, brief(e)) for e in self._lines.newest(LINES)),
         )

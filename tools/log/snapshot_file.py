@@ -30,7 +30,9 @@ def last_of(units: Sequence[bytes]) -> Image.Image | None:
 def jpeg(image: Image.Image, drone: Whereabouts) -> bytes:
     """With time, depth, heading and place. What is not known is left out."""
     exif = Image.Exif()
-    exif[Base.ImageDescription] = drone.words.encode("ascii", "replace").decode()
+    exif[Base.ImageDescription] = (
+        drone.words.replace(" · ", ", ").replace("°", " deg").replace("–", "-")
+    )
     exif[Base.Software] = "Lindy"
     time = f"{drone.utc:%Y:%m:%d %H:%M:%S}"
     exif[Base.DateTime] = time

@@ -14,5 +14,7 @@ export class Film {
     if (this.film.textContent !== words) this.film.textContent = words;
     this.film.setAttribute("aria-pressed", String(runs));
     for (const what of ["film", "snapshot"]) if (this[what]) this[what].disabled = !may;
+    const taken = view.snapshots ? `Snapshot ✓${view.snapshots}` : "Snapshot";
+    if (this.snapshot && this.snapshot.textContent !== taken) this.snapshot.textContent = taken;
   }
 }
