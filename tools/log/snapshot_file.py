@@ -8,7 +8,7 @@ from av.error import FFmpegError
 from PIL import Image
 from PIL.ExifTags import GPS, IFD, Base
 
-from tools.log.film_scenes import Whereabouts
+from tools.log.film_scenes import FilmPlace
 
 QUALITY = 92  # of JPEG
 BELOW_SEA = b"\x01"  # of GPSAltitudeRef
@@ -27,7 +27,7 @@ def last_of(units: Sequence[bytes]) -> Image.Image | None:
     return None if last is None else Image.fromarray(last.to_ndarray(format="rgb24"))
 
 
-def jpeg(image: Image.Image, drone: Whereabouts) -> bytes:
+def jpeg(image: Image.Image, drone: FilmPlace) -> bytes:
     """With time, depth, heading and place. What is not known is left out."""
     exif = Image.Exif()
     exif[Base.ImageDescription] = (
