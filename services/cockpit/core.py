@@ -294,6 +294,7 @@ class Cockpit:
             thrust=thrust(thrusters, self._limits, now),
             sticks=positions(self._command, now),
             filming_s=self.filming.seconds(now),
+            snapshots=self.filming.snapshots,
             change=self._order.words,
             lines=tuple(map(line, self._lines.newest(LINES))),
             fov_deg=self._fov_deg,

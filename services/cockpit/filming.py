@@ -13,6 +13,7 @@ PATIENCE_NS = 1_000_000_000  # [ns] an older wish is not carried out: it waited 
 class Filming:
     source: str
     since_ns: Ns | None = None  # [ns] when the film that runs began; None: none runs
+    snapshots: int = 0  # taken, and recorded
     light_ns: Ns | None = None  # [ns] stamp of the newest picture that pages were sent
     _waiting: FilmKind | None = None  # begin or end, and it is not answered yet
 
@@ -31,6 +32,7 @@ class Filming:
 
     def answered(self, request: FilmRequest, answer: FilmAnswer, now: Ns) -> None:
         if request.kind == "snapshot":
+            self.snapshots += answer.accepted
             return
         self._waiting = None
         if request.kind == "end":  # also where it was not recorded: nothing is

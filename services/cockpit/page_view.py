@@ -48,6 +48,7 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     thrust: tuple[float, ...] = ()  # [-] share of each thruster's most, signed
     sticks: tuple[float, ...] = ()  # [-] surge, sway, heave, yaw as sent to the drone
     filming_s: float | None = None  # [s] that a film runs; None: none does
+    snapshots: int = 0  # that were taken
     change: str = ""  # of drone: what has become of the newest order to fly another one
     acting: tuple[Sentence, ...] = ()  # what is lost, why, what the drone does, what the pilot must
     lines: tuple[PageLine, ...] = ()  # the newest last

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 
 from messages.events import troubles
+from messages.film import FilmAnswer, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
@@ -41,8 +42,8 @@ LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
 }
 
 
-REQUESTS = PilotRequest | LinkRequest | FaultRequest | FlyRequest
-ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer | FlyAnswer
+REQUESTS = PilotRequest | LinkRequest | FaultRequest | FlyRequest | FilmRequest
+ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer | FlyAnswer | FilmAnswer
 VIEWED: dict[type[Message], str] = {
     VehicleStatus: "status", VehicleState: "state", Reference: "reference",
     BatterySample: "battery", LinkStatus: "link", Clock: "clock", LatencyBudget: "latency",
@@ -50,7 +51,7 @@ VIEWED: dict[type[Message], str] = {
 NOTED = {
     *(*LANES, Health, LogLine, SideIdentity),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
-    *(FlyRequest, FlyAnswer, DroneList),
+    *(FlyRequest, FlyAnswer, DroneList, FilmRequest, FilmAnswer),
 }  # may make notes
 
 
@@ -199,6 +200,8 @@ def _asked(message: REQUESTS) -> str:
         return f"{message.part} {message.fault}"
     if isinstance(message, FlyRequest):
         return f"fly {message.drone}"
+    if isinstance(message, FilmRequest):
+        return f"film {message.kind}"
     if isinstance(message, LinkRequest):
         return " ".join(["link", message.kind, message.profile or "", *message.settings]).strip()
     value = "" if message.value is None else f" {message.value:.2f}"

@@ -39,7 +39,7 @@ def film(
         bool, Parameter(negative=(), help="only what the pilot filmed, a film for each")
     ] = False,
 ) -> int:
-    """The pictures of a recording as a film (MP4), with subtitles.
+    """The pictures as a film with subtitles (MP4).
 
     RECORDING is a dive's folder or its MCAP file. Pictures are copied as they were sent, each at
     the time of its light; OUT's name with .srt has time, depth, heading, place and flight mode. A

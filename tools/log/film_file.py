@@ -20,7 +20,7 @@ def new_file(path: Path) -> BinaryIO:
     return path.open("xb")
 
 
-class Clock:
+class FilmClock:
     """Times of pictures since the first, each later than the one before."""
 
     def __init__(self, began_ns: int) -> None:
@@ -42,7 +42,7 @@ class CopiedFilm:
             template = raw.streams.video[0]
             self._stream = self._out.add_stream_from_template(template)
         self._stream.time_base = Fraction(1, TICKS)
-        self._clock = Clock(first.light_ns)
+        self._clock = FilmClock(first.light_ns)
 
     def add(self, picture: FilmedPicture) -> None:
         packet = av.Packet(picture.data)

@@ -11,8 +11,8 @@ from av.video.stream import VideoStream
 from services.marine import time_stripe
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from tools.log.film_file import TICKS, Clock
-from tools.log.film_scenes import FilmedPicture, Whereabouts
+from tools.log.film_file import TICKS, FilmClock
+from tools.log.film_scenes import FilmedPicture, FilmPlace
 
 try:
     from PIL import Image, ImageDraw, ImageFont
@@ -38,7 +38,7 @@ class DrawnFilm:
         self._stream.codec_context.time_base = Fraction(1, TICKS)
         self._decoder = av.CodecContext.create("h264", "r")
         self._decoder.thread_count = 1  # several would keep pictures back
-        self._clock = Clock(first.light_ns)
+        self._clock = FilmClock(first.light_ns)
 
     def add(self, picture: FilmedPicture) -> None:
         try:
@@ -65,7 +65,7 @@ def _clear(image: Image.Image) -> None:
         image.paste(image.crop((0, stripe, image.width, 2 * stripe)), (0, 0))
 
 
-def draw(image: Image.Image, drone: Whereabouts) -> None:
+def draw(image: Image.Image, drone: FilmPlace) -> None:
     """Depth, a tape of the heading, and a line with everything else."""
     pen, (width, height) = ImageDraw.Draw(image), image.size
     large, small = (ImageFont.load_default(max(9.0, height / n)) for n in (14.0, 28.0))

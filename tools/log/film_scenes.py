@@ -18,7 +18,7 @@ LATEST = 512  # states that are remembered: five seconds, longer than a picture 
 OLD_NS = 1_000_000_000  # [ns] before a picture: where the drone was then is not where it is
 
 
-class Whereabouts(NamedTuple):
+class FilmPlace(NamedTuple):
     """None: not known."""
 
     at_ns: int  # [ns] UTC
@@ -51,19 +51,19 @@ class FilmedPicture(NamedTuple):
     size: tuple[int, int]  # [px] width, height
     keyframe: bool
     data: bytes  # H.264, Annex B
-    drone: Whereabouts
+    drone: FilmPlace
 
 
 def pictures(recording: Recording) -> Iterator[FilmedPicture]:
     """Every picture that can be decoded with those before it, in their order."""
-    assembler, seen = Assembler(), deque[Whereabouts](maxlen=LATEST)
+    assembler, seen = Assembler(), deque[FilmPlace](maxlen=LATEST)
     mode, seq, broken = "", None, True
     for raw in recording.raw():
         if raw.key not in KEYS:
             continue
         match recording.decode(raw):
             case VehicleState() as state:
-                seen.append(_whereabouts(state, raw.publish_ns, mode))
+                seen.append(_place(state, raw.publish_ns, mode))
             case VehicleStatus(flight_mode=mode):
                 pass
             case VideoPart() as part:
@@ -125,18 +125,18 @@ def within(
             inside = True
 
 
-def _at(light_ns: int, seen: deque[Whereabouts]) -> Whereabouts:
+def _at(light_ns: int, seen: deque[FilmPlace]) -> FilmPlace:
     """The newest that is no younger than the light, and not much older."""
     known = (each for each in reversed(seen) if light_ns - OLD_NS < each.at_ns <= light_ns)
-    found = next(known, Whereabouts(light_ns))
+    found = next(known, FilmPlace(light_ns))
     return found._replace(at_ns=light_ns)
 
 
-def _whereabouts(state: VehicleState, at_ns: int, mode: str) -> Whereabouts:
+def _place(state: VehicleState, at_ns: int, mode: str) -> FilmPlace:
     heading = state.heading_navigation
     place = state.north, state.east
     north, east = (each.value if each is not None and each.valid else None for each in place)
-    return Whereabouts(
+    return FilmPlace(
         at_ns,
         state.depth.value if state.depth.valid else None,
         degrees(heading.value) % 360.0 if heading is not None and heading.valid else None,

@@ -8,7 +8,7 @@ from av.error import FFmpegError
 from PIL import Image
 from PIL.ExifTags import GPS, IFD, Base
 
-from tools.log.film_scenes import Whereabouts
+from tools.log.film_scenes import FilmPlace
 
 QUALITY = 92  # of JPEG
 BELOW_SEA = b"\x01"  # of GPSAltitudeRef
@@ -27,10 +27,12 @@ def last_of(units: Sequence[bytes]) -> Image.Image | None:
     return None if last is None else Image.fromarray(last.to_ndarray(format="rgb24"))
 
 
-def jpeg(image: Image.Image, drone: Whereabouts) -> bytes:
+def jpeg(image: Image.Image, drone: FilmPlace) -> bytes:
     """With time, depth, heading and place. What is not known is left out."""
     exif = Image.Exif()
-    exif[Base.ImageDescription] = drone.words.encode("ascii", "replace").decode()
+    exif[Base.ImageDescription] = (
+        drone.words.replace(" · ", ", ").replace("°", " deg").replace("–", "-")
+    )
     exif[Base.Software] = "Lindy"
     time = f"{drone.utc:%Y:%m:%d %H:%M:%S}"
     exif[Base.DateTime] = time

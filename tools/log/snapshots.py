@@ -27,7 +27,7 @@ def snapshots(
         Parameter(consume_multiple=True, help="[s] since the first picture; default: as taken"),
     ] = (),
 ) -> int:
-    """The pictures that the pilot took, as JPEG files.
+    """The pictures that the pilot took (JPEG).
 
     RECORDING is a dive's folder or its MCAP file. Each file is named by its time (UTC) and carries
     time, depth, heading and place in its EXIF fields. Exit status 3: the recording is damaged or

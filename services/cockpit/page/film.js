@@ -16,6 +16,8 @@ export class Film {
     const said = runs ? `● ${words.t("filming")} ${clock}` : words.t("film");
     if (this.film.textContent !== said) this.film.textContent = said;
     this.film.setAttribute("aria-pressed", String(runs));
+    const taken = view.snapshots ? `${words.t("snapshot")} ✓${view.snapshots}` : words.t("snapshot");
+    if (this.snapshot.textContent !== taken) this.snapshot.textContent = taken;
     for (const what of ["film", "snapshot"]) this[what].disabled = !may;
   }
 }

@@ -43,6 +43,16 @@ def test_begin_and_end_take_turns_whatever_is_answered(steps: list[str]) -> None
         assert (filming.seconds(now) is not None) == running
 
 
+def test_a_snapshot_counts_once_it_is_recorded() -> None:
+    filming = Filming("me", light_ns=5)
+    request = filming.wish(SNAPSHOT, 0, 0)
+    assert isinstance(request, FilmRequest)
+    filming.answered(request, answer(request, accepted=False), 0)
+    assert filming.snapshots == 0
+    filming.answered(request, answer(request, accepted=True), 0)
+    assert filming.snapshots == 1
+
+
 def test_a_late_wish_and_one_without_a_picture_say_why() -> None:
     assert Filming("me").wish(FILM, 0, 0) == "there is no picture"
     assert Filming("me", light_ns=5).wish(FILM, 0, PATIENCE_NS + 1) == "it came too late"

@@ -5,6 +5,7 @@ import pytest
 from messages import topics
 from messages.aiding import AidSource
 from messages.control import ThrusterCommand, Wrench
+from messages.film import FilmAnswer, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
@@ -193,6 +194,8 @@ def _all(now: int) -> list[Message]:
             budget_kbit=300.0,
             data=b"a picture",
         ),
+        FilmRequest(stamp_ns=now, id=str(now), kind="snapshot", light_ns=now - 40_000_000),
+        FilmAnswer(stamp_ns=now, id=str(now), accepted=True),
         PictureAge(
             stamp_ns=now,
             age_ms=30.0,

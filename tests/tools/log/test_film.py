@@ -22,7 +22,7 @@ from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
 from tools.log import film_file
 from tools.log.film import filmed
-from tools.log.film_scenes import FilmedPicture, Whereabouts, pictures, within
+from tools.log.film_scenes import FilmedPicture, FilmPlace, pictures, within
 from tools.log.subtitles import STEP_NS, Subtitles
 from tools.recordings.recording import open_recording
 from tools.simulate import simulated
@@ -152,7 +152,7 @@ def test_a_marked_film_has_all_of_its_span_and_begins_with_a_keyframe(
 ) -> None:
     keyframes[0] = True
     found = [
-        FilmedPicture(10 * k, (64, 64), key, b"", Whereabouts(10 * k))
+        FilmedPicture(10 * k, (64, 64), key, b"", FilmPlace(10 * k))
         for k, key in enumerate(keyframes)
     ]
     ordered = sorted(set(marks))
