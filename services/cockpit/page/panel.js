@@ -30,7 +30,7 @@ export function age(you, view, arrived) {
 export function show(connection, you, view, steeredBy) {
   const silent = view.silent_s === undefined ? "" : `${words.t("last_known")} `;
   put("armed", view.activity ? `${silent}${words.t(view.armed ? "ARMED" : "DISARMED")}` : UNKNOWN, view.armed && !silent ? "on" : "");
-  put("drone", view.drone || UNKNOWN);
+  put("drone", view.drone ?? "");
   document.title = view.drone ? `${view.drone} · Lindy cockpit` : "Lindy cockpit";
   put("activity", `${plain(view.doing)} · ${plain(view.flight_mode)}`);
   const who = words.t(you.who ?? "");
@@ -94,7 +94,7 @@ export function showPicture(video) {
   const { age, words: wrong, silence } = video;
   const known = age !== undefined && silence < Infinity;
   put("picture-age", `${words.t("picture")} ${known ? seconds(age / 1000) : UNKNOWN}`, known && wrong ? "old" : "");
-  put("no-picture", wrong, wrong && known ? "old" : "");
+  put("no-picture", words.t(wrong), wrong && known ? "old" : "");
 }
 
 const rows = new Map(); // what a list shows, by its id
