@@ -44,11 +44,11 @@ export function show(connection, you, view, steeredBy) {
   const stale = old === undefined || grey || Boolean(connection.words);
   digits(view, stale);
   const why = words.same(you.lost ?? ""); // of a lost pilot the drone knows less than the page's service
-  const tells = why && view.failsafe === "pilot_lost";
+  const tells = why && view.failsafe === "pilot_lost" && !view.resumable;
   const apart = `${words.t(connection.words)}${connection.watching ? "" : `: ${words.t("pilot_lost")}`}`;
   const lost = connection.words ? apart : tells ? "" : why;
   alarm("lost", lost);
-  const acting = failsafe(view.acting ?? [], tells && !view.resumable ? why : "");
+  const acting = failsafe(view.acting ?? [], tells ? why : "");
   const said = [...(you.wants_rest ? [[words.t("wants_rest"), "warning"]] : []), ...(view.said ?? [])];
   const of = (tone) => said.filter((each) => each[1] === tone).map((each) => each[0]).join(" · ");
   alarm("note", of("warning"));
