@@ -24,10 +24,10 @@ export class Keys {
     return Array.isArray(own) ? own.filter((code) => typeof code === "string" && !OWNED.test(code)) : row.codes;
   }
 
-  // Give a key to an action. Returns why not; empty: done. Whatever had it has none.
+  // Give a key to an action. Returns why not, as a sentence's key; empty: done. Whatever had it has none.
   set(action, code) {
-    if (OWNED.test(code)) return "this key belongs to the browser: choose another one";
-    if (action !== "stop" && this.actions.get(code)?.action === "stop") return "this key is STOP: choose another one";
+    if (OWNED.test(code)) return "key_owned";
+    if (action !== "stop" && this.actions.get(code)?.action === "stop") return "key_is_stop";
     for (const row of this.table)
       if (this.codes(row.action).includes(code)) this.own[row.action] = this.codes(row.action).filter((each) => each !== code);
     this.own[action] = [code];

@@ -30,7 +30,7 @@ export class KeysPanel {
       const text = words.t(`key.${row.action}`);
       name.textContent = row.kind === "hold" ? `${text} (${words.t("hold")})` : text;
       const waits = this.waits === row.action;
-      button.textContent = waits ? words.t("press_now") : this.keys.codes(row.action).map(keyName).join(", ") || "–";
+      button.textContent = waits ? words.t("press_now") : [...new Set(this.keys.codes(row.action).map(keyName))].join(", ") || "–";
       button.className = waits ? "waits" : "";
       button.addEventListener("click", () => { this.waits = waits ? "" : row.action; button.blur(); this.draw(); });
       line.append(name, button);

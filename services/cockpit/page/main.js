@@ -205,7 +205,7 @@ function draw() {
   if (menu.open === "menu") lines(connection.log.toReversed(), "log");
   if (menu.open === "pad") padPanel.draw();
   const box = (id) => $(id).getBoundingClientRect();
-  const boxes = { heading: box("heading"), depth: box("depth"), aids: box("aids"), buttons: box("buttons") };
+  const boxes = { heading: box("heading"), depth: box("depth"), aids: box("aids"), buttons: box("buttons"), left: box("left") };
   const free = [boxes.heading.bottom, boxes.buttons.top];
   const axis = picture.place({ stripe: video.stripe ?? 0, fov: seen.fov_deg ?? FOV_DEG, whole: settings.crop === "whole", free });
   hud.draw(seen, found.stale, axis, boxes);

@@ -30,7 +30,7 @@ export function age(you, view, arrived) {
 export function show(connection, you, view, steeredBy) {
   const silent = view.silent_s === undefined ? "" : `${words.t("last_known")} `;
   put("armed", view.activity ? `${silent}${words.t(view.armed ? "ARMED" : "DISARMED")}` : UNKNOWN, view.armed && !silent ? "on" : "");
-  put("drone", view.drone || UNKNOWN);
+  put("drone", view.drone ?? "");
   document.title = view.drone ? `${view.drone} · Lindy cockpit` : "Lindy cockpit";
   put("activity", `${plain(view.doing)} · ${plain(view.flight_mode)}`);
   const who = words.t(you.who ?? "");
@@ -44,11 +44,11 @@ export function show(connection, you, view, steeredBy) {
   const stale = old === undefined || grey || Boolean(connection.words);
   digits(view, stale);
   const why = words.same(you.lost ?? ""); // of a lost pilot the drone knows less than the page's service
-  const tells = why && view.failsafe === "pilot_lost";
+  const tells = why && view.failsafe === "pilot_lost" && !view.resumable;
   const apart = `${words.t(connection.words)}${connection.watching ? "" : `: ${words.t("pilot_lost")}`}`;
   const lost = connection.words ? apart : tells ? "" : why;
   alarm("lost", lost);
-  const acting = failsafe(view.acting ?? [], tells && !view.resumable ? why : "");
+  const acting = failsafe(view.acting ?? [], tells ? why : "");
   const said = [...(you.wants_rest ? [[words.t("wants_rest"), "warning"]] : []), ...(view.said ?? [])];
   const of = (tone) => said.filter((each) => each[1] === tone).map((each) => each[0]).join(" · ");
   alarm("note", of("warning"));
@@ -94,7 +94,7 @@ export function showPicture(video) {
   const { age, least, words: wrong, silence } = video;
   const known = age !== undefined && silence < Infinity;
   put("picture-age", `${words.t("picture")} ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && wrong ? "old" : "");
-  put("no-picture", wrong, wrong && known ? "old" : "");
+  put("no-picture", words.t(wrong), wrong && known ? "old" : "");
 }
 
 const rows = new Map(); // what a list shows, by its id

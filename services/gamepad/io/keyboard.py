@@ -39,7 +39,8 @@ def scancode(code: str) -> int:
 
 def label(key: Key) -> str:
     """How its first key is called."""
-    return key.codes[0].removeprefix("Key").removeprefix("Arrow").removesuffix("Left")
+    code = key.codes[0].removeprefix("Key")
+    return code.removeprefix("Arrow") if code.startswith("Arrow") else code.removesuffix("Left")
 
 
 HERE = tuple(key for key in KEYS if key.kind != "page")

@@ -149,7 +149,7 @@ def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight
     flight.until("any(each.heave < -0.3 for each in said)")  # until the pad is found frozen
     flight.until("said[-1].pilot == 'lost'")  # it stays connected, deflected, and says nothing more
     assert flight.dive.counts["lost:page_frozen"] == 1
-    page.wait("document.getElementById('lost').textContent.includes('the pad holds a stick')")
+    page.wait("document.getElementById('alarms').textContent.includes('pad holds a stick')")
     page.look("document.getElementById('arm').focus()")
     page.key("keyDown", "Space", " ")
     page.key("keyUp", "Space", " ")

@@ -40,9 +40,10 @@ SCREEN = Size(800, 600)
 
 WORDS = "document.getElementById('no-picture').textContent"
 # Rows [px] at the top of the picture that are not shown.
-CUT = """(({ style, width }) =>
-  parseFloat(style.clipPath.slice(6)) / parseFloat(style.width) * width
-)(document.getElementById('picture'))"""
+CUT = """((canvas) => {
+  const { clipPath, width } = canvas.style;
+  return (parseFloat(clipPath.slice(6)) / parseFloat(width)) * canvas.width;
+})(document.getElementById('picture'))"""
 SEEN = "!document.getElementById('picture').hidden"
 FRESH = f"{SEEN} && {WORDS} === ''"
 INSIDE = "void import('/main.js').then((main) => { window.video = main.video; })"
