@@ -70,8 +70,14 @@ def acting(view: VehicleView) -> tuple[Sentence, ...]:
         (f"{name}.short", {}),
         ("over", {}) if view.resumable else (name, since),
         (f"does.{view.doing}", more),
-        ("do.resume" if view.resumable else f"{name}.do", {}),
+        (_to_do(view, name), {}),
     )
+
+
+def _to_do(view: VehicleView, name: str) -> str:
+    if view.returns == "centre":
+        return "do.centre"
+    return "do.resume" if view.resumable else f"{name}.do"
 
 
 def turns(state: VehicleState | None) -> int | None:

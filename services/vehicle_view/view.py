@@ -7,14 +7,13 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from messages import topics
-from messages.events import CONDITIONS, RETURN
 from messages.link import Clock, LatencyBudget, LinkStatus
 from messages.message import Estimate
 from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.units import Ns
-from messages.vehicle import Reaction, VehicleStatus
+from messages.vehicle import Reaction, Returns, VehicleStatus
 from services.vehicle_view import ages
 
 # What a failsafe makes the drone do once it is at rest, in a word or two.
@@ -49,10 +48,7 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     since_s: float | None = None  # [s] since that began
     next_s: float | None = None  # [s] until its next reaction
     resumable: bool = False
-    # The failsafe that acts in four short lines, with `doing` as the third; each may be empty.
-    lost_what: str = ""  # what is lost, or wrong
-    why: str = ""  # by what that is known, or that it has ended
-    must_do: str = ""  # what the pilot does
+    returns: Returns | None = None  # what gives the sticks back; None: he has them, or not known
     words: str = ""  # what is lost, what the drone does, and what ends it
     note: str = ""
     pilot: str = ""  # who has control; empty: nobody
@@ -111,7 +107,6 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "armed": status.armed,
         "failsafe": status.failsafe,
         "words": status.words,
-        **_loss(status),
         "pilot": status.pilot,
         "depth_m": _known(status.depth),
         "heading_deg": None if status.heading is UNSET else _compass(status.heading),
@@ -124,21 +119,9 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "since_s": _seconds(status.since_ns, now),
         "next_s": _seconds(now, status.next_ns),
         "resumable": status.resumable,
+        "returns": status.returns,
         "note": status.note,
     }
-
-
-def _loss(status: VehicleStatus) -> dict[str, str]:
-    if status.failsafe == "none":
-        return {}
-    condition = CONDITIONS[status.failsafe]
-    lost, _, why = condition.sentence.partition(": ")
-    returns = status.returns or ("resume" if status.resumable else "wait")  # an older Lindy's
-    if status.failsafe not in status.conditions:
-        return {"lost_what": lost, "why": "this has ended", "must_do": RETURN[returns]}
-    both = (condition.acted.to_do, RETURN[returns] if returns == "resume" else "")
-    must_do = RETURN[returns] if returns == "centre" else "; ".join(filter(None, both))
-    return {"lost_what": lost, "why": why, "must_do": must_do}
 
 
 def _doing(status: VehicleStatus) -> str:

@@ -1,17 +1,14 @@
 """The vehicle as a pilot sees it: what is old is said so, what is gone is not shown, and in a
 failsafe nobody has the sticks."""
 
-from typing import get_args
-
 from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.events import CONDITIONS
 from messages.message import Estimate
 from messages.sensors import BatterySample
 from messages.state import VehicleState
-from messages.vehicle import Failsafe, Reaction, Returns, VehicleStatus
+from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.vehicle_view import ages, words
 from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
 from services.vehicle_view.view import Newest, vehicle_view
@@ -67,29 +64,6 @@ def test_in_a_failsafe_nobody_is_told_that_he_has_the_sticks(
     assert view.doing != "piloted"
     assert words.said(view)[0].tone == "alarm"
     assert words.said(view)[0].text.endswith(": what")
-
-
-@given(
-    st.sampled_from(FAILSAFES),
-    st.sampled_from([*get_args(Returns), None]),
-    st.booleans(),
-    st.booleans(),
-)
-def test_in_a_failsafe_the_pilot_reads_what_is_lost_why_and_what_he_must_do(
-    failsafe: Failsafe, returns: Returns | None, holds: bool, resumable: bool
-):
-    conditions = (failsafe,) if holds else ()
-    acts = status(
-        failsafe=failsafe, reaction="stop", conditions=conditions, returns=returns,
-        resumable=resumable,
-    )  # fmt: skip
-    view = vehicle_view(Newest(status=acts), 0)
-    assert CONDITIONS[failsafe].sentence.startswith(view.lost_what)
-    assert all([view.lost_what, view.doing, view.must_do])
-    assert (view.why == "this has ended") == (not holds)
-    assert (view.must_do == "centre the sticks to continue") == (returns == "centre")
-    nothing = vehicle_view(Newest(status=status()), 0)
-    assert (nothing.lost_what, nothing.why, nothing.must_do) == ("", "", "")
 
 
 def test_a_pilot_who_has_stopped_the_drone_is_told_to_centre_the_sticks():
