@@ -41,8 +41,12 @@ VEHICLES = tuple(BUOYANCY)
 UNFLOWN = "acoustic"  # over it no stick position arrives in time
 LINKS = tuple(sorted({path.stem for path in (DEPLOY / "links").glob("*.toml")} - {UNFLOWN}))
 ALL_PAIRS = len(VEHICLES) * len(LINKS)
-# A hull that accelerates twice as much as its file says.
-CASES = {"light": HULLS["mass −30 %, damping ×½, thrust +20 %, lag ×2"][0]}
+# A hull that accelerates twice as much as its file says, and one that floats, a BlueROV2 with 28° of
+# pitch, as nobody has trimmed it.
+CASES = {
+    "light": HULLS["mass −30 %, damping ×½, thrust +20 %, lag ×2"][0],
+    "leaning": HULLS["buoyancy ±, centre of gravity 5 mm off"][0],
+}
 
 SECONDS = 60.0  # [s] of moves, unless told otherwise
 DOWN = 3.0  # [m] the first move goes down by so much

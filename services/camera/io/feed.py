@@ -271,7 +271,7 @@ class _Live:
     def _read(self) -> None:
         """Without a pause: what waits, waits in the backlog, where it is counted."""
         feed, form, dropped = self._feed, self._container.format.name, 0
-        capture, asked, own_before = CaptureTime(), feed.now(), None
+        capture, asked, own_before, key_before = CaptureTime(), feed.now(), None, False
         for packet in self._container.demux(self._stream):
             now = feed.now()
             # A wait that timed out first gives what was kept back: an old picture.
@@ -288,12 +288,13 @@ class _Live:
                 raise ValueError(f"its pictures come {late:.1f} s later than at first")
             packet.opaque = Arrived(light, now)
             with self._changed:
-                # Slices of one picture come as several packets of one time.
-                new = own is None or own != own_before
-                self._backlog.put(packet, now, keyframe=packet.is_keyframe and new)
+                # Slices of one keyframe come as packets of one time; the first ones may lack it.
+                same = own is not None and own == own_before
+                same = same or (key_before and (own is None) != (own_before is None))
+                self._backlog.put(packet, now, keyframe=packet.is_keyframe and not same)
                 lost, dropped = self._backlog.dropped - dropped, self._backlog.dropped
                 self._changed.notify()
-            own_before = own
+            own_before, key_before = own, packet.is_keyframe
             feed.events.extend([events.SKIPPED_PICTURE()] * lost)
             if now > self._decoded_ns + round(TIMEOUT_S * 1e9):
                 raise ValueError(f"nothing of it could be decoded for {TIMEOUT_S:g} s")

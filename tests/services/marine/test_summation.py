@@ -13,6 +13,7 @@ from services.marine.summation import plain_sum
 
 # Where the builtin `sum` counts whole numbers, which are exact.
 COUNTING = {
+    "messages/events.py",
     "services/link_monitor/junk_watch.py",
     "services/recorder/io/mcap_summary.py",
     "services/runtime/hosts/registry.py",

@@ -167,6 +167,8 @@ def test_a_pilot_who_is_killed_is_followed_by_a_process_that_has_waited(tmp_path
             (spare,), before = spares(), local.supervisor.pids
             os.kill(before["gamepad"], signal.SIGKILL)
             pump_until(local, lambda: "gamepad" not in local.supervisor.pids)
+            # Of the killed one it is not yet known everywhere that it is gone.
+            pump_until(local, lambda: "gamepad" in local.supervisor.pids)
             alive(local)
             assert local.supervisor.pids["gamepad"] == spare
             assert {n for n, pid in local.supervisor.pids.items() if pid != before[n]} == {
