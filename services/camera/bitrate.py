@@ -59,6 +59,7 @@ class BitrateLaw:
     _trusted_at: Ns = 0  # [ns] … and is not tried before
     _doubt_ns: Ns = DOUBT_NS
     _on_trial: bool = False
+    _lost_at: Ns = 0  # [ns] when it was reduced last because most was lost
 
     def __post_init__(self) -> None:
         self._kbit = self._limited(self._kbit)
@@ -93,7 +94,9 @@ class BitrateLaw:
             self._doubt(now)
             self._reduce(CUT * self._kbit)
         elif report.lost > MANY_LOST:
-            self._reduce(CUT * self._kbit)
+            if now >= self._lost_at + UNANSWERED_NS:  # what is lost now was sent before the last cut
+                self._lost_at = now
+                self._reduce(CUT * self._kbit)
         else:
             self._follow(BLIND_GROWTH if report.room_kbit is None else GROWTH, now)
 
@@ -127,7 +130,10 @@ class BitrateLaw:
         self._kbit = self._limited(min(kbit, self._kbit))
 
     def _doubt(self, now: Ns) -> None:
-        """This bitrate has made a queue."""
+        """This bitrate has made a queue; or it is still that of a much higher one before."""
+        recent = now < self._trusted_at - self._doubt_ns + TRIAL_NS
+        if self._too_much is not None and recent and self._kbit < CUT * self._too_much:
+            return
         self._doubt_ns = min(2 * self._doubt_ns, MOST_DOUBT_NS) if self._on_trial else DOUBT_NS
         self._on_trial = False
         self._too_much, self._doubted_room = self._kbit, self.room_kbit

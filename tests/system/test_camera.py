@@ -95,7 +95,7 @@ def test_the_bitrate_follows_the_link_down_within_two_seconds_and_up_again(flown
     before = kbit(flown.sent, WORSE - S, WORSE)
     after = kbit(flown.sent, WORSE + 2 * S, BETTER)
     assert before > 150.0
-    assert after < 100.0  # of 384 kbit/s, most are telemetry
+    assert 80.0 < after < 0.85 * 384.0  # [kbit/s] of the link; the picture goes before telemetry
     again = [part.budget_kbit for at, part in flown.sent if at > BETTER + 3 * S]
     assert max(again) > 1000.0
 

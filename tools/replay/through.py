@@ -94,7 +94,8 @@ def through(
         replay.run(end)
     offset, restart = source.utc_offset_ns, _first_restart(replay.recorded)
     until = end if restart is None else restart + offset - 1
-    window = Window(max(first, begin) - offset, min(last, until) - offset)
+    # Of its last instant a recording that was cut off may have what was published and not why.
+    window = Window(max(first, begin) - offset, min(last - 1, until) - offset)
     found = _compared(replay, names, source, window, tolerances)
     found.begin_ns = source.origin_ns - offset
     found.remarks += _beginning(replay, source)
