@@ -94,7 +94,8 @@ class BitrateLaw:
             self._doubt(now)
             self._reduce(CUT * self._kbit)
         elif report.lost > MANY_LOST:
-            if now >= self._lost_at + UNANSWERED_NS:  # what is lost now was sent before the last cut
+            # What is lost so soon after a cut was sent before it.
+            if now >= self._lost_at + UNANSWERED_NS:
                 self._lost_at = now
                 self._reduce(CUT * self._kbit)
         else:

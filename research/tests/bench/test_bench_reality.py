@@ -252,7 +252,9 @@ def test_a_hull_that_accelerates_twice_as_its_file_says_keeps_its_imu_and_its_gy
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [904, 907])
-def test_a_vehicle_that_floats_with_28_degrees_of_pitch_stops_where_it_was_let_go(seed: int) -> None:
+def test_a_vehicle_that_floats_with_28_degrees_of_pitch_stops_where_it_was_let_go(
+    seed: int,
+) -> None:
     """A BlueROV2 with 17 N more buoyancy and its centre of gravity 5 mm off: one stop ran on by
     0.43 m while an IMU's bias was not shared by the axes that lean."""
     dive = fly(seed, "leaning", 60.0)
