@@ -41,8 +41,8 @@ VEHICLES = tuple(BUOYANCY)
 UNFLOWN = "acoustic"  # over it no stick position arrives in time
 LINKS = tuple(sorted({path.stem for path in (DEPLOY / "links").glob("*.toml")} - {UNFLOWN}))
 ALL_PAIRS = len(VEHICLES) * len(LINKS)
-# A hull that accelerates twice as much as its file says, and one that floats, a BlueROV2 with 28° of
-# pitch, as nobody has trimmed it.
+# A hull that accelerates twice as much as its file says, and one that nobody has trimmed: as a
+# BlueROV2 it floats with 28° of pitch.
 CASES = {
     "light": HULLS["mass −30 %, damping ×½, thrust +20 %, lag ×2"][0],
     "leaning": HULLS["buoyancy ±, centre of gravity 5 mm off"][0],
