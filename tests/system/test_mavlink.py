@@ -92,9 +92,9 @@ class Script:
 
         until(happens, lambda: (self.texts, self.acks), fly)
 
-    def for_s(self, seconds: float, z: int = 500) -> None:
+    def for_s(self, seconds: float, z: int = 500, *, steers: bool = True) -> None:
         end = time.monotonic() + seconds
-        self.until(lambda: time.monotonic() >= end, z=z)
+        self.until(lambda: time.monotonic() >= end, z=z, steers=steers)
 
     def arm(self, arm: int) -> None:
         self.vehicle.mav.command_long_send(1, 1, ARM_DISARM, 0, arm, 0, 0, 0, 0, 0, 0)
@@ -159,6 +159,7 @@ def test_a_pymavlink_script_flies_over_udp(dive: Dive) -> None:
     script.until(lambda: "failsafe: pilot lost" in script.texts, steers=False)
     script.until(lambda: vehicle.messages["HEARTBEAT"].system_status == 5, steers=False)
     assert vehicle.motors_armed()
+    script.for_s(2.5, steers=False)  # so long that centred sticks are not enough any more
     script.for_s(1.5)  # a heartbeat comes once a second
     assert vehicle.messages["HEARTBEAT"].system_status == 5, "sticks alone end no failsafe"
     vehicle.set_mode("ALT_HOLD")

@@ -174,7 +174,7 @@ PITCHED = rotated((0.9986, 0.0, 0.0523), (0.0, 1.0, 0.0), (-0.0523, 0.0, 0.9986)
 
 @pytest.mark.slow
 def test_spreads_are_honest_where_the_file_is_right() -> None:
-    found = row(8)
+    found = row(24)  # of 8 the mean of roll and pitch is within 15 %
     for part in ("yaw rate", "roll", "pitch", "north", "depth", "rate"):
         assert 0.5 < found.nees(part) < 1.5, part
     assert found.rms("depth") < 0.010  # [m]
