@@ -24,7 +24,10 @@ COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 class FilmFile(Protocol):
     """An MP4 that is being written."""
 
-    def add(self, picture: FilmedPicture) -> None: ...
+    def add(self, picture: FilmedPicture) -> bool:
+        """Whether it is in the film; otherwise it is damaged."""
+        ...
+
     def close(self) -> None: ...
 
 
@@ -66,14 +69,14 @@ def filmed(
     Raises:
         LindyError: there are no pictures, or a file exists or cannot be written.
     """
-    said, what = list[str](), None
+    said, what, left_out = list[str](), None, set[int]()
     writing: _Writing | None = None
     refuse_existing(out)
     spans = filmed_spans(recording) if marked else [(0, inf)]
     if not spans:
         raise LindyError(f"{recording.files[0]}: the pilot filmed nothing; leave out --marked")
     try:
-        for span, picture in within(pictures(recording), spans):
+        for span, picture in within(pictures(recording, left_out), spans):
             if (span, picture.size) != what:
                 if writing is not None:
                     said.append(writing.end())
@@ -90,6 +93,11 @@ def filmed(
         if writing is not None:
             writing.give_up()
         raise
+    if left_out:
+        said.append(
+            f"{len(left_out)} pictures of the recording are left out: parts of them, or of those "
+            f"that they build on, are missing"
+        )
     return said
 
 
@@ -105,6 +113,7 @@ class _Writing:
             ) from None
         self._path, self._srt = path, path.with_suffix(".srt")
         self._began, self._end, self._pictures = first.light_ns, first.light_ns, 0
+        self._damaged = 0  # pictures
         self._subtitles = Subtitles()
         refuse_existing(self._srt)
         with _said(path):
@@ -119,9 +128,10 @@ class _Writing:
 
     def add(self, picture: FilmedPicture) -> None:
         with _said(self._path):
-            self._film.add(picture)
+            shown = self._film.add(picture)
         self._subtitles.add(max(0, picture.light_ns - self._began), picture.drone.words)
-        self._end, self._pictures = picture.light_ns, self._pictures + 1
+        self._end, self._pictures = picture.light_ns, self._pictures + shown
+        self._damaged += not shown
 
     def end(self) -> str:
         with _said(self._path):
@@ -129,7 +139,9 @@ class _Writing:
             self._file.close()
         write_fresh(self._srt, self._subtitles.text().encode())
         seconds = (self._end - self._began) / 1e9
-        return f"{self._pictures} pictures, {seconds:.1f} s, in {self._path} and {self._srt}"
+        damaged = f", {self._damaged} damaged ones left out" if self._damaged else ""
+        where = f"in {self._path} and {self._srt}"
+        return f"{self._pictures} pictures, {seconds:.1f} s, {where}{damaged}"
 
     def give_up(self) -> None:
         """It is not whole: nothing of it stays."""

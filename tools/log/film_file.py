@@ -44,13 +44,14 @@ class CopiedFilm:
         self._stream.time_base = Fraction(1, TICKS)
         self._clock = FilmClock(first.light_ns)
 
-    def add(self, picture: FilmedPicture) -> None:
+    def add(self, picture: FilmedPicture) -> bool:
         packet = av.Packet(picture.data)
         packet.stream = self._stream
         packet.time_base = Fraction(1, TICKS)
         packet.pts = packet.dts = self._clock.ticks(picture.light_ns)
         packet.is_keyframe = picture.keyframe
         self._out.mux_one(packet)
+        return True
 
     def close(self) -> None:
         self._out.close()

@@ -40,11 +40,11 @@ class DrawnFilm:
         self._decoder.thread_count = 1  # several would keep pictures back
         self._clock = FilmClock(first.light_ns)
 
-    def add(self, picture: FilmedPicture) -> None:
+    def add(self, picture: FilmedPicture) -> bool:
         try:
             frames = self._decoder.decode(av.Packet(picture.data))
         except FFmpegError:
-            return  # what was recorded damaged is not shown
+            return False
         for frame in frames:
             image = Image.fromarray(frame.to_ndarray(format="rgb24"))
             _clear(image)
@@ -52,6 +52,7 @@ class DrawnFilm:
             drawn = av.VideoFrame.from_ndarray(np.asarray(image), format="rgb24")
             drawn.pts, drawn.time_base = self._clock.ticks(picture.light_ns), Fraction(1, TICKS)
             self._out.mux(self._stream.encode(drawn))
+        return bool(frames)
 
     def close(self) -> None:
         self._out.mux(self._stream.encode(None))

@@ -54,8 +54,13 @@ class FilmedPicture(NamedTuple):
     drone: FilmPlace
 
 
-def pictures(recording: Recording) -> Iterator[FilmedPicture]:
-    """Every picture that can be decoded with those before it, in their order."""
+def pictures(recording: Recording, left_out: set[int] | None = None) -> Iterator[FilmedPicture]:
+    """Every picture that can be decoded with those before it, in their order.
+
+    Args:
+        left_out: becomes the stamps [ns] of the others.
+    """
+    left_out = set() if left_out is None else left_out
     assembler, seen = Assembler(), deque[FilmPlace](maxlen=LATEST)
     mode, seq, broken = "", None, True
     for raw in recording.raw():
@@ -69,10 +74,12 @@ def pictures(recording: Recording) -> Iterator[FilmedPicture]:
             case VideoPart() as part:
                 broken = broken or (seq is not None and part.seq != seq + 1)
                 seq = part.seq
+                left_out.add(part.stamp_ns)
                 unit = assembler.take(part)
                 if unit is None or (broken and not part.keyframe):
                     continue
                 broken = False
+                left_out.discard(part.stamp_ns)
                 size = part.width, part.height
                 drone = _at(raw.publish_ns, seen)
                 yield FilmedPicture(raw.publish_ns, size, part.keyframe, unit.data, drone)

@@ -1,5 +1,6 @@
 """`lindy log snapshots`: the pictures that the pilot took, each with where it was taken."""
 
+import sys
 from bisect import bisect_right
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
+LONGEST_S = 1e6  # [s] of a recording
 
 
 def snapshots(
@@ -56,6 +58,9 @@ def taken(recording: Recording, out: Path, at: tuple[float, ...] = ()) -> list[P
             f"a snapshot needs PyAV and Pillow, which are not installed; {how_to_install('camera')}"
             f", {how_to_install('figures')}"
         ) from None
+    for each in at:
+        if not 0.0 <= each <= LONGEST_S:
+            raise LindyError(f"--at {each:g}: expected seconds from 0 to {LONGEST_S:g}")
     wanted = [light for kind, light in marks(recording) if kind == "snapshot"]
     if at:
         first = next(pictures(recording), None)
@@ -65,9 +70,10 @@ def taken(recording: Recording, out: Path, at: tuple[float, ...] = ()) -> list[P
     written = list[Path]()
     for group in _each(recording, sorted(wanted)):
         image = last_of([picture.data for picture in group])
-        if image is None:
-            continue
         shot = group[-1]
+        if image is None:
+            print(f"the picture of {shot.drone.utc:%H:%M:%S} is damaged", file=sys.stderr)
+            continue
         ms = shot.light_ns // 1_000_000 % 1000
         path = out / f"{shot.drone.utc:%Y-%m-%dT%H-%M-%S}.{ms:03d}Z.jpg"
         out.mkdir(parents=True, exist_ok=True)

@@ -5,9 +5,10 @@ import json
 import os
 import shutil
 import subprocess
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -17,6 +18,7 @@ import av
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages import topics
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
@@ -24,7 +26,7 @@ from tools.log import film_file
 from tools.log.film import filmed
 from tools.log.film_scenes import FilmedPicture, FilmPlace, pictures, within
 from tools.log.subtitles import STEP_NS, Subtitles
-from tools.recordings.recording import open_recording
+from tools.recordings.recording import Recording, open_recording
 from tools.simulate import simulated
 
 SERVICES = [name for name in Registry.read("camera") if name != "visualizer"]
@@ -186,3 +188,26 @@ def test_a_line_is_shown_until_the_next_and_never_twice_in_a_row(
     said = [text for _, _, text in lines]
     assert all(a != b for a, b in pairwise(said))
     assert times[0][0] == "00:00:00,000"
+
+
+def test_pictures_that_cannot_be_decoded_are_said(dive: Path) -> None:
+    """Those after a part that is missing, up to the next keyframe."""
+    whole, left_out = open_recording(dive), set[int]()
+    every = list(pictures(whole, left_out))
+    assert not left_out
+
+    class Holed:
+        """The recording without one message of the video."""
+
+        def raw(self) -> Iterator[Any]:
+            video = 0
+            for raw in whole.raw():
+                video += raw.key == topics.VIDEO.key
+                if raw.key != topics.VIDEO.key or video != 3:
+                    yield raw
+
+        decode = staticmethod(whole.decode)
+
+    left = list(pictures(cast(Recording, Holed()), left_out))
+    assert left_out
+    assert len(left) + len(left_out) in (len(every), len(every) - 1)

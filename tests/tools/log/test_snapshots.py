@@ -65,3 +65,10 @@ def test_nothing_is_overwritten_and_none_is_one_sentence(dive: Path, tmp_path: P
     assert path.read_bytes() == before
     with pytest.raises(LindyError, match="holds no snapshots"):
         taken(recording, tmp_path)
+
+
+@pytest.mark.parametrize("at", [float("nan"), float("inf"), -1.0, 1e300])
+def test_a_time_that_cannot_be_is_one_sentence(dive: Path, tmp_path: Path, at: float) -> None:
+    with pytest.raises(LindyError, match="expected seconds from 0 to"):
+        taken(open_recording(dive), tmp_path, (at,))
+    assert not list(tmp_path.iterdir())
