@@ -6,6 +6,7 @@ divided by the weights and floors of the topic table. Nothing on the topside con
 the thinned topics; on board they keep their full rate.
 """
 
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -19,8 +20,10 @@ FLOORS = 0.36  # [-] … but so much of what the link carries is telemetry's, if
 LEAST = 0.1  # [-] of its floor that a stream keeps whatever there is
 PICTURE_NS = 5_000_000_000  # [ns] without a part of a picture: none crosses
 WORTHWHILE = 0.15  # [-] by which a rate changes at least
-NEWEST = 0.2  # [-] weight of the newest period in the mean of what is offered
+PERIODS = 10  # that are averaged: as long as two messages of the slowest topics
 ENDLESS = 1e9  # [Hz] per weight
+
+Period = tuple[float, dict[str, int]]  # [s] how long it was; [B] that were offered, by topic
 
 
 def limits(budget_kbit: float, offered: Mapping[str, float]) -> dict[str, float]:
@@ -78,8 +81,8 @@ class TelemetryRateControl:
     rates: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] by key
     _due: dict[str, int] = field(default_factory=dict[str, int])  # [ns]
     _bytes: dict[str, int] = field(default_factory=dict[str, int])  # of the period
-    _offered: dict[str, float] = field(default_factory=dict[str, float])  # [kbit/s] mean
     _since: int | None = None  # [ns]
+    _periods: deque[Period] = field(default_factory=lambda: deque[Period](maxlen=PERIODS))
     _picture_ns: int | None = None  # [ns] when a part of a picture entered last
 
     def begin(self) -> None:
@@ -93,9 +96,9 @@ class TelemetryRateControl:
             carries_kbit: [kbit/s] at which the link has carried what waited; None: nothing did.
         """
         self._measure(now)
-        if carries_kbit is None or not self._offered:
+        offered = self._offered()
+        if carries_kbit is None or not offered:
             return False
-        offered = self._offered
         budget = ROOM * carries_kbit
         if self._picture_ns is not None and now < self._picture_ns + PICTURE_NS:
             least = min(FLOORS * carries_kbit, floors_kbit(offered))
@@ -131,10 +134,14 @@ class TelemetryRateControl:
     def _measure(self, now: int) -> None:
         """A period has ended: what was offered in it counts."""
         seconds = 0.0 if self._since is None else (now - self._since) / 1e9
-        total, self._bytes, self._since = self._bytes, {}, now
-        if seconds <= 0.0:
-            return
-        weight = NEWEST if self._offered else 1.0
-        for key in {*total, *self._offered}:
-            before, new = self._offered.get(key, 0.0), total.get(key, 0) * 8e-3 / seconds
-            self._offered[key] = before + weight * (new - before)
+        if seconds > 0.0:
+            self._periods.append((seconds, self._bytes))
+        self._bytes, self._since = {}, now
+
+    def _offered(self) -> dict[str, float]:
+        """[kbit/s] By topic."""
+        seconds = plain_sum(each for each, _ in self._periods)
+        total = Counter[str]()
+        for _, counted in self._periods:
+            total.update(counted)
+        return {key: count * 8e-3 / seconds for key, count in total.items()}

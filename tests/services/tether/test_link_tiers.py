@@ -89,6 +89,25 @@ def test_rates_follow_what_the_link_carries_and_stay_where_it_does_not_change(
         assert changes <= 3
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.floats(50.0, 2000.0), st.integers(1, 30), st.integers(100, 600))
+def test_messages_of_once_a_second_do_not_move_the_rates(
+    carries: float, slow: int, size: int
+) -> None:
+    """`slow` of them arrive in one period of five, and none in the others."""
+    control, changed = TelemetryRateControl(), list[int]()
+    for period in range(100):
+        now = period * (S // 5)
+        for topic in FAST:
+            for _ in range(20):
+                control.admits(topic.key, 300, now)
+        for _ in range(slow if period % 5 == 0 else 0):
+            control.admits("health/control", size, now)
+        if control.judge(carries, now + S // 5):
+            changed.append(period)
+    assert all(period < 15 for period in changed)
+
+
 @settings(max_examples=50, deadline=None)
 @given(st.floats(1.0, 50.0), st.lists(st.integers(0, 5 * MS), min_size=300, max_size=300))
 def test_a_thinned_topic_keeps_its_rate_through_jitter(hz: float, jitter: list[int]) -> None:
