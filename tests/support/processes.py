@@ -65,6 +65,19 @@ def spent_s(pid: int) -> float:
     return 0.0 if count is None else count.user + count.system
 
 
+def in_group(leader: int) -> list[int]:
+    """Process ids of a process group."""
+
+    def group(pid: int) -> int | None:
+        try:
+            return os.getpgid(pid)
+        except ProcessLookupError:  # it has just ended
+            return None
+
+    pids = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()]
+    return [pid for pid in pids if group(pid) == leader]
+
+
 def own_mb(pids: Collection[int]) -> float:
     """[MB] Memory of these processes; what several processes share counts in parts."""
     files = [Path(f"/proc/{pid}/smaps_rollup") for pid in pids]

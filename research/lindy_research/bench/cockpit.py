@@ -29,6 +29,10 @@ MOST_KB = 150.0  # goal
 STICK_MS = {"p50": 8.0, "p99": 20.0}  # goals on loopback
 WATCHERS = 10
 WATCH_S = 8.0  # [s] of ages and frames
+PAGE_CORES = 0.15  # [cores] goal of a page at 60 frames a second
+WITHOUT_PICTURE = 10.0  # [%] goal
+CONTRAST_NEEDED = 4.5  # of WCAG, for text
+STOP_S = 1.0  # [s] goal
 FLOOR = "simulator.floor_depth=8"  # [m] so that there is something to be seen
 # Sees what the page draws, and when.
 COUNTERS = """
@@ -65,7 +69,7 @@ def figures() -> list[Figure]:
         return [_figure("page", "", None, note="no Chromium on the path")]
     if find_spec("av") is None:
         return [_figure("page", "", None, note="no PyAV, so no picture")]
-    return [_bytes(), *_flown(program)]
+    return [_bytes(), *_screens(program), *_flown(program)]
 
 
 def _figure(name: str, unit: str, ours: float | None, **more: Any) -> Figure:
@@ -73,11 +77,46 @@ def _figure(name: str, unit: str, ours: float | None, **more: Any) -> Figure:
 
 
 def _bytes() -> Figure:
-    size = sum(path.stat().st_size for path in PAGE.iterdir() if path.is_file())
+    """All that one page loads: of the languages the largest, and English, which fills its gaps."""
+    sizes = {path.name: path.stat().st_size for path in PAGE.iterdir() if path.is_file()}
+    own = [name for name in sizes if name.startswith("words_") and name != "words_en.json"]
+    size = sum(sizes.values()) - sum(sorted(sizes[name] for name in own)[:-1])
     return _figure("page", "kB", size / 1e3, baseline_name="goal", baseline=MOST_KB, goal=1.0)
 
 
+def _screens(program: str) -> Iterator[Figure]:
+    """What is on screens of eight sizes, with a picture of 16:9 and in every state of the drone."""
+    from tests.support.docs.chromium import Browser
+    from tests.support.page_screen import CONTRAST, SHARE, SIZES, STATES, Served
+
+    least: list[tuple[float, str]] = []
+    with ExitStack() as exits:
+        browser, served = exits.enter_context(Browser(program)), Served(exits)
+        for size in SIZES:
+            name = f"{size.width} × {size.height}"
+            page = served.open(browser, size)
+            served.becomes(page)
+            share = page.look(SHARE)
+            for theme in ("dark", "bright"):
+                page.look(f"document.documentElement.className = '{theme}'")
+                for state, what in STATES.items():
+                    served.becomes(page, **what)
+                    contrast, where = page.look(CONTRAST)
+                    least.append((contrast, f"{name}, {theme}, {state}: {where}"))
+            page.close()
+            yield _figure(
+                f"screen without picture, {name}", "%", 100.0 * (1.0 - share),
+                baseline_name="goal", baseline=WITHOUT_PICTURE, goal=1.0,
+            )  # fmt: skip
+    contrast, where = min(least)
+    yield _figure(
+        "contrast that text needs", ":1", CONTRAST_NEEDED, note=where,
+        baseline_name="the smallest on any screen", baseline=contrast, goal=1.0,
+    )  # fmt: skip
+
+
 def _flown(program: str) -> Iterator[Figure]:
+    from lindy_research.bench.page_kills import stops_after_kills
     from lindy_research.bench.stick_clock import Commands, plain, watching
     from tests.support.docs.chromium import Browser, Size
     from tests.support.docs.cockpit_picture import arm
@@ -87,7 +126,7 @@ def _flown(program: str) -> Iterator[Figure]:
         browser = exits.enter_context(Browser(program))
         alone = plain(browser)
         empty = browser.open("data:text/html,<title>empty</title>", Size(1280, 800), COUNTERS)
-        quiet = _per_second(empty)
+        quiet = _per_second(browser, empty)
         empty.close()
         port = _free_port()
         url = f"http://127.0.0.1:{port}/"
@@ -106,13 +145,14 @@ def _flown(program: str) -> Iterator[Figure]:
         running = msgspec.json.decode((folder / "dive" / RUNNING).read_bytes(), type=Running)
         commands = exits.enter_context(Commands.of(running))
         page.look(AGES)
-        shown = _per_second(page)
+        shown = _per_second(browser, page)
         ages = json.loads(page.look("JSON.stringify(ages)"))
         sticks = {"with the picture": commands.delays(page)}
         with watching(url, WATCHERS):
             sticks[f"and {WATCHERS} watchers"] = commands.delays(page)
         page.look("video.close()")
         sticks["without"] = commands.delays(page)
+        stops = stops_after_kills(page, dive, running)
         page.close()
         report = dive.report()
     for name, share in (("p50", 0.5), ("p99", 0.99)):
@@ -128,12 +168,22 @@ def _flown(program: str) -> Iterator[Figure]:
     )  # fmt: skip
     yield from _drawn(shown, quiet)
     yield from _aged(ages, report)
+    for name, seconds in stops.items():
+        yield _figure(
+            f"kill -9 of {name} to the first STOP on board", "s", seconds,
+            baseline_name="goal", baseline=STOP_S, goal=1.0,
+        )  # fmt: skip
 
 
 def _drawn(shown: dict[str, float], quiet: dict[str, float]) -> Iterator[Figure]:
     yield _figure(
         "time between two frames of the browser", "ms", 1e3 / max(shown["frames"], 1e-3),
         baseline_name="an empty page", baseline=1e3 / max(quiet["frames"], 1e-3),
+    )  # fmt: skip
+    yield _figure(
+        "the browser's processes, with the page", "cores", shown["cores"] - quiet["cores"],
+        baseline_name="goal", baseline=PAGE_CORES, goal=1.0,
+        note=f"less {quiet['cores']:.2f} of an empty page",
     )  # fmt: skip
     yield _figure("head-up display, drawn", "1/s", shown["hud"])
     yield _figure("pictures, drawn", "1/s", shown["picture"])
@@ -151,13 +201,15 @@ def _aged(ages: list[float], report: Report) -> Iterator[Figure]:
         )  # fmt: skip
 
 
-def _per_second(page: Any) -> dict[str, float]:
-    """[1/s] What the page draws, by COUNTERS."""
+def _per_second(browser: Any, page: Any) -> dict[str, float]:
+    """[1/s] What the page draws, by COUNTERS; and what that costs [cores]."""
     read = "JSON.stringify([performance.now(), drawn])"
-    began, before = json.loads(page.look(read))
+    spent, (began, before) = browser.spent_s(), json.loads(page.look(read))
     time.sleep(WATCH_S)  # the browser is measured, not this
     ended, after = json.loads(page.look(read))
-    return {name: (after[name] - before[name]) / (ended - began) * 1e3 for name in after}
+    seconds = (ended - began) / 1e3
+    drawn = {name: (after[name] - before[name]) / seconds for name in after}
+    return {**drawn, "cores": (browser.spent_s() - spent) / seconds}
 
 
 def _share(values: list[float], share: float) -> float:

@@ -23,6 +23,7 @@ from messages import topics
 from messages.pilot import PilotCommand
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import connected
+from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from tests.support.docs.chromium import Browser, BrowserPage, Size
 
@@ -53,7 +54,7 @@ address = url.replace("http", "ws") + "ws/{}?version=" + version.decode()
 async def states():
     async with connect(address.format("watch"), origin=url.rstrip("/"), compression=None) as page:
         async for text in page:
-            seen = re.match(r'{"n":(\\d+)', text)[1]
+            seen = re.search(r'"n":(\\d+)', text)[1]
             await page.send(f'{{"kind":"seen","seen":{seen},"held_ms":0}}')
 async def pictures():
     async with connect(
@@ -126,6 +127,8 @@ def watching(url: str, number: int) -> Generator[None]:
     time.sleep(2.0)  # until all have the picture
     try:
         yield
+        if watchers.poll() is not None:
+            raise LindyError("the benchmark's watchers ended while they were needed")
     finally:
         watchers.terminate()
         watchers.wait()

@@ -27,6 +27,7 @@ import { LANGUAGES, words } from "/words.js";
 const STICKS_MS = 20; // between two messages
 const MOVED_MS = 8; // between two of a stick that moves; the service takes 250 messages a second
 const SAME_MS = 200; // the same picture is drawn again after this
+const TOGETHER_MS = 60; // what is new waits so long at most for a picture
 const SAID_MS = 5000; // a sentence of the page
 const CLICKED_MS = 100; // after a touch: what it has clicked has heard of it
 const FOV_DEG = 80; // where the service does not say how wide the picture is
@@ -166,15 +167,17 @@ $("fullscreen").addEventListener("click", () => {
 
 document.body.classList.toggle("watcher", connection.watching);
 
-// Drawn when there is something new, and now and then to say that there is not.
+// Drawn when there is something new, and now and then to say that there is not. Together with the
+// camera's next picture where one comes soon: the screen is put together once, not twice.
 let drawn = null, drawnAt = 0;
 function frame() {
   requestAnimationFrame(frame);
   const now = performance.now();
+  const comes = video.frame === null && video.silence < TOGETHER_MS && now - drawnAt < TOGETHER_MS;
   const seen = video.draw();
   if (seen !== hud.picture) drawnAt = 0; // with or without a sky of its own
   hud.picture = seen;
-  if (connection.picture === drawn && now - drawnAt < SAME_MS) return;
+  if (comes || (connection.picture === drawn && now - drawnAt < SAME_MS)) return;
   drawn = connection.picture;
   drawnAt = now;
   draw();
