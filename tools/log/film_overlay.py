@@ -1,6 +1,7 @@
 """A film with the head-up display in it: decoded, drawn upon and encoded anew."""
 
 from fractions import Fraction
+from functools import cache
 from typing import BinaryIO
 
 import av
@@ -18,7 +19,7 @@ try:
     from PIL import Image, ImageDraw, ImageFont
 except ImportError:
     raise LindyError(
-        f"--overlay needs Pillow, which is not installed; {how_to_install('figures')}"
+        f"--overlay needs Pillow, which is not installed; {how_to_install('camera')}"
     ) from None
 
 QUALITY = "20"  # of x264: no worse than what was sent
@@ -59,6 +60,11 @@ class DrawnFilm:
         self._out.close()
 
 
+@cache  # it is unpacked and read each time
+def _font(size: float) -> Font:
+    return ImageFont.load_default(size)
+
+
 def _clear(image: Image.Image) -> None:
     """A simulated camera's time stripe is for machines."""
     if time_stripe.read(np.asarray(image.convert("L")), 0) is not None:
@@ -69,7 +75,7 @@ def _clear(image: Image.Image) -> None:
 def draw(image: Image.Image, drone: FilmPlace) -> None:
     """Depth, a tape of the heading, and a line with everything else."""
     pen, (width, height) = ImageDraw.Draw(image), image.size
-    large, small = (ImageFont.load_default(max(9.0, height / n)) for n in (14.0, 28.0))
+    large, small = (_font(max(9.0, height / n)) for n in (14.0, 28.0))
     margin = height / 40.0
 
     def write(x: float, y: float, text: str, font: Font, anchor: str) -> None:

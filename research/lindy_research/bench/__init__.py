@@ -33,6 +33,7 @@ SECTIONS = {
     "mavlink": "lindy_research.bench.mavlink",
     "camera": "lindy_research.bench.camera",
     "cockpit": "lindy_research.bench.cockpit",
+    "film": "lindy_research.bench.film",
     "busy": "lindy_research.bench.busy",
     "ardusub": "lindy_research.bench.ardusub",
 }
