@@ -56,7 +56,6 @@ def taken(recording: Recording, out: Path, at: tuple[float, ...] = ()) -> list[P
     except ImportError:
         raise LindyError(
             f"a snapshot needs PyAV and Pillow, which are not installed; {how_to_install('camera')}"
-            f", {how_to_install('camera')}"
         ) from None
     for each in at:
         if not 0.0 <= each <= LONGEST_S:
