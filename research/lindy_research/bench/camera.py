@@ -18,6 +18,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from lindy_research.bench import foreign_cameras
 from lindy_research.bench.table import Figure
 from messages import topics
 from services.runtime.bus.envelope import Envelope
@@ -47,7 +48,7 @@ FLOOR = "simulator.floor_depth=8"  # [m] so that there is something to be seen
 def figures() -> list[Figure]:
     if find_spec("av") is None:
         return [Figure(section="camera", name="picture", unit="", note="no PyAV")]
-    return [*_costs(), *_beside(), *_ages()]
+    return [*_costs(), *_beside(), *_ages(), *foreign_cameras.figures()]
 
 
 def _figure(name: str, unit: str, ours: float | None, **more: Any) -> Figure:
