@@ -322,6 +322,21 @@ def test_a_second_page_waits_until_the_sticks_are_given_back_but_may_stop(dive: 
     assert dive.status.pilot == "ann"
 
 
+def test_of_two_pages_that_both_hold_arm_the_one_with_the_sticks_arms(tmp_path: Path):
+    dive = Dive(tmp_path).open().open(BOB)
+    for page in (ANN, BOB):  # to hold begins with taking the sticks
+        dive.wish("take", page)
+    while dive.status.activity != "ready":
+        dive.steer(0.5)
+    for page in (BOB, ANN):  # and ends with the wish
+        dive.wish("arm", page)
+    dive.steer(0.5)
+    assert dive.status.armed
+    assert dive.status.pilot == "ann"
+    assert dive.counts["not_the_holder:page"] == 2  # BOB's two wishes
+    assert dive.asked == ["lease", "arm"]
+
+
 def test_a_page_that_is_gone_without_a_word_gives_way_after_two_seconds(dive: Dive):
     dive.run(1.0).open(BOB)
     dive.wish("take", BOB)
