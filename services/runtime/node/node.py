@@ -345,9 +345,11 @@ class Node:
 
     # Timers.
 
-    def every(self, hz: float, handler: Callable[[int], None]) -> None:
+    def every(self, hz: float, handler: Callable[[int], None]) -> Tick:
         """Call `handler(now)` at a fixed rate, without drift."""
-        self._timers.append(Tick(hz, self._clock(), handler))
+        tick = Tick(hz, self._clock(), handler)
+        self._timers.append(tick)
+        return tick
 
     def alarm(self, handler: Callable[[int], None]) -> Alarm:
         """A timer that rings once each time it is set."""
