@@ -173,7 +173,8 @@ class Node:
         called with None at the topic's own rate until messages arrive again.
 
         Older messages that arrived since the last step go to `earlier`, in order; without it they
-        are counted as skipped.
+        are counted as skipped, and a newest one that is stale is counted and does not act: on a
+        starved computer it may have waited for a second.
         """
         inbox = self._inbox(topic.key, RING if earlier is None else EVENTS, self._home)
         gate = self.gate(topic)
@@ -204,6 +205,10 @@ class Node:
                 return
             now = self._clock()
             self.loop_stats.handled(now - since)
+            limit = topic.stale_after_ns if earlier is None else None
+            if limit is not None and now > newest.stamp_ns + limit:
+                self.tell(events.STALE(topic.key))
+                return
             alarm.set(now + round(silence_s * 1e9))
             handler(newest, now)
 

@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from collections.abc import Callable
 
 import msgspec
 import pytest
@@ -67,6 +68,33 @@ def test_a_trigger_that_never_heard_anything_counts_no_silence() -> None:
     listener.trigger(topics.IMU, lambda _, __: None, 0.03)
     host.run(1000 * MS)
     assert listener.counts == {}
+
+
+@given(st.integers(0, 500), st.integers(1, 9))
+@settings(max_examples=30, deadline=None)
+def test_what_waited_until_it_was_stale_drives_nothing_and_is_counted(
+    late_ms: int, messages: int
+) -> None:
+    """As in a process that the computer does not run for a while."""
+    host, drove, seen = VirtualHost(), list[int](), list[int]()
+    says = host.node("talker", DRONE).publisher(topics.IMU)
+    late, thorough = host.node("late", DRONE), host.node("thorough", DRONE)
+
+    def noted(heard: list[int]) -> Callable[[ImuSample | None, int], None]:
+        return lambda message, _: heard.append(message.seq) if message is not None else None
+
+    late.trigger(topics.IMU, noted(drove), 10.0)
+    thorough.trigger(topics.IMU, noted(seen), 10.0, earlier=lambda _m, _n: None)
+    for _ in range(messages):
+        says.put(imu(0))
+    late.wake = thorough.wake = lambda: None  # the computer does not run them
+    host.run(late_ms * MS)
+    for node in (late, thorough):
+        node.step()
+    assert seen == [messages - 1]  # what is integrated is never thrown away
+    stale = late_ms > 100
+    assert drove == ([] if stale else [messages - 1])
+    assert late.counts["stale:sensor/imu"] == stale
 
 
 def test_the_latest_value_goes_stale_and_that_is_counted_once_per_passage() -> None:
