@@ -40,7 +40,8 @@ class ProcessPool:
                 return
         for name, prewarming in wanted.items():
             if name not in self._waiting:
-                self._waiting[name] = _started(prewarming)
+                with suppress(OSError):  # nothing to start it with: said when one is needed
+                    self._waiting[name] = _started(prewarming)
                 return
 
     @property

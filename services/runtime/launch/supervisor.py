@@ -10,11 +10,13 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Literal
 
+from services.runtime.config.disk import reason
 from services.runtime.launch.child import Child, OsChild, Task
 from services.runtime.launch.lifecycle import Action, Ended, Life, LifeEvent, advance
 
 NAME = "supervisor"  # its name on the bus
 PATIENCE_S = 5.0  # [s] between asking a process to end and killing it
+NOT_STARTED = -1  # in the place of an exit status: a crash, after which it is started again
 POLL_S = 0.02  # [s] between two checks while processes are stopping
 
 Tell = Callable[[Literal["info", "warning", "error"], str], None]
@@ -106,11 +108,20 @@ class Supervisor:
         if action is Action.START:
             if self.lives[name].restarts:
                 self._tell("warning", f"{self._tasks[name].in_words} is started again")
-            child = self._children[name] = self._spawn(self._tasks[name])
-            if child.unlogged:
-                self._tell("warning", f"{name} runs without a log: {child.unlogged}")
+            self._start(name)
         elif action is Action.TERMINATE:
             self._children[name].terminate()
+
+    def _start(self, name: str) -> None:
+        try:
+            child = self._children[name] = self._spawn(self._tasks[name])
+        except OSError as error:  # no descriptors, no memory, no room for a process: for now
+            self.lives[name], _ = advance(self.lives[name], Ended(NOT_STARTED), self._clock())
+            who = self._tasks[name].in_words
+            self._tell("error", f"{who} could not be started: {reason(error)}; tried again")
+            return
+        if child.unlogged:
+            self._tell("warning", f"{name} runs without a log: {child.unlogged}")
 
     def _ended(self, name: str, child: Child, status: int) -> None:
         del self._children[name]

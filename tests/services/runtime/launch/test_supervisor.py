@@ -1,5 +1,6 @@
 """The supervisor with toy processes. Deadlines are generous: a test waits for what must come."""
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Generator
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.runtime.launch import supervisor as module
-from services.runtime.launch.child import Child, Task
+from services.runtime.launch.child import Child, OsChild, Task
 from services.runtime.launch.supervisor import Supervisor
 from tests.support.patience import until
 
@@ -74,6 +75,28 @@ def test_a_killed_child_is_started_again_and_it_is_said(toys: Toys):
     toys.until(lambda: toys.supervisor.pids.get("toy", first) != first)
     assert toys.supervisor.restarts == {"toy": 1}
     assert toys.told == ["toy ended unexpectedly (signal SIGKILL)", "toy is started again"]
+
+
+@pytest.mark.parametrize("number", [errno.EMFILE, errno.EAGAIN, errno.ENOMEM])
+def test_a_child_that_cannot_be_started_now_is_started_later(tmp_path: Path, number: int):
+    """A computer without free descriptors, processes or memory: for a while."""
+    toys, refused = Toys(tmp_path), [OSError(number, os.strerror(number))] * 3
+
+    def spawn(task: Task) -> Child:
+        if refused:
+            raise refused.pop()
+        return OsChild(task)
+
+    toys.supervisor = Supervisor(lambda _, text: toys.told.append(text), spawn)
+    try:
+        toys.add("toy", SLEEP)
+        assert toys.supervisor.pids == {}
+        toys.until(lambda: "toy" in toys.supervisor.pids)
+    finally:
+        toys.supervisor.stop()
+    why = f"toy could not be started: {os.strerror(number).lower()}; tried again"
+    assert toys.told == [why, *["toy is started again", why] * 2, "toy is started again"]
+    assert toys.supervisor.failure is None
 
 
 def test_a_mistake_of_the_users_is_shown_in_the_services_own_words(toys: Toys):
