@@ -186,13 +186,13 @@ class Node:
             alarm.set(now + round(1e9 / topic.hz))
             handler(None, now)
 
+        def skip(_message: M, _now: int) -> None:
+            self.tell(events.SKIPPED(topic.key))
+
         def pass_over(message: M, arrival: int) -> None:
             now = self._clock()
             self.loop_stats.handled(now - arrival)  # also what is skipped has waited so long
-            if earlier is None:
-                self.tell(events.SKIPPED(topic.key))
-            else:
-                earlier(message, now)
+            (earlier or skip)(message, now)
 
         def drain() -> None:
             newest, since = None, 0
