@@ -8,6 +8,7 @@ randomness.
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from threading import Lock
 from typing import Any, TypeVar
 
@@ -177,7 +178,7 @@ class Node:
         starved computer it may have waited for a second.
         """
         inbox = self._inbox(topic.key, RING if earlier is None else EVENTS, self._home)
-        gate = self.gate(topic)
+        gate, use = self.gate(topic), earlier or partial(self._skip, topic)
         alarm = self.alarm(lambda now: on_silence(now))
 
         def on_silence(now: int) -> None:
@@ -186,13 +187,10 @@ class Node:
             alarm.set(now + round(1e9 / topic.hz))
             handler(None, now)
 
-        def skip(_message: M, _now: int) -> None:
-            self.tell(events.SKIPPED(topic.key))
-
         def pass_over(message: M, arrival: int) -> None:
             now = self._clock()
             self.loop_stats.handled(now - arrival)  # also what is skipped has waited so long
-            (earlier or skip)(message, now)
+            use(message, now)
 
         def drain() -> None:
             newest, since = None, 0
@@ -214,6 +212,9 @@ class Node:
 
         alarm.set(self._clock() + round(silence_s * 1e9))
         self._on_arrival(inbox, drain)
+
+    def _skip(self, topic: AnyTopic, _message: object, _now: int) -> None:
+        self.tell(events.SKIPPED(topic.key))
 
     def tap(
         self, side: str, key: str, handler: Callable[[Envelope, int], None], depth: int = EVENTS
