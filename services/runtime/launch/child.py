@@ -22,6 +22,7 @@ class Task:
     log: Path  # its stdout and stderr
     stop_order: int = 0  # tasks with a lower number are stopped first
     parts: tuple[str, ...] = ()  # what runs in it, where that is more than its name says
+    needed: bool = True  # False: the others go on without it, if it cannot start
 
     @property
     def in_words(self) -> str:

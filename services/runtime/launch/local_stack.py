@@ -8,6 +8,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Collection, Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -203,7 +204,8 @@ class LocalStack:
         """Start the slow services, once they keep no other from the processor."""
         slow = self.plan.services_of(self._later)
         if slow and slow >= set(self.missing()):
-            self.supervisor.add(self.plan.process(name) for name in self._later)
+            later = [self.plan.process(name) for name in self._later]
+            self.supervisor.add(replace(task, needed=False) for task in later)
             self._later = []
 
     @property

@@ -128,8 +128,12 @@ class Supervisor:
         self._handle(name, Ended(status))
         words = child.last_words()
         phase = self.lives[name].phase
-        if phase == "failed" and self.failure is None:
-            self.failure = in_words(name, words, self._tasks[name])
+        if phase == "failed":
+            sentence = in_words(name, words, self._tasks[name])
+            if not self._tasks[name].needed:
+                self._tell("error", f"{sentence}; the dive goes on without {name}")
+            elif self.failure is None:
+                self.failure = sentence
         elif phase == "waiting":
             said = own_sentence(name, words)
             why = how(status) if said is None else f"{how(status)}: {said}"

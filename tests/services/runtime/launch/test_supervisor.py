@@ -106,6 +106,16 @@ def test_a_mistake_of_the_users_is_shown_in_the_services_own_words(toys: Toys):
     assert toys.supervisor.restarts == {"toy": 0}
 
 
+def test_what_is_not_needed_ends_nothing_when_it_cannot_start(toys: Toys, tmp_path: Path):
+    command = [sys.executable, "-S", "-c", MISTAKEN]
+    toys.supervisor.add([Task("toy", command, tmp_path / "toy.log", needed=False)])
+    toys.add("other", SLEEP)
+    toys.until(lambda: bool(toys.told))
+    assert toys.told == ["depth is 7, expected at most 3; the dive goes on without toy"]
+    assert toys.supervisor.failure is None
+    assert list(toys.supervisor.pids) == ["other"]
+
+
 def test_a_name_of_two_words_keeps_its_words(toys: Toys):
     toys.add("my_toy", MISTAKEN.replace("lindy toy", "lindy my_toy"))
     toys.until(lambda: toys.supervisor.failure is not None)
