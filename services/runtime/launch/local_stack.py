@@ -37,6 +37,7 @@ from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 
+SOCKET_NS = 3_000_000_000  # [ns] a hub has made its socket so long after its start
 SLOW = ("visualizer",)  # started when the others are alive: its libraries take a second to load
 WATCH_NS = 100_000_000  # [ns] between two looks at the heartbeats
 DISK_PATIENCE_S = 10.0  # [s] a slow disk may stop those of LAST before they are started again
@@ -229,6 +230,7 @@ class LocalStack:
         self._watch_at = now + WATCH_NS
         if set(self.missing()) <= set(SLOW):  # else they need the processor
             self._spares.keep(self._spared)
+        self._restore_sockets(now)
         beats = {name: last_beat(self.plan.heartbeat(name)) for name in self.supervisor.lives}
         for name, what in self.hang_detector.look(beats, self.supervisor.lives, now):
             if what == "silent":
@@ -242,6 +244,16 @@ class LocalStack:
             set(self.plan.processes.get(name, ())) & set(LAST) for name in self.hang_detector.silent
         ):
             self._systemd.works(now)
+
+    def _restore_sockets(self, now: int) -> None:
+        """A hub whose socket was removed is started again: no service that ends could come back."""
+        lives = self.supervisor.lives
+        with suppress(OSError):  # tried again at the next look
+            for name in self.plan.socketless():
+                life = lives.get(name)
+                if life is not None and life.phase == "running" and now > life.at + SOCKET_NS:
+                    self._tell("error", f"the socket of {name} was removed: it is started again")
+                    self.supervisor.kill(name)
 
     def end(self) -> None:
         """End all processes."""

@@ -27,6 +27,7 @@ from services.runtime.node.checkpoint import write_safely
 CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<service>.json
 HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
+UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
 
 
 class OtherSide(NamedTuple):
@@ -66,7 +67,7 @@ class ProcessPlan:
         # A hub for each side; with two machines, only for sides that are a service's home here.
         homes_only = 1 if other_side is not None else None
         sides = dict.fromkeys(s for spec in services.values() for s in spec.sides[:homes_only])
-        self.endpoints = {side: f"unixsock-stream/{folder}/{side}.sock" for side in sides}
+        self.endpoints = {side: f"{UNIX}{folder}/{side}.sock" for side in sides}
         self.home = HOME if HOME in sides else next(iter(sides))
         if listen is not None and not outside:
             self.endpoints[self.home] = listen
@@ -85,6 +86,12 @@ class ProcessPlan:
         Raises:
             LindyError: the folder cannot be made.
         """
+        self._copy_files(warn)
+        self.checkpoints = unused_folder(self.checkpoints)
+        for name, data in self._begin_with.items():
+            write_safely(self.checkpoints / f"{name}.json", data)
+
+    def _copy_files(self, warn: Callable[[str], None]) -> None:
         for number, path in enumerate(self.stack.files):
             copy = self._folder / f"{number}-{path.name}"
             try:
@@ -95,9 +102,20 @@ class ProcessPlan:
                 warn(f"cannot keep a copy of {path}: {reason(error)}")
             else:
                 self._copies[str(path)] = str(copy)
-        self.checkpoints = unused_folder(self.checkpoints)
-        for name, data in self._begin_with.items():
-            write_safely(self.checkpoints / f"{name}.json", data)
+
+    def socketless(self) -> list[str]:
+        """Hubs that nobody can connect to any more: something has removed their sockets, or the
+        whole folder, which is then made again."""
+        sockets = {
+            f"hub_{side}": Path(endpoint.removeprefix(UNIX))
+            for side, endpoint in self.endpoints.items()
+            if endpoint.startswith(UNIX)
+        }
+        gone = [name for name, path in sockets.items() if not path.exists()]
+        if gone and not self._folder.exists():
+            self._folder.mkdir(mode=0o700)
+            self._copy_files(lambda _: None)
+        return gone
 
     def heartbeat(self, process: str) -> Path:
         """The file with the sign of life of a process."""
