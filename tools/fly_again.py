@@ -13,6 +13,7 @@ from services.recorder.io.attachments import computer, lindy
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY, reading_copies
 from services.runtime.config.stack import SCRIPT
+from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
 from tools.live.cockpit import COCKPIT
 from tools.live.piloted_dive import GAMEPAD
@@ -24,13 +25,14 @@ from tools.simulate import Simulated, simulated
 STICKS = "recorded.csv"  # the stick log made of a dive that no script flew
 
 
-def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
+def fly_again(path: Path, choices: Choices, *, files: bool = True, trust: bool = False) -> int:
     """Fly the dive of a recording again on virtual time, and compare the hash of everything that
     was recorded. Returns the exit status.
 
     Args:
         path: a dive's folder, or its MCAP file.
         choices: only `out` may be given; everything else is in the recording.
+        trust: what it names may be run, also where it is not Lindy's.
 
     Raises:
         LindyError: the recording does not say enough, or the dive was not the same.
@@ -49,6 +51,8 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
         pilot = _pilot(dive, recording, folder)
         exits.enter_context(reading_copies(_unpacked(recording, dive.files, folder)))
         again = msgspec.structs.replace(dive.stack, pilot=pilot)
+        if not trust:
+            _require_own(path, again)
         # What a browser's pilot did is a script by now, which the gamepad plays.
         running = [GAMEPAD if name == COCKPIT else name for name in again.running]
         flown = simulated(_choices(again, choices.out), files=files, running=running)
@@ -63,6 +67,20 @@ def _require_nothing_else(choices: Choices) -> None:
             raise LindyError(
                 f"--{option}: with --from everything but --out is as the recording says; drop it"
             )
+
+
+def _require_own(path: Path, stack: FlownStack) -> None:
+    """Whoever made a recording must not run code here by that."""
+    foreign = [
+        f"{name} (module {spec.module})"
+        for name, spec in Registry.read(stack.services).items()
+        if spec.module is not None
+    ]
+    if foreign:
+        raise LindyError(
+            f"{path} would run code that is not Lindy's own: {', '.join(foreign)}; with --trust it "
+            f"does"
+        )
 
 
 def _choices(stack: FlownStack, out: Path | None) -> Choices:

@@ -1,6 +1,7 @@
 """A dive flown again from nothing but its recording is the same dive, bit for bit."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from mcap.writer import Writer
 
 from services.recorder.io.attachments import DIVE
 from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import deploy_file
 from tools.__main__ import main
 from tools.choices import Choices
 from tools.fly_again import fly_again
@@ -107,6 +109,32 @@ def test_without_the_script_the_recorded_sticks_are_flown(
     said = capsys.readouterr().out
     assert "its sticks, of script script, are flown" in said
     assert "not compared: it was flown by the clock" in said
+
+
+def test_a_recording_runs_no_code_of_a_stranger_s_unless_it_is_trusted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ran = tmp_path / "ran.txt"
+    (tmp_path / "stranger.py").write_text(
+        f"open({str(ran)!r}, 'a').write('x')\ndef wire(node, stack):\n    pass\n"
+    )
+    mine = tmp_path / "mine.toml"
+    own = deploy_file("stacks", "simulated").read_text()
+    mine.write_text(f'{own}\n[services.extra]\nsides = ["drone"]\nmodule = "stranger"\n')
+    (tmp_path / "still.csv").write_text("t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0,0\n")
+    words = ("--stack", str(mine), "--pilot", f"script:{tmp_path / 'still.csv'}", "--seconds", "1")
+    assert main(["simulate", *words, "--out", str(tmp_path / "dive")]) in (0, 3)
+    ran.unlink()
+    sys.modules.pop("stranger")
+    capsys.readouterr()
+    again = ["simulate", "--from", str(tmp_path / "dive"), "--no-files"]
+    assert main(again) == 1
+    said = capsys.readouterr().err
+    assert "would run code that is not Lindy's own: extra (module stranger); with --trust" in said
+    assert not ran.exists()
+    assert main([*again, "--trust"]) == 0
+    assert "the same as in" in capsys.readouterr().out
+    assert ran.exists()
 
 
 def test_other_choices_are_refused(dive: ShortDive, capsys: pytest.CaptureFixture[str]) -> None:
