@@ -116,7 +116,7 @@ def test_a_recording_runs_no_code_of_a_stranger_s_unless_it_is_trusted(
 ) -> None:
     ran = tmp_path / "ran.txt"
     (tmp_path / "stranger.py").write_text(
-        f"open({str(ran)!r}, 'a').write('x')\ndef wire(node, stack):\n    pass\n"
+        f"import pathlib\npathlib.Path({str(ran)!r}).touch()\ndef wire(node, stack):\n    pass\n"
     )
     mine = tmp_path / "mine.toml"
     own = deploy_file("stacks", "simulated").read_text()
