@@ -27,6 +27,8 @@ DIVE, LOSSES, MERGED = "dive", "losses", "merged"  # metadata of Lindy's files
 MENDED_BY = "lindy log recover makes a whole file of the rest"
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 ZSTD = b"\x04\x00\x00\x00zstd"  # in the head of a chunk …
+LARGEST_CHUNK = 100_000_000  # [bytes] uncompressed; what others write has a few million
+SLICE = 4096  # [bytes] that are uncompressed at once: no more than 70 MB can come out of it
 ZSTD_AT = 37  # [bytes] … behind its beginning
 CHUNK_NUMBERS = struct.Struct("<QQQI")  # first and last log time, size, checksum
 LETTERS, LENGTH = struct.Struct("<I"), struct.Struct("<Q")
@@ -256,14 +258,27 @@ def _uncompressed(stream: BinaryIO, length: int) -> tuple[bytes, bool]:
     then still that of the flush before, and describes the beginning of the data.
     """
     chunk = Chunk.read(ReadDataStream(BytesIO(stream.read(length))))
+    if chunk.uncompressed_size > LARGEST_CHUNK:
+        size = f"{chunk.uncompressed_size / 1e6:.0f} MB in one chunk"
+        raise ValueError(f"{size}, allowed is {LARGEST_CHUNK // 1_000_000}")
     if chunk.compression != "zstd":
         opened, size = get_chunk_data_stream(chunk, validate_crc=True)
         return opened.read(size), True
-    frame = zstandard.ZstdDecompressor().decompressobj()
-    data = frame.decompress(chunk.data)[: chunk.uncompressed_size]
+    data, whole = _opened(chunk.data, chunk.uncompressed_size)
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise ValueError("a damaged chunk")
-    return data, frame.eof
+    return data, whole
+
+
+def _opened(data: bytes, most: int) -> tuple[bytes, bool]:
+    """Of zstd: at most so many bytes, whatever a file may hold; and whether that was all."""
+    frame, parts, size = zstandard.ZstdDecompressor().decompressobj(), list[bytes](), 0
+    for at in range(0, len(data), SLICE):
+        if frame.eof or size >= most:
+            break
+        parts.append(frame.decompress(data[at : at + SLICE]))
+        size += len(parts[-1])
+    return b"".join(parts)[:most], frame.eof
 
 
 def _beginning(chunk: bytes) -> bytes:
@@ -276,7 +291,7 @@ def _beginning(chunk: bytes) -> bytes:
         compression = chunk[at : at + letters]
         data = chunk[at + letters + LENGTH.size :]
         if compression == b"zstd":
-            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+            return _opened(data, LARGEST_CHUNK)[0]
         return data if not compression else b""
     return b""
 

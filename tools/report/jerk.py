@@ -20,6 +20,7 @@ RATE = 100.0  # [1/s] at which all is compared
 SEGMENT = 1024  # samples, 10 s; a shorter dive is one segment
 BAND = 2.0  # [Hz]
 LEAST = 100  # samples; less is no spectrum
+MOST = 20_000_000  # samples; more are two days, and most likely a stamp that cannot be
 STILL = 1e-9  # a smaller jerk of the reference is none
 
 
@@ -70,9 +71,9 @@ def axis_spectra(dive: RecordedDive, axis: str) -> AxisSpectra | None:
     if dive.armed is None or not dive[topics.STATE].count:
         return None
     begin, end = dive.armed
-    at = np.arange(begin, end, 1e9 / RATE)
-    if len(at) < LEAST:
+    if not LEAST < (end - begin) / 1e9 * RATE < MOST:
         return None
+    at = np.arange(begin, end, 1e9 / RATE)
     reference, state = dive[topics.REFERENCE], dive[topics.STATE]
     wanted = np.interp(at, reference["valid"], reference[f"{axis} acceleration"])
     if axis == "heave":

@@ -113,10 +113,12 @@ class OsChild:
 
 
 def _log_file(path: Path) -> tuple[IO[bytes], str]:
-    """The log, opened to append to it. If it cannot be: nowhere, and why, because a service matters
-    more than what it prints."""
+    """The log, opened to append to it, for its owner alone: with the address in the cockpit's
+    whoever reads it could fly. If it cannot be: nowhere, and why, because a service matters more
+    than what it prints."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch(mode=0o600)
         return path.open("ab"), ""
     except OSError as error:
         return Path(os.devnull).open("ab"), f"cannot write {path}: {error.strerror}"

@@ -1,19 +1,24 @@
 """What was written comes back, whole chunk by whole chunk, whatever happened to the file."""
 
+import tracemalloc
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import msgspec
 import pytest
+import zstandard
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
+from mcap.records import Chunk
 
 from messages import topics
 from messages.sensors import PressureSample
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
+from services.recorder.io.open_chunk import MAGIC
 from services.runtime.config.errors import LindyError
 from tools.recordings.recording import is_whole, log_hash, merge_parts, open_recording
 
@@ -109,6 +114,29 @@ def test_a_file_that_is_no_recording_is_one_sentence(tmp_path: Path, data: bytes
     (tmp_path / "dive.mcap").write_bytes(data)
     with pytest.raises(LindyError, match=r"dive\.mcap is not a recording"):
         open_recording(tmp_path)
+
+
+@pytest.mark.parametrize("told", [100, 400_000_000, 2**63])
+def test_a_chunk_that_would_fill_the_memory_is_damage(tmp_path: Path, told: int):
+    """However many bytes it says that it holds."""
+    path, zeros = tmp_path / "bomb.mcap", zstandard.ZstdCompressor().compressobj()
+    parts = [zeros.compress(bytes(1_000_000)) for _ in range(400)]
+    bomb = b"".join([*parts, zeros.flush()])
+    builder = RecordBuilder()
+    Chunk("zstd", bomb, 0, 0, 0, told).write(builder)
+    write(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(MAGIC)] + builder.end() + whole[len(MAGIC) :])
+    tracemalloc.start()
+    try:
+        recording = open_recording(path)
+        read = list(recording)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert recording.damage
+    assert len(read) in (0, PER_CHUNK * CHUNKS)
+    assert peak < 200_000_000
 
 
 def test_a_missing_recording_is_one_sentence(tmp_path: Path):
