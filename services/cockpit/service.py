@@ -70,7 +70,7 @@ class CockpitPages:
         fov_deg: float | None = None,
     ) -> None:
         self._node, self._pages = node, pages
-        pilot = Pilot(restored(node), node.outbox, arms=False)
+        pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         limits = [thruster.limits for thruster in vehicle.thruster]
         self._cockpit = Cockpit(settings, pilot, limits, drone, fov_deg)
         self._vehicle = VehiclePorts(node)
