@@ -206,7 +206,7 @@ def test_a_script_whose_pilot_is_away_does_not_resume():
 
 @settings(max_examples=50, deadline=None)
 @given(
-    sticks=st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 5),
+    sticks=st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 6),
     present=st.booleans(),
     began=st.none() | st.just(0),
 )
@@ -216,7 +216,8 @@ def test_before_the_hand_over_and_without_a_pilot_the_sticks_say_nothing(
     pilot = Pilot(Progress(began_ns=began), Outbox(), arms=False)
     command = pilot.read(StickReading(sticks, present), "hands", 0, NOBODY, 5).command
     assert command is not None
-    said = Sticks(command.surge, command.sway, command.heave, command.yaw, command.tilt)
+    c = command
+    said = Sticks(c.surge, c.sway, c.heave, c.yaw, c.tilt, c.gripper)
     assert said == (sticks if present and began is not None else CENTRED)
     assert command.pilot == ("present" if present else "lost")
 
