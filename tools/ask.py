@@ -86,8 +86,8 @@ def ask(
     """Send a request to a running dive, and print the answer.
 
     KIND is arm, disarm, stop, light, output, goto, follow or mode; take, offer or release control;
-    resume after a failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of the
-    pilot of that dive. Where dives of several drones are going on, --dive must name one; a stop
+    resume after a failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of
+    the pilot of that dive. Where dives of several drones are going on, --dive must name one; a stop
     without it is for all of them.
 
     Example: lindy ask goto --depth 3 --heading 90

@@ -72,7 +72,7 @@ class CockpitPages:
         self._node, self._pages = node, pages
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         limits = [thruster.limits for thruster in vehicle.thruster]
-        self._cockpit = Cockpit(settings, pilot, limits, drone, fov_deg)
+        self._cockpit = Cockpit(settings, pilot, limits, drone, fov_deg, vehicle.output)
         self._vehicle = VehiclePorts(node)
         self._thrusters = node.latest(topics.THRUSTERS)
         self._temperature = node.latest(topics.TEMPERATURE)

@@ -6,6 +6,7 @@ const VALUES = {
   crop: ["fill", "whole"],
   sound: ["on", "off"],
   speech: ["off", "on"],
+  speed: ["50", "75", "100", "25"], // [%] of full speed at full stick
   units: ["metric", "imperial", "knots"],
   language: ["en", "no", "sv", "de", "es", "zh"],
 };
