@@ -231,7 +231,9 @@ class Simulator:
         inside = WATER_TEMPERATURE + ENCLOSURE_RISE
         if fault is not None and fault.kind == "hot":
             inside = faults.HOT
-        sample = TemperatureSample(stamp_ns=self._now, temperature=inside)
+        silent = "sensor/pressure" in self.silent  # the depth sensor measures the water
+        water = None if silent else self._sensors.water
+        sample = TemperatureSample(stamp_ns=self._now, temperature=inside, water=water)
         return self._with_fault("sensor/temperature", sample)
 
     @property
