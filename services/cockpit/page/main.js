@@ -198,8 +198,8 @@ function draw() {
   arming = buttons(you(), seen);
   aids(seen, Number(settings.speed));
   tools.show(seen.tools ?? [], Boolean(you().has_sticks && you().in_control));
-  // Whoever takes the sticks here is told what the pilot before has left.
-  if (you().has_sticks && !flew && settings.speed !== "100") say(words.t("speed.yours", { s: settings.speed }));
+  // Whoever takes the sticks here is told what the pilot before may have left.
+  if (you().has_sticks && !flew && !settings.shipped("speed")) say(words.t("speed.yours", { s: settings.speed }));
   flew = Boolean(you().has_sticks);
   alarms.look(found.alarms, now);
   $("silence").hidden = !found.alarms.length || settings.sound === "off";

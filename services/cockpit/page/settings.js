@@ -24,6 +24,8 @@ export class Settings {
 
   next(name) { this.set(name, VALUES[name][(VALUES[name].indexOf(this[name]) + 1) % VALUES[name].length]); }
 
+  shipped(name) { return this[name] === VALUES[name][0]; }
+
   set(name, value) {
     this[name] = value;
     if (name === "theme") this.chosen = true;
