@@ -496,7 +496,8 @@ def test_buttons_move_the_gripper_while_they_are_down_and_switch_tools() -> None
     drone = Drone(has=has).flown()
     functions = {0: 76, 1: 77, 2: 53, 3: 35, 4: 51, 5: 52}
     for button, function in functions.items():
-        fields = {"param_id": f"BTN{button}_FUNCTION", "param_value": function, "param_type": 2}
+        fields: dict[str, Any] = {"param_id": f"BTN{button}_FUNCTION", "param_type": 2}
+        fields["param_value"] = function
         drone.hear("PARAM_SET", **HERE, **fields)
     for buttons, moves in ((0b01, -1.0), (0b10, 1.0), (0b11, 0.0), (0b00, 0.0)):
         drone.tick(40)
@@ -519,6 +520,6 @@ def test_buttons_move_the_gripper_while_they_are_down_and_switch_tools() -> None
 
 def test_a_vehicle_without_tools_ignores_their_buttons() -> None:
     drone = Drone().flown()
-    fields = {"param_id": "BTN0_FUNCTION", "param_value": 51, "param_type": 2}
+    fields: dict[str, Any] = {"param_id": "BTN0_FUNCTION", "param_value": 51, "param_type": 2}
     drone.hear("PARAM_SET", **HERE, **fields)
     assert drone.sticks(buttons=1).requests == []
