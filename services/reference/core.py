@@ -126,6 +126,7 @@ class ReferenceGenerator:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
         if guidance.state is None:
+            self.outputs.step(command, now, armed=self.armed, free=False)
             return None
 
         # What the failsafe table says; a condition that begins to act ends the manoeuvre.

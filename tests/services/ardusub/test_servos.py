@@ -127,6 +127,7 @@ def test_a_refused_servo_is_said_with_its_name() -> None:
     assert bench.board.set_servos == {13: 1900, 15: 1500}
     [said] = [line for line in bench.said if "refuses to move an output" in line]
     assert "lasers, servo 14" in said
+    assert len([p for p in bench.servos() if p.fields["param1"] == 14]) == 1  # not at once again
     bench.board.params["SERVO14_FUNCTION"] = 0.0
     bench.run(2.5)
     assert bench.board.set_servos[14] == 1900

@@ -46,12 +46,14 @@ class Drone:
         return self.outputs.set(asked(name, value, self.now), self.now, armed=self.armed)
 
 
+MOSTLY = st.sampled_from([True, True, True, False])
 situations = st.lists(
     st.tuples(
-        st.one_of(st.none(), st.floats(-1.0, 1.0)),  # gripper of a command; None: none is fresh
-        st.booleans(),  # the pilot is present
-        st.booleans(),  # the drone obeys the sticks
-        st.booleans(),  # it is armed
+        # Gripper of a command; None: none is fresh.
+        st.one_of(st.sampled_from([0.0, 1.0, -1.0]), st.floats(-1.0, 1.0), st.none()),
+        MOSTLY,  # the pilot is present
+        MOSTLY,  # the drone obeys the sticks
+        MOSTLY,  # it is armed
     ),
     max_size=60,
 )
@@ -138,3 +140,12 @@ def test_light_is_the_output_of_this_name_and_outlives_a_restart(kind: str) -> N
     assert first.checkpoint != GuidanceCheckpoint()
     second = ReferenceGenerator(Settings(), Outbox(), first.checkpoint, S, has=OUTPUTS)
     assert second.status(S).outputs == {"light": 0.25, "lasers": 0.0, "jaw": 0.0}
+
+
+def test_lasers_go_off_too_where_no_state_of_the_drone_ever_arrives() -> None:
+    before = GuidanceCheckpoint(armed=True, outputs={"light": 0.5, "lasers": 1.0})
+    generator = ReferenceGenerator(Settings(), Outbox(), before, 0, has=OUTPUTS)
+    for k in range(1, 202):
+        assert generator.status(k * STEP).outputs["lasers"] == 1.0
+        assert generator.step(None, None, k * STEP) is None
+    assert generator.status(3 * S).outputs == {"light": 0.5, "lasers": 0.0, "jaw": 0.0}
