@@ -136,7 +136,7 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
     timed = [
         (request.stamp_ns - began, event)
         for request in sorted(heard.requests.values(), key=lambda request: request.stamp_ns)
-        if request.stamp_ns > began and (event := events.of(request))
+        if request.stamp_ns >= began and (event := events.of(request))
     ]
     rows = _with_end(_with_events(_changes(commands, began), timed), commands[-1].stamp_ns - began)
     return RecordedSticks(rows, events.paths, commands[-1].source, remarks)
