@@ -224,3 +224,22 @@ def test_the_speed_limit_scales_full_stick_is_always_said_and_is_remembered(
     # Whoever takes over is told what was left.
     page.wait("document.getElementById('own')?.textContent.includes('25 %')")
     page.close()
+
+
+def test_the_speed_limit_scales_touch_sticks_and_pads_too(browser: Browser, served: Served) -> None:
+    page = served.open(browser, PHONE, before=PAD)
+    page.look(FINGER)
+    x, y = page.middle("#left")
+    page.touch("touchStart", (x, y))
+    page.touch("touchMove", (x, y + 300.0))
+    until(lambda: served.sticks[-1].heave == 0.5)
+    page.touch("touchEnd")
+    until(lambda: served.sticks[-1].heave == 0.0)
+    page.look("void (pad.axes[1] = -1, pad.timestamp++)")
+    until(lambda: served.sticks[-1].heave == -0.5)
+    page.look("void (pad.buttons[7] = { pressed: true, value: 1 }, pad.timestamp++)")  # boost
+    until(lambda: served.sticks[-1].heave == -1.0)
+    page.look("void (pad.buttons[7] = pad.buttons[0], pad.timestamp++)")
+    page.look("void (pad.buttons[6] = { pressed: true, value: 1 }, pad.timestamp++)")  # slow
+    until(lambda: served.sticks[-1].heave == -0.2)
+    page.close()
