@@ -3,7 +3,7 @@
 import msgspec
 
 from messages.message import Message
-from messages.units import Count, Finite, Names, Stamp, Thrusts, Ttl, Vec6
+from messages.units import Count, Finite, Names, Stamp, Stick, Thrusts, Ttl, Vec6
 
 THRUST_TTL_MS = 200.0  # [ms] older thruster commands count as zero thrust
 
@@ -44,3 +44,4 @@ class ThrusterCommand(Message, frozen=True, kw_only=True):
     epoch: Count = 0
     armed: bool = False  # False: the thrusters must not turn, and their ESCs may be off
     armed_ns: Stamp | None = None  # [ns] as in the reference
+    gripper: Stick = 0.0  # [-] + opens, - closes; it ends with this command, as the thrust does

@@ -443,6 +443,8 @@ REFUSED_ARM = row("refused:board_arm", DANGER, "the vehicle's board refuses to a
 SILENT_BOARD = row("silent:board", DANGER, "the vehicle's board has been silent for a second", "check its power, its cable and ardusub.url", said="error")
 JUMPED_BOARD_CLOCK = row("jumped:board_clock", DANGER, "the clock of the vehicle's board jumped", "disarm and arm to go on", said="error")
 NOT_GIVEN = row("not_given", DANGER, "the board does not send a message that it was asked for", said="error")
+REFUSED_SERVO = row("refused:servo", PILOT, "the board refuses to move an output", "choose a free output of the board in the vehicle file", said="warning")
+UNANSWERED_SERVO = row("unanswered:servo", PILOT, "the board does not answer for an output; it is asked again", said="warning")
 SLOW = row("slow", SENSOR, "a message of the board comes more rarely than it was asked for", said="warning")
 SHIFTED_BOARD_CLOCK = row("shifted:board_clock", MESSAGE, "the clock of the vehicle's board shifted by some milliseconds")
 

@@ -24,13 +24,17 @@ class PilotCommand(Message, frozen=True, kw_only=True):
     device_age_ms: NotNegative = 0.0  # [ms] since the input device last answered
     ttl_ms: Ttl = TTL_MS  # [ms] after stamp_ns this command must not move anything
     epoch: Count = 0  # authority epoch; a command of another epoch is refused
+    # Held like a stick, and no request: what moves while a button is down must end with the newest
+    # command, and may not be repeated, queued or carried out late.
+    gripper: Stick = 0.0  # [-] + opens, - closes, 0 stands still
 
 
+# output: set one of the vehicle file's outputs; light: the one called light
 # lease: take control, or accept it where it is offered; force: take it from whoever has it;
 # resume: end a failsafe, so that the sticks act again
 RequestKind = Literal[
     "arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease", "offer", "release",
-    "force", "resume",
+    "force", "resume", "output",
 ]  # fmt: skip
 
 # Flight mode: what the drone holds by itself. On an axis that is not held, the stick is a force.
@@ -54,7 +58,7 @@ class PilotRequest(Request, frozen=True, kw_only=True):
     """Something to be done once. Repeated with the same id until a `PilotAnswer` names that id."""
 
     kind: RequestKind
-    value: Stick | None = None  # light: brightness 0 … 1
+    value: Stick | None = None  # light, output: 0 … 1
     depth: Finite | None = None  # [m] goto: positive down
     heading: Finite | None = None  # [rad] goto: clockwise from north, shortest way
     north: Finite | None = None  # [m] goto, with east: straight there, NED
@@ -64,6 +68,7 @@ class PilotRequest(Request, frozen=True, kw_only=True):
     to: Name = ""  # offer: name of one pilot; empty: to anybody
     source: Name = ""  # who asks, as in PilotCommand
     epoch: Count = 0  # authority epoch; who has another one may stop the drone, and ask for control
+    output: Name = ""  # output: which one, by its name in the vehicle file
 
 
 class StopDistance(msgspec.Struct, frozen=True):

@@ -3,7 +3,7 @@
 import msgspec
 
 from messages.message import Message
-from messages.units import Count, Finite, NotNegative, Stamp
+from messages.units import Count, Finite, NotNegative, Stamp, Stick
 
 
 class Motion(msgspec.Struct, frozen=True):
@@ -35,3 +35,4 @@ class Reference(Message, frozen=True, kw_only=True):
     north: Motion | None = None  # [m] NED, where the measured position is held or follows a path
     east: Motion | None = None  # [m] NED, present when north is
     tilt: Motion = Motion(0.0, 0.0, 0.0, 0.0)  # [rad] camera, + upwards
+    gripper: Stick = 0.0  # [-] of the pilot at this instant: + opens, - closes

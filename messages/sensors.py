@@ -68,6 +68,7 @@ class LeakSample(Message, frozen=True, kw_only=True):
 
 
 class TemperatureSample(Message, frozen=True, kw_only=True):
-    """Temperature inside the enclosure."""
+    """Temperature inside the enclosure, and of the water around it."""
 
-    temperature: Finite  # [°C]
+    temperature: Finite  # [°C] inside
+    water: Finite | None = None  # [°C] as the depth sensor measures it; None: it does not

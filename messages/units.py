@@ -45,6 +45,7 @@ Name = Annotated[str, msgspec.Meta(max_length=128)]  # of a service, a part, a f
 Text = Annotated[str, msgspec.Meta(max_length=2000)]  # in words, for people
 Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=64)]
 Counts = Annotated[dict[Name, Count], msgspec.Meta(max_length=1000)]
+Outputs = Annotated[dict[Name, Stick], msgspec.Meta(max_length=32)]  # [-] by name
 Thrusts = Annotated[tuple[Finite, ...], msgspec.Meta(max_length=32)]  # [N] per thruster
 
 Vec3 = tuple[Finite, Finite, Finite]

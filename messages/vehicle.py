@@ -3,6 +3,7 @@
 
 from typing import Literal
 
+import msgspec
 from msgspec import UNSET, UnsetType
 
 from messages.message import Message
@@ -13,6 +14,7 @@ from messages.units import (
     Name,
     Names,
     NotNegative,
+    Outputs,
     Quaternion,
     Stamp,
     Stick,
@@ -50,7 +52,7 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     conditions: Names = ()  # all that hold now, the gravest first; most only have to be known
     pilot: Name = ""  # who has control; empty: nobody
     epoch: Count = 0  # authority epoch granted last: commands with another one are refused
-    light: Stick = 0.0  # [-] 0 … 1
+    light: Stick = 0.0  # [-] 0 … 1: the output of this name; 0 where the vehicle has none
     note: Text = ""  # why it is not ready, and every notice, in words for the pilot
     stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill
     # Where it is, for those who watch many drones; absent: the state does not know it.
@@ -58,6 +60,9 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     heading: Finite | UnsetType = UNSET  # [rad] clockwise from north, as far as it is known; ±π
     # By which the newest stop of heave was moved from its plan to the vehicle; absent: not moved.
     depth_moved: Finite | UnsetType = UNSET  # [m]
+    # [-] of the vehicle file's outputs, by name: dimmers and switches as they are to be, 0 … 1; a
+    # gripper as it moves at this instant, + opens.
+    outputs: Outputs = msgspec.field(default_factory=dict[str, float])
 
 
 class Actuation(Message, frozen=True, kw_only=True):
@@ -72,6 +77,8 @@ class Actuation(Message, frozen=True, kw_only=True):
     pilot_ns: Stamp | None  # [ns] pilot command behind that command
     stale: bool  # True: no valid command, thrusters are stopped
     power: NotNegative  # [W] electrical
+    # [-] of the vehicle file's outputs, as driven now; of a driver that has not heard, left out
+    outputs: Outputs = msgspec.field(default_factory=dict[str, float])
 
 
 class VehicleEstimate(Message, frozen=True, kw_only=True):

@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 from services.marine.mounting import Mounting
+from services.marine.outputs import Output, checked
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
@@ -56,9 +57,13 @@ def test_a_program_is_shown_whole(page: str, file: str) -> None:
     assert f"```python {file}\n{whole}```" in text(page)
 
 
-def test_the_mounting_that_is_shown_is_one() -> None:
-    (block,) = re.findall(r"```toml\n(.*?)```", text("your-own-vehicle"), flags=re.DOTALL)
-    mounting = msgspec.convert(tomllib.loads(block)["vehicle"]["mounting"], Mounting)
+def test_the_mounting_and_the_outputs_that_are_shown_are_some() -> None:
+    blocks = re.findall(r"```toml\n(.*?)```", text("your-own-vehicle"), flags=re.DOTALL)
+    mounted, fitted = (tomllib.loads(block)["vehicle"] for block in blocks)
+    outputs = msgspec.convert(fitted["output"], tuple[Output, ...])
+    checked(outputs, 8)
+    assert [output.kind for output in outputs] == ["dimmer", "switch", "gripper"]
+    mounting = msgspec.convert(mounted["mounting"], Mounting)
     assert mounting.imu.position == (0.12, 0.0, -0.03)
     assert [row[0] for row in mounting.imu.rotation] == [0.0, -1.0, 0.0]  # x points to port
 

@@ -36,6 +36,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "disarm": (),
     "stop": (),
     "light": ("value",),
+    "output": ("name", "setting"),
     "goto": ("depth", "heading", "north", "east"),
     "follow": ("path",),
     "mode": ("name",),
@@ -56,8 +57,12 @@ def ask(
     kind: str,
     name: Annotated[
         str | None,
-        Parameter(help=f"mode: {', '.join(FLIGHT_MODES)}; fly: name of another drone"),
+        Parameter(
+            help=f"mode: {', '.join(FLIGHT_MODES)}; fly: name of another drone; output: its name "
+            "in the vehicle file"
+        ),
     ] = None,
+    setting: Annotated[str | None, Parameter(help="output: on, off or 0 … 1")] = None,
     *,
     depth: Annotated[float | None, Parameter(help="goto: [m] positive down")] = None,
     heading: Annotated[
@@ -80,15 +85,16 @@ def ask(
 ) -> int:
     """Send a request to a running dive, and print the answer.
 
-    KIND is arm, disarm, stop, light, goto, follow or mode; take, offer or release control; resume
-    after a failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of the
-    pilot of that dive. Where dives of several drones are going on, --dive must name one; a stop
+    KIND is arm, disarm, stop, light, output, goto, follow or mode; take, offer or release control;
+    resume after a failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of
+    the pilot of that dive. Where dives of several drones are going on, --dive must name one; a stop
     without it is for all of them.
 
     Example: lindy ask goto --depth 3 --heading 90
     """
     given: dict[str, Any] = {
         "name": name,
+        "setting": setting,
         "depth": depth,
         "heading": heading,
         "north": north,
@@ -166,6 +172,8 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
     match known:
         case "light":
             return _wanted(known, value=_brightness(given["value"]))
+        case "output":
+            return _output(given["name"], given.get("setting"))
         case "goto" if given.get("north") is not None or given.get("east") is not None:
             return _place(given)
         case "goto":
@@ -282,7 +290,8 @@ def _check_options(kind: str, given: dict[str, Any]) -> None:
         raise LindyError(f"unknown request {kind!r}{nearest(kind, list(OPTIONS))}")
     for name in given:
         if given[name] is not None and name not in OPTIONS[kind]:
-            what = f"second word, found {given[name]!r}" if name == "name" else f"--{name}"
+            words = {"name": "second word", "setting": "third word"}
+            what = f"{words[name]}, found {given[name]!r}" if name in words else f"--{name}"
             raise LindyError(f"{kind} takes no {what}")
 
 
@@ -311,6 +320,24 @@ def _brightness(value: float | None) -> float:
     if not 0.0 <= value <= 1.0:
         raise LindyError(f"--value is {value:g}, expected a brightness from 0 to 1")
     return value
+
+
+def _output(name: str | None, setting: str | None) -> PilotRequest:
+    """Which outputs there are, only the drone knows."""
+    if not name or setting is None:
+        raise LindyError("output needs its name and on, off or a number: output lasers on")
+    if len(name) > LONGEST_NAME:
+        raise LindyError(f"output: the name has {len(name)} letters, expected {LONGEST_NAME}")
+    try:
+        value = {"on": 1.0, "off": 0.0}.get(setting)
+        value = float(setting) if value is None else value
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= 1.0:  # NaN is in no range
+        raise LindyError(
+            f"output {name}: expected on, off or a number from 0 to 1, found {setting!r}"
+        )
+    return _wanted("output", output=name, value=value)
 
 
 def _pilot_name(name: str) -> str:

@@ -13,8 +13,8 @@ from messages import events
 from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.pilot import PilotRequest
-from messages.units import Ns
-from messages.vehicle import Actuation
+from messages.units import Ns, Outputs
+from messages.vehicle import Actuation, VehicleStatus
 from services.ardusub import parameters, readings
 from services.ardusub.authority import BoardAuthority, TakenCheckpoint
 from services.ardusub.board_clock import BoardClock
@@ -22,8 +22,10 @@ from services.ardusub.introduction import BoardIntroduction, Stage
 from services.ardusub.measurements import LEAK, BoardMeasurements
 from services.ardusub.mixer import MixedSticks
 from services.ardusub.outbox import DriverOutbox, DriverOutput
+from services.ardusub.servos import BoardServos
 from services.ardusub.settings import Settings as Settings
 from services.ardusub.thrust_path import ThrustPath
+from services.marine.outputs import LIGHT, driven
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.numbers import AUTOPILOT, MavCommand, MavModeFlag
 from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
@@ -54,6 +56,9 @@ class ArdusubDriver:
         Args:
             outbox: is told of events.
             before: of the process that this one replaces in mid-dive.
+
+        Raises:
+            ValueError: of `servos_of`.
         """
         self._settings, self._outbox, clock = settings, DriverOutbox(outbox), BoardClock()
         self._clock = clock
@@ -62,6 +67,9 @@ class ArdusubDriver:
             vehicle, settings, clock, self._outbox, self._give_up
         )
         self._path = ThrustPath(vehicle, settings, self._outbox)
+        self._outputs = vehicle.output
+        self._servos = BoardServos(vehicle.output, settings, len(vehicle.thruster), self._outbox)
+        self._status: VehicleStatus | None = None  # newest heard
         self.authority = BoardAuthority(settings.board, round(settings.disarm_after * S), before)
         self._taken: bool | None = None  # as it was remembered last
         self._questions: deque[Ns] = deque(maxlen=16)  # TIMESYNC under way
@@ -112,17 +120,25 @@ class ArdusubDriver:
         """[ns] Last instant of the command in force."""
         return self._path.ends_ns
 
-    def show(self, light: float, tilt: float) -> None:
-        """Brightness 0 … 1 and camera tilt [rad], upwards."""
-        if self.stage == "accepted" and parameters.is_new(self._introduction.version):
-            self._path.light_by_servo(light)
-        self._path.show(light, tilt)
+    def show(self, status: VehicleStatus | None, tilt: float) -> None:
+        """The newest status, for lights and switches, and camera tilt [rad], upwards."""
+        self._status = status
+        self._path.show(self._values(self._now).get(LIGHT, 0.0), tilt)
+
+    def _values(self, now: Ns) -> Outputs:
+        return driven(self._outputs, self._status, self._path.gripper(now), now)
+
+    def _set_servos(self, now: Ns) -> None:
+        if self.stage == "accepted":
+            lights = not parameters.is_new(self._introduction.version)
+            self._servos.due(self._values(now), now, lights=lights)
 
     def _wish(self, armed: bool | None, now: Ns) -> None:
         if armed is not None:
             self.authority.wish(armed, now)
         self._mix(now)
         self._send_sticks(now)
+        self._set_servos(now)
 
     # What the board says.
 
@@ -157,6 +173,8 @@ class ArdusubDriver:
         number, result = int(fields["command"]), int(fields["result"])
         if number == MavCommand.SET_MESSAGE_INTERVAL:
             self._measurements.heard_ack(result)
+        elif number == MavCommand.DO_SET_SERVO:
+            self._servos.acknowledged(result, now)
         elif not self.authority.acknowledged(number, result, now):
             why = self.authority.reason(now) or f"result {result}"
             self._outbox.tell(events.REFUSED_ARM(detail=why))
@@ -195,6 +213,7 @@ class ArdusubDriver:
     def _forget_board(self) -> None:
         self._introduction.forget()
         self._measurements.forget()
+        self._servos.forget()
 
     def _give_up(self) -> None:
         """The board is about to be refused."""
@@ -209,6 +228,11 @@ class ArdusubDriver:
         """[°C] Inside, newest."""
         return self._measurements.enclosure
 
+    @property
+    def water(self) -> float | None:
+        """[°C] As the depth sensor measured it last."""
+        return self._measurements.water
+
     def wet(self, now: Ns) -> bool | None:
         """Was a leak said lately? None: nobody is there to say it."""
         if self.stage != "accepted" or not self.authority.heard(now):
@@ -216,7 +240,7 @@ class ArdusubDriver:
         return self._measurements.leaked(now)
 
     def actuation(self, now: Ns) -> Actuation:
-        return self._path.actuation(now, self._measurements.power)
+        return self._path.actuation(now, self._measurements.power, self._values(now))
 
     # Time.
 
@@ -248,6 +272,7 @@ class ArdusubDriver:
         self._mix(now)
         if self._is_due("sticks", STICKS_NS, now):
             self._send_sticks(now)
+        self._set_servos(now)
 
     def _watch(self, now: Ns) -> None:
         """Is the board there at all?"""
@@ -282,6 +307,7 @@ class ArdusubDriver:
         if self.authority.ours and not self.authority.taken:
             self._path.rest()
             self._send_sticks(self._now)
+            self._servos.rest(self._now)
             self._outbox.send(command(self._settings.board, MavCommand.COMPONENT_ARM_DISARM, 0))
 
     def _is_due(self, what: str, period: Ns, now: Ns) -> bool:

@@ -13,7 +13,9 @@ from services.ardusub import parameters
 from services.ardusub.board_clock import BoardClock
 from services.ardusub.mixer import Mixer
 from services.ardusub.outbox import DriverOutbox
+from services.ardusub.servos import servos_of
 from services.ardusub.settings import Settings
+from services.marine.outputs import LIGHT
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.numbers import ARDUPILOT, MESSAGE_IDS, SUBMARINE, MavCommand
 from services.mavlink_io.packet import command
@@ -36,8 +38,12 @@ class BoardIntroduction:
         """
         Args:
             end: called before a board is refused, for it may be armed.
+
+        Raises:
+            ValueError: of `servos_of`.
         """
         self._vehicle, self._settings, self._clock = vehicle, settings, clock
+        self._servos = servos_of(vehicle.output, settings, len(vehicle.thruster))
         self._outbox, self._end = outbox, end
         self._now: Ns = 0
         self._again_ns: Ns = 0  # a refused board is checked
@@ -98,7 +104,10 @@ class BoardIntroduction:
             return
         self.stage = "parameters"
         self._reader.wanted = parameters.names(self.version, len(self._vehicle.thruster))
-        self._reader.optional = (*parameters.optional(self.version), *parameters.ADVISED)
+        functions = (f"SERVO{servo}_FUNCTION" for servo in self._servos.values())
+        self._reader.optional = (
+            *parameters.optional(self.version), *parameters.ADVISED, *functions
+        )  # fmt: skip
 
     def heard_parameter(self, fields: dict[str, Any]) -> None:
         name, value = fields["param_id"], float(fields["param_value"])
@@ -123,8 +132,11 @@ class BoardIntroduction:
         self._outbox.say(
             "info", f"ArduSub {version} accepted; its clock is known to {bound:.1f} ms"
         )
-        if parameters.is_new(self.version) and self._settings.light_servo is None:
-            self._outbox.say("info", "the lights of this version need ardusub.light_servo")
+        for output in self._vehicle.output:
+            channel = output.name == LIGHT and not parameters.is_new(self.version)
+            if not channel and output.name not in self._servos:
+                text = f"output {output.name} has no servo in the vehicle file: it does nothing"
+                self._outbox.say("info", text)
 
     def _has_changed(self, name: str, value: float) -> bool:
         """Somebody set a parameter since it was checked."""
@@ -133,6 +145,7 @@ class BoardIntroduction:
     def _check(self) -> None:
         values = self._reader.values
         wrong = parameters.problems(values, self.version, self._settings, self._vehicle)
+        wrong += parameters.moved_motors(values, self._servos)
         if wrong:
             for sentence in wrong:
                 self.refuse(sentence)

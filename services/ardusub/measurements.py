@@ -25,6 +25,7 @@ class BoardMeasurements:
         self._battery = readings.BatteryMeter()
         self._leak_ns: Ns | None = None
         self.enclosure: float | None = None  # [°C] inside, newest
+        self.water: float | None = None  # [°C] newest
         self.forget()
 
     def forget(self) -> None:
@@ -101,7 +102,9 @@ class BoardMeasurements:
         if name == readings.PRESSURE_MESSAGE:
             measured = self._pressures.measured_at(fields["press_abs"], stamp)
             if measured is not None:
-                self._keep(readings.pressure(fields, measured), name)
+                sample = readings.pressure(fields, measured)
+                self.water = None if sample is None else sample.temperature
+                self._keep(sample, name)
         else:
             measured = self._fields.measured_at(readings.field_of(fields), stamp)
             if measured is not None:

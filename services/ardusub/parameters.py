@@ -29,6 +29,7 @@ THROTTLE = 3  # override channel
 EXACT = 1e-3  # [-] values travel as 32-bit floats
 RECOMMENDED_S = 1.0  # [s] of FS_PILOT_TIMEOUT
 DISARM = 2  # what a failsafe of the board does
+MOTORS = (*range(33, 41), *range(82, 86))  # SERVOn_FUNCTION of motors 1 to 12
 # Judged where the board has them, by `advice`.
 ADVISED = ("BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "FS_EKF_ACTION", "FS_CRASH_CHECK")
 # Which channel moves which axis: newer than 4.5, where it is fixed.
@@ -136,6 +137,21 @@ def problems(
             f"because {error}"
         )
     return found
+
+
+def moved_motors(values: Values, servos: Mapping[str, int]) -> list[str]:
+    """Outputs of the vehicle file that would move a motor of the board, one sentence each.
+
+    Args:
+        servos: number of the servo output of each output.
+    """
+    functions = {name: values.get(f"SERVO{n}_FUNCTION") for name, n in servos.items()}
+    return [
+        f"SERVO{servos[name]}_FUNCTION is {function:g}, a motor, and output {name} of the vehicle "
+        f"file has this servo; allowed: an output that is free"
+        for name, function in functions.items()
+        if function is not None and function in MOTORS
+    ]
 
 
 def advice(values: Values) -> list[str]:

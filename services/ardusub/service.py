@@ -21,7 +21,7 @@ from services.marine.vehicle import Vehicle
 from services.mavlink_io.io.codec import HeardMessages
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import ByteLinks, FarEndLimits, Links
-from services.runtime.config.errors import NeedsRealTimeError
+from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -52,7 +52,11 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     """The service on a link that is open."""
     settings = stack.section("ardusub", Settings)
     before = node.restore_checkpoint(TakenCheckpoint)
-    driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, node.outbox, before)
+    try:
+        vehicle = stack.section("vehicle", Vehicle)
+        driver = ArdusubDriver(vehicle, settings, node.outbox, before)
+    except ValueError as error:
+        raise LindyError(f"{stack.vehicle_path}: {error}") from None
     heard = HeardMessages(settings.board, HEARD)
     board = MavlinkEndpoint(links, node.outbox, settings.system, settings.component, heard=heard)
     pass_on = _passing_on(driver, board, node)
@@ -107,7 +111,9 @@ def _report_the_enclosure(node: Node, driver: ArdusubDriver) -> None:
     def look_inside(now: int) -> None:
         leak.put(LeakSample(stamp_ns=now, wet=driver.wet(now)))
         if driver.enclosure is not None:
-            temperature.put(TemperatureSample(stamp_ns=now, temperature=driver.enclosure))
+            temperature.put(
+                TemperatureSample(stamp_ns=now, temperature=driver.enclosure, water=driver.water)
+            )
 
     node.every(topics.LEAK.hz, look_inside)
 
@@ -118,7 +124,7 @@ def _show_light_and_tilt(node: Node, driver: ArdusubDriver) -> None:
 
     def show(now: int) -> None:
         newest, wanted = status.newest(now), reference.newest(now)
-        driver.show(newest.light if newest else 0.0, wanted.tilt.position if wanted else 0.0)
+        driver.show(newest, wanted.tilt.position if wanted else 0.0)
 
     node.every(SHOW_HZ, show)
 

@@ -3,14 +3,14 @@
 from messages import events
 from messages.control import ThrusterCommand
 from messages.pilot import PilotRequest
-from messages.units import Ns
+from messages.units import Ns, Outputs
 from messages.vehicle import Actuation
 from services.ardusub.mixer import NEUTRAL, Mixer, at_rest
 from services.ardusub.outbox import DriverOutbox
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.numbers import AUTOPILOT, NO_CHANNEL, MavCommand
-from services.mavlink_io.packet import MavlinkPacket, command
+from services.mavlink_io.numbers import AUTOPILOT, NO_CHANNEL
+from services.mavlink_io.packet import MavlinkPacket
 from services.vehicle.actuation import OpenLoopThrust
 from services.vehicle.actuator_gate import ActuatorGate
 
@@ -93,10 +93,11 @@ class ThrustPath:
             },
         )
 
-    def actuation(self, now: Ns, power: float) -> Actuation:
+    def actuation(self, now: Ns, power: float, outputs: Outputs) -> Actuation:
         """
         Args:
             power: [W] of the battery.
+            outputs: [-] as driven now.
         """
         cause = self._gate.command
         return Actuation(
@@ -108,14 +109,12 @@ class ThrustPath:
             pilot_ns=cause.pilot_ns if cause else None,
             stale=self._gate.ends_ns is None,
             power=power,
+            outputs=outputs,
         )
 
-    def light_by_servo(self, light: float) -> None:
-        """For a version without a channel for the lights."""
-        if light != self._light and self._settings.light_servo is not None:
-            number = self._settings.light_servo
-            pulse = light_pulse(light)
-            self._outbox.send(command(self._settings.board, MavCommand.DO_SET_SERVO, number, pulse))
+    def gripper(self, now: Ns) -> float:
+        """[-] As it may move now, + opens."""
+        return self._gate.gripper(now)
 
     def _tilt_pulse(self) -> int:
         limit = self._settings.tilt_range

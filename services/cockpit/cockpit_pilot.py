@@ -11,8 +11,9 @@ from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
 from services.cockpit.stick_page import StickPage
+from services.marine.outputs import LIGHT
 from services.piloting.pilot import Effects, Pilot, Waiting
-from services.piloting.pilot_intents import Intent, LightIntent, ModeIntent, goto
+from services.piloting.pilot_intents import Intent, ModeIntent, OutputIntent, goto
 
 REPEAT_NS = 30_000_000  # [ns] after the newest command: a page that is late for once
 SAY_LOST_NS = (
@@ -23,6 +24,8 @@ ALWAYS: tuple[Wish, ...] = ("stop", "disarm", "give_back")  # however old
 KINDS: dict[Wish, RequestKind] = {
     "take": "lease", "force": "force", "offer": "offer", "give_back": "release"
 }  # fmt: skip
+# A newer one withdraws an older one of the same output.
+ASKED_ANEW: tuple[Wish, ...] = ("light", "light_2", "laser", "output")
 LOST: dict[Absence, Row] = {
     "hidden": events.LOST_PAGE_HIDDEN,
     "unplugged": events.LOST_PAGE_UNPLUGGED,
@@ -82,7 +85,7 @@ class CockpitPilot:
             self._take(page, what, waiting, now, out)
         elif what != "stop" and self.holder.page != page:
             self._refuse(what)
-        elif KINDS.get(what, what) in waiting:
+        elif what not in ASKED_ANEW and KINDS.get(what, what) in waiting:
             pass  # it is being repeated until the drone answers
         elif what == "give_back":
             self._give_back(out)
@@ -197,8 +200,10 @@ def _intent(message: PageWish) -> Intent | None:
         case "goto" if message.depth is not None or message.heading_deg is not None:
             return goto(message.depth, message.heading_deg)
         case "light" if message.value is not None:
-            return LightIntent(message.value)
-        case "arm" | "resume" | "disarm" | "stop" | "light":
+            return OutputIntent(LIGHT, message.value)
+        case "output" if message.output:
+            return OutputIntent(message.output, message.value)
+        case "arm" | "resume" | "disarm" | "stop" | "light" | "light_2" | "laser":
             return message.what
         case _:
             return None

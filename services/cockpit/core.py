@@ -36,9 +36,11 @@ from services.cockpit.page_view import (
     acting,
     line,
     positions,
+    shown_outputs,
     thrust,
     turns,
 )
+from services.marine.outputs import OUTPUTS, Output
 from services.piloting.pilot import Effects, Pilot, Waiting
 from services.vehicle_view import ages, words
 from services.vehicle_view.log_lines import LogLines
@@ -126,13 +128,16 @@ class Cockpit:
         limits: Sequence[tuple[float, float]] = (),
         drone: str = "",
         fov_deg: float | None = None,
+        has: Sequence[Output] = OUTPUTS,
     ) -> None:
         """
         Args:
             limits: [N] least and most thrust of each thruster.
             drone: its name, which every page is shown.
             fov_deg: [deg] that the picture is wide; None: not known.
+            has: outputs of the vehicle.
         """
+        self._has = has
         self._drone = drone
         self._outbox = pilot.outbox
         # Here, and not on a page's lines yet: level, text, the event's name.
@@ -273,7 +278,7 @@ class Cockpit:
 
         Args:
             drones: that can be reached; None: nobody says so now.
-            temperature: in the enclosure; None: never said.
+            temperature: in the enclosure and of the water; None: never said.
         """
         self._order.look(drones, now)
         self._picture += 1
@@ -300,6 +305,8 @@ class Cockpit:
             fov_deg=self._fov_deg,
             dive_s=self._timer.seconds(now),
             left_min=self._endurance.minutes(battery),
+            water_c=None if inside is None or inside.water is None else round(inside.water, 1),
+            tools=shown_outputs(self._has, seen.outputs),
             inside_c=None if inside is None else round(inside.temperature, 1),
             turns=turns(ages.shown(topics.STATE, newest.state, now)),
         )

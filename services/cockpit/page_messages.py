@@ -19,8 +19,8 @@ LONGEST = 1024  # [B] of one message
 # held says what stood on the button when that began: arm never resumes, and resume never arms.
 # film: begin one, or end it
 Wish = Literal[
-    "arm", "resume", "disarm", "stop", "light", "mode", "goto", "take", "force", "offer",
-    "give_back", "film", "snapshot",
+    "arm", "resume", "disarm", "stop", "light", "light_2", "laser", "output", "mode", "goto",
+    "take", "force", "offer", "give_back", "film", "snapshot",
 ]  # fmt: skip
 Absence = Literal["hidden", "unplugged"]
 DroneName = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_.-]{1,64}\Z")]
@@ -41,6 +41,7 @@ class PageSticks(PageMessage, frozen=True, kw_only=True, tag="sticks"):
     heave: Stick  # [-] + down
     yaw: Stick  # [-] + clockwise seen from above
     tilt: Stick = 0.0  # [-] camera, + upwards
+    gripper: Stick = 0.0  # [-] + opens, while it is held
     device: Name = ""  # touch, keyboard or the name of a pad
     device_ms: NotNegative = 0.0  # [ms] since a pad last reported anything
 
@@ -50,7 +51,8 @@ class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
 
     what: Wish
     flight_mode: FlightMode | None = None  # mode
-    value: Share | None = None  # light: brightness; None: on or off, whichever it is not
+    value: Share | None = None  # light, output; None: on or off, whichever it is not
+    output: Name = ""  # output: which one
     depth: Annotated[float, msgspec.Meta(ge=0.0, le=DEEPEST)] | None = None  # [m] goto
     heading_deg: Annotated[float, msgspec.Meta(ge=-TURN, le=TURN)] | None = None  # goto
 

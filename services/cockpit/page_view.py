@@ -1,7 +1,7 @@
 """What every page is shown: the vehicle, and what only a page shows of it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -11,6 +11,7 @@ from messages.events import FAILSAFE_ACTED
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from messages.units import Ns
+from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages
 from services.vehicle_view.log_lines import LogEntry, printable
 from services.vehicle_view.view import VehicleView
@@ -39,6 +40,14 @@ class PageLine(msgspec.Struct, frozen=True, array_like=True):
     event: str  # name of its row in the event table; empty: none
 
 
+class PageOutput(msgspec.Struct, frozen=True, array_like=True):
+    """Of the vehicle file: a light, lasers, a gripper."""
+
+    name: str
+    kind: OutputKind
+    value: float | None  # [-] 0 … 1, of a gripper -1 … 1; None: not known
+
+
 class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     """One picture of the drone."""
 
@@ -51,12 +60,22 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     snapshots: int = 0  # that were taken
     change: str = ""  # of drone: what has become of the newest order to fly another one
     acting: tuple[Sentence, ...] = ()  # what is lost, why, what the drone does, what the pilot must
+    tools: tuple[PageOutput, ...] = ()  # outputs of the vehicle, in the order of its file
     lines: tuple[PageLine, ...] = ()  # the newest last
     fov_deg: float | None = None  # [deg] that the picture is wide
     dive_s: float | None = None  # [s] since the drone was first armed
     left_min: float | None = None  # [min] until the battery is empty
     inside_c: float | None = None  # [°C] in the enclosure
+    water_c: float | None = None  # [°C] as the depth sensor measures it
     turns: int | None = None  # of the tether: whole turns of the drone to starboard
+
+
+def shown_outputs(outputs: Sequence[Output], values: Mapping[str, float]) -> tuple[PageOutput, ...]:
+    """
+    Args:
+        values: [-] by name; of those that are left out nothing is known.
+    """
+    return tuple(PageOutput(o.name, o.kind, values.get(o.name)) for o in outputs)
 
 
 def acting(view: VehicleView) -> tuple[Sentence, ...]:

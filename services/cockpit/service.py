@@ -70,9 +70,9 @@ class CockpitPages:
         fov_deg: float | None = None,
     ) -> None:
         self._node, self._pages = node, pages
-        pilot = Pilot(restored(node), node.outbox, arms=False)
+        pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         limits = [thruster.limits for thruster in vehicle.thruster]
-        self._cockpit = Cockpit(settings, pilot, limits, drone, fov_deg)
+        self._cockpit = Cockpit(settings, pilot, limits, drone, fov_deg, vehicle.output)
         self._vehicle = VehiclePorts(node)
         self._thrusters = node.latest(topics.THRUSTERS)
         self._temperature = node.latest(topics.TEMPERATURE)

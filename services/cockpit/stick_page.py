@@ -49,7 +49,8 @@ class StickPage:
 
     def move(self, message: PageSticks, read_ns: Ns, now: Ns) -> None:
         """Its positions arrived. After every loss they move nothing until they were centred."""
-        sticks = Sticks(message.surge, message.sway, message.heave, message.yaw, message.tilt)
+        m = message
+        sticks = Sticks(m.surge, m.sway, m.heave, m.yaw, m.tilt, m.gripper)
         self._heard_ns = now
         if message.device_ms > PAD_PATIENCE_MS and not sticks.at_rest:
             self.lose(events.LOST_PAGE_FROZEN)

@@ -135,6 +135,7 @@ class Controller:
             surge=None,
             north=None if last.north is None else _at_rest(last.north),
             east=None if last.east is None else _at_rest(last.east),
+            gripper=0.0,
         )
 
     def _stop(self, reference: Reference | None, state: VehicleState | None) -> None:
@@ -176,6 +177,7 @@ class Controller:
             thrust=done.thrust,
             armed=reference is not None and reference.armed,
             armed_ns=None if reference is None or not reference.armed else reference.armed_ns,
+            gripper=0.0 if reference is None or not reference.armed else reference.gripper,
         )
         return wrench, command
 

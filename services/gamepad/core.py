@@ -70,10 +70,8 @@ class Buttons(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     disarm: Button = "back"
     stop: Button = "b"
     light: Button = "y"
-
-    def __post_init__(self) -> None:
-        if len(set(msgspec.structs.astuple(self))) < len(self.__struct_fields__):
-            raise ValueError("two requests must not share a button")
+    light_2: Button | None = None  # the second dimmer of the vehicle file; None: no button
+    laser: Button | None = None  # its first switch
 
 
 class Tilt(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -81,6 +79,13 @@ class Tilt(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     up: Button = "dpup"
     down: Button = "dpdown"
+
+
+class Grip(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Buttons that move the gripper while they are held; None: no button."""
+
+    open: Button | None = None
+    close: Button | None = None
 
 
 class PadProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -93,12 +98,17 @@ class PadProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     axis: StickAxes = StickAxes()
     trigger: Triggers = Triggers()
     tilt: Tilt = Tilt()
+    gripper: Grip = Grip()
     button: Buttons = Buttons()
 
     def __post_init__(self) -> None:
-        requests = msgspec.structs.astuple(self.button)
-        if len({*requests, self.tilt.up, self.tilt.down}) < len(requests) + 2:
-            raise ValueError("tilt needs two buttons of its own")
+        tables = ("button", self.button), ("tilt", self.tilt), ("gripper", self.gripper)
+        taken = dict[str, str]()
+        for table, held in tables:
+            for action, button in msgspec.structs.asdict(held).items():
+                here = f"{table}.{action}"
+                if button is not None and (other := taken.setdefault(button, here)) != here:
+                    raise ValueError(f"{other} and {here} must not share the button {button}")
 
 
 class StickSource(Protocol):
@@ -142,12 +152,17 @@ def sticks_of(controls: Mapping[str, float], profile: PadProfile) -> Sticks:
     gain = profile.gain.level(*pulls)
     axes = (_travel(controls, name) for name in msgspec.structs.astuple(profile.axis))
     shaped = (gain * shape(axis, profile.dead_band, profile.expo) for axis in axes)
-    return Sticks(*shaped, tilt=tilt)
+    grip = profile.gripper
+    gripper = _down(controls, grip.open) - _down(controls, grip.close)
+    return Sticks(*shaped, tilt=tilt, gripper=gripper)
 
 
 def presses_of(pressed: list[str], profile: PadProfile) -> tuple[Press, ...]:
     """What the pilot asks for at once with buttons, in the order they were pressed."""
-    meaning: dict[str, Press] = {profile.button.stop: "stop", profile.button.light: "light"}
+    b = profile.button
+    meaning: dict[str | None, Press] = {
+        b.stop: "stop", b.light: "light", b.light_2: "light_2", b.laser: "laser"
+    }  # fmt: skip
     return tuple(meaning[name] for name in pressed if name in meaning)
 
 
@@ -155,6 +170,10 @@ def held_of(controls: Mapping[str, float], profile: PadProfile) -> set[Press]:
     """What the pilot asks for with buttons that have to be held, as long as they are."""
     meaning: dict[Press, str] = {"arm": profile.button.arm, "disarm": profile.button.disarm}
     return {press for press, name in meaning.items() if controls.get(name, 0.0)}
+
+
+def _down(controls: Mapping[str, float], button: str | None) -> float:
+    return 0.0 if button is None else controls.get(button, 0.0)
 
 
 def _travel(controls: Mapping[str, float], name: str) -> float:

@@ -9,6 +9,7 @@ from services.gamepad.core import Settings, StickSource
 from services.gamepad.incidents import in_words
 from services.gamepad.io.numbers import HasWindow, Numbers
 from services.gamepad.io.sources import open_source
+from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Effects, Pilot
 from services.piloting.stick_phase import StickPhase
@@ -25,7 +26,9 @@ def wire(node: Node, stack: Stack) -> None:
     is_script = stack.pilot.startswith("script:")
     by_itself = stack.arm or is_script
     name = stack.section("gamepad", Settings).pilot
-    Connected(node, source, Pilot(progress, node.outbox, by_itself, resumes=is_script), name)
+    has = stack.section("vehicle", Vehicle).output
+    pilot = Pilot(progress, node.outbox, by_itself, resumes=is_script, has=has)
+    Connected(node, source, pilot, name)
     if isinstance(source, HasWindow):
         Numbers(node, source.show)
 

@@ -1,13 +1,14 @@
-"""A stick log: CSV `t,surge,sway,heave,yaw[,tilt][,event]`, seconds and -1 … 1, held between rows.
+"""A stick log: CSV `t,surge,sway,heave,yaw[,tilt][,gripper][,event]`, seconds and -1 … 1, held
+between rows.
 
 Blank lines and comments (`# …`) may stand anywhere. `t` begins at 0 or later and grows from row to
 row. The last row ends the script: from its time on the sticks are centred. An event belongs to its
-row: `arm`, `disarm`, `stop`, `resume`, `light` (toggle), `goto depth=3 heading=90` (m, deg),
-`follow PATH` and `mode HOLD` happen at the row's time; during a `lost` row the pilot is lost and
-the sticks are 0 whatever the columns contain, until the next row. A deflected stick ends a goto or
-a follow. `fault PART KIND [VALUE]`, `link profile NAME`, `link set KEY=VALUE …`, `link down` and
-`link up` are incidents: the requests of the verbs `lindy fault` and `lindy link`, sent from the
-topside.
+row: `arm`, `disarm`, `stop`, `resume`, `light`, `light_2`, `laser` (toggle), `goto depth=3
+heading=90` (m, deg), `follow PATH`, `mode HOLD` and `output NAME 0…1` happen at the row's time;
+during a `lost` row the pilot is lost and the sticks are 0 whatever the columns contain, until the
+next row. A deflected stick ends a goto or a follow. `fault PART KIND [VALUE]`, `link profile NAME`,
+`link set KEY=VALUE …`, `link down` and `link up` are incidents: the requests of the verbs `lindy
+fault` and `lindy link`, sent from the topside.
 """
 
 import math
@@ -20,7 +21,7 @@ from services.gamepad.stick_log_events import Courses, Event, event_of, short
 from services.piloting.sticks import CENTRED, Sticks
 
 COLUMNS = ("t", "surge", "sway", "heave", "yaw")
-OPTIONAL = ("tilt", "event")  # after the others, in any order
+OPTIONAL = ("tilt", "gripper", "event")  # after the others, in any order
 HEADING = f"{','.join(COLUMNS)} with or without {' and '.join(OPTIONAL)}"
 LONGEST_S = 86_400.0  # [s] a day
 
@@ -122,6 +123,7 @@ def _row(number: int, cells: list[str], names: list[str], courses: Courses) -> S
     sticks = Sticks(
         *(_number(number, name, cell[name], -1.0, 1.0) for name in COLUMNS[1:]),
         tilt=_number(number, "tilt", cell.get("tilt") or "0", -1.0, 1.0),
+        gripper=_number(number, "gripper", cell.get("gripper") or "0", -1.0, 1.0),
     )
     return StickLogRow(round(seconds * 1e9), sticks, _event(number, cell.get("event", ""), courses))
 

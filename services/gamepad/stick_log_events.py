@@ -2,6 +2,7 @@
 inspection_box`, `mode depth_hold`, `fault port dead` or `link profile severe`."""
 
 from collections.abc import Callable
+from math import nan
 from typing import Literal, cast, get_args
 
 from messages.pilot import Course, FlightMode
@@ -11,6 +12,7 @@ from services.piloting.pilot_intents import (
     GotoIntent,
     Intent,
     ModeIntent,
+    OutputIntent,
     Press,
     goto,
 )
@@ -20,7 +22,7 @@ Event = Intent | Incident | Literal["lost"]
 Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why it cannot
 WORDS: tuple[str, ...] = (*get_args(Press), "lost")
 ALLOWED = (
-    f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD, "
+    f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD, output NAME 0…1, "
     "fault PART KIND [VALUE], link down, link up, link profile NAME, link set KEY=VALUE"
 )
 FLIGHT_MODES: tuple[str, ...] = get_args(FlightMode)
@@ -40,6 +42,8 @@ def event_of(cell: str, courses: Courses) -> Event | None:
             return _follow(rest.strip(), courses)
         case "mode":
             return _mode(rest.strip())
+        case "output":
+            return _output(rest.split())
         case "fault":
             return incidents.fault(rest.split())
         case "link":
@@ -82,6 +86,19 @@ def _follow(name: str, courses: Courses) -> FollowIntent:
         return FollowIntent(courses(name))
     except ValueError as error:
         raise ValueError(f"follow: {error}") from None
+
+
+def _output(rest: list[str]) -> OutputIntent:
+    try:
+        name, value = rest[0], float(rest[1]) if rest[1:] else nan
+    except (IndexError, ValueError):
+        name, value = "", nan
+    if len(rest) != 2 or not 0.0 <= value <= 1.0:
+        raise ValueError(
+            f"output: found {short(' '.join(rest))}, expected a name of the vehicle file and a "
+            f"number from 0 to 1"
+        )
+    return OutputIntent(name, value)
 
 
 def _mode(hold: str) -> ModeIntent:

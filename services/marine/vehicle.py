@@ -19,6 +19,7 @@ import numpy as np
 from messages.units import FiniteSetting, NotNegativeSetting, Positive, Vec6
 from services.marine.calibration import SensorCalibration
 from services.marine.mounting import Mounting
+from services.marine.outputs import OUTPUTS, Output, checked
 from services.marine.thrust_curve import CURVES, LINEAR
 
 SettingVec3 = tuple[FiniteSetting, FiniteSetting, FiniteSetting]
@@ -161,7 +162,7 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Raises:
         ValueError: two thrusters of the same name, a thruster far outside of the hull, or a hull
-            that is far too large for its mass: most likely millimetres.
+            that is far too large for its mass: most likely millimetres; or outputs that cannot be.
     """
 
     name: str
@@ -176,6 +177,7 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     thruster: Annotated[list[Thruster], msgspec.Meta(min_length=1)]
     mounting: Mounting = Mounting()  # of the sensors
     calibration: SensorCalibration = SensorCalibration()
+    output: tuple[Output, ...] = OUTPUTS  # lights, lasers, a gripper
 
     def __post_init__(self) -> None:
         names = [thruster.name for thruster in self.thruster]
@@ -199,6 +201,7 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                     f"hull of {length:g} m × {width:g} m × {height:g} m (size), allowed is "
                     f"{farthest:.3g} m; positions are in metres"
                 )
+        checked(self.output, len(self.thruster))
 
     @property
     def vertical_thrust(self) -> tuple[float, float]:

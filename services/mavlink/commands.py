@@ -12,7 +12,7 @@ MESSAGE_NAMES = {number: name for name, number in MESSAGE_IDS.items()}
 CUSTOM_MODE = 1  # bit of DO_SET_MODE's base mode
 # What is never done, and why: for people.
 REFUSED = {
-    MavCommand.DO_SET_SERVO: "no servo outputs here; lights: button functions or RC channel 9",
+    MavCommand.DO_SET_SERVO: "no servo outputs here; lights, lasers, gripper: button functions",
     MavCommand.DO_MOUNT_CONTROL: "no tilt angles here; tilt: button functions or RC channel 8",
     MavCommand.DO_GIMBAL_MANAGER_PITCHYAW: "no tilt angles here; tilt: buttons or RC channel 8",
     MavCommand.DO_MOTOR_TEST: "no motor test here: only the controller writes to thrusters",

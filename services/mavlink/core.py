@@ -82,7 +82,7 @@ class Submarine:
         self._said: deque[tuple[Level, str]] = deque()  # to the log; for all ground stations too
         self._parameters = ParameterProtocol(parameters, self._outbox)
         self._pilot = GroundPilot(pilot)
-        self._sticks = StickInput(self._pilot, ButtonReader(parameters))
+        self._sticks = StickInput(self._pilot, ButtonReader(parameters, pilot.has))
         self._texts = Texts()
         self._failsafe: Failsafe = "none"
         self._handlers: Mapping[str, Handler] = {

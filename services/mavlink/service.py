@@ -5,6 +5,8 @@ from typing import Protocol
 from messages import events, topics
 from messages.health import LogLine
 from messages.vehicle import VehicleStatus
+from services.marine.outputs import OUTPUTS, Output
+from services.marine.vehicle import Vehicle
 from services.mavlink.core import Settings, Submarine
 from services.mavlink.packets import received
 from services.mavlink.reaction import Reaction
@@ -41,7 +43,7 @@ def wire(node: Node, stack: Stack) -> None:
     links = Links(settings.links, "mavlink.links", GROUND_STATIONS, node.outbox)
     node.on_close(links.close)
     endpoint = MavlinkEndpoint(links, node.outbox, settings.system_id, AUTOPILOT, "ardupilotmega")
-    connected = GroundStations(node, settings, endpoint)
+    connected = GroundStations(node, settings, endpoint, stack.section("vehicle", Vehicle).output)
     links.start(node.from_outside(connected.receive))
     node.log("info", f"ground stations: {', '.join(settings.links)}")
     if settings.insecure:
@@ -51,9 +53,16 @@ def wire(node: Node, stack: Stack) -> None:
 class GroundStations:
     """Connects a `Submarine` to its links and to a node."""
 
-    def __init__(self, node: Node, settings: Settings, endpoint: GroundEndpoint) -> None:
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        endpoint: GroundEndpoint,
+        has: tuple[Output, ...] = OUTPUTS,
+    ) -> None:
+        """`has`: outputs of the vehicle."""
         self._node, self._endpoint = node, endpoint
-        pilot = Pilot(restored(node), node.outbox, arms=False)
+        pilot = Pilot(restored(node), node.outbox, arms=False, has=has)
         self._boot_ns = node.now()
         self._submarine = Submarine(settings, pilot, self._boot_ns)
         self._vehicle = VehiclePorts(node)

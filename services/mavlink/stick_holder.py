@@ -19,6 +19,7 @@ class StickHolder:
 
     station: GroundStation | None = None
     tilt: float = 0.0  # [-] of buttons, for the camera
+    gripper: float = 0.0  # [-] of buttons
     _sticks: Sticks = CENTRED
     _heard_ns: Ns = 0
     _at_rest_once: bool = False  # its sticks were centred since it has them
@@ -31,7 +32,8 @@ class StickHolder:
         if not self.may_take(station, now):
             return False
         if station != self.station:
-            self.station, self._at_rest_once, self.tilt = station, False, 0.0
+            self.station, self._at_rest_once = station, False
+            self.tilt = self.gripper = 0.0
         self._sticks, self._heard_ns = sticks, now
         self._at_rest_once = self._at_rest_once or sticks.at_rest
         return True
@@ -42,7 +44,8 @@ class StickHolder:
 
     def release(self) -> None:
         """The holder lets go."""
-        self.station, self._sticks, self.tilt = None, CENTRED, 0.0
+        self.station, self._sticks = None, CENTRED
+        self.tilt = self.gripper = 0.0
 
     def age_ns(self, now: Ns) -> Ns:
         """[ns] Since the newest stick positions arrived."""
@@ -57,7 +60,7 @@ class StickHolder:
             return StickReading(present=False, at_rest=False, presses=presses)
         sticks = self._sticks if self._at_rest_once else CENTRED
         return StickReading(
-            sticks=sticks._replace(tilt=self.tilt or sticks.tilt),
+            sticks=sticks._replace(tilt=self.tilt or sticks.tilt, gripper=self.gripper),
             at_rest=self._sticks.at_rest,
             age_ms=self.age_ns(now) / 1e6,
             presses=presses,

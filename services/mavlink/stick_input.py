@@ -34,8 +34,9 @@ class StickInput:
         if not self._steer(packet.sender, said, waiting, now, out):
             return
         armed = self.status is not None and self.status.armed
-        pressed = self.buttons.read(down, armed=armed, light=self._light)
-        holder.tilt = pressed.tilt
+        outputs = {} if self.status is None else self.status.outputs
+        pressed = self.buttons.read(down, armed=armed, light=self._light, outputs=outputs)
+        holder.tilt, holder.gripper = pressed.tilt, pressed.gripper
         self.pilot.press(pressed.intents, waiting, now, out)
         if pressed.gain != gain:
             out.say(None, MavSeverity.INFO, f"#Gain is {100 * pressed.gain:.0f}%")
@@ -50,7 +51,7 @@ class StickInput:
             return
         if not self._steer(packet.sender, said, waiting, now, out):
             return
-        holder.tilt = 0.0
+        holder.tilt = holder.gripper = 0.0
         if said.light is not None and said.light != self._lamp and "light" not in waiting:
             self._lamp = said.light
             self.pilot.light(said.light, out)

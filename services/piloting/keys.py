@@ -7,7 +7,7 @@ down: with them browsers and systems have commands of their own, and Ctrl+W clos
 
 from typing import Literal, NamedTuple
 
-Kind = Literal["steer", "press", "hold", "page"]
+Kind = Literal["steer", "tool", "press", "hold", "page"]
 
 
 class Key(NamedTuple):
@@ -16,8 +16,8 @@ class Key(NamedTuple):
     action: str
     codes: tuple[str, ...]  # any of them
     sentence: str
-    # steer: while it is down; press: once; hold: after a second; page: once, and only the page has
-    # it
+    # steer: while it is down; tool: the same, beside whatever steers; press: once; hold: after a
+    # second; page: once, and only the page has it
     kind: Kind = "steer"
 
 
@@ -38,6 +38,10 @@ KEYS = (
     Key("arm", ("Enter",), "arm or resume", "hold"),
     Key("disarm", ("Backspace",), "disarm", "hold"),
     Key("light", ("KeyL",), "light on, off", "press"),
+    Key("light_2", ("KeyJ",), "second light on, off", "press"),
+    Key("laser", ("KeyI",), "lasers or first switch on, off", "press"),
+    Key("gripper_open", ("KeyG",), "open the gripper", "tool"),
+    Key("gripper_close", ("KeyB",), "close the gripper", "tool"),
     Key("brighter", ("KeyO",), "light one step up", "page"),
     Key("darker", ("KeyK",), "light one step down", "page"),
     Key("deeper", ("PageDown",), "half a metre deeper", "page"),

@@ -9,8 +9,11 @@ OVERRULES: dict[RequestKind, tuple[RequestKind, ...]] = {
     "goto": ("goto", "follow", "mode"),
     "follow": ("goto", "follow", "mode"),
     "mode": ("goto", "follow", "mode"),
+    "light": ("light",),
 }  # newer request → older requests that are no longer repeated
 
 
 def overrules(newer: PilotRequest, older: PilotRequest) -> bool:
+    if newer.kind == "output":
+        return (older.kind, older.output) == ("output", newer.output)
     return older.kind in OVERRULES.get(newer.kind, ())

@@ -15,14 +15,15 @@ from messages.events import Outbox
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
+from services.marine.outputs import LIGHT, OUTPUTS, Output, meant
 from services.piloting.pilot_intents import (
     Asked,
     FollowIntent,
     GotoIntent,
     Held,
     Intent,
-    LightIntent,
     ModeIntent,
+    OutputIntent,
 )
 from services.piloting.sticks import CENTRED, StickReading
 
@@ -69,6 +70,7 @@ class Pilot:
     arms: bool  # automatically, as soon as the drone is ready
     source: str = ""  # name of the pilot, else of the pad, keyboard or script
     resumes: bool = False  # automatically, once a failsafe's conditions have ended: a script
+    has: tuple[Output, ...] = OUTPUTS  # outputs of the vehicle
     _arm_after: Ns = 0  # [ns]
     _arms_next: bool = False  # as soon as this pilot is in control
     _arms_soon: bool = False  # with the next command
@@ -78,7 +80,7 @@ class Pilot:
     _told_of: str = ""  # the pilot in control, whom the log has named
     _take_after: Ns = 0  # [ns]
     _back_off_ns: Ns = BACK_OFF_NS[0]
-    _light: bool = False  # as last requested or reported
+    _outputs: dict[str, float] = field(default_factory=dict[str, float])  # requested or reported
     in_failsafe: bool = False  # the drone acts by itself, until this pilot resumes
     _changed_ns: Ns = 0  # [ns] when arming began to mean resuming, or ended to
     _resume_after: Ns = 0  # [ns]
@@ -112,8 +114,8 @@ class Pilot:
     def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
         out = Effects()
         self._hold_lease(status, waiting, now, out)
-        if "light" not in waiting:
-            self._light = status.light > 0.0
+        if waiting.isdisjoint(("light", "output")):
+            self._outputs = dict(status.outputs)
         self.notice_failsafe(status, now)
         if self.resumes and status.resumable and self._has_control:
             self._resume(waiting, now, out)
@@ -252,9 +254,11 @@ class Pilot:
             if intent in ("stop", "disarm"):
                 self._arms_next = False
                 self.progress = replace(self.progress, may_arm=False)
-            out.requests.append(self._request_for(intent))
+            if (request := self._request_for(intent)) is not None:
+                out.requests.append(request)
 
-    def _request_for(self, intent: Asked) -> PilotRequest:
+    def _request_for(self, intent: Asked) -> PilotRequest | None:
+        """None: this vehicle has no output for that button."""
         match intent:
             case GotoIntent(depth, heading):
                 return self._request("goto", depth=depth, heading=heading)
@@ -262,13 +266,24 @@ class Pilot:
                 return self._request("follow", course=course)
             case ModeIntent(flight_mode):
                 return self._request("mode", flight_mode=flight_mode)
-            case LightIntent(value):
-                return self._request("light", value=value)
-            case "light":
-                self._light = not self._light
-                return self._request("light", value=float(self._light))
+            case OutputIntent(name, value):
+                return self._output(name, value)
+            case "light" | "light_2" | "laser":
+                if (named := meant(self.has, intent)) is not None:
+                    return self._output(named, None)
+                detail = f"{intent}: this vehicle has no such output"
+                self.outbox.tell(events.REFUSED_HERE("output", detail=detail))
+                return None
             case _:
                 return self._request(intent)
+
+    def _output(self, name: str, value: float | None) -> PilotRequest:
+        """None: on or off, whichever it is not."""
+        on = float(not self._outputs.get(name)) if value is None else value
+        self._outputs[name] = on
+        if name == LIGHT:
+            return self._request("light", value=on)
+        return self._request("output", value=on, output=name)
 
     def _request(self, kind: RequestKind, **more: Any) -> PilotRequest:
         """Without stamp and id: the sender fills them in."""

@@ -9,7 +9,8 @@ from messages.units import Ns
 DEEPEST = 11_000.0  # [m] no sea is deeper
 TURN = 360.0  # [deg] a heading is given within one turn either way
 
-Press = Literal["arm", "disarm", "stop", "light", "resume"]  # what a button can ask for
+# What a button can ask for. light_2: the second dimmer of the vehicle file; laser: its first switch
+Press = Literal["arm", "disarm", "stop", "light", "light_2", "laser", "resume"]
 
 
 class GotoIntent(NamedTuple):
@@ -27,8 +28,9 @@ class ModeIntent(NamedTuple):
     flight_mode: FlightMode
 
 
-class LightIntent(NamedTuple):
-    value: float  # [-] 0 … 1
+class OutputIntent(NamedTuple):
+    name: str  # in the vehicle file
+    value: float | None = None  # [-] 0 … 1; None: on or off, whichever it is not
 
 
 class Held(NamedTuple):
@@ -38,7 +40,7 @@ class Held(NamedTuple):
     began_ns: Ns
 
 
-Asked = Press | GotoIntent | FollowIntent | ModeIntent | LightIntent
+Asked = Press | GotoIntent | FollowIntent | ModeIntent | OutputIntent
 Intent = Asked | Held
 
 

@@ -11,17 +11,19 @@ Incident = FaultRequest | LinkRequest
 
 
 class Sticks(NamedTuple):
-    """-1 … 1 each, SNAME signs: + forward, starboard, down, clockwise; the camera + upwards."""
+    """-1 … 1 each, SNAME signs: + forward, starboard, down, clockwise; the camera + upwards, the
+    gripper + opens."""
 
     surge: float = 0.0
     sway: float = 0.0
     heave: float = 0.0
     yaw: float = 0.0
     tilt: float = 0.0
+    gripper: float = 0.0
 
     @property
     def at_rest(self) -> bool:
-        """No stick moves the drone. The camera may tilt: that does not prevent arming."""
+        """No stick moves the drone. Camera and gripper may move: that does not prevent arming."""
         return not any(self[:4])
 
 

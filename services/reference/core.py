@@ -19,8 +19,9 @@ from messages.events import Outbox, sentence
 from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
 from messages.state import VehicleState
-from messages.units import Ns
+from messages.units import Ns, Outputs
 from messages.vehicle import Activity, Failsafe, VehicleStatus
+from services.marine.outputs import OUTPUTS, Output
 from services.marine.sensor_time import SensorTime
 from services.reference.failsafe.machine import FailsafeMachine, Memory
 from services.reference.failsafe.table import table
@@ -32,6 +33,7 @@ from services.reference.guidance.centring import CentredSticks
 from services.reference.guidance.ground_motion import whereabouts
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking
+from services.reference.guidance.pilot_outputs import PilotOutputs
 from services.reference.guidance.refusals import refusal
 from services.reference.settings import Settings as Settings
 
@@ -42,7 +44,7 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     """State that a restart in mid-dive needs."""
 
     armed: bool = False
-    light: float = 0.0
+    outputs: Outputs = {}  # of dimmers and switches
     flight_mode: FlightMode = "stabilised"  # in force
     asked: FlightMode = "stabilised"  # requested by the pilot
     lease: Lease = Lease()
@@ -65,8 +67,9 @@ class ReferenceGenerator:
     before: GuidanceCheckpoint = INITIAL
     started_ns: Ns = 0  # [ns] now
     watched: Mapping[str, str] = field(default_factory=dict[str, str])  # service → its role
+    has: tuple[Output, ...] = OUTPUTS  # outputs of the vehicle
     armed: bool = field(init=False)
-    light: float = field(init=False)
+    outputs: PilotOutputs = field(init=False)
     requested: FlightMode = field(init=False)  # by the pilot; in force again after a disarm
     authority: ControlAuthority = field(init=False)
     conditions: ConditionWatch = field(init=False)  # of the failsafes
@@ -85,7 +88,8 @@ class ReferenceGenerator:
 
     def __post_init__(self) -> None:
         b = self.before
-        self.armed, self.light, self.requested = b.armed, b.light, b.asked
+        self.armed, self.requested = b.armed, b.asked
+        self.outputs = PilotOutputs(self.has, b.outputs, self.started_ns)
         self._armed_ns, self._disarmed_ns = b.armed_ns, b.disarmed_ns
         self.authority = ControlAuthority(b.lease, self.started_ns)
         self._guidance = Guidance(self.settings, self.outbox, b.flight_mode)
@@ -97,7 +101,7 @@ class ReferenceGenerator:
     def checkpoint(self) -> GuidanceCheckpoint:
         return GuidanceCheckpoint(
             self.armed,
-            self.light,
+            self.outputs.values,
             self._guidance.flight_mode,
             self.requested,
             self.authority.lease,
@@ -122,6 +126,7 @@ class ReferenceGenerator:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
         if guidance.state is None:
+            self.outputs.step(command, now, armed=self.armed, free=False)
             return None
 
         # What the failsafe table says; a condition that begins to act ends the manoeuvre.
@@ -165,6 +170,7 @@ class ReferenceGenerator:
             guidance.rest()
             self._initialised = True
         self._aim(command)
+        self.outputs.step(command, now, armed=self.armed, free=self._obeys_sticks)
 
         # The reference waits for a vehicle that cannot follow, sooner where the thrusters are at
         # a limit and give less yaw than control asks for.
@@ -175,13 +181,22 @@ class ReferenceGenerator:
                 turn_short = abs(wanted - achieved) > SHORT * abs(wanted)
             guidance.wait(state, turn_short=turn_short)
         armed_ns = self._armed_ns if self.armed else None
-        return guidance.reference(state, command, now, armed_ns=armed_ns, epoch=lease.acting)
+        return guidance.reference(
+            *(state, command, now),
+            armed_ns=armed_ns,
+            epoch=lease.acting,
+            gripper=self.outputs.gripper,
+        )
+
+    @property
+    def _obeys_sticks(self) -> bool:
+        return self.armed and not (self._acts or self.stopping)
 
     def _aim(self, command: PilotCommand | None) -> None:
         """Set the axes' targets from the sticks; without sticks the target is rest."""
         guidance, axes, manoeuvre = self._guidance, self._guidance.axes, self._guidance.manoeuvre
         t = guidance.t
-        free = self.armed and not (self._acts or self.stopping)
+        free = self._obeys_sticks
         if manoeuvre.following is not None and manoeuvre.following.ends(t):
             guidance.end_manoeuvre()
             self.outbox.say("info", "off the path" if self.stopping else "the end of the path")
@@ -246,15 +261,14 @@ class ReferenceGenerator:
                 self._disarmed_ns = max(self._disarmed_ns, min(request.stamp_ns, now))
                 self.armed = self.stopping = False
                 self._failsafes.disarm()
+                self.outputs.disarm()
                 guidance.change(self.requested)
             case "resume":
                 return self._failsafes.resume()
             case "stop":
                 self.stopping, self._stop = True, guidance.stop()
-            case "light":
-                if request.value is None or request.value < 0:
-                    return "light needs a brightness between 0 and 1"
-                self.light = request.value
+            case "light" | "output":
+                return self.outputs.set(request, now, armed=self.armed)
             case "goto" | "follow" | "mode":
                 return self._move(request)
             case "lease" | "offer" | "release" | "force":
@@ -288,7 +302,8 @@ class ReferenceGenerator:
         fs = self._failsafes
         said = fs.acting, fs.reaction, fs.resumable, fs.returns, fs.holding
         holder = self.authority.holder(now)
-        return self.activity, self.armed, self._guidance.flight_mode, holder, *said
+        lit = (*self.outputs.values.values(),)
+        return self.activity, self.armed, self._guidance.flight_mode, holder, lit, *said
 
     def status(self, now: Ns) -> VehicleStatus:
         failsafes = self._failsafes
@@ -311,12 +326,13 @@ class ReferenceGenerator:
             conditions=failsafes.holding,
             pilot=self.authority.holder(now),
             epoch=self.authority.lease.epoch,
-            light=self.light,
+            light=self.outputs.light,
             note="; ".join(filter(None, (self._not_ready, failsafes.notices, clamped))),
             stop=self._stop if self.stopping else None,
             depth=where.depth,
             heading=where.heading,
             depth_moved=self._guidance.standstill.moved or UNSET,
+            outputs=self.outputs.all,
         )
 
     @property

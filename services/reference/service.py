@@ -5,6 +5,7 @@ from collections.abc import Callable
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
+from services.marine.vehicle import Vehicle
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.refusals import refused
@@ -19,7 +20,10 @@ SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 def wire(node: Node, stack: Stack) -> None:
     before = node.restore_checkpoint(GuidanceCheckpoint) or GuidanceCheckpoint()
     settings = stack.section("reference", Settings)
-    generator = ReferenceGenerator(settings, node.outbox, before, node.now(), stack.watched)
+    outputs = stack.section("vehicle", Vehicle).output
+    generator = ReferenceGenerator(
+        settings, node.outbox, before, node.now(), stack.watched, outputs
+    )
     commands = node.latest(topics.PILOT_COMMAND)
     commands.obey(generator.authority)
     # What the failsafes watch.

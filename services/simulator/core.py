@@ -23,7 +23,8 @@ from messages.sensors import (
 )
 from messages.simulator import FaultRequest
 from messages.units import Vec3
-from messages.vehicle import Actuation, Truth
+from messages.vehicle import Actuation, Truth, VehicleStatus
+from services.marine import outputs
 from services.marine.attitude import heading_of, to_euler, to_world, wrapped
 from services.marine.mounting import Mount, Placed
 from services.marine.vehicle import Vehicle
@@ -87,6 +88,7 @@ class Simulator:
         self._gate = ActuatorGate(vehicle.thruster, outbox)
         # The drone's belief about thrusters that it does not measure.
         self._believed = OpenLoopThrust(vehicle.thruster) if settings.hull else None
+        self._status: VehicleStatus | None = None  # newest heard
         self._sags = settings.hull.voltage_exponent if settings.hull else 0.0
 
     # Time and commands.
@@ -112,6 +114,10 @@ class Simulator:
         self.advance(now)
         self._gate.hear(request, now)
         self._drive(now)
+
+    def look(self, status: VehicleStatus | None) -> None:
+        """The newest status, for lights and switches; None: none yet."""
+        self._status = status
 
     def _drive(self, now: int) -> None:
         thrust = self._gate.output(now)
@@ -225,7 +231,9 @@ class Simulator:
         inside = WATER_TEMPERATURE + ENCLOSURE_RISE
         if fault is not None and fault.kind == "hot":
             inside = faults.HOT
-        sample = TemperatureSample(stamp_ns=self._now, temperature=inside)
+        silent = "sensor/pressure" in self.silent  # the depth sensor measures the water
+        water = None if silent else self._sensors.water
+        sample = TemperatureSample(stamp_ns=self._now, temperature=inside, water=water)
         return self._with_fault("sensor/temperature", sample)
 
     @property
@@ -245,6 +253,12 @@ class Simulator:
             pilot_ns=cause.pilot_ns if cause else None,
             stale=self._gate.ends_ns is None,
             power=self._battery.power,
+            outputs=outputs.driven(
+                self._vessel.vehicle.output,
+                self._status,
+                self._gate.gripper(self._now),
+                self._now,
+            ),
         )
 
     def truth(self) -> Truth:

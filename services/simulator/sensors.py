@@ -38,6 +38,7 @@ from services.simulator.streams import (
     PRESSURE_STAMPS,
     TEMPERATURE,
     USBL_NOISE,
+    WATER_TEMPERATURES,
     lateness,
     walking,
     wandering,
@@ -89,6 +90,8 @@ class Sensors:
         self._stamps: dict[int, int] = {}  # [ns] newest, by stream
         self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
         self._usbl_noise = white_noise(seed, USBL_NOISE, [1.0] * 2)
+        self._water_noise = white_noise(seed, WATER_TEMPERATURES, [settings.water_temperature_std])
+        self.water: float | None = None  # [°C] as measured last
         self._pressure_noise = white_noise(seed, PRESSURE_NOISE, [settings.pressure_std])
 
     def imu(
@@ -183,7 +186,10 @@ class Sensors:
         if place.pressure_step > 0:
             pressure = round(pressure / place.pressure_step) * place.pressure_step
         stamp = self._stamp(PRESSURE_STAMPS, now) if self._too_early else now
-        return PressureSample(stamp_ns=stamp, pressure=pressure, temperature=WATER_TEMPERATURE)
+        layers = place.thermocline
+        celsius = WATER_TEMPERATURE if layers is None else layers.at(depth)
+        self.water = celsius + next(self._water_noise)[0]
+        return PressureSample(stamp_ns=stamp, pressure=pressure, temperature=self.water)
 
     def dvl(self, now: int, nu: Vec6, altitude: float, device: Dvl) -> DvlSample | None:
         """Sample for a velocity over the ground [m/s, rad/s], FRD; None when the bottom [m] is out

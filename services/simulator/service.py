@@ -27,6 +27,7 @@ def wire(node: Node, stack: Stack) -> None:
     battery = node.publisher(topics.BATTERY)
     actuation = node.publisher(topics.ACTUATION)
     truth = node.publisher(topics.TRUTH)
+    status = node.latest(topics.STATUS)
     settings = stack.section("simulator", Settings)
     field_period_ns, field_due_ns = round(1e9 / settings.magnetometer_rate), 0
 
@@ -38,6 +39,7 @@ def wire(node: Node, stack: Stack) -> None:
         ):  # with the motion, but not as often; not all that was missed at once
             field_due_ns = max(field_due_ns + field_period_ns, now + field_period_ns // 2)
             publish(node, magnetometer, simulator.magnetometer())
+        simulator.look(status.newest(now))
         publish(node, imu, simulator.imu())  # last, because it triggers estimation
         actuation.put(simulator.actuation())
         truth.put(simulator.truth())

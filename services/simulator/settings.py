@@ -1,5 +1,6 @@
 """The table [simulator] of a vehicle file: site, sensors, battery."""
 
+from math import tanh
 from typing import Annotated
 
 import msgspec
@@ -25,6 +26,7 @@ TimeConstant = Annotated[float, msgspec.Meta(ge=1.0, le=1e5)]  # [s]
 SensorLatency = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
 Velocity = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s]
 WallPlace = Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)]  # [m]
+WaterTemperature = Annotated[float, msgspec.Meta(ge=-2.0, le=40.0)]  # [°C]
 FixRate = Annotated[float, msgspec.Meta(ge=0.01, le=50.0)]  # [1/s]
 
 
@@ -81,6 +83,20 @@ class Walls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 )
 
 
+class Thermocline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Warm water over cold: the temperature falls from `surface` to `deep` around a depth."""
+
+    surface: WaterTemperature = 14.0  # [°C]
+    deep: WaterTemperature = 6.0  # [°C]
+    depth: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 10.0  # [m] middle of the layer
+    thickness: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 3.0  # [m] three quarters of it
+
+    def at(self, depth: float) -> float:
+        """[°C] At a depth [m]."""
+        share = (1.0 + tanh(2.0 * (depth - self.depth) / self.thickness)) / 2.0
+        return self.surface + share * (self.deep - self.surface)
+
+
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # The site.
     floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m]
@@ -97,6 +113,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mounting: Mounting | None = None  # where the sensors really are; absent: as in [vehicle]
     sensor_errors: SensorErrors | None = None  # known ones
     vibration: Vibration | None = None
+    thermocline: Thermocline | None = None  # absent: 8 °C at every depth
 
     # [-] of the Munk moment cancelled by the wake (marine/hydrodynamics.py); 0 is ideal flow.
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
@@ -130,6 +147,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     magnetometer_step: FieldNoise = 0.0  # [T] 0: unrounded
     magnetometer_rate: SampleRate = topics.MAGNETOMETER.hz  # [1/s] at most that of the IMU
     pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
+    # [K] noise of the water's temperature, which the pressure sensor measures as well
+    water_temperature_std: Annotated[float, msgspec.Meta(ge=0.0, le=5.0)] = 0.01
     pressure_rate: SampleRate = topics.PRESSURE.hz  # [1/s]
     pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
     # [s] IMU, compass and pressure are stamped up to so much too early, at random, yet in order.

@@ -11,11 +11,12 @@ A vehicle interface publishes the sensor topics of messages/topics.py that it ha
 
 - `control/thrusters`, through an `ActuatorGate`. A force for each thruster, for a short time.
 - `pilot/request`, for the same gate: a disarm is obeyed here, too, even if the services above hang.
-- `vehicle/status`, whose `light` (0 … 1) is the brightness of the lamps, and
+- `vehicle/status`, whose `outputs` are lights and switches, and
 - `reference`, whose `tilt.position` [rad] is the camera tilt.
 
-Light and tilt can do no harm, so they have no time-to-live: without messages both keep their last
-value, and a pilot who lost the link keeps the light. Read them with
+Lights and tilt can do no harm, so they have no time-to-live: without messages both keep their last
+value, and a pilot who lost the link keeps the light. A gripper ends with its command, and what has
+an `off_after` with the status: `driven` of services/marine/outputs.py says both. Read them with
 `node.latest(...).newest(now)`, which is the last value at any age; never read thrust that way.
 
 Failures:

@@ -46,6 +46,7 @@ class ActuatorGate:
         self._zeros = (0.0,) * len(self._thrusters)
         self._thrust = self._zeros  # [N] within the limits
         self._armed = False  # by the newest accepted, and not disarmed since
+        self._gripper = 0.0  # [-] of the newest accepted
         self._latch = DisarmLatch(outbox)
 
     def obey(self, command: ThrusterCommand, now: int) -> None:  # noqa: C901 - check by check
@@ -55,7 +56,8 @@ class ActuatorGate:
         # Well-formed, of this vehicle's length, in time, in order, of the epoch in force?
         newest, reason = self.command, None
         in_force = self.obeyed_ns is not None and now <= self.obeyed_ns + LATCH_NS
-        if not all(map(isfinite, command.thrust)) or not 0.0 <= command.ttl_ms <= LONGEST_MS:
+        finite = all(map(isfinite, command.thrust)) and -1.0 <= command.gripper <= 1.0
+        if not finite or not 0.0 <= command.ttl_ms <= LONGEST_MS:
             reason = events.MALFORMED
         elif len(command.thrust) != len(self._thrusters):
             reason = events.WRONG_LENGTH
@@ -74,7 +76,7 @@ class ActuatorGate:
         # It is in force from now on, with zero thrust unless it may arm.
         self.command, self.obeyed_ns = command, now
         self.ends_ns = min(command.stamp_ns, now) + round(command.ttl_ms * 1e6)
-        self._thrust = self._zeros
+        self._thrust, self._gripper = self._zeros, command.gripper
         self._armed = self._latch.see(
             command.epoch, command.stamp_ns, command.armed_ns, armed=command.armed
         )
@@ -108,6 +110,11 @@ class ActuatorGate:
     def output(self, now: int) -> tuple[float, ...]:
         """[N] Permitted thrust per thruster at `now` [ns]."""
         return self._thrust if self.ends_ns is not None and now <= self.ends_ns else self._zeros
+
+    def gripper(self, now: int) -> float:
+        """[-] Permitted motion of the gripper at `now` [ns], + opens: none unless armed, and none
+        once the command has ended."""
+        return self._gripper if self.armed(now) else 0.0
 
     def armed(self, now: int) -> bool:
         """Whether the thrusters may turn at `now` [ns]."""

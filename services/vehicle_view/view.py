@@ -53,6 +53,7 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     note: str = ""
     pilot: str = ""  # who has control; empty: nobody
     light: float | None = None  # [-] 0 … 1
+    outputs: dict[str, float] = {}  # [-] by name; of a gripper -1 … 1
     depth_m: float | None = None  # positive down
     depth_wanted_m: float | None = None
     depth_rate: float | None = None  # [m/s]
@@ -116,6 +117,7 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
     return known | {
         "flight_mode": status.flight_mode,
         "light": round(status.light, 3),
+        "outputs": {name: round(value, 3) for name, value in status.outputs.items()},
         "since_s": _seconds(status.since_ns, now),
         "next_s": _seconds(now, status.next_ns),
         "resumable": status.resumable,

@@ -3,6 +3,7 @@
 from typing import Literal, NamedTuple
 
 from messages.events import FAILSAFE_ACTED, short
+from services.marine.outputs import LIGHT
 from services.vehicle_view.view import VehicleView
 
 UNKNOWN = "–"
@@ -97,7 +98,13 @@ def old(view: VehicleView) -> str:
 def numbers(view: VehicleView) -> tuple[tuple[str, str], ...]:
     """What a pilot looks at now and then, as (label, text): every screen shows all of it."""
     light = UNKNOWN if view.light is None else f"{100.0 * view.light:.0f} %"
-    return (("battery", battery(view)), ("light", light))
+    # Of the others those that are not at rest: lasers that are on must be seen on every screen.
+    others = [
+        (name.replace("_", " "), f"{100.0 * value:.0f} %")
+        for name, value in view.outputs.items()
+        if value and name != LIGHT
+    ]
+    return (("battery", battery(view)), ("light", light), *others)
 
 
 def battery(view: VehicleView) -> str:

@@ -48,7 +48,8 @@ FLOWN = {
     "heading_deg": 271.0, "heading_wanted_deg": 280.0, "roll_deg": 2.0, "pitch_deg": -3.0,
     "tilt_deg": -20.0, "age_ms": 20.0, "rtt_ms": 41.0, "link_up": True, "stick_ms": 62.0,
     "numbers": [["battery", "15.9 V, 80 %"], ["light", "50 %"]], "thrust": [0.1, -0.5, 1.0, 0.0],
-    "fov_deg": 80.0, "dive_s": 754, "left_min": 47, "turns": 2,
+    "fov_deg": 80.0, "dive_s": 754, "left_min": 47, "turns": 2, "water_c": 7.6,
+    "tools": [["light", "dimmer", 0.5], ["lasers", "switch", 0.0], ["gripper", "gripper", 0.0]],
     "lines": [["warning", 61.0, 2, "reference: the battery is low", "notice:battery_low"]],
 }  # fmt: skip
 ACTING: dict[str, Any] = {

@@ -68,6 +68,12 @@ def test_a_followed_path_is_asked_whole():
     assert course.kind == "interpolating"
 
 
+@pytest.mark.parametrize(("word", "value"), [("on", 1.0), ("off", 0.0), ("0.25", 0.25)])
+def test_an_output_is_asked_for_by_its_name(word: str, value: float):
+    wanted = wanted_of("output", **GIVEN | {"name": "lasers", "setting": word})
+    assert (wanted.kind, wanted.output, wanted.value) == ("output", "lasers", value)
+
+
 @pytest.mark.parametrize("hold", get_args(FlightMode))
 def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
     host = VirtualHost()
@@ -96,6 +102,13 @@ def test_a_path_file_may_have_every_key_that_lindy_path_knows():
         ("light", {}, "light needs --value"),
         ("light", {"value": 1.5}, "--value is 1.5, expected a brightness from 0 to 1"),
         ("light", {"value": math.nan}, "--value is nan"),
+        ("output", {}, "output needs its name and on, off or a number"),
+        ("output", {"name": "lasers"}, "output needs its name and on, off or a number"),
+        ("output", {"name": "lasers", "setting": "yes"}, "from 0 to 1, found 'yes'"),
+        ("output", {"name": "lasers", "setting": "nan"}, "from 0 to 1, found 'nan'"),
+        ("output", {"name": "lasers", "setting": "-1"}, "from 0 to 1, found '-1'"),
+        ("output", {"name": 129 * "l", "setting": "on"}, "the name has 129 letters"),
+        ("light", {"value": 1.0, "setting": "on"}, "light takes no third word, found 'on'"),
         ("follow", {}, "follow needs --path"),
         ("follow", {"path": "inspection_bix"}, "did you mean 'inspection_box'?"),
         ("follow", {"path": "fernandes"}, "only a path with model = 'mjvr'"),
@@ -385,6 +398,10 @@ def test_a_real_drone_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     with dive(tmp_path) as out:
         assert ask("light", value=0.5, dive=out) == 0
         assert capsys.readouterr().out.endswith(": light: accepted\n")
+        assert ask("output", "light", "0.25", dive=out) == 0
+        assert capsys.readouterr().out.endswith(": output: accepted\n")
+        with pytest.raises(LindyError, match=r"no output 'lasers'; there are: light"):
+            ask("output", "lasers", "on", dive=out)
         # A stop that is decided before the first step of the goto finds nothing that moves.
         assert any(still_goes(out, heading, capsys) for heading in (30.0, 90.0) * 10)
         assert ask("disarm", dive=out) == 0

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from messages.units import Ns
 from services.ardusub.core import HEARD
 from services.ardusub.service import ONE_BOARD
+from services.ardusub.servos import servos_of
 from services.ardusub.settings import Settings
 from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
@@ -91,11 +92,15 @@ def _other_stack(stack: str, *, asked: bool) -> VehicleFinding:
 def _of_board(stack: Stack, vehicle: Vehicle, seconds: float) -> list[VehicleFinding]:
     """
     Raises:
-        LindyError: the port cannot be opened, or pymavlink is not installed.
+        LindyError: the port cannot be opened, no pymavlink is installed, or `light_servo` is taken.
     """
 
-    settings = stack.section("ardusub", Settings)
-    visit = BoardVisit(settings, len(vehicle.thruster), seconds)
+    settings, motors = stack.section("ardusub", Settings), len(vehicle.thruster)
+    try:
+        servos = servos_of(vehicle.output, settings, motors)
+    except ValueError as error:
+        raise LindyError(f"{stack.vehicle_path}: {error}") from None
+    visit = BoardVisit(settings, motors, seconds, servos)
     links = Links([settings.url], "ardusub.url", ONE_BOARD, visit.lost)
     try:
         go_through(visit, links, time.monotonic_ns, lambda: time.sleep(STEP_S))

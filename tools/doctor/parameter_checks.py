@@ -26,6 +26,7 @@ def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFindin
     if absent:
         return
     wrong = parameters.problems(values, release, visit.settings, vehicle)
+    wrong += parameters.moved_motors(values, visit.servos)
     new = parameters.is_new(release)
     for sentence in wrong:
         name, _, told = sentence.partition(" ")

@@ -7,6 +7,7 @@ for no rates: somebody may be flying over the same link.
 """
 
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -47,6 +48,7 @@ class BoardVisit:
     settings: Settings
     motors: int
     seconds: float  # [s] for which rates are measured
+    servos: Mapping[str, int] = field(default_factory=dict[str, int])  # of the outputs, by name
     stage: Stage = "heartbeat"
     heartbeat: dict[str, Any] | None = None  # newest of the board
     others: dict[tuple[int, int], int] = field(default_factory=dict[tuple[int, int], int])
@@ -183,7 +185,8 @@ class BoardVisit:
         old = self.release < parameters.OLDEST
         self._enter("done" if old else "parameters", now)
         self.reader.wanted = parameters.names(self.release, self.motors)
-        self.reader.optional = parameters.optional(self.release)
+        functions = (f"SERVO{number}_FUNCTION" for number in self.servos.values())
+        self.reader.optional = (*parameters.optional(self.release), *functions)
         return []
 
     def _version_request(self, now: Ns) -> list[MavlinkPacket]:

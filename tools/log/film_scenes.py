@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 from messages import topics
 from messages.film import FilmKind, FilmRequest
+from messages.sensors import TemperatureSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
 from messages.video import Assembler, VideoPart
 from tools.recordings.recording import Recording
 
-KEYS = {topics.VIDEO.key, topics.STATE.key, topics.STATUS.key}
+KEYS = {topics.VIDEO.key, topics.STATE.key, topics.STATUS.key, topics.TEMPERATURE.key}
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
 OLD_NS = 1_000_000_000  # [ns] before a picture: where the drone was then is not where it is
 
@@ -27,6 +28,7 @@ class FilmPlace(NamedTuple):
     north: float | None = None  # [m] NED
     east: float | None = None  # [m]
     flight_mode: str = ""
+    water: float | None = None  # [°C]
 
     @property
     def utc(self) -> datetime:
@@ -42,6 +44,7 @@ class FilmPlace(NamedTuple):
             "heading –" if self.heading is None else f"heading {round(self.heading) % 360:03d}°",
             f"north {self.north:.1f} m, east {self.east:.1f} m" if place else "",
             self.flight_mode.replace("_", " "),
+            "" if self.water is None else f"water {self.water:.1f} °C",
         )
         return " · ".join(filter(None, said))
 
@@ -62,14 +65,16 @@ def pictures(recording: Recording, left_out: set[int] | None = None) -> Iterator
     """
     left_out = set() if left_out is None else left_out
     assembler, seen = Assembler(), deque[FilmPlace](maxlen=LATEST)
-    mode, seq, broken = "", None, True
+    mode, water, seq, broken = "", None, None, True
     for raw in recording.raw():
         if raw.key not in KEYS:
             continue
         match recording.decode(raw):
             case VehicleState() as state:
-                seen.append(_place(state, raw.publish_ns, mode))
+                seen.append(_place(state, raw.publish_ns, mode)._replace(water=water))
             case VehicleStatus(flight_mode=mode):
+                pass
+            case TemperatureSample(water=water):
                 pass
             case VideoPart() as part:
                 broken = broken or (seq is not None and part.seq != seq + 1)

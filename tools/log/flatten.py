@@ -77,7 +77,7 @@ class Flattening:
     ) -> Put | None:
         """None: it is one cell as it is."""
         kind = schema.get("type")
-        if kind == "object" and "properties" in schema:
+        if kind == "object" and schema.get("properties"):  # a map by name has none
             return self._object(schema, {}, f"{name}.", first)
         if kind == "array" and _kind(schema.get("items", {})) in ("number", "integer"):
             parts = self._parts(field, names, first)

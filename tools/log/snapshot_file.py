@@ -12,6 +12,7 @@ from tools.log.film_scenes import FilmPlace
 
 QUALITY = 92  # of JPEG
 BELOW_SEA = b"\x01"  # of GPSAltitudeRef
+TEMPERATURE = 0x9400  # [°C] of what surrounds the camera: EXIF 2.31, which Pillow has no name for
 ASCII = b"ASCII\0\0\0"  # of UserComment
 
 
@@ -31,7 +32,7 @@ def jpeg(image: Image.Image, drone: FilmPlace) -> bytes:
     """With time, depth, heading and place. What is not known is left out."""
     exif = Image.Exif()
     exif[Base.ImageDescription] = (
-        drone.words.replace(" · ", ", ").replace("°", " deg").replace("–", "-")
+        drone.words.replace(" · ", ", ").replace(" °C", " C").replace("°", " deg").replace("–", "-")
     )
     exif[Base.Software] = "Lindy"
     time = f"{drone.utc:%Y:%m:%d %H:%M:%S}"
@@ -43,6 +44,8 @@ def jpeg(image: Image.Image, drone: FilmPlace) -> bytes:
     if drone.north is not None and drone.east is not None:
         place = f"north {drone.north:.2f} m, east {drone.east:.2f} m"
         more[Base.UserComment] = ASCII + place.encode()
+    if drone.water is not None:
+        more[TEMPERATURE] = round(drone.water, 1)
     gps = exif.get_ifd(IFD.GPSInfo)
     if drone.depth is not None:
         gps[GPS.GPSAltitudeRef] = BELOW_SEA

@@ -136,7 +136,7 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
     timed = [
         (request.stamp_ns - began, event)
         for request in sorted(heard.requests.values(), key=lambda request: request.stamp_ns)
-        if request.stamp_ns > began and (event := events.of(request))
+        if request.stamp_ns >= began and (event := events.of(request))
     ]
     rows = _with_end(_with_events(_changes(commands, began), timed), commands[-1].stamp_ns - began)
     return RecordedSticks(rows, events.paths, commands[-1].source, remarks)
@@ -144,10 +144,12 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
 
 def as_csv(sticks: RecordedSticks, heading: str) -> str:
     """The text of a stick log; `heading` is a comment in its first line."""
-    lines = [f"# {heading}", ",".join((*COLUMNS, "tilt", "event"))]
+    grips = any(row.sticks.gripper for row in sticks.rows)  # else there is no column of it
+    names = ("tilt", "gripper") if grips else ("tilt",)
+    lines = [f"# {heading}", ",".join((*COLUMNS, *names, "event"))]
     for row in sticks.rows:
-        numbers = (row.sticks.surge, row.sticks.sway, row.sticks.heave, row.sticks.yaw)
-        cells = [_seconds(row.at_ns), *map(_number, (*numbers, row.sticks.tilt)), row.event]
+        numbers = row.sticks if grips else row.sticks[:-1]
+        cells = [_seconds(row.at_ns), *map(_number, numbers), row.event]
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
 
@@ -176,11 +178,13 @@ class RequestEvents:
     def _of_pilot(self, request: PilotRequest) -> str:
         kind = request.kind
         if kind == "light" and request.value not in (0.0, 1.0):
-            return self._unsaid(f"light {request.value}")
+            return f"output light {request.value!r}"
         if kind == "goto" and request.north is not None:
             return self._unsaid("goto north east")
         if kind in PLAIN:
             return kind
+        if kind == "output":
+            return f"output {request.output} {request.value!r}"
         if kind == "goto":
             depth = "" if request.depth is None else f" depth={request.depth!r}"
             heading = "" if request.heading is None else f" heading={in_degrees(request.heading)}"
@@ -218,8 +222,9 @@ def _changes(commands: list[PilotCommand], began: int) -> list[SticksRow]:
     """A row wherever the sticks, or the pilot's presence, change."""
     rows: list[SticksRow] = []
     for command in commands:
-        sticks = Sticks(command.surge, command.sway, command.heave, command.yaw, tilt=command.tilt)
-        row = SticksRow(command.stamp_ns - began, sticks, _lost(command))
+        c = command
+        sticks = Sticks(c.surge, c.sway, c.heave, c.yaw, c.tilt, c.gripper)
+        row = SticksRow(c.stamp_ns - began, sticks, _lost(c))
         if not rows or (row.sticks, row.event) != (rows[-1].sticks, rows[-1].event):
             if rows and rows[-1].at_ns == row.at_ns:
                 rows.pop()

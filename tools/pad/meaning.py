@@ -18,9 +18,9 @@ def meanings(profile: PadProfile) -> dict[str, str]:
     for name in profile.trigger.__struct_fields__:
         found[getattr(profile.trigger, name)] = name
     found |= {tilt.up: "camera up", tilt.down: "camera down"}
-    for name in profile.button.__struct_fields__:
-        found[getattr(profile.button, name)] = name
-    return found
+    tools = {profile.gripper.open: "gripper opens", profile.gripper.close: "gripper closes"}
+    buttons = {getattr(profile.button, name): name for name in profile.button.__struct_fields__}
+    return found | {c: what for c, what in (tools | buttons).items() if c is not None}
 
 
 def lines(

@@ -16,9 +16,10 @@ COMMENTS = {
     "axis": "SDL counts stick up as negative; a leading - inverts a stick",
     "trigger": "lefttrigger, righttrigger, leftshoulder or rightshoulder",
     "tilt": "the camera, at full speed while a button is held",
+    "gripper": "moves while a button is held",
     "button": "arm also resumes after a failsafe",
 }
-TABLES = ("gain", "axis", "trigger", "tilt", "button")
+TABLES = ("gain", "axis", "trigger", "tilt", "gripper", "button")
 
 
 def toml_of(profile: PadProfile, name: str) -> str:
@@ -32,5 +33,6 @@ def toml_of(profile: PadProfile, name: str) -> str:
         table = getattr(profile, key)
         text += f"\n\n[{key}]  # {COMMENTS[key]}"
         for name_in in table.__struct_fields__:
-            text += f"\n{name_in} = {json.dumps(getattr(table, name_in))}"
+            if (value := getattr(table, name_in)) is not None:
+                text += f"\n{name_in} = {json.dumps(value)}"
     return text + "\n"

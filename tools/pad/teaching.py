@@ -36,6 +36,8 @@ STEPS = (
     Step("button", "stop", "press the button for STOP"),
     Step("button", "light", "press the button for the LIGHT"),
 )
+# What a profile may be without, and is not asked for.
+TOOLS = ("gripper", "open"), ("gripper", "close"), ("button", "light_2"), ("button", "laser")
 ALLOWED: dict[Table, tuple[str, ...]] = {
     "axis": get_args(StickName),
     "trigger": get_args(Trigger),
@@ -85,8 +87,11 @@ class Teaching:
         return self._choose(step, getattr(getattr(self.base, step.table), step.action))
 
     def profile(self) -> PadProfile:
-        """With every step done so far."""
+        """With every step done so far. A tool's button that was taken for a step has no tool."""
         tree = msgspec.to_builtins(self.base)
+        for table, action in TOOLS:
+            if tree[table][action] in self.chosen:
+                tree[table][action] = None
         for step, control in zip(STEPS, self.chosen, strict=False):
             tree[step.table][step.action] = control
         return msgspec.convert(tree, PadProfile)

@@ -1,6 +1,8 @@
 // Keys that are down. Another window gets their release, so all count as released with the focus. The
 // same holds for Ctrl, Alt and Meta: what is pressed with them is the browser's.
 
+import { level } from "/shape.js";
+
 export class Keyboard {
   // press(action): once; hold(action, isDown): what is deliberate; moved(): a key that steers
   constructor(keys, press, hold, moved) {
@@ -21,7 +23,7 @@ export class Keyboard {
     document.activeElement?.blur();
     if (event.repeat) return;
     this.down.add(event.code);
-    if (row.kind === "steer") this.moved();
+    if (row.kind === "steer" || row.kind === "tool") this.moved();
     else if (row.kind === "hold") this.hold(row.action, true);
     else this.press(row.action);
   }
@@ -30,7 +32,7 @@ export class Keyboard {
     const row = this.keys.actions.get(event.code);
     if (!this.down.delete(event.code) || !row) return;
     event.preventDefault();
-    if (row.kind === "steer") this.moved();
+    if (row.kind === "steer" || row.kind === "tool") this.moved();
     if (row.kind === "hold") this.hold(row.action, false);
   }
 
@@ -42,9 +44,12 @@ export class Keyboard {
 
   get moving() { return [...this.down].some((code) => this.keys.actions.get(code)?.kind === "steer"); }
 
-  sticks(gain) {
-    const on = (action) => Number(this.keys.codes(action).some((code) => this.down.has(code)));
-    const g = Math.max(0.1, Math.min(1, gain * (1 + on("boost") - 0.6 * on("slow"))));
+  on(action) { return Number(this.keys.codes(action).some((code) => this.down.has(code))); }
+
+  get gripper() { return this.on("gripper_open") - this.on("gripper_close"); }
+
+  sticks(limit) {
+    const on = (action) => this.on(action), g = level(limit, on("slow"), on("boost"));
     return {
       surge: g * (on("ahead") - on("back")), sway: g * (on("starboard") - on("port")),
       heave: g * (on("sink") - on("rise")), yaw: g * (on("turn_starboard") - on("turn_port")),

@@ -16,8 +16,8 @@ import { PadPanel } from "/pad_panel.js";
 import { aids, buttons, lines, show, showPicture } from "/panel.js";
 import { Picture } from "/picture.js";
 import { Settings } from "/settings.js";
-import { GAINS } from "/shape.js";
 import { Steering } from "/steering.js";
+import { Tools } from "/tools.js";
 import { TouchStick } from "/touch_stick.js";
 import { Trace } from "/trace.js";
 import { units } from "/units.js";
@@ -42,7 +42,7 @@ const picture = new Picture($("picture"));
 const settings = new Settings(apply);
 const alarms = new Alarms(settings, words);
 let arming = "arm"; // what the hold button asks for now
-let gain = "Normal";
+let flew = false; // this page had the sticks when it was drawn last
 let gone = false; // the device that steered is gone
 
 const you = () => connection.picture?.you ?? {};
@@ -65,7 +65,7 @@ const held = {
 const hold = (what, down) => (down ? held[what].press() : held[what].release());
 const click = (id) => $(id).hidden || $(id).click();
 const OWN = { // what the page does itself
-  speed: faster, mute: () => settings.next("sound"), film: () => click("film"), snapshot: () => click("snapshot"),
+  speed: () => settings.next("speed"), mute: () => settings.next("sound"), film: () => click("film"), snapshot: () => click("snapshot"),
   brighter: () => goto.light(1), darker: () => goto.light(-1),
   deeper: () => goto.deeper(1), shallower: () => goto.deeper(-1),
   heading_port: () => goto.turned(-1), heading_starboard: () => goto.turned(1),
@@ -78,7 +78,8 @@ const padPanel = new PadPanel(pad);
 const film = new Film(wish);
 const keyboard = new Keyboard(keys, press, hold, steer);
 const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
-const steering = new Steering(...thumbs, keyboard, pad);
+const tools = new Tools(wish, steer);
+const steering = new Steering(...thumbs, keyboard, pad, tools);
 const menu = new Menu((name) => {
   if (name === "menu") goto.fill();
   if (name === "keys") keysPanel.draw();
@@ -88,18 +89,13 @@ const menu = new Menu((name) => {
 for (const id of ["take", "offer", "give_back"]) $(id).addEventListener("click", () => wish(id));
 $("lamp").addEventListener("click", () => wish("light"));
 $("flight_mode").addEventListener("change", (e) => { wish("mode", { flight_mode: e.target.value }); e.target.blur(); });
-$("gain").addEventListener("click", faster);
-function faster() {
-  const names = Object.keys(GAINS);
-  gain = names[(names.indexOf(gain) + 1) % names.length];
-  name();
-}
+$("gain").addEventListener("click", () => settings.next("speed"));
 
 // Sticks, 50 times a second while the page can be seen, and at once when one has moved.
 let sent = "", sentAt = 0, movedAt = 0;
 function steer() {
   if (document.hidden || connection.watching) return;
-  const sticks = steering.read(GAINS[gain]);
+  const sticks = steering.read(Number(settings.speed) / 100);
   if (keyboard.moving || pad.active) document.body.classList.remove("touch");
   if (!you().has_sticks) return;
   const now = performance.now(), moved = positions(sticks) !== sent;
@@ -110,7 +106,7 @@ function steer() {
   [sent, sentAt] = [positions(sticks), now];
   if (moved) movedAt = now;
 }
-const positions = (sticks) => sticks && [sticks.surge, sticks.sway, sticks.heave, sticks.yaw, sticks.tilt].join();
+const positions = (sticks) => sticks && [sticks.surge, sticks.sway, sticks.heave, sticks.yaw, sticks.tilt, sticks.gripper].join();
 setInterval(steer, STICKS_MS / 2); // a pad tells nobody that it has moved
 
 // The first touch shows the sticks. It moves none, and nothing moves away under it.
@@ -150,7 +146,8 @@ async function apply(changed) {
 function name() {
   const named = { theme: settings.theme, crop: settings.crop, sound: settings.sound, speech: settings.speech, units: settings.units };
   for (const [id, value] of Object.entries(named)) $(id).textContent = `${words.t(id)}: ${words.t(`${id}.${value}`)}`;
-  $("gain").textContent = words.t(`speed.${gain}`);
+  $("gain").textContent = `${words.t("speed")} ${settings.speed} %`;
+  $("gain").classList.toggle("limited", settings.speed !== "100");
 }
 for (const id of ["theme", "crop", "sound", "speech", "units"]) $(id).addEventListener("click", () => {
   if (id === "theme" && !settings.chosen) settings.theme = wanted();
@@ -202,7 +199,11 @@ function draw() {
   drones.show(seen);
   told(now);
   arming = buttons(you(), seen);
-  aids(seen);
+  aids(seen, Number(settings.speed));
+  tools.show(seen.tools ?? [], Boolean(you().has_sticks && you().in_control));
+  // Whoever takes the sticks here is told what the pilot before may have left.
+  if (you().has_sticks && !flew && !settings.shipped("speed")) say(words.t("speed.yours", { s: settings.speed }));
+  flew = Boolean(you().has_sticks);
   alarms.look(found.alarms, now);
   $("silence").hidden = !found.alarms.length || settings.sound === "off";
   if (menu.open === "menu") lines(connection.log.toReversed(), "log");

@@ -1,19 +1,20 @@
 // The browser's gamepad. It is trusted once its sticks were centred. How long ago it last reported
 // anything goes to the service with every position, which judges whether it is frozen.
 
-import { shape } from "/shape.js";
+import { level, shape } from "/shape.js";
 
 const DEAD_BAND = 0.12, EXPO = 0.4;
 const HELD = ["arm", "disarm"]; // what is deliberate
-const PRESSED = ["stop", "light", "film", "snapshot", "speed"];
+const PRESSED = ["stop", "light", "light_2", "laser", "film", "snapshot", "speed"];
 const MOVED = 0.6; // of a stick's travel: it is this one that is meant
 const STORE = "pads";
 // Of a pad that the browser knows ("standard"): axes with their sign, and buttons.
 const STANDARD = {
   ahead: [3, -1], starboard: [2, 1], rise: [1, -1], turn_starboard: [0, 1],
   stop: 1, light: 3, slow: 6, boost: 7, disarm: 8, arm: 9, tilt_up: 12, tilt_down: 13,
+  light_2: 0, laser: 2, gripper_close: 4, gripper_open: 5,
 };
-export const PAD_ACTIONS = ["ahead", "starboard", "rise", "turn_starboard", "stop", "arm", "disarm", "light", "slow", "boost", "tilt_up", "tilt_down", "speed", "film", "snapshot"];
+export const PAD_ACTIONS = ["ahead", "starboard", "rise", "turn_starboard", "stop", "arm", "disarm", "light", "slow", "boost", "tilt_up", "tilt_down", "gripper_open", "gripper_close", "light_2", "laser", "speed", "film", "snapshot"];
 const AXES = PAD_ACTIONS.slice(0, 4);
 
 export class Pad {
@@ -38,7 +39,12 @@ export class Pad {
     this.waits = null; // for the stick or button of an action
   }
 
-  get map() { return { ...(this.pad?.mapping === "standard" ? STANDARD : {}), ...this.maps[this.pad?.id] }; }
+  // What the pilot has chosen goes before: a button of his has no other action beside it.
+  get map() {
+    const own = this.maps[this.pad?.id] ?? {}, taken = Object.values(own);
+    const standard = Object.entries(this.pad?.mapping === "standard" ? STANDARD : {});
+    return { ...Object.fromEntries(standard.filter(([, to]) => !taken.includes(to))), ...own };
+  }
 
   // Read it. Returns the raw pad, or null when there is none.
   look() {
@@ -114,9 +120,15 @@ export class Pad {
 
   get age() { return performance.now() - this.reported; }
 
-  sticks(gain) {
-    const pulled = (what) => this.pad.buttons[this.now[what]]?.value ?? 0;
-    const g = Math.min(1, gain + pulled("boost") * (1 - gain) - pulled("slow") * gain * 0.6);
+  pulled(what) { return this.pad.buttons[this.now[what]]?.value ?? 0; }
+
+  get gripper() {
+    if (!this.pad || !this.trusted || this.waits) return 0;
+    return this.pulled("gripper_open") - this.pulled("gripper_close");
+  }
+
+  sticks(limit) {
+    const pulled = (what) => this.pulled(what), g = level(limit, pulled("slow"), pulled("boost"));
     const of = (action) => g * this.travel(action);
     const tilt = pulled("tilt_up") - pulled("tilt_down");
     return { surge: of("ahead"), sway: of("starboard"), heave: -of("rise"), yaw: of("turn_starboard"), tilt };

@@ -135,7 +135,7 @@ export function buttons(you, view) {
 }
 
 // Figures that help to fly: those that are known.
-export function aids(view) {
+export function aids(view, limit) {
   const degrees = (value) => (value === undefined ? undefined : `${value > 0 ? "+" : ""}${units.number(value)}°`);
   const climb = view.depth_rate === undefined ? undefined : -view.depth_rate;
   const all = [
@@ -144,6 +144,8 @@ export function aids(view) {
     ["left", view.left_min === undefined ? undefined : `${units.number(view.left_min)} min`],
     ["stick", view.stick_ms === undefined ? undefined : ms(view.stick_ms)],
     ["inside", view.inside_c === undefined ? undefined : units.temperature(view.inside_c)],
+    ["water", view.water_c === undefined ? undefined : units.temperature(view.water_c)],
+    ["speed", limit < 100 ? `${units.number(limit)} %` : undefined],
     ["turns", view.turns || undefined],
     ["pitch", degrees(view.pitch_deg), "wide"],
     ["roll", degrees(view.roll_deg), "wide"],

@@ -6,6 +6,7 @@ const VALUES = {
   crop: ["fill", "whole"],
   sound: ["on", "off"],
   speech: ["off", "on"],
+  speed: ["50", "75", "100", "25"], // [%] of full speed at full stick
   units: ["metric", "imperial", "knots"],
   language: ["en", "no", "sv", "de", "es", "zh"],
 };
@@ -22,6 +23,8 @@ export class Settings {
   }
 
   next(name) { this.set(name, VALUES[name][(VALUES[name].indexOf(this[name]) + 1) % VALUES[name].length]); }
+
+  shipped(name) { return this[name] === VALUES[name][0]; }
 
   set(name, value) {
     this[name] = value;

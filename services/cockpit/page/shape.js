@@ -1,6 +1,10 @@
 // From a stick's travel to a command.
 
-export const GAINS = { Slow: 0.25, Normal: 0.6, Boost: 1.0 };
+// Share of full speed at full stick: the pilot's limit, less while slow is held, all while boost is; both
+// 0 … 1, and continuous, so that a trigger causes no jump.
+export function level(limit, slow, boost) {
+  return Math.min(1, limit + boost * (1 - limit) - slow * limit * 0.6);
+}
 
 // Odd, monotonic, 0 inside the dead-band, continuous at its edge, ±1 at full travel; NaN is 0.
 export function shape(travel, deadBand, expo) {

@@ -49,7 +49,9 @@ HELP = tuple(
     (label(key), f"{key.sentence} (hold)" if key.kind == "hold" else key.sentence) for key in HERE
 )
 PRESSES: dict[int, Press] = {
-    code: press for press in ("stop", "light") for code in CODES[press]
+    code: press
+    for press in ("stop", "light", "light_2", "laser")
+    for code in CODES[press]
 }  # fmt: skip
 ALONE = pygame.KMOD_CTRL | pygame.KMOD_ALT | pygame.KMOD_META  # with them keys are the system's
 
@@ -143,6 +145,7 @@ class Keyboard:
             heave=gain * (self._any("sink") - self._any("rise")),
             yaw=gain * (self._any("turn_starboard") - self._any("turn_port")),
             tilt=self._any("tilt_up") - self._any("tilt_down"),
+            gripper=self._any("gripper_open") - self._any("gripper_close"),
         )
 
     def _any(self, action: str) -> float:

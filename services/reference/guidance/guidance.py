@@ -280,9 +280,10 @@ class Guidance:
         *,
         armed_ns: Ns | None,
         epoch: int,
+        gripper: float = 0.0,
     ) -> Reference:
         """All axes at this instant, with the stamps of the state and pilot command behind them.
-        `armed_ns` None: disarmed."""
+        `armed_ns` None: disarmed; `gripper` as it moves now."""
         axes, held, t = self.axes, self.held, self.t
         # Depth, heading, position and speed along the path, from the axes or from the path.
         depth = _motion(axes.heave, t, held=held.depth)
@@ -313,6 +314,7 @@ class Guidance:
             north=None if place is None else Motion(*place[0]),
             east=None if place is None else Motion(*place[1]),
             tilt=_motion(axes.tilt, t),
+            gripper=gripper,
         )
 
 

@@ -135,7 +135,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             return convert(tree.get(name, {}), kind, name, path)
         except LindyError as error:
             for part in parts:  # is it this one's mistake?
-                convert(getattr(read_part(part), name, {}), kind, name, part)
+                if said := getattr(read_part(part), name, {}):
+                    convert(said, kind, name, part)
             raise self._blamed(str(error)) from None
 
     def body_now(self) -> dict[str, Any]:

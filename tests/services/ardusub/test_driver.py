@@ -7,6 +7,7 @@ import pytest
 
 from messages import events
 from messages.sensors import BatterySample, ImuSample, MagnetometerSample, PressureSample
+from messages.vehicle import VehicleStatus
 from services.ardusub.core import Settings
 from services.mavlink_io.packet import MavlinkPacket
 from tests.support.ardusub_double.cable import DOWN, MS, Cable, S
@@ -103,10 +104,14 @@ def test_the_finer_imu_message_is_used_where_there_is_one() -> None:
         assert name in cable.board.streams, version
 
 
+def status(cable: Cable, *, armed: bool = True, **outputs: float) -> VehicleStatus:
+    return VehicleStatus(stamp_ns=cable.now, activity="piloted", armed=armed, outputs=outputs)
+
+
 @BOTH
 def test_lights_and_tilt_as_the_version_allows(version: str) -> None:
     cable = Cable(version, Settings(light_servo=13)).accepted()
-    cable.driver.show(0.5, 0.785 / 2)
+    cable.driver.show(status(cable, light=0.5), 0.785 / 2)
     cable.run(0.1)
     [last] = cable.of("RC_CHANNELS_OVERRIDE")[-1:]
     assert last.fields["chan8_raw"] == 1700

@@ -195,6 +195,19 @@ def test_a_page_goes_to_a_depth_and_a_heading_and_sets_the_light_in_steps(dive: 
     assert dive.counts["malformed:page"] == 1
 
 
+def test_a_page_sets_outputs_and_is_told_what_the_vehicle_has(dive: Dive):
+    assert dive.view()["tools"] == [["light", "dimmer", 0.0]]
+    dive.wish("output", output="light", value=0.75).steer(0.3)
+    assert dive.status.light == 0.75
+    assert dive.view()["tools"] == [["light", "dimmer", 0.75]]
+    for wish in ("laser", "light_2"):
+        dive.wish(wish).steer(0.3)
+    assert dive.counts["refused_here:output"] == 2
+    dive.wish("output", output="winch", value=1.0).steer(0.3)
+    assert dive.counts["refused:output"] == 1
+    assert dive.view()["water_c"] == pytest.approx(8.0, abs=0.1)
+
+
 def lost_after(dive: Dive, seconds: float = 2.0) -> float:
     """[ms] From now until no command of a present pilot acts any more."""
     began = dive.host.now

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from services.gamepad.core import (
     Buttons,
+    Grip,
     PadProfile,
     StickGain,
     Tilt,
@@ -146,8 +147,28 @@ def test_buttons_mean_what_the_profile_says_and_the_others_nothing():
     assert held_of({"back": 1.0}, profile) == {"disarm"}
 
 
-def test_the_shipped_profile_is_the_default():
-    assert read(deploy_file("pads", "default"), PadProfile) == PadProfile()
+def test_the_shipped_profile_is_the_default_with_buttons_for_tools():
+    """A profile of before has none: what it uses them for stays as it is."""
+    tools = PadProfile(
+        gripper=Grip(open="rightshoulder", close="leftshoulder"),
+        button=Buttons(light_2="a", laser="x"),
+    )
+    assert read(deploy_file("pads", "default"), PadProfile) == tools
+
+
+def test_a_button_opens_or_closes_the_gripper_while_it_is_held():
+    profile = PadProfile(gripper=Grip(open="x", close="a"))
+    for held, moves in (((), 0.0), (("x",), 1.0), (("a",), -1.0), (("a", "x"), 0.0)):
+        assert sticks_of(dict.fromkeys(held, 1.0), profile) == Sticks(gripper=moves)
+
+
+def test_tools_have_buttons_of_their_own():
+    profile = PadProfile(button=Buttons(light_2="a", laser="x"))
+    assert presses_of(["x", "a", "y"], profile) == ("laser", "light_2", "light")
+    with pytest.raises(ValueError, match=r"button\.stop and gripper\.open must not share"):
+        PadProfile(gripper=Grip(open="b"))
+    with pytest.raises(ValueError, match=r"button\.stop and button\.laser must not share"):
+        PadProfile(button=Buttons(laser="b"))
 
 
 @pytest.mark.parametrize(

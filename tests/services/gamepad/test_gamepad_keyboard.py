@@ -71,6 +71,19 @@ def test_a_key_acts_while_it_is_down(keyboard: Keyboard, key: int, expected: Sti
     assert released.at_rest
 
 
+@pytest.mark.parametrize(("key", "way"), [(pygame.KSCAN_G, 1.0), (pygame.KSCAN_B, -1.0)])
+def test_a_gripper_moves_while_its_key_is_down_and_the_window_has_the_focus(
+    keyboard: Keyboard, key: int, way: float
+):
+    reading = press(keyboard, key)
+    assert reading.sticks == Sticks(gripper=way)
+    assert reading.at_rest
+    assert release(keyboard, key).sticks == CENTRED
+    press(keyboard, key)
+    pygame.event.post(pygame.event.Event(pygame.WINDOWFOCUSLOST))
+    assert keyboard.read(0, None).sticks == CENTRED
+
+
 @pytest.mark.parametrize(("key", "tilt"), [(pygame.KSCAN_R, 1.0), (pygame.KSCAN_F, -1.0)])
 def test_the_cameras_keys_act_in_full_without_a_gain_and_do_not_unrest_the_hands(
     keyboard: Keyboard, key: int, tilt: float
@@ -96,6 +109,8 @@ def test_opposite_keys_cancel(keyboard: Keyboard):
     [
         (pygame.KSCAN_SPACE, "stop"),
         (pygame.KSCAN_L, "light"),
+        (pygame.KSCAN_J, "light_2"),
+        (pygame.KSCAN_I, "laser"),
     ],
 )
 def test_a_request_is_made_once_when_its_key_goes_down(keyboard: Keyboard, key: int, kind: str):

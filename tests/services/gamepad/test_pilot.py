@@ -12,8 +12,10 @@ from msgspec.structs import replace
 from messages.events import Outbox
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import Activity, VehicleStatus
+from services.marine.outputs import Output
+from services.piloting.overruling import overrules
 from services.piloting.pilot import Effects, Pilot, Progress
-from services.piloting.pilot_intents import GotoIntent, Held, Intent, Press
+from services.piloting.pilot_intents import GotoIntent, Held, Intent, OutputIntent, Press
 from services.piloting.sticks import CENTRED, StickReading, Sticks
 from tests.support.told import told
 
@@ -206,7 +208,7 @@ def test_a_script_whose_pilot_is_away_does_not_resume():
 
 @settings(max_examples=50, deadline=None)
 @given(
-    sticks=st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 5),
+    sticks=st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 6),
     present=st.booleans(),
     began=st.none() | st.just(0),
 )
@@ -216,7 +218,8 @@ def test_before_the_hand_over_and_without_a_pilot_the_sticks_say_nothing(
     pilot = Pilot(Progress(began_ns=began), Outbox(), arms=False)
     command = pilot.read(StickReading(sticks, present), "hands", 0, NOBODY, 5).command
     assert command is not None
-    said = Sticks(command.surge, command.sway, command.heave, command.yaw, command.tilt)
+    c = command
+    said = Sticks(c.surge, c.sway, c.heave, c.yaw, c.tilt, c.gripper)
     assert said == (sticks if present and began is not None else CENTRED)
     assert command.pilot == ("present" if present else "lost")
 
@@ -277,3 +280,46 @@ class AnyOrder(RuleBasedStateMachine):
 
 AnyOrder.TestCase.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
 test_whatever_happens_in_whatever_order = AnyOrder.TestCase
+
+
+HAS = (
+    Output("light", "dimmer"), Output("bow_light", "dimmer"), Output("scale", "switch"),
+    Output("jaw", "gripper"),
+)  # fmt: skip
+
+
+def asked(effects: Effects) -> list[tuple[str, str, float | None]]:
+    return [(r.kind, r.output, r.value) for r in effects.requests]
+
+
+def test_a_button_switches_what_it_means_on_this_vehicle_to_what_it_is_not():
+    pilot = Pilot(Progress(epoch=1), Outbox(), arms=False, has=HAS)
+    assert asked(press(pilot, "laser")) == [("output", "scale", 1.0)]
+    assert asked(press(pilot, "laser")) == [("output", "scale", 0.0)]  # before any answer
+    assert asked(press(pilot, "light_2")) == [("output", "bow_light", 1.0)]
+    assert asked(press(pilot, "light")) == [("light", "", 1.0)]
+    known = replace(status(1), outputs={"light": 0.5, "bow_light": 0.0, "scale": 1.0})
+    pilot.status(known, {"output"}, 1)  # it may be older than what was asked for
+    assert asked(press(pilot, "light_2")) == [("output", "bow_light", 0.0)]
+    pilot.status(known, NOBODY, 2)
+    assert asked(press(pilot, "laser")) == [("output", "scale", 0.0)]
+    assert asked(press(pilot, "light")) == [("light", "", 0.0)]
+    assert asked(press(pilot, OutputIntent("bow_light", 0.25))) == [("output", "bow_light", 0.25)]
+
+
+def test_a_button_for_what_the_vehicle_has_not_is_refused_here():
+    pilot = Pilot(Progress(epoch=1), Outbox(), arms=False)
+    buttons: tuple[Press, ...] = ("laser", "light_2")
+    for button in buttons:
+        assert press(pilot, button).requests == []
+    assert pilot.outbox.counts["refused_here:output"] == 2
+
+
+def test_a_newer_request_withdraws_an_older_one_of_the_same_output_and_no_other():
+    def request(kind: RequestKind, output: str = "", value: float = 1.0) -> PilotRequest:
+        return PilotRequest(stamp_ns=0, id="1", kind=kind, output=output, value=value)
+
+    assert overrules(request("output", "scale", 0.0), request("output", "scale"))
+    assert not overrules(request("output", "scale"), request("output", "bow_light"))
+    assert not overrules(request("output", "scale"), request("arm"))
+    assert overrules(request("light"), request("light"))

@@ -12,6 +12,7 @@ from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
 from services.gamepad.stick_log import StickLog, StickLogRow, parse
 from services.gamepad.stick_log_player import QUIET_NS, Player
+from services.piloting.pilot_intents import OutputIntent
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
 
@@ -19,7 +20,7 @@ S = 1_000_000_000  # [ns]
 HEAD = b"t,surge,sway,heave,yaw,event\n"
 TILT_HEAD = b"t,surge,sway,heave,yaw,tilt,event\n"
 
-sticks = st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 5)
+sticks = st.builds(Sticks, *[st.floats(-1.0, 1.0)] * 6)
 times = st.lists(st.integers(0, 80_000), min_size=1, max_size=8, unique=True).map(sorted)
 events = st.sampled_from(["", "arm", "disarm", "stop", "light", "lost"])
 
@@ -32,7 +33,7 @@ def logs(draw: st.DrawFn) -> list[tuple[int, Sticks, str]]:
 
 def csv(rows: list[tuple[int, Sticks, str]]) -> bytes:
     lines = [f"{ms / 1000},{','.join(map(repr, s))},{event}" for ms, s, event in rows]
-    return TILT_HEAD + "\n".join(lines).encode()
+    return b"t,surge,sway,heave,yaw,tilt,gripper,event\n" + "\n".join(lines).encode()
 
 
 @settings(max_examples=100, deadline=None)
@@ -79,7 +80,7 @@ def test_the_hands_are_at_rest_while_the_script_moves_nothing_but_the_camera(
     rows: list[tuple[int, Sticks, str]], ms: int
 ):
     reading = Player("x", parse(csv(rows), course_named), Outbox()).read(ms * 1_000_000, 0)
-    assert reading.at_rest == (reading.sticks._replace(tilt=0.0) == CENTRED)
+    assert reading.at_rest == (reading.sticks._replace(tilt=0.0, gripper=0.0) == CENTRED)
 
 
 def parsed_or_error(data: bytes) -> StickLog | ValueError:
@@ -125,6 +126,11 @@ def test_the_column_of_events_may_be_left_out():
         ),
         (TILT_HEAD + b"1,0,0,0,0,,stop\n", StickLogRow(S, CENTRED, "stop")),
         (TILT_HEAD + b"1,0,0,0,0,0.5\n", StickLogRow(S, Sticks(tilt=0.5))),
+        (b"t,surge,sway,heave,yaw,gripper\n1,0,0,0,0,-1\n", StickLogRow(S, Sticks(gripper=-1.0))),
+        (
+            b"t,surge,sway,heave,yaw,event\n1,0,0,0,0,output lasers 1\n",
+            StickLogRow(S, CENTRED, OutputIntent("lasers", 1.0)),
+        ),
         (TILT_HEAD + b"1,0,0,0,1\n", StickLogRow(S, Sticks(yaw=1.0))),
     ],
 )
@@ -154,10 +160,19 @@ def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row
         (HEAD + b"1,0,0,0,0\n1,0,0,0,0\n", 3, "t is 1", "more than the 1 before"),
         (HEAD + b"1,0,0,0,0\n0.5,0,0,0,0\n", 3, "t is 0.5", "more than the 1 before"),
         (b"t,surge,sway,heave,yaw,event,tilt,event\n", 1, "event,tilt,event", "heading"),
-        (b"t,surge,tilt,sway,heave,yaw\n", 1, "surge,tilt", "tilt and event"),
+        (b"t,surge,tilt,sway,heave,yaw\n", 1, "surge,tilt", "tilt and gripper and event"),
         (TILT_HEAD + b"0,0,0,0\n", 2, "4 columns", "5 or 6 or 7"),
+        (HEAD + b"0,0,0,0,0,output lasers 2\n", 2, "'lasers 2'", "a number from 0 to 1"),
+        (HEAD + b"0,0,0,0,0,output lasers nan\n", 2, "'lasers nan'", "a number from 0 to 1"),
+        (HEAD + b"0,0,0,0,0,output\n", 2, "''", "a name of the vehicle file"),
+        (b"t,surge,sway,heave,yaw,gripper\n0,0,0,0,0,2\n", 2, "gripper is '2'", "-1 to 1"),
         (TILT_HEAD + b"0,0,0,0,0,1.5\n", 2, "tilt is '1.5'", "-1 to 1"),
-        (HEAD + b"0,0,0,0,0,jump\n", 2, "'jump'", "arm, disarm, stop, light, resume, lost"),
+        (
+            HEAD + b"0,0,0,0,0,jump\n",
+            2,
+            "'jump'",
+            "light, light_2, laser, resume, lost",
+        ),
     ],
 )
 def test_a_mistake_is_named_with_its_line_what_was_found_and_what_is_allowed(

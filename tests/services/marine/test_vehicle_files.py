@@ -163,3 +163,40 @@ def test_a_thruster_that_cannot_exist_is_refused(change: dict[str, Any]) -> None
     tree["thruster"][0] |= change
     with pytest.raises(msgspec.ValidationError, match=r"thruster|lag"):
         msgspec.convert(tree, Vehicle)
+
+
+OUTPUTS = {
+    "two of one name": ("{name='a',kind='dimmer'},{name='a',kind='switch'}", "both called 'a'"),
+    "two of one servo": (
+        "{name='a',kind='dimmer',servo=13},{name='b',kind='switch',servo=13}",
+        "outputs a and b both have servo 13",
+    ),
+    "two grippers": ("{name='a',kind='gripper'},{name='b',kind='gripper'}", "allowed is one"),
+    "a thruster's servo": (
+        "{name='lasers',kind='switch',servo=8}",
+        "output lasers: servo 8 drives a thruster, expected a number from 9 to 32",
+    ),
+    "no such servo": ("{name='a',kind='switch',servo=33}", "found 33"),
+    "17 of them": (
+        ",".join(f"{{name='a{k}',kind='switch'}}" for k in range(17)),
+        "there are 17 outputs, allowed are at most 16",
+    ),
+    "another kind": ("{name='a',kind='winch'}", "found 'winch'"),
+    "a name that is none": ("{name='Left light',kind='dimmer'}", "small letters, digits and _"),
+    "a pulse that is none": ("{name='a',kind='dimmer',high=nan}", "found nan"),
+    "a time that is none": ("{name='a',kind='switch',off_after=nan}", "found nan"),
+    "a gripper that goes on": ("{name='a',kind='gripper',off_after=3.0}", "takes no off_after"),
+}
+
+
+@pytest.mark.parametrize(("given", "says"), OUTPUTS.values(), ids=OUTPUTS)
+def test_outputs_that_cannot_be_are_refused_in_a_sentence(given: str, says: str) -> None:
+    stack = Stack(vehicle="bluerov2_heavy", overrides=[f"vehicle.output=[{given}]"])
+    with pytest.raises(LindyError) as caught:
+        stack.section("vehicle", Vehicle)
+    assert says in str(caught.value)
+    assert "output" in str(caught.value)
+
+
+def test_a_vehicle_whose_file_names_no_outputs_has_a_light() -> None:
+    assert [(o.name, o.kind) for o in vehicle("pioneer").output] == [("light", "dimmer")]

@@ -14,6 +14,7 @@ from messages.message import Estimate
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
+from services.marine.outputs import OUTPUTS, Output
 from services.mavlink.core import Settings, Submarine
 from services.mavlink.modes import CHOSEN
 from services.mavlink.packets import GroundStation, ReceivedPacket
@@ -41,9 +42,12 @@ STATE = VehicleState(
 class Drone:
     """Answers what a submarine asks, at once."""
 
-    def __init__(self, *, accepts: bool = True, reason: str = "") -> None:
+    def __init__(
+        self, *, accepts: bool = True, reason: str = "", has: tuple[Output, ...] = OUTPUTS
+    ) -> None:
         self.outbox = Outbox()
-        self.submarine = Submarine(Settings(), Pilot(Progress(), self.outbox, arms=False), 0)
+        pilot = Pilot(Progress(), self.outbox, arms=False, has=has)
+        self.submarine = Submarine(Settings(), pilot, 0)
         self.accepts, self.reason = accepts, reason
         self.asked: list[str] = []
         self.epoch, self.holder, self.armed, self.now = 0, "", False, 0
@@ -481,3 +485,41 @@ def test_buttons_that_are_down_when_the_sticks_are_taken_were_not_pressed() -> N
     drone.sticks(buttons=1 << 6)
     drone.sticks(buttons=1 << 6)
     assert "arm" not in drone.asked
+
+
+def test_buttons_move_the_gripper_while_they_are_down_and_switch_tools() -> None:
+    """By the functions that ArduSub has for servo 1, relay 1 and the second lights."""
+    has = (
+        Output("light", "dimmer"), Output("light_2", "dimmer"), Output("lasers", "switch"),
+        Output("jaw", "gripper"),
+    )  # fmt: skip
+    drone = Drone(has=has).flown()
+    functions = {0: 76, 1: 77, 2: 53, 3: 35, 4: 51, 5: 52}
+    for button, function in functions.items():
+        fields: dict[str, Any] = {"param_id": f"BTN{button}_FUNCTION", "param_type": 2}
+        fields["param_value"] = function
+        drone.hear("PARAM_SET", **HERE, **fields)
+    for buttons, moves in ((0b01, -1.0), (0b10, 1.0), (0b11, 0.0), (0b00, 0.0)):
+        drone.tick(40)
+        command = drone.sticks(buttons=buttons).command or drone.tick(40).command
+        assert command is not None
+        command = drone.tick(40).command
+        assert command is not None
+        assert command.gripper == moves, buttons
+    asked = list[tuple[str, float | None]]()
+    for button in (2, 3, 4, 5):
+        for down in (1 << button, 0):
+            requests = drone.sticks(buttons=down).requests
+            asked += [(r.output, r.value) for r in requests if r.kind == "output"]
+    assert asked == [("lasers", 1.0), ("light_2", 0.125), ("lasers", 1.0), ("lasers", 0.0)]
+    drone.sticks(buttons=0b10)
+    silent = [drone.tick(20).command for _ in range(40)]
+    assert silent[-1] is None  # the sticks are lost, and nothing is sent any more
+    assert [c.gripper for c in silent if c is not None and c.pilot == "lost"] == [0.0]
+
+
+def test_a_vehicle_without_tools_ignores_their_buttons() -> None:
+    drone = Drone().flown()
+    fields: dict[str, Any] = {"param_id": "BTN0_FUNCTION", "param_value": 51, "param_type": 2}
+    drone.hear("PARAM_SET", **HERE, **fields)
+    assert drone.sticks(buttons=1).requests == []

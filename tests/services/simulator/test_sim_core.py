@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.sensors import BatterySample
+from messages.simulator import FaultRequest
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
@@ -243,3 +244,20 @@ def test_no_command_however_absurd_makes_the_world_unreadable(
     said = (sim.imu(), sim.magnetometer(), sim.pressure(), sim.battery(), sim.truth())
     for message in (*said, sim.actuation()):
         msgspec.msgpack.decode(msgspec.msgpack.encode(message), type=type(message))
+
+
+def test_the_water_is_measured_by_the_depth_sensor_and_not_while_that_is_silent() -> None:
+    sim = simulator()
+    sim.advance(0)
+    before = sim.temperature()
+    assert before is not None
+    assert before.water is None  # nothing was measured yet
+    sample = sim.pressure()
+    assert sample is not None
+    measured = sim.temperature()
+    assert measured is not None
+    assert measured.water == sample.temperature
+    sim.break_or_mend(FaultRequest(stamp_ns=0, id="1", part="sensor/pressure", fault="silent"), 10)
+    silent = sim.temperature()
+    assert silent is not None
+    assert silent.water is None

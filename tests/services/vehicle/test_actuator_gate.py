@@ -22,7 +22,12 @@ THRUSTERS = [
 
 
 def command(
-    at: int, *thrust: float, ttl_ms: float = 200.0, epoch: int = 0, armed: bool = True
+    at: int,
+    *thrust: float,
+    ttl_ms: float = 200.0,
+    epoch: int = 0,
+    armed: bool = True,
+    gripper: float = 0.0,
 ) -> ThrusterCommand:
     return ThrusterCommand(
         stamp_ns=at,
@@ -32,6 +37,7 @@ def command(
         ttl_ms=ttl_ms,
         epoch=epoch,
         armed=armed,
+        gripper=gripper,
     )
 
 
@@ -72,6 +78,7 @@ def steps(draw: st.DrawFn) -> list[Step]:
                 ttl_ms=draw(st.one_of(st.floats(-10, 1500), st.sampled_from([nan, inf, 200.0]))),
                 epoch=draw(st.integers(0, 3)),
                 armed=draw(st.booleans()),
+                gripper=draw(st.sampled_from([0.0, 1.0, -0.5, 1.5, nan, inf])),
             )
         taken.append(Step(later, said))
     return taken
@@ -95,7 +102,10 @@ def test_the_law_of_the_gate(taken: list[Step]) -> None:
             assert any(name.endswith(":control/thrusters") for name in counted)
             assert in_force is before
             assert thrust == held
-        if any(thrust):
+        moves = gate.gripper(now)
+        assert moves == 0.0 or (in_force is not None and moves == in_force.gripper)
+        assert -1.0 <= moves <= 1.0
+        if any(thrust) or moves:
             assert in_force is not None
             assert in_force.armed
             assert gate.armed(now)
@@ -113,13 +123,14 @@ def test_it_is_zero_at_the_very_instant_after_a_life_has_ended(
     newtons: float, ttl_ms: float, age: int, after: int
 ) -> None:
     gate, heard = Gate(), 2_000 * MS
-    gate.obey(command(heard - age, newtons, 0.0, ttl_ms=ttl_ms), heard)
+    gate.obey(command(heard - age, newtons, 0.0, ttl_ms=ttl_ms, gripper=1.0), heard)
     if gate.ends_ns is None:
         assert age > round(ttl_ms * MS)
         return
     assert gate.ends_ns == heard - age + round(ttl_ms * MS)
     assert gate.output(gate.ends_ns) == (max(-20.0, min(30.0, newtons)), 0.0)
     assert gate.output(gate.ends_ns + after) == (0.0, 0.0)
+    assert (gate.gripper(gate.ends_ns), gate.gripper(gate.ends_ns + after)) == (1.0, 0.0)
     assert not gate.armed(gate.ends_ns + after)
     ended = gate.ends_ns + after
     told(gate.outbox)

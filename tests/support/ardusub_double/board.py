@@ -284,7 +284,11 @@ class BoardDouble:
         return MavResult.ACCEPTED
 
     def _set_servo(self, fields: dict[str, Any], _: int) -> int:
-        self.set_servos[int(fields["param1"])] = fields["param2"]
+        """As ServoRelayEvents does: only an output that has no function."""
+        number = int(fields["param1"])
+        if self.params.get(f"SERVO{number}_FUNCTION", -1.0) != 0.0:
+            return FAILED
+        self.set_servos[number] = fields["param2"]
         return MavResult.ACCEPTED
 
     def _heard_read(self, packet: MavlinkPacket, _: int) -> None:

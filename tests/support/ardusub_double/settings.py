@@ -18,6 +18,7 @@ _BOTH: dict[str, float] = {
     "FS_EKF_ACTION": 0,
     "FS_CRASH_CHECK": 0,
     **{f"MOT_{n}_DIRECTION": 1 for n in range(1, 9)},
+    **{f"SERVO{n}_FUNCTION": 32 + n if n <= 8 else 0 for n in range(1, 17)},
     **{
         f"RC{n}_{part}": value
         for n in range(1, 12)

@@ -74,9 +74,12 @@ class Bench:
             self.link.up.append(self.noise)
 
     def visited(
-        self, settings: Settings | None = None, seconds: float = 1.0
+        self,
+        settings: Settings | None = None,
+        seconds: float = 1.0,
+        servos: dict[str, int] | None = None,
     ) -> list[VehicleFinding]:
-        visit = BoardVisit(settings or Settings(), len(VEHICLE.thruster), seconds)
+        visit = BoardVisit(settings or Settings(), len(VEHICLE.thruster), seconds, servos or {})
         go_through(visit, self.link, lambda: self.now, self.wait)
         return of_board(visit, VEHICLE, URL)
 
@@ -442,3 +445,14 @@ def test_over_udp_with_a_board_that_is_a_process(
     by_name = {f["what"]: f["verdict"] for f in findings}
     assert by_name["FS_GCS_ENABLE"] == "change"
     assert by_name["clock"] == by_name["battery"] == by_name["SCALED_PRESSURE2"] == "ok"
+
+
+def test_an_output_that_would_move_a_motor_is_found() -> None:
+    bench = Bench()
+    assert bench.board is not None
+    bench.board.params["SERVO14_FUNCTION"] = 36.0
+    found = one(bench.visited(servos={"light": 13, "lasers": 14}), "SERVO14_FUNCTION")
+    assert found.verdict == "change"
+    assert "a motor, and output lasers" in found.text
+    fits = one(Bench().visited(servos={"lasers": 14}), "SERVO14_FUNCTION")
+    assert (fits.verdict, fits.text) == ("ok", "0")

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -88,6 +89,7 @@ def test_subtitles_say_where_the_drone_was(
     lines = [block.split("\n")[2] for block in text.strip().split("\n\n")]
     said = {picture.drone.words for picture in filmed_pictures}
     assert set(lines) <= said
+    assert re.search(r"water (7\.9|8\.[01]) °C", lines[-1])  # of the depth sensor
     assert len(lines) >= filmed_pictures[-1].light_ns // 10**9 - 1
     assert any(
         f"depth {picture.drone.depth or 0:.1f} m" in lines[-1] for picture in filmed_pictures

@@ -15,7 +15,7 @@ from services.runtime.config.errors import LindyError
 from tests.tools.log.test_film import dive as dive
 from tests.tools.log.test_film import filmed_pictures as filmed_pictures
 from tools.log.film_scenes import FilmedPicture
-from tools.log.snapshot_file import jpeg, last_of
+from tools.log.snapshot_file import TEMPERATURE, jpeg, last_of
 from tools.log.snapshots import taken
 from tools.recordings.recording import open_recording
 
@@ -50,10 +50,12 @@ def test_place_is_in_the_comment(filmed_pictures: list[FilmedPicture]) -> None:
     first = filmed_pictures[0]
     image = last_of([first.data])
     assert image is not None
-    data = jpeg(image, first.drone._replace(north=1.25, east=-3.5))
+    data = jpeg(image, first.drone._replace(north=1.25, east=-3.5, water=7.25))
     exif = Image.open(io.BytesIO(data)).getexif()
     comment = exif.get_ifd(IFD.Exif)[Base.UserComment]
     assert comment == b"ASCII\0\0\0north 1.25 m, east -3.50 m"
+    assert float(exif.get_ifd(IFD.Exif)[TEMPERATURE]) == pytest.approx(7.2, abs=0.06)
+    assert "water 7.2 C" in exif[Base.ImageDescription]
 
 
 def test_nothing_is_overwritten_and_none_is_one_sentence(dive: Path, tmp_path: Path) -> None:

@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages.pilot import Course
-from services.gamepad.io.path_file import course_of
+from messages.pilot import Course, PilotRequest, RequestKind
+from services.gamepad.io.path_file import course_named, course_of
 from services.gamepad.stick_log import StickLogRow, parse
+from services.piloting.pilot_intents import OutputIntent
+from services.piloting.sticks import Sticks
 from tools.__main__ import main
-from tools.log.sticks import as_csv, in_degrees, sticks_of
+from tools.log.sticks import RecordedSticks, RequestEvents, SticksRow, as_csv, in_degrees, sticks_of
 from tools.recordings.recording import open_recording
 
 from .conftest import ShortDive
@@ -64,3 +66,28 @@ def test_a_heading_comes_back_as_it_was_written(heading: float) -> None:
 @given(st.floats(-7.0, 7.0))
 def test_a_heading_in_degrees_is_that_angle(heading: float) -> None:
     assert radians(float(in_degrees(heading))) == pytest.approx(heading, abs=1e-15)
+
+
+travel = st.floats(-1.0, 1.0)
+tool_events = st.sampled_from(["", "light", "output lasers 1.0", "output light 0.25"])
+
+
+@given(st.lists(st.tuples(st.builds(Sticks, *[travel] * 6), tool_events), min_size=2, max_size=6))
+def test_tools_are_read_as_they_were_written(flown: list[tuple[Sticks, str]]) -> None:
+    rows_in = [SticksRow(k * 10**9, *each) for k, each in enumerate(flown)]
+    text = as_csv(RecordedSticks(rows_in, {}, "", []), "tools")
+    back = parse(text.encode(), course_named).rows
+    assert [row.sticks for row in back] == [sticks for sticks, _ in flown]
+    named = {"output lasers 1.0": OutputIntent("lasers", 1.0), "": None,
+             "output light 0.25": OutputIntent("light", 0.25)}  # fmt: skip
+    assert [row.event for row in back] == [named.get(event, event) for _, event in flown]
+
+
+def test_a_request_for_an_output_is_an_event() -> None:
+    def event(kind: RequestKind, value: float, output: str = "") -> str:
+        request = PilotRequest(stamp_ns=0, id="1", kind=kind, value=value, output=output)
+        return RequestEvents("", []).of(request)
+
+    assert event("output", 1.0, "lasers") == "output lasers 1.0"
+    assert event("light", 0.25) == "output light 0.25"
+    assert event("light", 1.0) == "light"

@@ -119,6 +119,8 @@ def test_vectors_have_the_names_of_what_they_are(tables: Path) -> None:
     vehicle = tomllib.loads((DEPLOY / "vehicles" / "pioneer.toml").read_text())["vehicle"]
     names = [f'"thrust.{thruster["name"]}"' for thruster in vehicle["thruster"]]
     assert ",".join(names) in heads["control_thrusters"]
+    assert heads["vehicle_status"].endswith(',"outputs"')  # by name, of no fixed length: one cell
+    assert '"counts"' in heads["health_control"]
 
 
 def test_every_vector_of_every_message_has_names() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.gamepad.core import Button, PadProfile, StickGain, sticks_of
+from services.gamepad.core import Button, Buttons, Grip, PadProfile, StickGain, Tilt, sticks_of
 from services.piloting.sticks import Sticks
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import read
@@ -113,6 +113,15 @@ def test_the_file_reads_as_the_profile_that_was_written(name: str):
     ).profile()
     tree = tomllib.loads(toml_of(profile, name))
     assert msgspec.convert(tree, PadProfile) == profile
+
+
+def test_a_button_that_is_taken_for_a_step_has_no_tool():
+    buttons = Buttons(light="dpleft", laser="rightstick")
+    tilt = Tilt(up="dpright", down="dpdown")
+    base = PadProfile(tilt=tilt, gripper=Grip(open="y", close="dpup"), button=buttons)
+    profile = taught(presses(*WANTED), base).profile()
+    assert (profile.gripper, profile.button.laser) == (Grip(close="dpup"), None)
+    assert meanings(profile)["dpup"] == "gripper closes"
 
 
 def test_every_control_of_a_profile_is_shown_with_its_action():

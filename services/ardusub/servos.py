@@ -1,0 +1,137 @@
+"""The vehicle's outputs as servo outputs of the board, by DO_SET_SERVO.
+
+The board keeps a pulse until it gets another one, and its acknowledgement does not say which servo
+it is about: so one is under way at a time, and each is repeated until it is acknowledged. A gripper
+waits for none: it has to stand still at once.
+"""
+
+from messages import events
+from messages.units import Ns, Outputs
+from services.ardusub.outbox import DriverOutbox
+from services.ardusub.settings import Settings
+from services.marine.outputs import LIGHT, Output
+from services.mavlink_io.numbers import MavCommand, MavResult
+from services.mavlink_io.packet import command
+
+AGAIN_NS = 300_000_000  # [ns] before one without an answer is repeated
+REFUSED_NS = 2_000_000_000  # [ns] before one that was refused is
+TRIES = 3  # without an answer, before it is said
+
+
+def servos_of(outputs: tuple[Output, ...], settings: Settings, thrusters: int) -> dict[str, int]:
+    """Number of the servo output of each output that has one; `ardusub.light_servo` is that of the
+    light.
+
+    Raises:
+        ValueError: `light_servo` is of a thruster or of another output.
+    """
+    found = {output.name: output.servo for output in outputs if output.servo is not None}
+    servo = settings.light_servo
+    if servo is None or not any(output.name == LIGHT for output in outputs):
+        return found
+    other = next((name for name, number in found.items() if number == servo), LIGHT)
+    if servo <= thrusters or other != LIGHT or found.get(LIGHT, servo) != servo:
+        whose = f"the servo of {other}" if other != LIGHT else f"vehicle.output {LIGHT} another"
+        whose = "a thruster's" if servo <= thrusters else whose
+        raise ValueError(
+            f"ardusub.light_servo is {servo}, {whose}; expected an output that is free, or nothing "
+            f"where vehicle.output says its servo"
+        )
+    return found | {LIGHT: servo}
+
+
+class BoardServos:
+    def __init__(
+        self, outputs: tuple[Output, ...], settings: Settings, thrusters: int, outbox: DriverOutbox
+    ) -> None:
+        """
+        Raises:
+            ValueError: of `servos_of`.
+        """
+        self._board, self._outbox = settings.board, outbox
+        numbers = servos_of(outputs, settings, thrusters)
+        self._servos = {o: numbers[o.name] for o in outputs if o.name in numbers}
+        self.forget()
+
+    @property
+    def names(self) -> dict[int, str]:
+        """Of the outputs, by the number of their servo."""
+        return {number: output.name for output, number in self._servos.items()}
+
+    def forget(self) -> None:
+        """Another board, or the same one rebooted: nothing is known of its servos."""
+        self._done = dict[Output, int]()  # [µs] as acknowledged
+        self._sent = dict[Output, int]()  # [µs] newest
+        self._not_before = dict[Output, Ns]()  # of one that was refused
+        self._tries = 0
+        self._pending: Output | None = None
+        self._pending_ns: Ns = 0
+
+    def due(self, values: Outputs, now: Ns, *, lights: bool) -> None:
+        """Send what is due at `now` [ns].
+
+        Args:
+            values: [-] of the outputs, by name; of those that are left out nothing is known.
+            lights: this version has a channel of its own for the light.
+        """
+        wanted = {
+            output: output.pulse(values[output.name])
+            for output in self._servos
+            if output.name in values and not (lights and output.name == LIGHT)
+        }
+        for output, pulse in wanted.items():
+            if output.kind == "gripper" and self._sent.get(output) != pulse:
+                self._send(output, pulse, now)
+                return
+        if self._pending is not None:
+            if now - self._pending_ns < AGAIN_NS:
+                return
+            self._tries += 1
+            if self._tries == TRIES:
+                self._outbox.tell(events.UNANSWERED_SERVO(detail=self._named(self._pending)))
+            again = wanted.get(self._pending)
+            if again is not None:
+                self._send(self._pending, again, now)
+                return
+            self._pending = None
+        for output, pulse in wanted.items():
+            may = now >= self._not_before.get(output, now)
+            if self._done.get(output) != pulse and may:
+                self._tries = 0
+                self._send(output, pulse, now)
+                return
+
+    def rest(self, now: Ns) -> None:
+        """The service ends in order: the gripper stands still."""
+        for output in self._servos:
+            if output.kind == "gripper":
+                self._send(output, output.pulse(0.0), now)
+
+    def acknowledged(self, result: int, now: Ns) -> None:
+        """The board's answer to a DO_SET_SERVO."""
+        output, self._pending = self._pending, None
+        if output is None:
+            return  # of somebody else
+        self._tries = 0
+        if result == MavResult.ACCEPTED:
+            self._done[output] = self._sent[output]
+            self._outbox.may_repeat(events.REFUSED_SERVO())
+            self._outbox.may_repeat(events.UNANSWERED_SERVO())
+            return
+        self._done.pop(output, None)
+        self._not_before[output] = now + REFUSED_NS
+        detail = (
+            f"{self._named(output)}, with result {result}: SERVO{self._servos[output]}_FUNCTION "
+            f"must leave it free, as 0 does"
+        )
+        self._outbox.tell(events.REFUSED_SERVO(detail=detail))
+
+    def _send(self, output: Output, pulse: int, now: Ns) -> None:
+        if self._pending not in (None, output):
+            self._done.pop(self._pending, None)  # its answer may be taken for that of this one
+        self._pending, self._pending_ns, self._sent[output] = output, now, pulse
+        number = self._servos[output]
+        self._outbox.send(command(self._board, MavCommand.DO_SET_SERVO, number, pulse))
+
+    def _named(self, output: Output) -> str:
+        return f"{output.name}, servo {self._servos[output]}"

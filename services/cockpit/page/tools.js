@@ -1,0 +1,108 @@
+// Lights, lasers and the gripper, by the names of the vehicle file. A dimmer has steps, a switch is on
+// or off; a gripper moves while its button is held, and only then.
+
+import { units } from "/units.js";
+import { words } from "/words.js";
+
+const $ = (id) => document.getElementById(id);
+export const STEPS = [0, 0.25, 0.5, 0.75, 1];
+
+export class Tools {
+  // wish(what, fields): ask the drone; moved(): the gripper is held, or no longer
+  constructor(wish, moved) {
+    Object.assign(this, { wish, moved });
+    this.gripper = 0; // [-] + opens, while it is held here
+    this.made = ""; // for which outputs, in which language
+    this.values = {}; // [-] newest, by name
+    $("tools-open").addEventListener("click", () => this.open($("tools").hidden));
+    addEventListener("blur", () => this.release());
+  }
+
+  open(open) {
+    if (!open) this.release();
+    $("tools").hidden = !open;
+    $("tools-open").setAttribute("aria-expanded", String(open));
+    document.body.classList.toggle("equipped", open);
+  }
+
+  release() { this.hold(0); }
+
+  hold(way) {
+    if (way === this.gripper) return;
+    this.gripper = way;
+    for (const button of $("tools").querySelectorAll("[data-way]"))
+      button.classList.toggle("down", Number(button.dataset.way) === way);
+    this.moved();
+  }
+
+  // outputs: [name, kind, value] of each, undefined: not known; mine: this page has the sticks.
+  show(outputs, mine) {
+    const others = outputs.some(([name]) => name !== "light"); // the light alone has its own buttons
+    $("tools-open").hidden = !others;
+    $("light-steps").hidden = others;
+    if (!others && !$("tools").hidden) this.open(false);
+    if (!mine) this.release();
+    const made = words.language + outputs.map(([name, kind]) => `${name} ${kind}`).join();
+    if (made !== this.made) {
+      this.release();
+      this.made = made;
+      $("tools").replaceChildren(...outputs.map(([name, kind]) => this.row(name, kind)));
+    }
+    outputs.forEach(([name, kind, value], k) => {
+      this.values[name] = value;
+      const row = $("tools").children[k];
+      for (const button of row.querySelectorAll("button")) if (button.disabled === mine) button.disabled = !mine;
+      const said = row.querySelector(".value"), text = this.text(kind, value);
+      if (said && said.textContent !== text) said.textContent = text;
+      if (kind === "switch") said.setAttribute("aria-pressed", String(Boolean(value)));
+    });
+  }
+
+  text(kind, value) {
+    if (value === undefined || value === null) return "–";
+    return kind === "switch" ? words.t(value ? "on" : "off") : `${units.number(100 * value)} %`;
+  }
+
+  row(name, kind) {
+    const row = document.createElement("div"), title = document.createElement("b");
+    title.textContent = name === "light" ? words.t("light") : name.replaceAll("_", " ");
+    row.append(title);
+    if (kind === "gripper") row.append(this.held(-1), this.held(1));
+    else if (kind === "switch") row.append(this.button("–", () => this.set(name, this.values[name] ? 0 : 1), "value"));
+    else {
+      const value = document.createElement("output");
+      value.className = "value";
+      row.append(this.button("−", () => this.step(name, -1)), value, this.button("+", () => this.step(name, 1)));
+    }
+    return row;
+  }
+
+  button(text, click, kind = "") {
+    const button = document.createElement("button");
+    button.textContent = text;
+    button.className = kind;
+    button.addEventListener("click", click);
+    return button;
+  }
+
+  held(way) {
+    const button = this.button(words.t(way > 0 ? "gripper.open" : "gripper.close"), () => {});
+    button.dataset.way = way;
+    button.addEventListener("pointerdown", (e) => {
+      e.preventDefault();
+      button.setPointerCapture(e.pointerId);
+      this.hold(way);
+    });
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"])
+      button.addEventListener(name, () => this.gripper === way && this.release());
+    return button;
+  }
+
+  step(name, way) {
+    const now = this.values[name] ?? 0;
+    const next = way > 0 ? STEPS.find((each) => each > now + 0.01) : STEPS.findLast((each) => each < now - 0.01);
+    if (next !== undefined) this.set(name, next);
+  }
+
+  set(name, value) { this.wish("output", { output: name, value }); }
+}
