@@ -58,6 +58,9 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     heading: Finite | UnsetType = UNSET  # [rad] clockwise from north, as far as it is known; ±π
     # By which the newest stop of heave was moved from its plan to the vehicle; absent: not moved.
     depth_moved: Finite | UnsetType = UNSET  # [m]
+    altitude: Finite | UnsetType = UNSET  # [m] above the bottom; absent: not measured now
+    altitude_wanted: Finite | UnsetType = UNSET  # [m] that is held; absent: none is
+    goal: tuple[Finite, Finite] | UnsetType = UNSET  # [m] north, east it goes to; absent: to none
 
 
 class Actuation(Message, frozen=True, kw_only=True):

@@ -26,7 +26,8 @@ BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is s
     IMU_STAMPS,
     FIELD_STAMPS,
     PRESSURE_STAMPS,
-) = range(18)
+    ALTITUDE_NOISE,
+) = range(19)
 
 
 def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:
