@@ -12,7 +12,13 @@ from messages.vehicle import VehicleStatus
 from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
 from services.cockpit.stick_page import StickPage
 from services.piloting.pilot import Effects, Pilot, Waiting
-from services.piloting.pilot_intents import Intent, LightIntent, ModeIntent, goto
+from services.piloting.pilot_intents import (
+    Intent,
+    LightIntent,
+    ModeIntent,
+    PlaceIntent,
+    goto,
+)
 
 REPEAT_NS = 30_000_000  # [ns] after the newest command: a page that is late for once
 SAY_LOST_NS = (
@@ -194,6 +200,8 @@ def _intent(message: PageWish) -> Intent | None:
     match message.what:
         case "mode":
             return message.flight_mode and ModeIntent(message.flight_mode)
+        case "goto" if message.north is not None and message.east is not None:
+            return PlaceIntent(message.north, message.east)
         case "goto" if message.depth is not None or message.heading_deg is not None:
             return goto(message.depth, message.heading_deg)
         case "light" if message.value is not None:

@@ -7,6 +7,7 @@ from messages.pilot import Course, FlightMode
 from messages.units import Ns
 
 DEEPEST = 11_000.0  # [m] no sea is deeper
+FARTHEST = 100_000.0  # [m] north or east
 TURN = 360.0  # [deg] a heading is given within one turn either way
 
 Press = Literal["arm", "disarm", "stop", "light", "resume"]  # what a button can ask for
@@ -17,6 +18,13 @@ class GotoIntent(NamedTuple):
 
     depth: float | None = None  # [m] positive down
     heading: float | None = None  # [rad] clockwise from north
+
+
+class PlaceIntent(NamedTuple):
+    """Go straight to a place, at this depth or height."""
+
+    north: float  # [m]
+    east: float  # [m]
 
 
 class FollowIntent(NamedTuple):
@@ -38,7 +46,7 @@ class Held(NamedTuple):
     began_ns: Ns
 
 
-Asked = Press | GotoIntent | FollowIntent | ModeIntent | LightIntent
+Asked = Press | GotoIntent | PlaceIntent | FollowIntent | ModeIntent | LightIntent
 Intent = Asked | Held
 
 
