@@ -6,6 +6,8 @@ const VALUES = {
   crop: ["fill", "whole"],
   sound: ["on", "off"],
   speech: ["off", "on"],
+  map: ["shut", "open"],
+  up: ["north", "heading"],
   units: ["metric", "imperial", "knots"],
   language: ["en", "no", "sv", "de", "es", "zh"],
 };

@@ -6,7 +6,7 @@ from itertools import pairwise
 from math import radians, tan
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
 
@@ -202,6 +202,7 @@ def test_a_step_of_the_bottom_is_climbed_once_it_is_below(
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(-1.0, 1.0), st.floats(0.5, 3.0), st.integers(0, 1000))
+@example(1.0, 2.0, 0)
 def test_over_flat_ground_the_stick_is_that_of_depth_hold(
     heave: float, seconds: float, seed: int
 ) -> None:
@@ -274,6 +275,14 @@ def test_the_stick_does_not_lead_below_the_least_height() -> None:
     dive.fly(10.0)
     assert dive.height == pytest.approx(FLOOR + BAND, abs=0.2)
     assert is_continuous(dive)
+
+
+def test_a_vehicle_that_sinks_does_not_move_the_bottom() -> None:
+    """An altitude belongs to the depth at its own time."""
+    dive = Dive(flat, 6.0, noise=0.0)
+    for _ in range(20):
+        dive.fly(0.2, heave=1.0)
+        assert dive.status.altitude == pytest.approx(dive.height, abs=0.02)
 
 
 @pytest.mark.parametrize("deed", ["stop", "goto", "lost"])
