@@ -20,14 +20,17 @@ from msgspec import UNSET
 
 from messages.control import Wrench
 from messages.state import VehicleState
-from messages.units import Ns
+from messages.units import Ns, Vec6
+from services.marine.hydrodynamics import Translation
 from services.marine.vehicle import Vehicle
 
 Pair = tuple[float, float]
 
 CURRENT = 0.15  # [m/s] 1σ of each component of an unknown current
+WAKE_SHARE = 1.0  # [-] of the Munk moment, as the simulator and control take it
+AT_REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [N, N m] no thrust
 SHARE = 0.2  # [-] 1σ of the way through the water: thrust, drag and heading are not known better
-STEP_S = 0.1  # [s] longest of one step
+STEP_S = 0.04  # [s] longest of one step
 LONGEST_S = 5.0  # [s] of missing motion is made up for
 APART = 0.5  # [m] between two points of the track, at first
 MOST = 1000  # points; with more of them they are twice as far apart
@@ -62,40 +65,33 @@ class Position(msgspec.Struct, frozen=True):
 class Reckoning:
     """The drone's motion through water that is taken to stand still."""
 
-    vehicle: Vehicle
-    velocity: Pair = (0.0, 0.0)  # [m/s] north, east
+    hull: Translation
+    velocity: Pair = (0.0, 0.0)  # [m/s] surge, sway
     moved: Pair = (0.0, 0.0)  # [m] north, east since it began
     way: float = 0.0  # [m]
     seconds: float = 0.0  # [s]
 
-    def begin(self) -> None:
-        """Anew, here and now, with the velocity as it is."""
-        self.moved, self.way, self.seconds = (0.0, 0.0), 0.0, 0.0
+    def begin(self, velocity: Pair) -> None:
+        """Anew, here and now, with this velocity [m/s] in surge and sway."""
+        self.velocity, self.moved, self.way, self.seconds = velocity, (0.0, 0.0), 0.0, 0.0
 
-    def step(self, force: Pair, heading: float, dt: float) -> None:
-        """`dt` [s] on, with this thrust [N] in surge and sway and this heading [rad] from north."""
+    def step(self, thrust: Vec6, heading: float, yaw_rate: float, dt: float) -> None:
+        """`dt` [s] on, with this thrust [N, N m], heading [rad] from north and yaw rate [rad/s]."""
         self.seconds += dt
-        count = max(1, ceil(min(dt, LONGEST_S) / STEP_S))
+        known = min(dt, LONGEST_S)
+        count = max(1, ceil(known / STEP_S))
+        h, (c, s) = known / count, (cos(heading), sin(heading))
         for _ in range(count):
-            self._move(force, heading, min(dt, LONGEST_S) / count)
+            u, v = self.velocity
+            a, b, _ = self.hull.acceleration((u, v, 0.0, 0.0, 0.0, yaw_rate), thrust)
+            u, v = u + a * h, v + b * h
+            self.velocity = u, v
+            self.moved = self.moved[0] + (c * u - s * v) * h, self.moved[1] + (s * u + c * v) * h
+            self.way += hypot(u, v) * h
 
     def std(self, began: float) -> float:
         """[m] Of each component, where it was `began` [m] when it began."""
         return hypot(began, CURRENT * self.seconds, SHARE * self.way)
-
-    def _move(self, force: Pair, heading: float, dt: float) -> None:
-        c, s, v = cos(heading), sin(heading), self.vehicle
-        north, east = self.velocity
-        body = list[float]()
-        for axis, speed in enumerate((c * north + s * east, c * east - s * north)):
-            mass = v.mass + v.added_mass[axis]
-            drag = v.linear_damping[axis] + v.quadratic_damping[axis] * abs(speed)
-            body.append((speed + dt * force[axis] / mass) / (1.0 + dt * drag / mass))
-        surge, sway = body
-        self.velocity = c * surge - s * sway, s * surge + c * sway
-        step = self.velocity[0] * dt, self.velocity[1] * dt
-        self.moved = self.moved[0] + step[0], self.moved[1] + step[1]
-        self.way += hypot(*step)
 
 
 @dataclass(slots=True)
@@ -109,9 +105,10 @@ class Chart:
     _track: deque[tuple[Ns, Position, int]] = field(default_factory=deque[tuple[Ns, Position, int]])
     _apart: float = APART
     _at_ns: Ns | None = None
+    _heading: float = 0.0  # [rad] from north, newest known
 
     def __post_init__(self) -> None:
-        self._reckoning = Reckoning(self.vehicle)
+        self._reckoning = Reckoning(Translation(self.vehicle, WAKE_SHARE))
 
     def step(
         self, state: VehicleState | None, wrench: Wrench | None, now: Ns, *, armed: bool
@@ -124,7 +121,7 @@ class Chart:
             self._see(found, state)
         elif armed and self._from is None:
             self._from = Position(0.0, 0.0, 0.0, RECKONED, measured=False)
-            self._reckoning.begin()
+            self._reckoning.begin((0.0, 0.0))
         elif self._from is not None:
             self._reckon(state, wrench, dt)
         self.here = self._position()
@@ -157,15 +154,16 @@ class Chart:
 
     def _see(self, found: Position, state: VehicleState) -> None:
         self._from = found
-        self._reckoning.begin()
-        self._reckoning.velocity = _through_water(state)
+        self._reckoning.begin(_through_water(state))
 
     def _reckon(self, state: VehicleState | None, wrench: Wrench | None, dt: float) -> None:
-        force = (0.0, 0.0) if wrench is None else (wrench.achieved[0], wrench.achieved[1])
+        thrust = AT_REST if wrench is None else wrench.achieved
         heading = None if state is None else from_north(state)
-        if heading is None:  # it goes on as it did, more slowly
-            force, heading = (0.0, 0.0), 0.0
-        self._reckoning.step(force, heading, dt)
+        if state is None or heading is None:  # it goes on as it did, more slowly
+            self._reckoning.step(AT_REST, self._heading, 0.0, dt)
+        else:
+            self._heading = heading
+            self._reckoning.step(_level(thrust, state), heading, state.yaw_rate.value, dt)
 
     def _position(self) -> Position | None:
         start, reckoning = self._from, self._reckoning
@@ -228,12 +226,19 @@ def current(state: VehicleState | None) -> Pair | None:
     return round(state.current_north.value, 2), round(state.current_east.value, 2)
 
 
+def _level(thrust: Vec6, state: VehicleState) -> Vec6:
+    """The thrust [N] ahead and to starboard in the level plane: weight and buoyancy have no part
+    in that, at whatever roll and pitch they are held."""
+    x, y, z, *_ = thrust
+    roll, pitch = state.roll.value, state.pitch.value
+    ahead = x * cos(pitch) + (y * sin(roll) + z * cos(roll)) * sin(pitch)
+    return ahead, y * cos(roll) - z * sin(roll), 0.0, 0.0, 0.0, 0.0
+
+
 def _through_water(state: VehicleState) -> Pair:
-    """[m/s] North and east; at rest where it is not known."""
+    """[m/s] Surge and sway; at rest where they are not known."""
     surge, sway, heading = state.surge_velocity, state.sway_velocity, from_north(state)
     if surge is None or sway is None or heading is None or not (surge.valid and sway.valid):
         return 0.0, 0.0
-    c, s = cos(heading), sin(heading)
-    north, east = c * surge.value - s * sway.value, s * surge.value + c * sway.value
-    flow = current(state) or (0.0, 0.0)
-    return north - flow[0], east - flow[1]
+    (north, east), c, s = current(state) or (0.0, 0.0), cos(heading), sin(heading)
+    return surge.value - c * north - s * east, sway.value - c * east + s * north

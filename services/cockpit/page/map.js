@@ -153,8 +153,9 @@ export class SeaMap {
     const text = rows.filter(Boolean).join(" · ");
     if ($("map-said").textContent !== text) $("map-said").textContent = text;
     $("map-said").className = this.measured ? "" : "warning";
-    $("map-go").hidden = !wanted;
-    $("map-go").disabled = !this.may() || !this.measured;
+    // Where it is not offered its place stays empty: nothing else comes to lie under the finger.
+    $("map-go").classList.toggle("away", !wanted);
+    $("map-go").disabled = !wanted || !this.may() || !this.measured;
     $("map-home").disabled = !view.home;
     $("map-centre").disabled = !this.centre && !wanted;
   }
