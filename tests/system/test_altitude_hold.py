@@ -1,4 +1,4 @@
-"""Height above the bottom in whole dives on virtual time: over a slope, and when none is measured."""
+"""Height above the bottom in whole dives on virtual time, over a slope and without an altimeter."""
 
 import pytest
 

@@ -24,6 +24,7 @@ MEMORY_S = 1.5  # [s] the filter's fading memory
 GATE = 0.3  # [m] a sample further from what was expected does not fit …
 LASTING_S = 0.9  # [s] … and is believed once all have been off to that side for so long
 FASTEST = 1.0  # [m/s] no bottom changes faster below a vehicle that follows it
+UNSEEN_S = 2.5  # [s] after the newest altitude the bottom is not taken to fall away any further
 PATIENCE_S = (topics.DVL.stale_after_ns or 0) / 1e9  # [s] without an altitude it is lost
 BAND = 0.15  # [m] the height may be off by so much before the reference moves
 LEVEL = 0.04  # [m/s] a bottom that changes more slowly counts as flat
@@ -40,6 +41,7 @@ class Bottom:
     _depth: float = 0.0  # [m] at `_at`
     _rate: float = 0.0  # [m/s] + falling away
     _at: float | None = None  # [s] of the newest sample believed; None: not known
+    _now: float = 0.0  # [s]
     _count: int = 0  # samples since the start
     speed: float = 0.0  # [m/s] over the ground, of the newest sample
     _doubted: tuple[float, float] | None = None  # [s], [m] the first of those that do not fit
@@ -52,7 +54,9 @@ class Bottom:
     @property
     def rate(self) -> float:
         """[m/s] + falling away; 0 where it counts as flat."""
-        return 0.0 if abs(self._rate) < LEVEL else self._rate
+        unseen = self._at is not None and self._now - self._at > UNSEEN_S
+        flat = abs(self._rate) < LEVEL or (unseen and self._rate > 0.0)
+        return 0.0 if flat else self._rate
 
     def depth(self, t: float) -> float:
         """[m] At `t` [s]; only while it is known."""
@@ -61,6 +65,7 @@ class Bottom:
 
     def see(self, sample: DvlSample | None, state: VehicleState | None, t: float) -> None:
         """The newest fresh sample, as often as anybody likes, beside the newest state."""
+        self._now = t
         if self._at is not None and t - self._at > PATIENCE_S:
             self._at, self._doubted = None, None
         if sample is None or state is None or sample.stamp_ns <= self._stamp_ns:

@@ -48,12 +48,12 @@ class MappedDive:
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
         assert PROGRAM is not None
-        self.asked: list[PilotRequest] = []
+        self.asked: dict[str, PilotRequest] = {}  # by id: they are repeated until answered
         self.truth: Truth | None = None
         self.status: VehicleStatus | None = None
         dive = exits.enter_context(CockpitDive(port, settings=settings))
         observer = dive.host.node("observer", ["drone"])
-        observer.each(topics.PILOT_REQUEST, lambda m, _: self.asked.append(m))
+        observer.each(topics.PILOT_REQUEST, lambda m, _: self.asked.update({m.id: m}))
         observer.each(topics.TRUTH, self._see)
         observer.each(topics.STATUS, self._hear)
         self.page = exits.enter_context(Browser(PROGRAM)).open(dive.url, PHONE)
@@ -70,7 +70,7 @@ class MappedDive:
     def gone_to(self) -> list[tuple[float, float]]:
         return [
             (m.north, m.east)
-            for m in self.asked
+            for m in self.asked.values()
             if m.kind == "goto" and m.north is not None and m.east is not None
         ]
 
@@ -109,7 +109,7 @@ def test_a_tap_and_a_held_button_send_the_drone_there(exits: ExitStack) -> None:
     page.touch("touchStart", page.middle("#map-go"))
     page.touch("touchEnd")  # a touch is not enough
     assert dive.gone_to == []
-    said = set[str]()
+    said, holds = set[str](), 0
 
     def arrived() -> bool:
         """A page that a busy computer holds up is a lost pilot, whose drone stops: ask again."""
@@ -118,17 +118,19 @@ def test_a_tap_and_a_held_button_send_the_drone_there(exits: ExitStack) -> None:
         if dive.gone_to and dist(dive.truth.position[:2], dive.gone_to[-1]) < MOST_OFF:
             return True
         if dive.status.goal is UNSET and dive.status.activity == "piloted":
-            asked = len(dive.gone_to)
+            nonlocal holds
+            holds += 1
             tap(page, TAPPED)
             page.wait("!document.getElementById('map-go').disabled")
             hold(page, "#map-go", "document.getElementById('map-go').disabled")
-            until(lambda: len(dive.gone_to) > asked, lambda: "no request")
+            until(lambda: len(dive.gone_to) >= holds, lambda: "no request")
         elif dive.status.goal is not UNSET:
             assert dive.status.goal == dive.gone_to[-1]
             said.add(page.look(SAID))
         return False
 
     until(arrived, lambda: f"{dive.gone_to}: {dive.truth}")
+    assert len(dive.gone_to) == holds
     assert any(" goes " in text for text in said)
     page.look("window.before = true; location.reload()")
     page.wait("window.before === undefined && document.getElementById('map-said') !== null")

@@ -217,7 +217,9 @@ def test_the_floor_slopes_as_its_settings_say(
 def test_a_hull_comes_to_rest_on_a_slope_that_it_does_not_slide_down() -> None:
     """Coulomb friction holds it at less than its own slope."""
     site = Settings(floor_depth=51.0, slope_north=0.2)
-    ship = vessel(site, net_buoyancy=-20.0)
+    vehicle = msgspec.structs.replace(NEUTRAL, net_buoyancy=-20.0)
+    ship = Vessel(vehicle, site, (40.0, 0.0, 58.0, *LEVEL, *REST), [0.0] * 4)
+    assert not ship.around.floor_felt(ship.position, ship.attitude)
     ship.advance(20.0)
     north, east, down = ship.position
     assert abs(down - floor_below(site, (north, east, 0.0))) < hypot(*NEUTRAL.size)
