@@ -4,7 +4,7 @@ no Chromium."""
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack
-from math import dist
+from math import cos, dist, hypot, radians, sin
 
 import pytest
 from msgspec import UNSET
@@ -181,6 +181,42 @@ def test_home_is_one_more_place_to_go_to(browser: Browser, exits: ExitStack) -> 
     until(lambda: bool(served.wishes), lambda: "no wish")
     (wish,) = served.wishes
     assert (wish.what, wish.north, wish.east) == ("goto", 0.0, 0.0)
+    page.close()
+
+
+@pytest.mark.parametrize(
+    ("up", "heading", "where", "course"),
+    [
+        ("north", 90.0, (0.5, 0.2), 0),
+        ("north", 90.0, (0.9, 0.5), 90),
+        ("heading", 90.0, (0.5, 0.2), 90),
+        ("heading", 200.0, (0.1, 0.5), 110),
+    ],
+)
+def test_a_place_is_where_it_was_tapped(
+    browser: Browser,
+    exits: ExitStack,
+    up: str,
+    heading: float,
+    where: tuple[float, float],
+    course: int,
+) -> None:
+    served = Served(exits)
+    kept = f"localStorage.setItem('map', 'open'); localStorage.setItem('up', '{up}');"
+    page = served.open(browser, PHONE, before=kept)
+    served.becomes(page, **{**PLACE, "compass_deg": heading})
+    tap(page, where)
+    page.wait("!document.getElementById('map-go').disabled")
+    said = str(page.look(SAID))
+    assert abs(int(said.rpartition(", ")[2].rstrip("°")) - course) <= 1
+    hold(page, "#map-go", "document.getElementById('map-go').disabled")
+    until(lambda: bool(served.wishes), lambda: "no wish")
+    (wish,) = served.wishes
+    assert wish.north is not None
+    assert wish.east is not None
+    ahead = cos(radians(course)), sin(radians(course))
+    north, east = wish.north - 3.0, wish.east - 4.0
+    assert north * ahead[0] + east * ahead[1] == pytest.approx(hypot(north, east), rel=1e-3)
     page.close()
 
 

