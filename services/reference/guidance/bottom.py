@@ -41,7 +41,8 @@ class Bottom:
     _depth: float = 0.0  # [m] at `_at`
     _rate: float = 0.0  # [m/s] + falling away
     _at: float | None = None  # [s] of the newest sample believed; None: not known
-    _now: float = 0.0  # [s]
+    _began: float | None = None  # [s] of the first call
+    _now: float = 0.0  # [s] of the newest
     _count: int = 0  # samples since the start
     speed: float = 0.0  # [m/s] over the ground, of the newest sample
     _doubted: tuple[float, float] | None = None  # [s], [m] the first of those that do not fit
@@ -50,6 +51,11 @@ class Bottom:
     @property
     def known(self) -> bool:
         return self._at is not None
+
+    @property
+    def lost(self) -> bool:
+        """It is not known, and there was time for an altitude, also after a restart."""
+        return not self.known and self._began is not None and self._now - self._began > PATIENCE_S
 
     @property
     def rate(self) -> float:
@@ -65,10 +71,10 @@ class Bottom:
 
     def see(self, sample: DvlSample | None, state: VehicleState | None, t: float) -> None:
         """The newest fresh sample, as often as anybody likes, beside the newest state."""
-        self._now = t
+        self._began, self._now = t if self._began is None else self._began, t
         if self._at is not None and t - self._at > PATIENCE_S:
             self._at, self._doubted = None, None
-        if sample is None or state is None or sample.stamp_ns <= self._stamp_ns:
+        if sample is None or state is None or sample.stamp_ns == self._stamp_ns:
             return
         self._stamp_ns, self.speed = sample.stamp_ns, hypot(*sample.velocity[:2])
         if sample.altitude is None or not (state.depth.valid and state.depth_rate.valid):

@@ -151,7 +151,7 @@ class Guidance:
             axes.hold_place(self.ground, t)
 
         # Without an altitude the depth is held, until the pilot asks for the height again.
-        if self.held.height and not self.bottom.known:
+        if self.held.height and self.bottom.lost:
             self.outbox.tell(events.LOST_ALTITUDE())
             self.flight_mode = "stabilised"
 

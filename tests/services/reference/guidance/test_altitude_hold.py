@@ -17,7 +17,7 @@ from messages.reference import Reference
 from messages.sensors import DvlSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
-from services.reference.core import ReferenceGenerator, Settings
+from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.bottom import BAND, PATIENCE_S
 from services.reference.settings import FailsafeSettings, VelocityAxis
@@ -44,16 +44,20 @@ class Dive:
         heave: VelocityAxis | None = None,
         seed: int = 0,
         noise: float = NOISE,
+        before: GuidanceCheckpoint | None = None,
+        *,
+        altimeter: bool = True,
     ) -> None:
         failsafe = FailsafeSettings(floor_distance=FLOOR)
         self.settings = Settings(failsafe=failsafe)
         if heave is not None:
             self.settings = Settings(heave=heave, failsafe=failsafe)
-        self.generator = ReferenceGenerator(self.settings, Outbox())
+        memory = before or GuidanceCheckpoint()
+        self.generator = ReferenceGenerator(self.settings, Outbox(), memory)
         self.bottom, self.random = bottom, random.Random(seed)
         self.ns, self.noise = 0, noise
         self.way, self.depth, self.rate, self.acceleration = 0.0, bottom(0.0) - height, 0.0, 0.0
-        self.altimeter, self.fish = True, 0.0  # [m] too near, of the next altitude
+        self.altimeter, self.fish = altimeter, 0.0  # [m] too near, of the next altitude
         self.speed = 0.0  # [m/s] along the way
         self.path: list[tuple[int, float, float]] = []  # [ns], depth [m], height [m]
         self.seen: list[Reference] = []
@@ -317,6 +321,19 @@ def test_a_heading_can_be_gone_to_at_a_height() -> None:
     assert dive.ask("goto", heading=1.0) == ""
     dive.fly(1.0)
     assert dive.status.flight_mode == "altitude_hold"
+
+
+def test_a_restarted_service_goes_on_holding_the_height() -> None:
+    memory = GuidanceCheckpoint(
+        armed=True, flight_mode="altitude_hold", asked="altitude_hold", armed_ns=1
+    )
+    dive = Dive(flat, 3.0, before=memory)
+    assert dive.status.flight_mode == "altitude_hold"
+    dive.fly(5.0)
+    assert dive.status.altitude_wanted == pytest.approx(3.0, abs=0.15)
+    blind = Dive(flat, 3.0, before=memory, altimeter=False)
+    blind.fly(PATIENCE_S)
+    assert blind.status.flight_mode == "stabilised"
 
 
 def test_disarmed_no_height_is_remembered() -> None:
