@@ -136,7 +136,7 @@ export class SeaMap {
     [g.lineJoin, g.font, g.textAlign, g.textBaseline] = ["round", `${0.9 * this.u}px ${style.fontFamily}`, "center", "middle"];
     this.track(c);
     this.marks(c);
-    this.compass(c, w);
+    this.compass(c, w, h);
     this.bar(c, $("map-home").parentElement.offsetTop);
   }
 
@@ -219,8 +219,8 @@ export class SeaMap {
   }
 
   // North, and where the water goes.
-  compass(c, w) {
-    const { g, u, view } = this, at = [w - 1.6 * u, 56 + 1.7 * u]; // below the button
+  compass(c, w, h) {
+    const { g, u, view } = this, at = [w - 1.6 * u, w > 2 * h ? h - 3 * u : 56 + 1.7 * u]; // beside the digits, or below the button
     const arrow = [[0, -1], [0.35, -0.2], [0.1, -0.2], [0.1, 1], [-0.1, 1], [-0.1, -0.2], [-0.35, -0.2]];
     this.shape(arrow, at, -this.turn, c.ink, c.paper);
     g.fillStyle = c.ink;
