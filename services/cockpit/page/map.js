@@ -220,7 +220,7 @@ export class SeaMap {
 
   // North, and where the water goes.
   compass(c, w, h) {
-    const { g, u, view } = this, at = [w - 1.6 * u, w > 2 * h ? h - 3 * u : 56 + 1.7 * u]; // beside the digits, or below the button
+    const { g, u, view } = this, at = w > 2 * h ? [w - 64 - u, 1.7 * u] : [w - 1.6 * u, 56 + 1.7 * u]; // beside the button, or below it
     const arrow = [[0, -1], [0.35, -0.2], [0.1, -0.2], [0.1, 1], [-0.1, 1], [-0.1, -0.2], [-0.35, -0.2]];
     this.shape(arrow, at, -this.turn, c.ink, c.paper);
     g.fillStyle = c.ink;

@@ -1,6 +1,6 @@
 """What the map is told: where the drone is and how surely, its home, its track."""
 
-from math import hypot
+from math import atan2, degrees, hypot, radians
 
 import pytest
 from hypothesis import given, settings
@@ -58,8 +58,8 @@ def seen(
     )
 
 
-def push(surge: float) -> Wrench:
-    thrust = (surge, 0.0, 0.0, 0.0, 0.0, 0.0)
+def push(surge: float, sway: float = 0.0) -> Wrench:
+    thrust = (surge, sway, 0.0, 0.0, 0.0, 0.0)
     return Wrench(
         stamp_ns=0, sensor_ns=0, wanted=thrust, achieved=thrust, depth_integral=0.0,
         heading_integral=0.0, saturated=False,
@@ -125,6 +125,29 @@ def test_a_drone_that_never_measured_begins_where_it_was_armed() -> None:
     assert here.north > 5.0
     assert here.east == pytest.approx(0.0, abs=1e-9)
     assert watch.chart.home() == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("heading", "surge", "sway", "course"),
+    [
+        (0.0, 10.0, 0.0, 0.0),
+        (0.0, 0.0, 10.0, 90.0),
+        (90.0, 10.0, 0.0, 90.0),
+        (90.0, 0.0, 10.0, 180.0),
+        (200.0, 0.0, -10.0, 110.0),
+    ],
+)
+def test_thrust_moves_it_where_it_points(
+    heading: float, surge: float, sway: float, course: float
+) -> None:
+    watch = Watch()
+    state = seen(heading=radians(heading))
+    for _ in range(100):
+        watch.now += DT
+        watch.chart.step(state, push(surge, sway), watch.now, armed=True)
+    here = watch.chart.here
+    assert here is not None
+    assert degrees(atan2(here.east, here.north)) % 360.0 == pytest.approx(course, abs=1e-6)
 
 
 def test_of_another_origin_neither_home_nor_track_is_shown_until_the_first_is_back() -> None:
