@@ -94,7 +94,8 @@ class Sea:
 
     def look_down(self) -> None:
         """Once a second an altitude, above a bottom that is 20 m deep where north is 0."""
-        if not self.measures or self.ns % 1_000_000_000 > round(DT * 1e9):
+        soon = self.dvl is not None and self.ns % 1_000_000_000 > round(DT * 1e9)
+        if soon or not self.measures:
             return
         altitude = max(0.0, 20.0 + self.slope * self.at[0] - self.at[2])
         velocity = (self.v[0], self.v[1], self.v[2])
@@ -292,6 +293,18 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:  # noqa: C901 - one line eac
 
 
 UP = (0.0, 0.0, -1.0, 0.0)
+OVER_A_SLOPE: list[tuple[object, ...]] = [
+    ("mode", "altitude_hold"),
+    ("bottom", True, 0.3),
+    ("sticks", (1.0, 0.0, 0.0, 0.0), 6.0),
+    ("sticks", (1.0, 0.0, 1.0, 0.0), 2.0),
+    ("there", 8.0, 4.0),
+    ("wait", 3.0),
+    ("mode", "station_keeping"),
+    ("mode", "altitude_hold"),
+    ("bottom", False, 0.3),
+    ("sticks", (0.0, 0.6, 0.0, 0.0), 8.0),
+]
 
 
 def held_between(seconds: float, deflection: tuple[float, ...]) -> list[tuple[object, ...]]:
@@ -310,6 +323,7 @@ def held_between(seconds: float, deflection: tuple[float, ...]) -> list[tuple[ob
 @example(done=held_between(2.0, UP), offset=0.0, measures=False)
 @given(st.lists(deeds, max_size=14), st.floats(-pi, pi), st.booleans())
 @example([("follow",), ("wait", 0.8), ("lost", "state", 1.5)], 1.9, True)
+@example(OVER_A_SLOPE, 0.3, True)
 def test_whatever_happens_there_is_never_a_step(
     done: list[tuple[object, ...]], offset: float, measures: bool
 ) -> None:
