@@ -167,6 +167,8 @@ class ReferenceGenerator:
         # The axes at this instant, and where they go on to.
         if self.armed and self._initialised:
             guidance.move_on(state)
+            if self.requested == "altitude_hold":  # given up by itself: not even by arming again
+                self.requested = guidance.flight_mode
         else:
             guidance.rest()
             self._initialised = True

@@ -266,9 +266,12 @@ def test_without_an_altitude_the_depth_is_held_until_height_is_asked_for_again(b
     dive.speed = 0.0
     after = dive.fly(10.0).depth
     assert after.position == before.position
+    assert is_continuous(dive)
+    for kind in ("disarm", "arm"):
+        assert dive.ask(kind) == ""
+        dive.fly(1.0)
     assert dive.status.flight_mode == "stabilised"
     assert (dive.hold_height() == "") == back
-    assert is_continuous(dive)
 
 
 def test_a_bottom_that_is_not_seen_is_not_followed_down() -> None:
