@@ -167,8 +167,9 @@ class ReferenceGenerator:
         # The axes at this instant, and where they go on to.
         if self.armed and self._initialised:
             guidance.move_on(state)
-            if self.requested == "altitude_hold":  # given up by itself: not even by arming again
-                self.requested = guidance.flight_mode
+            # A height that was given up by itself does not come back, not even by arming again.
+            lasts = self.requested != "altitude_hold"
+            self.requested = self.requested if lasts else guidance.flight_mode
         else:
             guidance.rest()
             self._initialised = True
