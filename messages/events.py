@@ -361,6 +361,7 @@ NOT_REMEMBERED = row("not_remembered:disk", DATA, "a service's checkpoint could 
 # Of sensors and their estimates.
 LOST_DEPTH = row("lost:depth", DANGER, "the depth is no longer known")
 LOST_POSITION = row("lost:position", DANGER, "the position is no longer known")
+LOST_ALTITUDE = row("lost:altitude", DANGER, "no altitude: holding depth", "choose altitude hold again once the bottom is measured", said="warning")
 LOST_PLACE = row("lost:place", DANGER, "the drone can no longer hold its position; depth and heading are still held", said="warning")
 UNUSABLE_IMU = row("unusable:sensor/imu", DANGER, IMU_LOST.sentence, said="warning", spoken=True)
 UNUSABLE_PRESSURE = row("unusable:sensor/pressure", DANGER, "no pressure sample can be used: the depth is not measured", said="warning", spoken=True)

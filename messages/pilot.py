@@ -40,7 +40,10 @@ RequestKind = Literal[
 # Flight mode: what the drone holds by itself. On an axis that is not held, the stick is a force.
 #   manual: nothing; depth_hold: depth; heading_hold: heading; stabilised: depth and heading;
 #   station_keeping: depth, heading and position (for vehicles that measure their position)
-FlightMode = Literal["manual", "depth_hold", "heading_hold", "stabilised", "station_keeping"]
+#   altitude_hold: height above the bottom, and heading (for vehicles that measure their height)
+FlightMode = Literal[
+    "manual", "depth_hold", "heading_hold", "stabilised", "station_keeping", "altitude_hold"
+]  # fmt: skip
 
 
 class Course(msgspec.Struct, frozen=True):

@@ -35,3 +35,6 @@ class VehicleState(Message, frozen=True, kw_only=True):
     current_north: Estimate | None = None  # [m/s] of the water over the ground, NED
     current_east: Estimate | None = None  # [m/s]
     pressure_age_ms: NotNegative | None = None  # [ms] since the last accepted pressure sample
+    # [ns] Names the origin of north and east: 0 that of the acoustic positions, else when it was
+    # set where the drone then was. Another number: another origin. Absent: no position.
+    origin_ns: Stamp | UnsetType = UNSET

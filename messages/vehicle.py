@@ -63,6 +63,9 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     # [-] of the vehicle file's outputs, by name: dimmers and switches as they are to be, 0 … 1; a
     # gripper as it moves at this instant, + opens.
     outputs: Outputs = msgspec.field(default_factory=dict[str, float])
+    altitude: Finite | UnsetType = UNSET  # [m] above the bottom; absent: not measured now
+    altitude_wanted: Finite | UnsetType = UNSET  # [m] that is held; absent: none is
+    goal: tuple[Finite, Finite] | UnsetType = UNSET  # [m] north, east it goes to; absent: to none
 
 
 class Actuation(Message, frozen=True, kw_only=True):

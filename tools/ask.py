@@ -20,7 +20,7 @@ from messages.pilot import (
     StopDistance,
 )
 from services.gamepad.io.path_file import course_of
-from services.piloting.pilot_intents import goto
+from services.piloting.pilot_intents import FARTHEST, goto
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
@@ -47,7 +47,6 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "fly": ("name",),
 }  # the options of each kind of request
 FLIGHT_MODES: tuple[str, ...] = get_args(FlightMode)
-FARTHEST = 100_000.0  # [m] greatest north or east
 LONGEST_NAME = 128  # [letters] of a `Name`
 ABOUT_CONTROL: tuple[RequestKind, ...] = ("lease", "force", "offer", "release")
 NO_PILOT_NS = 1_000_000_000  # [ns] without a command: there is no pilot on this side

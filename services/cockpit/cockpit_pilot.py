@@ -13,7 +13,13 @@ from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
 from services.cockpit.stick_page import StickPage
 from services.marine.outputs import LIGHT
 from services.piloting.pilot import Effects, Pilot, Waiting
-from services.piloting.pilot_intents import Intent, ModeIntent, OutputIntent, goto
+from services.piloting.pilot_intents import (
+    Intent,
+    ModeIntent,
+    OutputIntent,
+    PlaceIntent,
+    goto,
+)
 
 REPEAT_NS = 30_000_000  # [ns] after the newest command: a page that is late for once
 SAY_LOST_NS = (
@@ -197,6 +203,8 @@ def _intent(message: PageWish) -> Intent | None:
     match message.what:
         case "mode":
             return message.flight_mode and ModeIntent(message.flight_mode)
+        case "goto" if message.north is not None and message.east is not None:
+            return PlaceIntent(message.north, message.east)
         case "goto" if message.depth is not None or message.heading_deg is not None:
             return goto(message.depth, message.heading_deg)
         case "light" if message.value is not None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 
 from messages import events, topics
-from messages.control import ThrusterCommand
+from messages.control import ThrusterCommand, Wrench
 from messages.events import Level
 from messages.film import FilmAnswer, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest
@@ -18,6 +18,7 @@ from messages.sensors import TemperatureSample
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.aids import DiveTimer, Endurance
+from services.cockpit.chart import Chart
 from services.cockpit.cockpit_pilot import CockpitPilot
 from services.cockpit.drone_order import DroneOrder
 from services.cockpit.filming import Filming
@@ -34,6 +35,7 @@ from services.cockpit.page_view import (
     AGES_MS,
     PageView,
     acting,
+    chart_view,
     line,
     positions,
     shown_outputs,
@@ -125,6 +127,7 @@ class Cockpit:
         self,
         settings: Settings,
         pilot: Pilot,
+        chart: Chart,
         limits: Sequence[tuple[float, float]] = (),
         drone: str = "",
         fov_deg: float | None = None,
@@ -132,6 +135,7 @@ class Cockpit:
     ) -> None:
         """
         Args:
+            chart: where the drone is and has been.
             limits: [N] least and most thrust of each thruster.
             drone: its name, which every page is shown.
             fov_deg: [deg] that the picture is wide; None: not known.
@@ -146,7 +150,7 @@ class Cockpit:
         self._pilot = CockpitPilot(pilot, settings.pilot)
         self._order = DroneOrder()
         self.filming = Filming(settings.pilot)
-        self._limits = limits
+        self._limits, self._chart = limits, chart
         self._pages: dict[int, Page] = {}
         self._fov_deg = fov_deg
         self._timer = DiveTimer(pilot.progress.began_ns)
@@ -272,6 +276,7 @@ class Cockpit:
         drones: DroneList | None,
         now: Ns,
         temperature: TemperatureSample | None = None,
+        wrench: Wrench | None = None,
     ) -> dict[int, str]:
         """What each page is sent now. A page that has not seen the
         newest pictures gets none, so that none of them waits anywhere.
@@ -279,6 +284,7 @@ class Cockpit:
         Args:
             drones: that can be reached; None: nobody says so now.
             temperature: in the enclosure and of the water; None: never said.
+            wrench: control's newest.
         """
         self._order.look(drones, now)
         self._picture += 1
@@ -287,6 +293,11 @@ class Cockpit:
         inside = ages.shown(topics.TEMPERATURE, temperature, now)
         battery = ages.shown(topics.BATTERY, newest.battery, now)
         self._endurance.heard(battery)
+        state, status = ages.shown(topics.STATE, newest.state, now), newest.status
+        self._chart.step(
+            *(state, ages.shown(topics.WRENCH, wrench, now), now),
+            armed=status is not None and status.armed,
+        )
         if not self._pages:
             return {}
         seen = vehicle_view(newest, now)
@@ -308,7 +319,8 @@ class Cockpit:
             water_c=None if inside is None or inside.water is None else round(inside.water, 1),
             tools=shown_outputs(self._has, seen.outputs),
             inside_c=None if inside is None else round(inside.temperature, 1),
-            turns=turns(ages.shown(topics.STATE, newest.state, now)),
+            turns=turns(state),
+            **chart_view(self._chart, state, ages.shown(topics.STATUS, status, now)),
         )
         shared = self._encode(view).decode()
         ready = [n for n, page in self._pages.items() if page.sent - page.seen < UNSEEN]
@@ -317,7 +329,7 @@ class Cockpit:
         head = f'{{"n":{self._picture},"t":{now / 1e6:.2f},"ages":{self._ages},"you":'
         if not self._listed or self._picture % LIST_EVERY == 0:
             every = self._encode([line(entry) for entry in self._lines.newest(LISTED)])
-            head = f'{{"log":{every.decode()},{head[1:]}'
+            head = f'{{"log":{every.decode()},"track":{self._chart.track()},{head[1:]}'
             self._listed = True
         listed = "" if drones is None else f',"fly":{self._encode(drones).decode()}'
         self._outbox.tell(events.DROPPED_PAGE(), len(self._pages) - len(ready))

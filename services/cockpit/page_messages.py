@@ -11,7 +11,7 @@ import msgspec
 
 from messages.pilot import FlightMode
 from messages.units import Count, Name, NotNegative, Share, Stick
-from services.piloting.pilot_intents import DEEPEST, TURN
+from services.piloting.pilot_intents import DEEPEST, FARTHEST, TURN
 
 LONGEST = 1024  # [B] of one message
 # take: the sticks of this cockpit, and control of the drone unless another pilot has it;
@@ -23,6 +23,7 @@ Wish = Literal[
     "take", "force", "offer", "give_back", "film", "snapshot",
 ]  # fmt: skip
 Absence = Literal["hidden", "unplugged"]
+Way = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]
 DroneName = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_.-]{1,64}\Z")]
 
 
@@ -55,6 +56,8 @@ class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
     output: Name = ""  # output: which one
     depth: Annotated[float, msgspec.Meta(ge=0.0, le=DEEPEST)] | None = None  # [m] goto
     heading_deg: Annotated[float, msgspec.Meta(ge=-TURN, le=TURN)] | None = None  # goto
+    north: Way | None = None  # [m] goto, with east
+    east: Way | None = None  # [m]
 
 
 class PageFly(PageMessage, frozen=True, kw_only=True, tag="fly"):

@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import msgspec
+from msgspec import UNSET
 
 from messages import topics
 from messages.control import ThrusterCommand
@@ -11,6 +13,8 @@ from messages.events import FAILSAFE_ACTED
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from messages.units import Ns
+from messages.vehicle import VehicleStatus
+from services.cockpit.chart import Chart, Pair, ShownPlace, current, from_north
 from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages
 from services.vehicle_view.log_lines import LogEntry, printable
@@ -67,6 +71,11 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     left_min: float | None = None  # [min] until the battery is empty
     inside_c: float | None = None  # [°C] in the enclosure
     water_c: float | None = None  # [°C] as the depth sensor measures it
+    place: ShownPlace | None = None  # of the drone
+    compass_deg: float | None = None  # heading from north, by the compass where there is one
+    home: Pair | None = None  # [m] north, east of where it was first armed
+    goal: Pair | None = None  # [m] north, east of where it goes
+    current: Pair | None = None  # [m/s] of the water, north and east
     turns: int | None = None  # of the tether: whole turns of the drone to starboard
 
 
@@ -104,6 +113,21 @@ def turns(state: VehicleState | None) -> int | None:
     if state is None or not state.heading.valid:
         return None
     return round(state.heading.value / math.tau)
+
+
+def chart_view(
+    chart: Chart, state: VehicleState | None, status: VehicleStatus | None
+) -> dict[str, Any]:
+    """The fields of the map, from the newest state and status that are shown."""
+    heading = None if state is None else from_north(state)
+    goal = None if status is None or status.goal is UNSET else status.goal
+    return {
+        "place": chart.place(),
+        "compass_deg": None if heading is None else round(math.degrees(heading), 1) % 360.0,
+        "home": chart.home(),
+        "goal": goal,
+        "current": current(state),
+    }
 
 
 def line(entry: LogEntry) -> PageLine:

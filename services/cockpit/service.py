@@ -9,6 +9,7 @@ from messages.fly import FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.vehicle import VehicleStatus
 from messages.video import VideoPart
+from services.cockpit.chart import Chart
 from services.cockpit.core import SHOW_HZ, Cockpit, PageEffects, Settings
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.video import PageUnit, PictureStream
@@ -72,10 +73,13 @@ class CockpitPages:
         self._node, self._pages = node, pages
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         limits = [thruster.limits for thruster in vehicle.thruster]
-        self._cockpit = Cockpit(settings, pilot, limits, drone, fov_deg, vehicle.output)
+        began = pilot.progress.began_ns is not None
+        chart = Chart(vehicle, began)
+        self._cockpit = Cockpit(settings, pilot, chart, limits, drone, fov_deg, vehicle.output)
         self._vehicle = VehiclePorts(node)
         self._thrusters = node.latest(topics.THRUSTERS)
         self._temperature = node.latest(topics.TEMPERATURE)
+        self._wrench = node.latest(topics.WRENCH)
         self._drones = node.latest(topics.FLY_DRONES)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
         self._ordering = node.request(
@@ -113,7 +117,8 @@ class CockpitPages:
     def _show(self, now: int) -> None:
         newest, thrusters = self._vehicle.newest(now), self._thrusters.newest(now)
         drones, inside = self._drones.fresh(now), self._temperature.newest(now)
-        self._pages.show(self._cockpit.pictures(newest, thrusters, drones, now, inside))
+        wrench = self._wrench.newest(now)
+        self._pages.show(self._cockpit.pictures(newest, thrusters, drones, now, inside, wrench))
 
     def _order(self, effects: Effects, now: int) -> None:
         if isinstance(effects, PageEffects):

@@ -15,6 +15,7 @@ MODES = {
     6: ModeIntent("heading_hold"),
     7: ModeIntent("stabilised"),
     8: ModeIntent("station_keeping"),
+    13: ModeIntent("altitude_hold"),
 }
 TILT_UP, TILT_DOWN = 22, 23
 LIGHTS_CYCLE, LIGHTS_BRIGHTER, LIGHTS_DIMMER = 31, 32, 33

@@ -24,6 +24,7 @@ from services.piloting.pilot_intents import (
     Intent,
     ModeIntent,
     OutputIntent,
+    PlaceIntent,
 )
 from services.piloting.sticks import CENTRED, StickReading
 
@@ -262,6 +263,8 @@ class Pilot:
         match intent:
             case GotoIntent(depth, heading):
                 return self._request("goto", depth=depth, heading=heading)
+            case PlaceIntent(north, east):
+                return self._request("goto", north=north, east=east)
             case FollowIntent(course):
                 return self._request("follow", course=course)
             case ModeIntent(flight_mode):

@@ -7,6 +7,7 @@ from messages.pilot import Course, FlightMode
 from messages.units import Ns
 
 DEEPEST = 11_000.0  # [m] no sea is deeper
+FARTHEST = 100_000.0  # [m] north or east
 TURN = 360.0  # [deg] a heading is given within one turn either way
 
 # What a button can ask for. light_2: the second dimmer of the vehicle file; laser: its first switch
@@ -18,6 +19,13 @@ class GotoIntent(NamedTuple):
 
     depth: float | None = None  # [m] positive down
     heading: float | None = None  # [rad] clockwise from north
+
+
+class PlaceIntent(NamedTuple):
+    """Go straight to a place, at this depth or height."""
+
+    north: float  # [m]
+    east: float  # [m]
 
 
 class FollowIntent(NamedTuple):
@@ -40,7 +48,7 @@ class Held(NamedTuple):
     began_ns: Ns
 
 
-Asked = Press | GotoIntent | FollowIntent | ModeIntent | OutputIntent
+Asked = Press | GotoIntent | PlaceIntent | FollowIntent | ModeIntent | OutputIntent
 Intent = Asked | Held
 
 

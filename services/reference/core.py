@@ -9,10 +9,10 @@ at any moment. What the drone does by itself when something fails is the failsaf
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import cast
+from typing import TypeVar, cast
 
 import msgspec
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from messages import events
 from messages.events import Outbox, sentence
@@ -56,6 +56,11 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
 
 SHORT = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
 INITIAL = GuidanceCheckpoint()
+K = TypeVar("K")
+
+
+def _known(value: K | None) -> K | UnsetType:
+    return UNSET if value is None else value
 
 
 @dataclass(slots=True)
@@ -125,6 +130,7 @@ class ReferenceGenerator:
         if state is not None:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
+        guidance.bottom.see(self.conditions.newest.dvl, state, guidance.t)
         if guidance.state is None:
             self.outputs.step(command, now, armed=self.armed, free=False)
             return None
@@ -166,6 +172,9 @@ class ReferenceGenerator:
         # The axes at this instant, and where they go on to.
         if self.armed and self._initialised:
             guidance.move_on(state)
+            # A height that was given up by itself does not come back, not even by arming again.
+            lasts = self.requested != "altitude_hold"
+            self.requested = self.requested if lasts else guidance.flight_mode
         else:
             guidance.rest()
             self._initialised = True
@@ -291,7 +300,8 @@ class ReferenceGenerator:
         if self.armed:
             return
         guidance, self.armed = self._guidance, True
-        if reason := lacking(self.requested, guidance.state, armed=True):
+        known = guidance.bottom.known
+        if reason := lacking(self.requested, guidance.state, armed=True, bottom=known):
             self.outbox.tell(events.REFUSED(self.requested, detail=f"armed without it: {reason}"))
         guidance.flight_mode = "stabilised" if reason else self.requested
 
@@ -333,6 +343,9 @@ class ReferenceGenerator:
             heading=where.heading,
             depth_moved=self._guidance.standstill.moved or UNSET,
             outputs=self.outputs.all,
+            altitude=self._guidance.altitude,
+            altitude_wanted=_known(self._guidance.height.wanted),
+            goal=_known(self._guidance.manoeuvre.goal),
         )
 
     @property

@@ -33,6 +33,7 @@ from services.simulator.propulsion import Battery
 from services.simulator.sensors import Sensors
 from services.simulator.settings import ENCLOSURE_RISE, WATER_TEMPERATURE, Dvl, Usbl
 from services.simulator.settings import Settings as Settings
+from services.simulator.surroundings import floor_below
 from services.simulator.vessel import Vessel
 from services.simulator.vibration import Shaking
 from services.simulator.world import WorldCheckpoint as WorldCheckpoint
@@ -204,7 +205,8 @@ class Simulator:
 
     def dvl(self, device: Dvl) -> DvlSample | None:
         """None also when the bottom is out of range."""
-        altitude = self._settings.floor_depth - self._place(self._mounting.dvl)[2]
+        place = self._place(self._mounting.dvl)
+        altitude = floor_below(self._settings, place) - place[2]
         sample = self._sensors.dvl(self._now, self._vessel.velocity, altitude, device)
         return None if sample is None else self._with_fault("sensor/dvl", sample)
 

@@ -26,6 +26,7 @@ from services.simulator.settings import MAGNETIC_FIELD, WATER_TEMPERATURE, Dvl, 
 from services.simulator.streams import (
     ACCELEROMETER_DRIFT,
     ACCELEROMETER_WALK,
+    ALTITUDE_NOISE,
     BIASES,
     DVL_NOISE,
     FIELD_NOISE,
@@ -89,6 +90,7 @@ class Sensors:
         }
         self._stamps: dict[int, int] = {}  # [ns] newest, by stream
         self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
+        self._altitude_noise = white_noise(seed, ALTITUDE_NOISE, [1.0])
         self._usbl_noise = white_noise(seed, USBL_NOISE, [1.0] * 2)
         self._water_noise = white_noise(seed, WATER_TEMPERATURES, [settings.water_temperature_std])
         self.water: float | None = None  # [°C] as measured last
@@ -201,7 +203,9 @@ class Sensors:
         a, b, c = self._noise("sensor/dvl", self._dvl_noise)
         s = device.std
         measured = (u + s * a, v + s * b, w + s * c)
-        return DvlSample(stamp_ns=now, velocity=measured, std=s, altitude=altitude)
+        (d,) = self._noise("sensor/dvl", self._altitude_noise)
+        found = max(0.0, altitude + device.altitude_std * d)
+        return DvlSample(stamp_ns=now, velocity=measured, std=s, altitude=found)
 
     def usbl(self, now: int, north: float, east: float, device: Usbl) -> UsblSample:
         """Position [m], NED, with noise."""

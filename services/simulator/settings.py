@@ -25,6 +25,7 @@ ImuNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]  # far beyond any sens
 TimeConstant = Annotated[float, msgspec.Meta(ge=1.0, le=1e5)]  # [s]
 SensorLatency = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
 Velocity = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s]
+Slope = Annotated[float, msgspec.Meta(ge=-2.0, le=2.0)]  # [-] metres down per metre
 WallPlace = Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)]  # [m]
 WaterTemperature = Annotated[float, msgspec.Meta(ge=-2.0, le=40.0)]  # [°C]
 FixRate = Annotated[float, msgspec.Meta(ge=0.01, le=50.0)]  # [1/s]
@@ -37,6 +38,7 @@ class Dvl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     std: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.01  # [m/s] of each component
     latency: SensorLatency = 0.1  # [s] from the measurement to its message
     reach: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 30.0  # [m] of altitude
+    altitude_std: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.05  # [m]
 
 
 class Usbl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -99,7 +101,9 @@ class Thermocline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # The site.
-    floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m]
+    floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m] where it starts
+    slope_north: Slope = 0.0  # [-] by which the floor falls away to the north
+    slope_east: Slope = 0.0  # [-] to the east
     start_heading: StartHeading = 0.0  # [rad] clockwise from north
     atmosphere: Annotated[float, msgspec.Meta(ge=50_000.0, le=120_000.0)] = ATMOSPHERE  # [Pa]
     water_density: Density = SEA_WATER  # [kg/m³], "fresh", "sea" or { temperature, salinity }

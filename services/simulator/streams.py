@@ -27,7 +27,8 @@ BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is s
     FIELD_STAMPS,
     PRESSURE_STAMPS,
     WATER_TEMPERATURES,
-) = range(19)
+    ALTITUDE_NOISE,
+) = range(20)
 
 
 def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:

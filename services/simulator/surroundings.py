@@ -1,8 +1,8 @@
 """Forces on the vessel other than those of open water: sea floor, walls, tether.
 
-Floor and walls are flat, stiff, damped planes with friction, acting on the corners of the hull.
-Their stiffness scales with the vehicle's mass: the hull on its corners is an oscillator of about
-FREQUENCY rad/s.
+Floor and walls are flat, stiff, damped planes with friction, acting on the corners of the hull; the
+floor may slope. Their stiffness scales with the vehicle's mass: the hull on its corners is an
+oscillator of about FREQUENCY rad/s.
 
 The tether's drag grows with depth. It hangs approximately vertically between ship and vehicle; each
 end carries half of its transverse drag. A length L across a flow v has the drag of a cylinder,
@@ -28,7 +28,7 @@ FREQUENCY = 40.0  # [rad/s] at 1.2 m/s the hull then sinks in about 2 cm
 DAMPING_RATIO = 0.7  # [-] little rebound
 FRICTION = 0.5  # [-] Coulomb, a hull on sand or clay; assumed
 LENGTHWISE = 0.02  # [-] drag along a cable as a share of that across it; typical, assumed
-NORTH, EAST, DOWN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+NORTH, EAST = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
 class Barrier:
@@ -134,17 +134,18 @@ class Surroundings:
         self.tether: Tether | None = None
         if place.tether is not None:
             self.tether = Tether(place.tether, density_of(place.water_density))
-        sides: list[tuple[Vec3, float]] = [(DOWN, place.floor_depth)]
+        sides: list[tuple[Vec3, float]] = [sea_floor(place)]
         if (walls := place.walls) is not None:
             sides += [(NORTH, walls.north[1]), (_minus(NORTH), -walls.north[0])]
             sides += [(EAST, walls.east[1]), (_minus(EAST), -walls.east[0])]
         self._sides = [(way, Barrier(limit, hull_size, inertia)) for way, limit in sides]
-        self._open_above = place.floor_depth - plain_sum(hull_size)  # [m] far from the floor
+        self._floor_way, floor = sides[0]
+        self._open_above = floor - plain_sum(hull_size)  # [m] far from the floor
         self._open_sideways = walls is None
 
     def near(self, position: Vec3) -> list[tuple[Vec3, Barrier]]:
         """Barriers that the hull may touch, with the direction [-] NED that leads into each."""
-        if position[2] < self._open_above and self._open_sideways:
+        if _along(self._floor_way, position) < self._open_above and self._open_sideways:
             return []
         return [
             (way, barrier) for way, barrier in self._sides if barrier.near(_along(way, position))
@@ -152,9 +153,9 @@ class Surroundings:
 
     def floor_felt(self, position: Vec3, q_NB: Quaternion) -> bool:
         """Whether the hull touches the floor."""
-        _, floor = self._sides[0]
-        depth = position[2]
-        return floor.near(depth) and floor.touches(depth, to_body(q_NB, DOWN))
+        way, floor = self._sides[0]
+        place = _along(way, position)
+        return floor.near(place) and floor.touches(place, to_body(q_NB, way))
 
     def push(
         self, barriers: list[tuple[Vec3, Barrier]], position: Vec3, q_NB: Quaternion, nu: Vec6
@@ -174,6 +175,19 @@ class Surroundings:
             return (0.0, 0.0, 0.0)
         u, v, w, *_ = nu
         return self.tether.pull(depth, to_world(q_NB, (u, v, w)))
+
+
+def floor_below(site: Settings, place: Vec3) -> float:
+    """[m] Depth of the sea floor at a place [m] NED."""
+    return site.floor_depth + site.slope_north * place[0] + site.slope_east * place[1]
+
+
+def sea_floor(site: Settings) -> tuple[Vec3, float]:
+    """The direction [-] NED that leads into the sea floor at a right angle, and how far it is in
+    that direction [m]."""
+    size = sqrt(1.0 + site.slope_north**2 + site.slope_east**2)
+    way = (-site.slope_north / size, -site.slope_east / size, 1.0 / size)
+    return way, site.floor_depth / size
 
 
 def _along(way: Vec3, position: Vec3) -> float:

@@ -76,6 +76,8 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     stick_ms: float | None = None  # [ms] from the stick to the thruster
     screen_ms: float | None = None  # [ms] from the sensor to the screen
     alarm: str = ""  # what is wrong with the link
+    altitude_m: float | None = None  # above the bottom
+    altitude_wanted_m: float | None = None  # that is held
 
     @property
     def last_known(self) -> bool:
@@ -123,6 +125,8 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "resumable": status.resumable,
         "returns": status.returns,
         "note": status.note,
+        "altitude_m": _known(status.altitude),
+        "altitude_wanted_m": _known(status.altitude_wanted),
     }
 
 

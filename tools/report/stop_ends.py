@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import topics
-from tools.report.columns import FAILSAFES, REACTIONS, Array
+from tools.report.columns import FAILSAFES, FLIGHT_MODES, REACTIONS, Array
 from tools.report.dive import RecordedDive
 
 # A drone that only comes to rest and holds goes on with the same stop; these reactions move it.
 MOVING = [REACTIONS.index("ascend"), REACTIONS.index("surface")]
+ALTITUDE_HOLD = FLIGHT_MODES.index("altitude_hold")
 NO_ESTIMATE = [FAILSAFES.index("state_lost"), FAILSAFES.index("imu_lost")]
 
 
@@ -28,6 +29,7 @@ def stop_ends(dive: RecordedDive, axis: str) -> Array:
     )
     unknown = state[f"{axis} known"] == 0
     if axis == "heave":
+        moving = moving | (status["flight mode"] == ALTITUDE_HOLD)  # the bottom does
         unknown = unknown | _changed(state["moved"])
     return np.sort(np.concatenate([status["stamp"][moving], state["sensor"][unknown]]))
 

@@ -15,6 +15,7 @@ export class Connection {
     this.picture = null; // the newest
     this.arrived = 0; // [ms] when, by this page's clock
     this.drones = null; // the newest list of those that can be reached
+    this.track = []; // of the map: north and east [dm] and how it goes on, for each point
     this.log = []; // all warnings and errors of the dive
     this.listed = -Infinity; // [ms] when that arrived
     this.ages = { state: [Infinity, Infinity], picture: [1000, 3000], drones: [0, 0] }; // until said
@@ -59,6 +60,7 @@ export class Connection {
     this.clock.learn(this.picture.t, this.arrived, this.picture.you.delay_ms);
     this.words = "";
     this.log = this.picture.log ?? this.log;
+    this.track = this.picture.track ?? this.track;
     if (this.picture.fly) [this.drones, this.listed] = [this.picture.fly, this.arrived];
     if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
   }

@@ -53,7 +53,8 @@ export class Hud {
     g.setLineDash([]);
     if (boxes.heading.width) this.heading(view, width, axis, boxes.heading);
     if (boxes.depth.top > boxes.heading.bottom) this.depth(view, boxes.depth, height, boxes.heading.bottom);
-    this.thrusters(view, boxes.aids.bottom, boxes.left.height ? boxes.left.top : boxes.buttons.top);
+    const below = boxes.map.height ? boxes.map.top : boxes.left.height ? boxes.left.top : boxes.buttons.top;
+    this.thrusters(view, Math.max(boxes.aids.bottom, boxes.heading.bottom), below);
   }
 
   font(size, weight = 500) { this.g.font = `${weight} ${Math.max(12, size * this.u)}px system-ui, "DejaVu Sans", sans-serif`; }

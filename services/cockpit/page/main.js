@@ -10,6 +10,7 @@ import { Hud } from "/hud.js";
 import { Keyboard } from "/keyboard.js";
 import { Keys } from "/keys.js";
 import { KeysPanel } from "/keys_panel.js";
+import { SeaMap } from "/map.js";
 import { Menu } from "/menu.js";
 import { Pad } from "/pad.js";
 import { PadPanel } from "/pad_panel.js";
@@ -65,7 +66,7 @@ const held = {
 const hold = (what, down) => (down ? held[what].press() : held[what].release());
 const click = (id) => $(id).hidden || $(id).click();
 const OWN = { // what the page does itself
-  speed: () => settings.next("speed"), mute: () => settings.next("sound"), film: () => click("film"), snapshot: () => click("snapshot"),
+  map: () => settings.next("map"), speed: () => settings.next("speed"), mute: () => settings.next("sound"), film: () => click("film"), snapshot: () => click("snapshot"),
   brighter: () => goto.light(1), darker: () => goto.light(-1),
   deeper: () => goto.deeper(1), shallower: () => goto.deeper(-1),
   heading_port: () => goto.turned(-1), heading_starboard: () => goto.turned(1),
@@ -80,12 +81,15 @@ const keyboard = new Keyboard(keys, press, hold, steer);
 const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
 const tools = new Tools(wish, steer);
 const steering = new Steering(...thumbs, keyboard, pad, tools);
+const mine = () => Boolean(you().has_sticks && you().in_control);
+const map = new SeaMap(connection, settings, mine, wish, (key) => say(words.t(key)));
 const menu = new Menu((name) => {
   if (name === "menu") goto.fill();
   if (name === "keys") keysPanel.draw();
   draw();
 });
 
+$("map-open").addEventListener("click", () => menu.show(""));
 for (const id of ["take", "offer", "give_back"]) $(id).addEventListener("click", () => wish(id));
 $("lamp").addEventListener("click", () => wish("light"));
 $("flight_mode").addEventListener("change", (e) => { wish("mode", { flight_mode: e.target.value }); e.target.blur(); });
@@ -145,6 +149,7 @@ async function apply(changed) {
 // What stands on buttons that say a choice.
 function name() {
   const named = { theme: settings.theme, crop: settings.crop, sound: settings.sound, speech: settings.speech, units: settings.units };
+  $("map-up").textContent = `↑ ${words.t(`up.${settings.up}`)}`;
   for (const [id, value] of Object.entries(named)) $(id).textContent = `${words.t(id)}: ${words.t(`${id}.${value}`)}`;
   $("gain").textContent = `${words.t("speed")} ${settings.speed} %`;
   $("gain").classList.toggle("limited", settings.speed !== "100");
@@ -197,6 +202,7 @@ function draw() {
   showPicture(video);
   film.show(seen, !connection.watching);
   drones.show(seen);
+  map.draw();
   told(now);
   arming = buttons(you(), seen);
   aids(seen, Number(settings.speed));
@@ -209,7 +215,7 @@ function draw() {
   if (menu.open === "menu") lines(connection.log.toReversed(), "log");
   if (menu.open === "pad") padPanel.draw();
   const box = (id) => $(id).getBoundingClientRect();
-  const boxes = { heading: box("heading"), depth: box("depth"), aids: box("aids"), buttons: box("buttons"), left: box("left") };
+  const boxes = { heading: box("heading"), depth: box("depth"), aids: box("aids"), buttons: box("buttons"), left: box("left"), map: box("map") };
   const free = [boxes.heading.bottom, boxes.buttons.top];
   const axis = picture.place({ stripe: video.stripe ?? 0, fov: seen.fov_deg ?? FOV_DEG, whole: settings.crop === "whole", free });
   hud.draw(seen, found.stale, axis, boxes);

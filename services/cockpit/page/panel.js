@@ -134,6 +134,11 @@ export function buttons(you, view) {
   return resumes ? "resume" : "arm";
 }
 
+function height(now, wanted) {
+  const text = (m, k) => units.number(units.length(m), k);
+  return `${text(now, 1)}${wanted === undefined ? "" : ` → ${text(wanted, 1)}`} ${units.lengthUnit}`;
+}
+
 // Figures that help to fly: those that are known.
 export function aids(view, limit) {
   const degrees = (value) => (value === undefined ? undefined : `${value > 0 ? "+" : ""}${units.number(value)}°`);
@@ -141,6 +146,7 @@ export function aids(view, limit) {
   const all = [
     ["dive", view.dive_s === undefined ? undefined : units.time(view.dive_s)],
     ["climb", climb === undefined ? undefined : `${climb > 0.005 ? "↑" : climb < -0.005 ? "↓" : ""} ${units.speed(Math.abs(climb))}`],
+    ["altitude", view.altitude_m === undefined ? undefined : height(view.altitude_m, view.altitude_wanted_m)],
     ["left", view.left_min === undefined ? undefined : `${units.number(view.left_min)} min`],
     ["stick", view.stick_ms === undefined ? undefined : ms(view.stick_ms)],
     ["inside", view.inside_c === undefined ? undefined : units.temperature(view.inside_c)],

@@ -7,6 +7,8 @@ const VALUES = {
   sound: ["on", "off"],
   speech: ["off", "on"],
   speed: ["50", "75", "100", "25"], // [%] of full speed at full stick
+  map: ["shut", "open"],
+  up: ["north", "heading"],
   units: ["metric", "imperial", "knots"],
   language: ["en", "no", "sv", "de", "es", "zh"],
 };

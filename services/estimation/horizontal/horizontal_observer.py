@@ -181,6 +181,14 @@ class HorizontalObserver:
 
     # Estimates.
 
+    @property
+    def origin_ns(self) -> int | None:
+        """[ns] Names the origin of north and east: 0 that of the fixes, else when the filter began,
+        where the drone then was; None: no position."""
+        if not self._started:
+            return None
+        return 0 if self._fixed else self._begun_ns
+
     def estimates(self, now: int) -> HorizontalEstimates:
         """At `now` [ns]. Valid while DVL or USBL are: dead reckoning counts, with its growing
         std. Without thrust reports, or with an std above `MOST_CURRENT_STD`, the current is not

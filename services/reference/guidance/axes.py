@@ -91,11 +91,20 @@ class Axes:
         self.place.take_measured(ground, t)
         self.pace.rest(0.0, t)  # the measured motion includes any speed left over from a path
 
-    def aim(self, stick: PilotCommand, held: HeldAxes, t: float, share: float = 1.0) -> None:
-        """Set targets from the sticks: velocities on held axes, forces on the others, of
-        which surge and sway get a `share`, 0 … 1."""
+    def aim(
+        self,
+        stick: PilotCommand,
+        held: HeldAxes,
+        t: float,
+        share: float = 1.0,
+        sink: float | None = None,
+    ) -> None:
+        """Set targets from the sticks: velocities on held axes, forces on the others, of which
+        surge and sway get a `share`, 0 … 1. `sink` [m/s]: of the depth, in the place of the
+        stick's."""
         s = self.settings
-        self._aim_depth(stick.heave * s.heave.max_velocity if held.depth else 0.0, t)
+        sinks = stick.heave * s.heave.max_velocity if sink is None else sink
+        self._aim_depth(sinks if held.depth else 0.0, t)
         self.yaw.aim(stick.yaw * s.yaw.max_velocity if held.heading else 0.0, t)
         self._fades = False
         self.heave_force.aim(0.0 if held.depth else self._heave_force(stick.heave, t), t)

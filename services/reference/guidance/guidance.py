@@ -8,6 +8,8 @@ and ends when the axis is held; control makes the hand-over bumpless.
 from dataclasses import dataclass, field
 from math import inf
 
+from msgspec import UNSET, UnsetType
+
 from messages import events
 from messages.events import Outbox
 from messages.message import Estimate
@@ -16,6 +18,7 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns
 from services.reference.guidance.axes import Axes
+from services.reference.guidance.bottom import Bottom, HeightHold
 from services.reference.guidance.ground_motion import GroundMotion, ground_of, north_offset
 from services.reference.guidance.guards import (
     EstimateWatch,
@@ -56,11 +59,14 @@ class Guidance:
     standstill: Standstill = field(init=False)  # of heave, [m]
     _tilt_limit: TiltLimit = field(init=False)
     held_back: bool = False  # surge and sway, because the vehicle tilts
+    bottom: Bottom = field(default_factory=Bottom)
+    height: HeightHold = field(init=False)
 
     def __post_init__(self) -> None:
         s = self.settings
         self.axes, self.standstill = Axes.of(s), Standstill(s.standstill)
         self._tilt_limit = TiltLimit(s.most_tilt)
+        self.height = HeightHold(s.heave.max_velocity, s.failsafe.floor_distance)
         self.manoeuvre = Manoeuvre(self.axes)
         self._estimates = {"depth": EstimateWatch(), "heading": EstimateWatch()}
         self._governors = {
@@ -91,8 +97,16 @@ class Guidance:
         before, self._moved = self._moved, moved
         if before is not None and moved != 0.0 and moved != before:
             self.axes.heave.shift(moved - before)
+            self.bottom.shift(moved - before)
             by = f"{moved - before:+.2f} m"
             self.outbox.say("info", f"the depth is held {by} from before, as measured")
+
+    @property
+    def altitude(self) -> float | UnsetType:
+        """[m] Above the bottom now; absent: not measured."""
+        if self.state is None or not (self.bottom.known and self.state.depth.valid):
+            return UNSET
+        return self.bottom.depth(self.t) - self.state.depth.value
 
     def rest(self) -> None:
         """Set every axis to the vehicle's position, at rest."""
@@ -100,6 +114,7 @@ class Guidance:
         self.axes.rest(self.state.depth.value, self.state.heading.value, self.t)
         self._rising = False
         self._place_seen = self.t
+        self.height.forget()
 
     @property
     def unheld(self) -> tuple[str, ...]:
@@ -135,6 +150,11 @@ class Guidance:
         elif self.ground is not None:
             axes.hold_place(self.ground, t)
 
+        # Without an altitude the depth is held, until the pilot asks for the height again.
+        if self.held.height and self.bottom.lost:
+            self.outbox.tell(events.LOST_ALTITUDE())
+            self.flight_mode = "stabilised"
+
         # Depth or heading is no longer known; once it is known again, the vehicle is held where it
         # is then. Without a state, there is a failsafe already.
         if state is None:
@@ -162,7 +182,15 @@ class Guidance:
         self.held_back = share < 1.0 and (moves or before)
         if self.held_back and not before:
             self.outbox.tell(events.CLAMPED_HORIZONTAL())
-        self.axes.aim(stick, self.held, self.t, share)
+        self.axes.aim(stick, self.held, self.t, share, self._sink(stick.heave))
+
+    def _sink(self, stick: float) -> float | None:
+        """[m/s] The velocity of the depth that holds a height; None: none is held."""
+        if not (self.held.height and self.bottom.known):
+            self.height.forget()
+            return None
+        heave, asked = self.axes.heave, stick * self.settings.heave.max_velocity
+        return self.height.velocity(asked, heave.at(self.t), heave.limits, self.bottom, self.t)
 
     def wait(self, state: VehicleState, *, turn_short: bool = False) -> None:
         """Keep the reference close to a vehicle that cannot follow it.

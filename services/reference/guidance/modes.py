@@ -12,6 +12,7 @@ class HeldAxes(NamedTuple):
     depth: bool
     heading: bool
     place: bool
+    height: bool = False  # above the bottom, by way of the depth
 
 
 HELD_AXES: dict[FlightMode, HeldAxes] = {
@@ -20,25 +21,30 @@ HELD_AXES: dict[FlightMode, HeldAxes] = {
     "heading_hold": HeldAxes(depth=False, heading=True, place=False),
     "stabilised": HeldAxes(depth=True, heading=True, place=False),
     "station_keeping": HeldAxes(depth=True, heading=True, place=True),
+    "altitude_hold": HeldAxes(depth=True, heading=True, place=False, height=True),
 }
 
 
 def safe(flight_mode: FlightMode) -> FlightMode:
     """The mode for a drone without a pilot: depth and heading are held, and position if it was
-    held before."""
+    held before. The depth is: nobody watches what a height above the bottom leads to."""
     held = HELD_AXES[flight_mode]
-    return flight_mode if held.depth and held.heading else "stabilised"
+    return flight_mode if held.depth and held.heading and not held.height else "stabilised"
 
 
-def lacking(flight_mode: FlightMode, state: VehicleState | None, *, armed: bool) -> str:
+def lacking(
+    flight_mode: FlightMode, state: VehicleState | None, *, armed: bool, bottom: bool
+) -> str:
     """What the mode requires and the drone lacks; empty when it lacks nothing.
 
     While disarmed, a mode can be chosen before depth and heading are known, because arming
-    requires them.
+    requires them. `bottom`: its depth is known.
     """
     held = HELD_AXES[flight_mode]
     if held.place and (state is None or not measures_place(state)):
         return "this drone does not know its position and velocity over the ground"
+    if held.height and not bottom:
+        return "the drone does not measure its height above the bottom"
     if armed and state is not None:
         if held.depth and not state.depth.valid:
             return "the drone does not know its depth"

@@ -13,7 +13,7 @@ def mode(guidance: Guidance, flight_mode: FlightMode | None, *, armed: bool) -> 
     """Change the mode."""
     if flight_mode is None:
         return "mode needs to be told what to hold"
-    if reason := lacking(flight_mode, guidance.state, armed=armed):
+    if reason := lacking(flight_mode, guidance.state, armed=armed, bottom=guidance.bottom.known):
         return reason
     guidance.change(flight_mode)
     return ""
@@ -30,7 +30,7 @@ def goto(guidance: Guidance, request: PilotRequest) -> str:
         return _to_place(guidance, request)
     if depth is None and heading is None:
         return "goto needs a depth or a heading"
-    _prepare(guidance, hold_place=guidance.held.place)
+    _prepare(guidance, hold_place=guidance.held.place, moves_depth=depth is not None)
     manoeuvre, t = guidance.manoeuvre, guidance.t
     manoeuvre.go(depth, None if heading is None else manoeuvre.turn_to(heading, t), t)
     return ""
@@ -66,7 +66,8 @@ def _follow(
         return reason
     measured = guidance.ground is not None
     offset = 0.0 if guidance.state is None else north_offset(guidance.state)
-    _prepare(guidance, hold_place=measured)
+    moves_depth = planned.has_depth or depth is not None
+    _prepare(guidance, hold_place=measured, moves_depth=moves_depth)
     guidance.manoeuvre.follow(planned, guidance.t, measured=measured, offset=offset, goal=goal)
     if depth is not None:
         guidance.manoeuvre.go(depth, None, guidance.t)
@@ -79,7 +80,9 @@ def _too_deep(guidance: Guidance, depth: float) -> str:
     return "" if depth <= limit else f"{depth:g} m is deeper than the depth limit, {limit:g} m"
 
 
-def _prepare(guidance: Guidance, *, hold_place: bool) -> None:
-    """End the current manoeuvre, and hold depth and heading for the next."""
+def _prepare(guidance: Guidance, *, hold_place: bool, moves_depth: bool) -> None:
+    """End the current manoeuvre, and hold depth and heading for the next; or the height, where
+    that leaves the depth as it is."""
     guidance.manoeuvre.end(guidance.t, hold_place=hold_place)
-    guidance.flight_mode = safe(guidance.flight_mode)
+    if moves_depth or not guidance.held.height:
+        guidance.flight_mode = safe(guidance.flight_mode)

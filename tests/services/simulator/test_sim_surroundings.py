@@ -17,7 +17,7 @@ from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.current import HELD, Current
 from services.simulator.settings import CurrentSettings, Settings, TetherSettings, Walls
-from services.simulator.surroundings import Tether
+from services.simulator.surroundings import Tether, floor_below, sea_floor
 from services.simulator.vessel import STEP, Vessel
 from tests.support.textbook_vessel import kinetic_energy
 
@@ -190,3 +190,38 @@ def test_walls_without_room_for_the_start_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match="starts at 0, which must lie between the walls"):
         Walls(north=north, east=east)
+
+
+slope = st.floats(-1.0, 1.0)
+
+
+@law
+@given(slope, slope, st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+def test_the_floor_slopes_as_its_settings_say(
+    falls_north: float, falls_east: float, north: float, east: float
+) -> None:
+    """The direction into it is at a right angle to it, and leads to the depth below a place."""
+    site = Settings(floor_depth=30.0, slope_north=falls_north, slope_east=falls_east)
+    way, limit = sea_floor(site)
+    place = (north, east, 0.0)
+    below = floor_below(site, place)
+    assert below == pytest.approx(30.0 + falls_north * north + falls_east * east)
+    assert sum(a * b for a, b in zip(way, (north, east, below), strict=True)) == pytest.approx(
+        limit
+    )
+    assert hypot(*way) == pytest.approx(1.0)
+    for along in ((1.0, 0.0, falls_north), (0.0, 1.0, falls_east)):
+        assert sum(a * b for a, b in zip(way, along, strict=True)) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_hull_comes_to_rest_on_a_slope_that_it_does_not_slide_down() -> None:
+    """Coulomb friction holds it at less than its own slope."""
+    site = Settings(floor_depth=51.0, slope_north=0.2)
+    vehicle = msgspec.structs.replace(NEUTRAL, net_buoyancy=-20.0)
+    ship = Vessel(vehicle, site, (40.0, 0.0, 58.0, *LEVEL, *REST), [0.0] * 4)
+    assert not ship.around.floor_felt(ship.position, ship.attitude)
+    ship.advance(20.0)
+    north, east, down = ship.position
+    assert abs(down - floor_below(site, (north, east, 0.0))) < hypot(*NEUTRAL.size)
+    assert ship.around.floor_felt(ship.position, ship.attitude)
+    assert hypot(*velocity_over_ground(ship)) < 0.02

@@ -3,6 +3,7 @@ pictures and for tests with a browser."""
 
 import threading
 import time
+from collections.abc import Sequence
 from types import TracebackType
 
 from services.cockpit.core import Settings
@@ -22,14 +23,17 @@ LAG_NS = 50_000_000  # [ns] a busy computer is not made up for in one go
 class CockpitDive:
     """Runs until it is closed. The pilot is whoever opens `url`."""
 
-    def __init__(self, port: int, *, camera: bool = False, name: str = "") -> None:
+    def __init__(
+        self, port: int, *, camera: bool = False, name: str = "", settings: Sequence[str] = ()
+    ) -> None:
         """
         Args:
+            settings: more of them, `key.path=value`.
             name: of the drone; empty: it has none of its own.
         """
         rows = Registry.read("cockpit")
-        settings = [STILL, FLOOR, f"cockpit.port={port}"]
-        stack = Stack(pilot="cockpit", name=name, overrides=settings)
+        overrides = [STILL, FLOOR, f"cockpit.port={port}", *settings]
+        stack = Stack(pilot="cockpit", name=name, overrides=overrides)
         self.host = VirtualHost()
         for name in (*SERVICES, *CAMERA) if camera else SERVICES:
             self.host.add(name, rows[name], stack)

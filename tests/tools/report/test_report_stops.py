@@ -355,6 +355,12 @@ def test_a_stop_ends_where_something_else_moves_the_drone_and_counts_until_then(
     assert stop.settle_s == pytest.approx(6.0 - RELEASE, abs=0.011)
 
 
+def test_no_depth_is_stopped_at_while_a_height_is_held():
+    said = flown(0.0, flight_mode="altitude_hold") + flown(MOVED, flight_mode="altitude_hold")
+    said += flown(RELEASE + 0.1, flight_mode="altitude_hold")
+    assert stops(dive_of(moved_later() + sticks("heave", held_until_release) + said)) == []
+
+
 @pytest.mark.parametrize(
     "fields",
     [{"depth_moved": 1.0}, {"depth": Estimate(FINAL, 0.0, valid=False)}],

@@ -14,8 +14,10 @@ from messages.events import Outbox
 from messages.message import Estimate
 from messages.pilot import Course, FlightMode, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
+from messages.sensors import DvlSample
 from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
+from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.ground_motion import turned
 from services.reference.guidance.guidance import PLACE_PATIENCE_S
 from services.reference.guidance.modes import HELD_AXES
@@ -51,6 +53,8 @@ class Sea:
         self.generator = ReferenceGenerator(SETTINGS, Outbox(), before or GuidanceCheckpoint())
         self.ns = 0
         self.measures, self.knows_place = measures, True
+        self.slope, self.sees_bottom = 0.0, True  # [-] falling away to the north
+        self.dvl: DvlSample | None = None
         self.knows_depth = True
         self.offset = offset  # [rad] north heading minus control heading
         self.at = [4.0, -3.0, 3.0, 0.0]  # north, east, depth, heading
@@ -88,6 +92,21 @@ class Sea:
             sway_velocity=over_ground[3],
         )
 
+    def look_down(self) -> None:
+        """Once a second an altitude, above a bottom that is 20 m deep where north is 0."""
+        soon = self.dvl is not None and self.ns % 1_000_000_000 > round(DT * 1e9)
+        if soon or not self.measures:
+            return
+        altitude = max(0.0, 20.0 + self.slope * self.at[0] - self.at[2])
+        velocity = (self.v[0], self.v[1], self.v[2])
+        self.dvl = DvlSample(
+            stamp_ns=self.ns,
+            velocity=velocity,
+            std=0.01,
+            altitude=altitude if self.sees_bottom else None,
+        )
+        self.generator.conditions.newest = WatchedMessages(dvl=self.dvl)
+
     def ask(self, kind: str, command: PilotCommand | None = None, **more: object) -> str:
         return self.request(kind, command or sticks(), **more).reason
 
@@ -104,6 +123,7 @@ class Sea:
         for _ in range(max(1, round(seconds / DT))):
             self.ns += round(DT * 1e9)
             state = None if lost == "state" else self.state()
+            self.look_down()
             reference = self.generator.step(state, heard, self.ns)
             assert reference is not None
             self.seen.append((reference, state))
@@ -237,6 +257,7 @@ deeds = st.one_of(
     st.tuples(st.just("stop")),
     st.tuples(st.just("lost"), st.sampled_from(["pilot", "state"]), seconds),
     st.tuples(st.just("place"), st.booleans()),
+    st.tuples(st.just("bottom"), st.booleans(), st.floats(-0.4, 0.4)),
     st.tuples(st.just("goto"), st.floats(0.5, 6.0), st.floats(-3.0, 3.0)),
     st.tuples(st.just("there"), place, place),
     st.tuples(st.just("follow")),
@@ -245,7 +266,7 @@ deeds = st.one_of(
 )
 
 
-def do(sea: Sea, deed: tuple[object, ...]) -> None:
+def do(sea: Sea, deed: tuple[object, ...]) -> None:  # noqa: C901 - one line each
     match deed:
         case ("mode", str(hold)):
             sea.ask("mode", flight_mode=hold)
@@ -257,6 +278,8 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:
             sea.fly(time, lost=who)
         case ("place", bool(known)):
             sea.knows_place = known
+        case ("bottom", bool(seen), float(slope)):
+            sea.sees_bottom, sea.slope = seen, slope
         case ("goto", depth, heading):
             sea.ask("goto", depth=depth, heading=heading)
         case ("there", north, east):
@@ -270,6 +293,18 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:
 
 
 UP = (0.0, 0.0, -1.0, 0.0)
+OVER_A_SLOPE: list[tuple[object, ...]] = [
+    ("mode", "altitude_hold"),
+    ("bottom", True, 0.3),
+    ("sticks", (1.0, 0.0, 0.0, 0.0), 6.0),
+    ("sticks", (1.0, 0.0, 1.0, 0.0), 2.0),
+    ("there", 8.0, 4.0),
+    ("wait", 3.0),
+    ("mode", "station_keeping"),
+    ("mode", "altitude_hold"),
+    ("bottom", False, 0.3),
+    ("sticks", (0.0, 0.6, 0.0, 0.0), 8.0),
+]
 
 
 def held_between(seconds: float, deflection: tuple[float, ...]) -> list[tuple[object, ...]]:
@@ -288,6 +323,7 @@ def held_between(seconds: float, deflection: tuple[float, ...]) -> list[tuple[ob
 @example(done=held_between(2.0, UP), offset=0.0, measures=False)
 @given(st.lists(deeds, max_size=14), st.floats(-pi, pi), st.booleans())
 @example([("follow",), ("wait", 0.8), ("lost", "state", 1.5)], 1.9, True)
+@example(OVER_A_SLOPE, 0.3, True)
 def test_whatever_happens_there_is_never_a_step(
     done: list[tuple[object, ...]], offset: float, measures: bool
 ) -> None:

@@ -1,0 +1,352 @@
+"""Height above the bottom: followed without a jerk, never too near, and given up with a word."""
+
+import random
+from collections.abc import Callable
+from itertools import pairwise
+from math import radians, tan
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from msgspec import UNSET
+
+from messages.events import Outbox
+from messages.message import Estimate
+from messages.pilot import PilotCommand, PilotRequest
+from messages.reference import Reference
+from messages.sensors import DvlSample
+from messages.state import VehicleState
+from messages.vehicle import VehicleStatus
+from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
+from services.reference.failsafe.watch import WatchedMessages
+from services.reference.guidance.bottom import BAND, PATIENCE_S
+from services.reference.settings import FailsafeSettings, VelocityAxis
+from tests.support.told import told
+
+DT_NS = 10_000_000
+LATENCY_NS = 100_000_000  # [ns] of an altitude
+NOISE = 0.05  # [m]
+FLOOR = 0.5  # [m] floor_distance
+SLOWER = VelocityAxis(0.2, 0.1, 0.15, 0.3, 0.15, 0.5)  # Minerva's
+# [m] nearer than `floor_distance` at 0.5 m/s, where a slope of 20° down becomes one of 20° up.
+NEARER, NEARER_SLOWER = 0.45, 0.9
+SMALL = 1e-9
+BottomAt = Callable[[float], float]  # [m] depth at a way [m]
+
+
+class Dive:
+    """A vehicle that is where the reference wants it, over a bottom."""
+
+    def __init__(
+        self,
+        bottom: BottomAt,
+        height: float,
+        heave: VelocityAxis | None = None,
+        seed: int = 0,
+        noise: float = NOISE,
+        before: GuidanceCheckpoint | None = None,
+        *,
+        altimeter: bool = True,
+    ) -> None:
+        failsafe = FailsafeSettings(floor_distance=FLOOR)
+        self.settings = Settings(failsafe=failsafe)
+        if heave is not None:
+            self.settings = Settings(heave=heave, failsafe=failsafe)
+        memory = before or GuidanceCheckpoint()
+        self.generator = ReferenceGenerator(self.settings, Outbox(), memory)
+        self.bottom, self.random = bottom, random.Random(seed)
+        self.ns, self.noise = 0, noise
+        self.way, self.depth, self.rate, self.acceleration = 0.0, bottom(0.0) - height, 0.0, 0.0
+        self.altimeter, self.fish = altimeter, 0.0  # [m] too near, of the next altitude
+        self.speed = 0.0  # [m/s] along the way
+        self.path: list[tuple[int, float, float]] = []  # [ns], depth [m], height [m]
+        self.seen: list[Reference] = []
+        self.fly(3.0)
+        assert self.ask("arm") == ""
+        self.fly(1.0)
+
+    def ask(self, kind: str, **more: object) -> str:
+        request = PilotRequest(stamp_ns=self.ns, id=str(self.ns), kind=kind, **more)  # type: ignore[arg-type]
+        return self.generator.answer(request, self.sticks(0.0), self.ns).reason
+
+    def hold_height(self) -> str:
+        return self.ask("mode", flight_mode="altitude_hold")
+
+    def sticks(self, heave: float) -> PilotCommand:
+        return PilotCommand(stamp_ns=self.ns, surge=0.0, sway=0.0, heave=heave, yaw=0.0)
+
+    def fly(self, seconds: float, heave: float = 0.0) -> Reference:
+        for _ in range(round(seconds * 1e9 / DT_NS)):
+            self.ns += DT_NS
+            self.way += self.speed * DT_NS / 1e9
+            self.path.append((self.ns, self.depth, self.height))
+            if self.ns % 1_000_000_000 == 0:
+                self.generator.conditions.newest = WatchedMessages(dvl=self.sample())
+            out = self.generator.step(self.state(), self.sticks(heave), self.ns)
+            assert out is not None
+            if out.armed:
+                d = out.depth
+                self.depth, self.rate, self.acceleration = d.position, d.velocity, d.acceleration
+            self.seen.append(out)
+        return self.seen[-1]
+
+    def sample(self) -> DvlSample | None:
+        if not self.altimeter:
+            return None
+        stamp_ns, _, height = self.path[-1 - LATENCY_NS // DT_NS]
+        found = height + self.random.gauss(0.0, self.noise) - self.fish
+        self.fish = 0.0
+        velocity = (self.speed, 0.0, 0.0)
+        return DvlSample(stamp_ns=stamp_ns, velocity=velocity, std=0.01, altitude=max(0.0, found))
+
+    def state(self) -> VehicleState:
+        none = Estimate(0.0, 0.01)
+        return VehicleState(
+            stamp_ns=self.ns,
+            sensor_ns=self.ns,
+            phase="running",
+            depth=Estimate(self.depth, 0.01),
+            depth_rate=Estimate(self.rate, 0.01),
+            depth_acceleration=Estimate(self.acceleration, 0.01),
+            attitude=(1.0, 0.0, 0.0, 0.0),
+            roll=none,
+            pitch=none,
+            heading=none,
+            heading_navigation=None,
+            yaw_rate=none,
+        )
+
+    @property
+    def height(self) -> float:
+        return self.bottom(self.way) - self.depth
+
+    @property
+    def status(self) -> VehicleStatus:
+        return self.generator.status(self.ns)
+
+    @property
+    def nearest(self) -> float:
+        return min(height for _, _, height in self.path)
+
+    @property
+    def moved(self) -> float:
+        depths = [reference.depth.position for reference in self.seen]
+        return sum(abs(b - a) for a, b in pairwise(depths))
+
+
+def flat(_: float) -> float:
+    return 12.0
+
+
+def hills(slopes: list[float], length: float, start: float) -> BottomAt:
+    """[m] Straight pieces of this length, whose slopes are in degrees, falling away."""
+
+    def depth(way: float) -> float:
+        found = start
+        for slope in slopes:
+            found += tan(radians(slope)) * max(0.0, min(way, length))
+            way -= length
+        return found
+
+    return depth
+
+
+def is_continuous(dive: Dive) -> bool:
+    """No step, and never more jerk and acceleration than in depth hold."""
+    axis, dt = dive.settings.heave, DT_NS / 1e9
+    for a, b in pairwise(reference.depth for reference in dive.seen):
+        mean = (a.velocity + b.velocity) / 2
+        if abs(b.position - a.position - mean * dt) > axis.jerk * dt**3 + SMALL:
+            return False
+        if abs(b.acceleration - a.acceleration) > axis.jerk * dt + SMALL:
+            return False
+        if abs(b.acceleration) > axis.max_acceleration + SMALL or abs(b.jerk) > axis.jerk + SMALL:
+            return False
+    return True
+
+
+slopes = st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=6)
+
+
+@pytest.mark.parametrize(("heave", "nearer"), [(None, NEARER), (SLOWER, NEARER_SLOWER)])
+@settings(max_examples=25, deadline=None)
+@given(slopes, st.floats(0.1, 0.5), st.integers(0, 1000))
+def test_over_slopes_it_is_never_too_near_and_never_steps(
+    heave: VelocityAxis | None, nearer: float, slopes: list[float], speed: float, seed: int
+) -> None:
+    dive = Dive(hills(slopes, 6.0, 30.0), FLOOR + BAND, heave, seed)
+    assert dive.hold_height() == ""
+    dive.fly(2.0)
+    dive.speed = speed
+    dive.fly(6.0 * len(slopes) / speed)
+    assert dive.nearest >= FLOOR - nearer * speed / 0.5 - 2 * NOISE
+    dive.speed = 0.0
+    dive.fly(20.0)
+    assert dive.height == pytest.approx(FLOOR + BAND, abs=0.25)
+    assert dive.status.flight_mode == "altitude_hold"
+    assert is_continuous(dive)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-2.0, 1.4), st.floats(2.0, 4.0), st.integers(0, 1000))
+def test_a_step_of_the_bottom_is_climbed_once_it_is_below(
+    step: float, height: float, seed: int
+) -> None:
+    """`step` [m]: falling away."""
+    dive = Dive(lambda way: 20.0 + (step if way > 3.0 else 0.0), height, seed=seed)
+    assert dive.hold_height() == ""
+    dive.speed = 0.3
+    dive.fly(30.0)
+    dive.speed = 0.0
+    dive.fly(20.0)
+    assert dive.nearest >= height + min(0.0, step) - 3 * NOISE
+    assert dive.height == pytest.approx(height, abs=0.25)
+    assert is_continuous(dive)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(-1.0, 1.0), st.floats(0.5, 3.0), st.integers(0, 1000))
+@example(1.0, 2.0, 0)
+def test_over_flat_ground_the_stick_is_that_of_depth_hold(
+    heave: float, seconds: float, seed: int
+) -> None:
+    """The same motion, and the same point where it stops; where altitudes are noisy, one that is
+    within the noise."""
+    ends: list[Reference] = []
+    for hold, noise in (("stabilised", 0.0), ("altitude_hold", 0.0), ("altitude_hold", NOISE)):
+        dive = Dive(flat, 6.0, seed=seed, noise=noise)
+        assert dive.ask("mode", flight_mode=hold) == ""
+        dive.fly(0.5)
+        dive.fly(seconds, heave)
+        dive.fly(5.0)
+        ends.append(dive.seen[-1])
+    assert ends[1].depth.velocity == 0.0 == ends[1].depth.acceleration
+    assert ends[1].depth.position == pytest.approx(ends[0].depth.position, abs=1e-9)
+    assert ends[2].depth.position == pytest.approx(ends[0].depth.position, abs=2 * NOISE)
+
+
+def test_over_flat_ground_it_hardly_ever_moves() -> None:
+    for seed in range(4):
+        dive = Dive(flat, 2.0, seed=seed)
+        assert dive.hold_height() == ""
+        dive.fly(300.0)
+        assert dive.moved < 0.5
+        assert dive.height == pytest.approx(2.0, abs=0.15)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.7, 3.5), st.integers(0, 1000))
+def test_a_fish_does_not_move_it(near: float, seed: int) -> None:
+    moved: list[float] = []
+    for fish in (0.0, near):
+        dive = Dive(flat, 4.0, seed=seed)
+        assert dive.hold_height() == ""
+        dive.fly(8.0)
+        dive.fish = fish
+        dive.fly(8.0)
+        moved.append(dive.moved)
+    assert abs(moved[1] - moved[0]) < 0.1
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_without_an_altitude_the_depth_is_held_until_height_is_asked_for_again(back: bool) -> None:
+    dive = Dive(hills([-10.0], 100.0, 30.0), 3.0)
+    assert dive.hold_height() == ""
+    dive.speed = 0.3
+    dive.fly(10.0)
+    assert dive.status.altitude_wanted == pytest.approx(3.0, abs=0.2)
+    dive.altimeter = False
+    dive.fly(PATIENCE_S + 2.0)
+    assert dive.status.flight_mode == "stabilised"
+    assert dive.status.altitude is UNSET
+    assert dive.status.altitude_wanted is UNSET
+    assert told(dive.generator.outbox).count("lost:altitude") == 1
+    before = dive.fly(2.0).depth
+    dive.altimeter = back
+    dive.speed = 0.0
+    after = dive.fly(10.0).depth
+    assert after.position == before.position
+    assert is_continuous(dive)
+    for kind in ("disarm", "arm"):
+        assert dive.ask(kind) == ""
+        dive.fly(1.0)
+    assert dive.status.flight_mode == "stabilised"
+    assert (dive.hold_height() == "") == back
+
+
+def test_a_bottom_that_is_not_seen_is_not_followed_down() -> None:
+    dive = Dive(hills([20.0], 100.0, 20.0), 3.0, noise=0.0)
+    assert dive.hold_height() == ""
+    dive.speed = 0.5
+    dive.fly(10.0)
+    seen = dive.bottom(dive.way)
+    dive.altimeter = False
+    dive.fly(PATIENCE_S + 3.0)
+    assert dive.status.flight_mode == "stabilised"
+    assert dive.depth < seen - 3.0 + 0.4
+    assert is_continuous(dive)
+
+
+def test_the_stick_does_not_lead_below_the_least_height() -> None:
+    dive = Dive(flat, 3.0)
+    assert dive.hold_height() == ""
+    dive.fly(30.0, heave=1.0)
+    assert dive.nearest >= FLOOR - 3 * NOISE
+    dive.fly(10.0)
+    assert dive.height == pytest.approx(FLOOR + BAND, abs=0.2)
+    assert is_continuous(dive)
+
+
+def test_a_vehicle_that_sinks_does_not_move_the_bottom() -> None:
+    """An altitude belongs to the depth at its own time."""
+    dive = Dive(flat, 6.0, noise=0.0)
+    for _ in range(20):
+        dive.fly(0.2, heave=1.0)
+        assert dive.status.altitude == pytest.approx(dive.height, abs=0.02)
+
+
+@pytest.mark.parametrize("deed", ["stop", "goto", "lost"])
+def test_what_the_drone_does_by_itself_goes_on_at_a_depth(deed: str) -> None:
+    dive = Dive(flat, 3.0)
+    assert dive.hold_height() == ""
+    dive.fly(2.0)
+    if deed == "lost":
+        dive.generator.step(dive.state(), None, dive.ns + 500_000_000)
+    else:
+        assert dive.ask(deed, **({"depth": 5.0} if deed == "goto" else {})) == ""
+    assert dive.status.flight_mode == "stabilised"
+
+
+def test_a_heading_can_be_gone_to_at_a_height() -> None:
+    dive = Dive(flat, 3.0)
+    assert dive.hold_height() == ""
+    dive.fly(2.0)
+    assert dive.ask("goto", heading=1.0) == ""
+    dive.fly(1.0)
+    assert dive.status.flight_mode == "altitude_hold"
+
+
+def test_a_restarted_service_goes_on_holding_the_height() -> None:
+    memory = GuidanceCheckpoint(
+        armed=True, flight_mode="altitude_hold", asked="altitude_hold", armed_ns=1
+    )
+    dive = Dive(flat, 3.0, before=memory)
+    assert dive.status.flight_mode == "altitude_hold"
+    dive.fly(5.0)
+    assert dive.status.altitude_wanted == pytest.approx(3.0, abs=0.15)
+    blind = Dive(flat, 3.0, before=memory, altimeter=False)
+    blind.fly(PATIENCE_S)
+    assert blind.status.flight_mode == "stabilised"
+
+
+def test_disarmed_no_height_is_remembered() -> None:
+    dive = Dive(flat, 3.0)
+    assert dive.hold_height() == ""
+    dive.fly(2.0)
+    assert dive.ask("disarm") == ""
+    dive.depth = 4.0
+    dive.fly(2.0)
+    assert dive.ask("arm") == ""
+    out = dive.fly(5.0)
+    assert dive.status.flight_mode == "altitude_hold"
+    assert out.depth.position == pytest.approx(4.0, abs=0.05)
