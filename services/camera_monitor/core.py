@@ -18,6 +18,13 @@ MOST_MISSING = 1000  # messages: a greater gap is a sender that began anew
 
 
 @dataclass(slots=True)
+class Carried:
+    """What has arrived of the pictures of all cameras: it all takes the same way."""
+
+    bytes: int = 0  # with headers
+
+
+@dataclass(slots=True)
 class _Period:
     """Since the last report."""
 
@@ -32,12 +39,21 @@ class _Period:
 
 
 class PictureAccount:
-    def __init__(self, outbox: Outbox) -> None:
+    """Of one camera."""
+
+    def __init__(self, outbox: Outbox, carried: Carried | None = None, called: str = "") -> None:
+        """
+        Args:
+            carried: shared by the accounts of all cameras.
+            called: the camera, before every word about its picture; empty: there is one only.
+        """
         self._outbox = outbox
+        self._carried = Carried() if carried is None else carried
+        self._called = called
         self._assembler = Assembler()
         self._period = _Period()
         self._began_ns: Ns = 0  # [ns] of the period
-        self._train: tuple[Ns, Ns, int] | None = None  # stamp, arrival of the first part, bytes
+        self._train: tuple[Ns, Ns, int] | None = None  # stamp, arrival of the first part, carried
         self._seq: int | None = None
         self._newest: int | None = None
         self._picture_ns: Ns | None = None  # stamp of the newest decoded picture …
@@ -86,8 +102,12 @@ class PictureAccount:
         self._outbox.tell(events.UNDECODABLE("picture"))
         self._broken = True
 
-    def report(self, now: Ns) -> PictureAge:
-        """What happened since the last report; a new period begins."""
+    def report(self, now: Ns, *, roomless: bool = False) -> PictureAge:
+        """What happened since the last report; a new period begins.
+
+        Args:
+            roomless: the camera sends nothing because the link has no room for it.
+        """
         period, self._period = self._period, _Period()
         seconds = max((now - self._began_ns) / 1e9, 1e-3)
         self._began_ns = now
@@ -109,13 +129,21 @@ class PictureAccount:
             lost=period.missing / expected if expected else 0.0,
             newest=self._newest,
             keyframe_wanted=self._broken,
-            words=_words(age, self._broken, self._newest, exact=self._exact),
+            words=self._words(age, roomless=roomless),
         )
+
+    def _words(self, age: float | None, *, roomless: bool) -> str:
+        if roomless:
+            words = "the link has no room for its picture"
+        else:
+            words = _words(age, self._broken, self._newest, exact=self._exact)
+        return f"{self._called}: {words}" if words and self._called else words
 
     def _measure(self, part: VideoPart, now: Ns) -> None:
         period = self._period
         period.heard += 1
         period.bytes += len(part.data)
+        self._carried.bytes += len(part.data) + HEADERS
         if self._seq is not None and 0 < part.seq - self._seq - 1 < MOST_MISSING:
             period.missing += part.seq - self._seq - 1
             self._broken = True
@@ -123,12 +151,11 @@ class PictureAccount:
             self._broken = True  # a camera that began anew
         self._seq, self._newest = part.seq, part.picture
         if self._train is None or self._train[0] != part.stamp_ns:
-            self._train = part.stamp_ns, now, 0
+            self._train = part.stamp_ns, now, self._carried.bytes
             return
-        stamp, began, size = self._train
-        self._train = stamp, began, size + len(part.data) + HEADERS
         if part.part == part.parts - 1:
-            period.train_bytes += self._train[2]
+            _, began, carried = self._train
+            period.train_bytes += self._carried.bytes - carried
             period.train_ns += now - began
 
 
