@@ -1,6 +1,6 @@
 """Camera monitor service, topside: decodes every picture, reads the time in it, and reports."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +17,7 @@ from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
-SAID_NS = 1_000_000_000  # [ns] the shares of older ones are not those of now
+SAID_NS = 1_000_000_000  # [ns] older, it is not so any more
 
 
 class Decoder(Protocol):
@@ -34,11 +34,10 @@ def wire(node: Node, stack: Stack) -> None:
             f"camera_monitor needs PyAV, which is not installed; {how_to_install('camera')}"
         ) from None
     views = stack.section("camera", CameraViews).by_name
-    shares: CameraShares | None = None
+    roomless: dict[str, Ns] = {}  # [ns] when the link was last said to have no room for it
 
-    def learn(said: CameraShares, _: Ns) -> None:
-        nonlocal shares
-        shares = said
+    def learn(said: CameraShares, now: Ns) -> None:
+        roomless.update((name, now) for name, kbit in said.kbit.items() if kbit == 0.0)
 
     if len(views) > 1:
         node.each(topics.CAMERA_SHARES, learn)
@@ -46,7 +45,7 @@ def wire(node: Node, stack: Stack) -> None:
     for name in views:
         called = cameras.called(name, several=True) if len(views) > 1 else ""
         account = PictureAccount(node.outbox, carried, called)
-        _watch(node, name, account, VideoDecoder(), lambda: shares)
+        _watch(node, name, account, VideoDecoder(), roomless)
 
 
 def _watch(
@@ -54,16 +53,15 @@ def _watch(
     name: str,
     account: PictureAccount,
     decoder: Decoder,
-    shares: Callable[[], CameraShares | None],
+    roomless: Mapping[str, Ns],
 ) -> None:
     """Measure the picture of one camera."""
     video = cameras.video(name)
     age = node.publisher(cameras.age(name))
 
     def report(now: Ns) -> None:
-        said = shares()
-        newest = said is not None and now < said.stamp_ns + SAID_NS
-        age.put(account.report(now, roomless=newest and said.kbit.get(name) == 0.0))
+        said = roomless.get(name)
+        age.put(account.report(now, roomless=said is not None and now < said + SAID_NS))
 
     def hear(part: VideoPart, now: Ns) -> None:
         was_whole = not account.broken

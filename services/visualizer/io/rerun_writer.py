@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from messages.cameras import FIRST
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Failsafe
 from services.marine.vehicle import Vehicle
@@ -20,7 +21,7 @@ from services.visualizer.batch import (
     VideoSample,
     joined_columns,
 )
-from services.visualizer.blueprint import TIMELINE, blueprint
+from services.visualizer.blueprint import TIMELINE, blueprint, camera_path
 from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve, Look
 from services.visualizer.curves import computed, curves
 from services.visualizer.io.rrd_file import RrdFile
@@ -64,7 +65,7 @@ class RerunWriter:
         self._looks = [*[curve for curve in named if not curve.topic.is_family], *computed()]
         self._families = {curve.path: curve for curve in named if curve.topic.is_family}
         self._styled = {look.path for look in self._looks}
-        self._filming = False  # has a picture of a camera been written?
+        self._cameras: list[str] = []  # of which a picture has been written
         self._services: dict[str, int] = {}  # colour of each, in every panel
 
     def save(self, file: RrdFile) -> None:
@@ -212,12 +213,20 @@ class RerunWriter:
             self._rec.send_columns("world/predicted", [_index(times)], pose)
 
     def _film(self, video: list[VideoSample]) -> None:
-        if not self._filming:  # nothing is said of a camera where there is none
-            self._filming = True
-            self._static("camera", rr.VideoStream(codec=rr.VideoCodec.H264))
-        when = [_index([sample.time for sample in video])]
-        samples = rr.VideoStream.columns(sample=[sample.data for sample in video])
-        self._rec.send_columns("camera", when, samples)
+        for camera in dict.fromkeys(sample.camera for sample in video):
+            if camera not in self._cameras:  # nothing is said of a camera where there is none
+                self._show_camera(camera)
+            own = [sample for sample in video if sample.camera == camera]
+            when = [_index([sample.time for sample in own])]
+            samples = rr.VideoStream.columns(sample=[sample.data for sample in own])
+            self._rec.send_columns(camera_path(camera), when, samples)
+
+    def _show_camera(self, camera: str) -> None:
+        self._cameras.append(camera)
+        self._static(camera_path(camera), rr.VideoStream(codec=rr.VideoCodec.H264))
+        if camera != FIRST:  # the layout has the first one anyway
+            further = [each for each in self._cameras if each != FIRST]
+            self._rec.send_blueprint(blueprint(self._vehicle, further))
 
     def _at(self, time: int) -> None:
         self._rec.set_time(TIMELINE, duration=np.timedelta64(time, "ns"))
