@@ -17,10 +17,10 @@ LONGEST = 1024  # [B] of one message
 # take: the sticks of this cockpit, and control of the drone unless another pilot has it;
 # force: control from whoever has it; give_back: both; offer: control, to any other pilot. What is
 # held says what stood on the button when that began: arm never resumes, and resume never arms.
-# film: begin one, or end it
+# film: begin one, or end it; camera: make it the large one
 Wish = Literal[
     "arm", "resume", "disarm", "stop", "light", "mode", "goto", "take", "force", "offer",
-    "give_back", "film", "snapshot",
+    "give_back", "film", "snapshot", "camera",
 ]  # fmt: skip
 Absence = Literal["hidden", "unplugged"]
 DroneName = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_.-]{1,64}\Z")]
@@ -53,6 +53,7 @@ class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
     value: Share | None = None  # light: brightness; None: on or off, whichever it is not
     depth: Annotated[float, msgspec.Meta(ge=0.0, le=DEEPEST)] | None = None  # [m] goto
     heading_deg: Annotated[float, msgspec.Meta(ge=-TURN, le=TURN)] | None = None  # goto
+    camera: Name = ""  # camera
 
 
 class PageFly(PageMessage, frozen=True, kw_only=True, tag="fly"):
