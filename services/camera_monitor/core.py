@@ -13,6 +13,7 @@ from services.vehicle_view import ages
 TOTAL = "light to picture"
 STRIPE_NS = 1_000_000  # [ns] the stripe and the stamp may differ by, after clocks were converted
 OLD_MS = ages.STATE.grey_ns / 1e6  # [ms] an older picture is said to be old, as on the page
+SMALL_OLD_MS = ages.PICTURE.gone_ns / 1e6  # [ms] … of a small one
 MOST_KBIT = 1e6  # [kbit/s] parts that arrive at one instant
 MOST_MISSING = 1000  # messages: a greater gap is a sender that began anew
 
@@ -102,10 +103,11 @@ class PictureAccount:
         self._outbox.tell(events.UNDECODABLE("picture"))
         self._broken = True
 
-    def report(self, now: Ns, *, roomless: bool = False) -> PictureAge:
+    def report(self, now: Ns, *, small: bool = False, roomless: bool = False) -> PictureAge:
         """What happened since the last report; a new period begins.
 
         Args:
+            small: the picture is a small one, which may be a slide show.
             roomless: the camera sends nothing because the link has no room for it.
         """
         period, self._period = self._period, _Period()
@@ -129,12 +131,14 @@ class PictureAccount:
             lost=period.missing / expected if expected else 0.0,
             newest=self._newest,
             keyframe_wanted=self._broken,
-            words=self._words(age, roomless=roomless),
+            words=self._words(age, small=small, roomless=roomless),
         )
 
-    def _words(self, age: float | None, *, roomless: bool) -> str:
+    def _words(self, age: float | None, *, small: bool, roomless: bool) -> str:
         if roomless:
             words = "the link has no room for its picture"
+        elif small and age is not None and age <= SMALL_OLD_MS:
+            words = ""
         else:
             words = _words(age, self._broken, self._newest, exact=self._exact)
         return f"{self._called}: {words}" if words and self._called else words

@@ -1,6 +1,6 @@
 """Camera monitor service, topside: decodes every picture, reads the time in it, and reports."""
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -20,6 +20,17 @@ from services.runtime.node.node import Node
 SAID_NS = 1_000_000_000  # [ns] older, it is not so any more
 
 
+@dataclass(slots=True)
+class Shares:
+    """What each camera may send, as the large one said last."""
+
+    newest: CameraShares | None = None
+    heard_ns: Ns = 0
+
+    def fresh(self, now: Ns) -> CameraShares | None:
+        return self.newest if now < self.heard_ns + SAID_NS else None
+
+
 class Decoder(Protocol):
     """Of the pictures of one camera."""
 
@@ -34,10 +45,10 @@ def wire(node: Node, stack: Stack) -> None:
             f"camera_monitor needs PyAV, which is not installed; {how_to_install('camera')}"
         ) from None
     views = stack.section("camera", CameraViews).by_name
-    roomless: dict[str, Ns] = {}  # [ns] when the link was last said to have no room for it
+    shares = Shares()
 
     def learn(said: CameraShares, now: Ns) -> None:
-        roomless.update((name, now) for name, kbit in said.kbit.items() if kbit == 0.0)
+        shares.newest, shares.heard_ns = said, now
 
     if len(views) > 1:
         node.each(topics.CAMERA_SHARES, learn)
@@ -45,7 +56,7 @@ def wire(node: Node, stack: Stack) -> None:
     for name in views:
         called = cameras.called(name, several=True) if len(views) > 1 else ""
         account = PictureAccount(node.outbox, carried, called)
-        _watch(node, name, account, VideoDecoder(), roomless)
+        _watch(node, name, account, VideoDecoder(), shares)
 
 
 def _watch(
@@ -53,15 +64,17 @@ def _watch(
     name: str,
     account: PictureAccount,
     decoder: Decoder,
-    roomless: Mapping[str, Ns],
+    shares: Shares,
 ) -> None:
     """Measure the picture of one camera."""
     video = cameras.video(name)
     age = node.publisher(cameras.age(name))
 
     def report(now: Ns) -> None:
-        said = roomless.get(name)
-        age.put(account.report(now, roomless=said is not None and now < said + SAID_NS))
+        said = shares.fresh(now)
+        small = said is not None and said.large != name
+        roomless = said is not None and said.kbit.get(name) == 0.0
+        age.put(account.report(now, small=small, roomless=roomless))
 
     def hear(part: VideoPart, now: Ns) -> None:
         was_whole = not account.broken

@@ -191,4 +191,7 @@ def test_the_overlay_is_of_the_large_camera() -> None:
     deck.wish(ANN, "camera", camera="down")
     assert deck.views()[0]["fov_deg"] == 57.3
     assert deck.views()[0]["looks_deg"] == [-85.9, 28.6]
-    assert Cameras(VIEWS).looks(-20.0) == (-14.3, 0.0)  # the pilot tilts the first one
+    cameras = Cameras(VIEWS)
+    assert cameras.looks(-20.0) == (-14.3, 0.0)  # the pilot tilts the first one …
+    cameras.choose("down", 0)
+    assert cameras.looks(-20.0) == (-85.9, 28.6)  # … and no other
