@@ -51,7 +51,7 @@ def wire(node: Node, stack: Stack) -> None:
     cameras = Cameras(views, settings.pilot)
     connected = CockpitPages(node, settings, vehicle, server, stack.name, cameras)
     for name in views:
-        _relay(node, name, server.show_video, connected.sent_picture)
+        relay(node, name, server.show_video, connected.sent_picture)
     server.start(node.from_outside(connected.receive))
     node.log("info", f"cockpit: {access.address}")
     if not settings.local:
@@ -146,7 +146,7 @@ class CockpitPages:
         self._cockpit.log(line, now)
 
 
-def _relay(
+def relay(
     node: Node,
     camera: str,
     show: Callable[[PageUnit, str], None],

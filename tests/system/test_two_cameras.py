@@ -4,6 +4,7 @@ pilot's choice changes, and that both are recorded and filmed."""
 import json
 import shutil
 import subprocess
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -92,7 +93,7 @@ def test_the_large_picture_keeps_its_part_and_the_small_one_is_there(flown: Flow
     assert front > 4.0 * down
     assert front > 100.0
     assert front + down < 0.85 * ROOM_KBIT
-    assert len([at for at, part in flown.arrived["down"] if begin < at < end]) >= 3  # slides
+    assert sum(begin < at < end for at, _ in flown.arrived["down"]) >= 3  # slides
 
 
 def test_the_pilots_choice_turns_it_round_within_a_second(flown: Flown) -> None:
@@ -100,9 +101,9 @@ def test_the_pilots_choice_turns_it_round_within_a_second(flown: Flown) -> None:
     front, down = (kbit(flown.arrived[name], begin, end) for name in ("front", "down"))
     assert down > 4.0 * front > 0.0
     assert down > 80.0
-    assert {said.large for at, said in flown.shares["front"]} == {"front"}
+    assert {said.large for _, said in flown.shares["front"]} == {"front"}
     assert max(at for at, _ in flown.shares["front"]) < CHOSEN + S
-    assert {said.large for at, said in flown.shares["down"]} == {"down"}
+    assert {said.large for _, said in flown.shares["down"]} == {"down"}
 
 
 def test_what_each_may_send_is_all_there_is_and_what_it_sends(flown: Flown) -> None:
@@ -137,12 +138,11 @@ def test_a_slide_show_is_no_alarm(flown: Flown) -> None:
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("cameras") / "dive"
-    services = with_further_cameras(Registry.read("camera"), Choices(set_=SETTINGS))
     choices = Choices(
         stack="camera", link="wifi_buoy", seconds=4.0, out=out,
         set_=(*SETTINGS, "estimation.calibration.still_time=1"),
     )  # fmt: skip
-    simulated(choices, running=[name for name in services if name != "visualizer"])
+    simulated(choices)
     return out
 
 
@@ -177,7 +177,7 @@ def test_each_picture_is_of_its_camera_at_its_time(dive: Path) -> None:
         stamps = iter(dict.fromkeys(light))
         for picture in pictures(recording, camera=name):
             (frame,) = decoder.decode(av.Packet(picture.data))
-            luma = frame.to_ndarray()[: frame.height]
+            luma = np.asarray(frame.to_ndarray()[: frame.height], np.uint8)
             stamp = next(stamps)
             assert time_stripe.read(luma, stamp) == stamp // 1000 * 1000
             bright.append(float(np.mean(luma[40:])))
@@ -194,3 +194,23 @@ def test_a_snapshot_of_each_camera_says_which(dive: Path, tmp_path: Path) -> Non
     pytest.importorskip("PIL")
     written = taken(open_recording(dive), tmp_path, at=(2.0,), camera="all")
     assert [path.stem.rpartition("-")[2] for path in written] == ["front", "down"]
+
+
+def test_viewers_have_every_picture_of_both(dive: Path) -> None:
+    """rerun's own reader, and the channels for Foxglove."""
+    chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
+    from mcap.reader import make_reader
+
+    for name, path in (("front", "camera"), ("down", "camera_down")):
+        sent = {message.stamp_ns for message in messages(dive, cameras.video(name).key)}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a file that is written as the dive goes on
+            stream = chunk.RrdReader(str(dive / "dive.rrd")).stream()
+        batches = [
+            part.to_record_batch() for part in stream.filter(content=f"/{path}", is_static=False)
+        ]
+        drawn = sum(len(batch) for batch in batches)  # topside: the last ones are on their way
+        assert len(sent) - 5 <= drawn <= len(sent)
+        with (dive / "dive.mcap").open("rb") as file:
+            views = list(make_reader(file).iter_messages(topics=[f"foxglove/{path}"]))
+        assert len(views) == len(sent)

@@ -11,8 +11,9 @@ from services.camera.core import ROOMLESS_NS, SHARES_NS, Camera, OneCamera, Sett
 from services.camera.sharing import ENOUGH_KBIT, SMALL, Range, shares
 
 S = 1_000_000_000
-NAMES = ("front", "down", "gripper", "aft")
-ranges = st.builds(lambda a, b: Range(min(a, b), max(a, b)), *[st.floats(4.0, 500.0)] * 2)
+NAMES: tuple[str, ...] = ("front", "down", "gripper", "aft")
+sides = st.tuples(st.floats(4.0, 500.0), st.floats(4.0, 500.0))
+ranges = sides.map(lambda ends: Range(min(ends), max(ends)))
 totals = st.floats(1.0, 600.0) | st.floats(1.0, 1e5)
 
 

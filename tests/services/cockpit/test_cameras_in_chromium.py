@@ -24,7 +24,7 @@ from services.cockpit.cameras import Cameras
 from services.cockpit.core import Settings
 from services.cockpit.io.access import access_to
 from services.cockpit.io.server import PageServer
-from services.cockpit.service import CockpitPages, _relay
+from services.cockpit.service import CockpitPages, relay
 from services.marine.field_of_view import FieldOfView
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
@@ -69,7 +69,7 @@ class Deck:
         vehicle = Stack(vehicle="pioneer").section("vehicle", Vehicle)
         self._pages = CockpitPages(node, settings, vehicle, self._server, "rov1", self.cameras)
         for name in names:
-            _relay(node, name, self._server.show_video, self._pages.sent_picture)
+            relay(node, name, self._server.show_video, self._pages.sent_picture)
         self.chosen: list[CameraChoice] = []
         bus = self.host.side("topside")
         decode = msgspec.msgpack.Decoder(CameraChoice).decode
