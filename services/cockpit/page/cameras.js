@@ -36,7 +36,7 @@ export class Cameras {
     video.name = name;
     button.className = "camera";
     button.disabled = this.connection.watching;
-    called.textContent = name;
+    called.textContent = name.replaceAll("_", " ");
     button.append(called, text);
     if (video !== this.large) button.prepend(video.canvas);
     button.addEventListener("click", () => this.choose(name));
@@ -47,7 +47,8 @@ export class Cameras {
   // The pictures change their places and nothing else: neither is decoded anew.
   swap(video) {
     const before = this.large.canvas;
-    before.id = before.style.cssText = "";
+    before.id = before.dataset.style = "";
+    video.canvas.dataset.style = video.canvas.style.cssText = "";
     this.tiles.get(this.large.name)?.button.prepend(before);
     this.large = video;
     video.canvas.id = "picture";
@@ -81,8 +82,9 @@ function label({ video, button, text }, roomless) {
   button.setAttribute("aria-label", `${video.name} · ${said}`);
 }
 
-// What of the picture is for machines is not shown.
-function crop({ canvas, stripe }) {
-  const path = stripe ? `inset(${(100 * stripe) / canvas.height}% 0 0 0)` : "";
-  if (canvas.style.clipPath !== path) canvas.style.clipPath = path;
+// What of the picture is for machines lies above what is shown.
+function crop({ canvas, stripe = 0 }) {
+  const share = stripe / canvas.height;
+  const style = `height:${100 / (1 - share)}%;translate:0 ${-100 * share}%`;
+  if (canvas.dataset.style !== style) canvas.style.cssText = canvas.dataset.style = style;
 }

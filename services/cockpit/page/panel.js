@@ -93,7 +93,7 @@ function link(said) {
 export function showPicture(video) {
   const { age, least, words: wrong, silence, name } = video;
   const known = age !== undefined && silence < Infinity;
-  const what = name ? `${name} ${units.number(video.kbit)} kbit/s` : words.t("picture"); // where there are several
+  const what = name ? `${name.replaceAll("_", " ")} ${units.number(video.kbit)} kbit/s` : words.t("picture"); // where there are several
   put("picture-age", `${what} ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && wrong ? "old" : "");
   put("no-picture", words.t(wrong), wrong && known ? "old" : "");
 }

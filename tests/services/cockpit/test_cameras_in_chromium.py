@@ -153,6 +153,8 @@ def test_a_tap_makes_the_small_picture_large_and_the_large_one_small(
     wait_for(page, LARGE, "down")
     wait_for(page, SMALL, "front")
     assert page.look("document.getElementById('picture').getBoundingClientRect().width") == wide
+    small = page.look("document.querySelector('.camera canvas:not(#picture)').clientWidth")
+    assert 48 <= small < wide / 4
     page.wait(f"{LABELS}.join().startsWith('front · ')")
     assert [choice.camera for choice in deck.chosen] == ["down"]
     assert deck.chosen[0].source == "ann"
