@@ -193,6 +193,7 @@ def test_every_camera_and_button_can_be_pressed_whatever_the_drone_does(
     for state in STATES.values():
         served.becomes(page, **state, **listed)
         page.look(FINGER if size.touch else "0")
+        assert page.look(UNPRESSED) == "", state
         alarmed = page.look("!document.getElementById('silence').hidden")
         if alarmed and size.height < 560:  # they give way to what is more urgent
             page.look("document.getElementById('silence').click()")
