@@ -213,18 +213,21 @@ class RerunWriter:
             self._rec.send_columns("world/predicted", [_index(times)], pose)
 
     def _film(self, video: list[VideoSample]) -> None:
-        for camera in dict.fromkeys(sample.camera for sample in video):
-            if camera not in self._cameras:  # nothing is said of a camera where there is none
-                self._show_camera(camera)
-            own = [sample for sample in video if sample.camera == camera]
+        by_camera: dict[str, list[VideoSample]] = {}
+        for sample in video:
+            by_camera.setdefault(sample.camera, []).append(sample)
+        self._show_cameras([camera for camera in by_camera if camera not in self._cameras])
+        for camera, own in by_camera.items():
             when = [_index([sample.time for sample in own])]
             samples = rr.VideoStream.columns(sample=[sample.data for sample in own])
             self._rec.send_columns(camera_path(camera), when, samples)
 
-    def _show_camera(self, camera: str) -> None:
-        self._cameras.append(camera)
-        self._static(camera_path(camera), rr.VideoStream(codec=rr.VideoCodec.H264))
-        if camera != FIRST:  # the layout has the first one anyway
+    def _show_cameras(self, new: list[str]) -> None:
+        """Nothing is said of a camera where there is none; the layout has the first one anyway."""
+        self._cameras += new
+        for camera in new:
+            self._static(camera_path(camera), rr.VideoStream(codec=rr.VideoCodec.H264))
+        if any(camera != FIRST for camera in new):
             further = [each for each in self._cameras if each != FIRST]
             self._rec.send_blueprint(blueprint(self._vehicle, further))
 
