@@ -1,7 +1,7 @@
 // Several cameras: one fills the screen, the others stand small at the edge, each with its name, its
 // age and what arrives of it. A tap makes one large; which one it is the service says, to all pages.
 
-import { seconds } from "/panel.js";
+import { cameraName, seconds } from "/panel.js";
 import { units } from "/units.js";
 import { Video } from "/video.js";
 import { words } from "/words.js";
@@ -36,12 +36,11 @@ export class Cameras {
     video.name = name;
     button.className = "camera";
     button.disabled = this.connection.watching;
-    called.textContent = name.replaceAll("_", " ");
     button.append(called, text);
     if (video !== this.large) button.prepend(video.canvas);
     button.addEventListener("click", () => this.choose(name));
     this.place.append(button);
-    this.tiles.set(name, { video, button, text });
+    this.tiles.set(name, { video, button, called, text });
   }
 
   // The pictures change their places and nothing else: neither is decoded anew.
@@ -72,14 +71,16 @@ export class Cameras {
   }
 }
 
-function label({ video, button, text }, roomless) {
+function label({ video, button, called, text }, roomless) {
   const { age, least, silence, ages, kbit } = video;
   const known = age !== undefined && silence < Infinity;
   const how = roomless ? words.t("no_room") : known ? `${least}${seconds(age / 1000)}` : words.t("no picture");
   const said = roomless ? how : `${how} · ${units.number(kbit)} kbit/s`;
+  const name = cameraName(video.name);
+  if (called.textContent !== name) called.textContent = name;
   if (text.textContent !== said) text.textContent = said;
   text.className = roomless || !known || silence > ages[0] ? "old" : "";
-  button.setAttribute("aria-label", `${video.name} · ${said}`);
+  button.setAttribute("aria-label", `${name} · ${said}`);
 }
 
 // What of the picture is for machines lies above what is shown.
