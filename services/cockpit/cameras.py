@@ -54,10 +54,11 @@ class Cameras:
             self.large, self._known = said.large, True
 
     def repeated(self, now: Ns, *, in_control: bool) -> CameraChoice | None:
-        """The choice again, where it is due."""
-        if not (self.several and self._known and in_control) or now < self._sent_ns + REPEAT_NS:
-            return None
-        return self._choice(now)
+        """The choice again, where it is due. Also without control where no camera on board says
+        that it is large: one that was started anew has forgotten it."""
+        silent = self._said is not None and now >= self._said_ns + ANSWERED_NS
+        due = self.several and self._known and (in_control or silent)
+        return self._choice(now) if due and now >= self._sent_ns + REPEAT_NS else None
 
     def roomless(self, name: str, now: Ns) -> bool:
         """Does it send nothing because the link has no room for it?"""

@@ -23,6 +23,7 @@ export class Cameras {
     if (chosen !== this.large) this.swap(chosen);
     for (const [name, tile] of this.tiles) {
       const entry = listed.find((each) => each[0] === name);
+      tile.video.want(Boolean(entry) || tile.video === this.videos[0]); // another drone has others
       tile.button.hidden = tile.video === this.large || !entry;
       if (!tile.button.hidden) label(tile, entry[1]);
     }

@@ -19,13 +19,14 @@ export class Video {
     this.unable = cannot(); // why this browser shows no picture; empty: it can
     this.underWay = []; // units that the decoder has
     this.failures = 0;
+    this.wanted = true; // the drone has this camera
     [this.bytes, this.since, this.rate] = [0, performance.now(), 0]; // of what arrives
     document.addEventListener("visibilitychange", () => (document.hidden ? this.close() : this.open()));
     if (!document.hidden) this.open();
   }
 
   open() {
-    if (this.unable || this.socket) return;
+    if (this.unable || this.socket || !this.wanted) return;
     const socket = new WebSocket(this.connection.address("/ws/video", this.name ? { camera: this.name } : {}));
     socket.binaryType = "arraybuffer";
     socket.onmessage = (event) => this.take(socket, event.data);
@@ -35,6 +36,13 @@ export class Video {
       if (!this.connection.old) setTimeout(() => document.hidden || this.open(), RETRY_MS);
     };
     this.socket = socket;
+  }
+
+  want(wanted) {
+    if (wanted === this.wanted) return;
+    this.wanted = wanted;
+    if (!wanted) this.close();
+    else if (!document.hidden) this.open();
   }
 
   // Nobody looks, or nothing comes: begin anew, with a keyframe.
