@@ -47,7 +47,7 @@ KEYS = (
     Key("speed", ("KeyX",), "slow, normal or boost speed", "page"),
     Key("film", ("KeyV",), "record a film", "page"),
     Key("snapshot", ("KeyP",), "take a snapshot", "page"),
-    Key("next_camera", ("KeyN",), "make the next camera the large one", "page"),
+    Key("next_camera", ("KeyT",), "make the next camera the large one", "page"),
     Key("mute", ("KeyM",), "sound off, on", "page"),
 )
 HOLD_NS = 1_000_000_000  # [ns] what is deliberate is held for so long

@@ -161,7 +161,7 @@ def test_a_tap_makes_the_small_picture_large_and_the_large_one_small(
     said = page.look("document.getElementById('picture-age').textContent")
     assert said.startswith("down ")
     assert "kbit/s" in said
-    page.look("dispatchEvent(new KeyboardEvent('keydown', { code: 'KeyN' }))")
+    page.look("dispatchEvent(new KeyboardEvent('keydown', { code: 'KeyT' }))")
     wait_for(page, LARGE, "front")
     page.close()
 
