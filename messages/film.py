@@ -15,6 +15,7 @@ class FilmRequest(Request, frozen=True, kw_only=True):
     kind: FilmKind
     light_ns: Stamp  # [ns] stamp of the newest picture that the pages had been sent
     source: Name = ""  # who films
+    camera: Name = ""  # of which camera; empty: there is one only
 
 
 class FilmAnswer(Answer, frozen=True, kw_only=True):

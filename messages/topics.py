@@ -38,7 +38,7 @@ from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.topic import AnyTopic, Direction, Qos, Topic, rows
 from messages.vehicle import Actuation, Truth, VehicleEstimate, VehicleStatus
-from messages.video import PictureAge, VideoPart
+from messages.video import CameraChoice, CameraShares, PictureAge, VideoPart
 
 REALTIME, LIVE, EVENT, BULK = Qos.REALTIME, Qos.LIVE, Qos.EVENT, Qos.BULK
 DOWN, UP, BOTH, STAY = Direction.DOWN, Direction.UP, Direction.BOTH, Direction.STAY
@@ -84,6 +84,10 @@ VIDEO          = Topic("camera/video",        VideoPart,          25, BULK,     
 FILM_REQUEST   = Topic("film/request",        FilmRequest,         0, EVENT,       DOWN)
 FILM_ANSWER    = Topic("film/answer",         FilmAnswer,          0, EVENT,       UP)
 PICTURE_AGE    = Topic("camera/age",          PictureAge,          5, BULK,        DOWN)
+FURTHER_VIDEO  = Topic("camera/video/*",      VideoPart,          25, BULK,        UP)
+FURTHER_AGE    = Topic("camera/age/*",        PictureAge,          5, BULK,        DOWN)
+CAMERA_CHOICE  = Topic("camera/choice",       CameraChoice,        0, EVENT,       DOWN)
+CAMERA_SHARES  = Topic("camera/shares/*",     CameraShares,        5, BULK,        UP)
 IDENTITY       = Topic("identity/*",          SideIdentity,        0, BULK,        BOTH)
 HEALTH         = Topic("health/*",            Health,              1, BULK,        BOTH)
 LOG            = Topic("log/*",               LogLine,             0, BULK,        BOTH)

@@ -7,7 +7,7 @@ import msgspec
 
 from messages.link import Stage, Stages
 from messages.message import Message
-from messages.units import Count, NotNegative, Share, Stamp, Text
+from messages.units import Count, Name, NotNegative, Share, Stamp, Text
 
 HEADERS = 200  # [B] of one message besides its data: its other fields, and those of the network
 LONGEST_PART = 60_000  # [B] of one message
@@ -61,6 +61,23 @@ class PictureAge(Message, frozen=True, kw_only=True):
     newest: Count | None = None  # number of the newest picture of which anything arrived
     keyframe_wanted: bool = False  # nothing can be decoded before the next one
     words: Text = ""  # what is wrong with the picture, for the pilot; empty: nothing
+
+
+class CameraChoice(Message, frozen=True, kw_only=True):
+    """Which camera is to be the large one. From the pilot's page: said when it is chosen, and once
+    a second while its pilot has control. The newest that arrives counts."""
+
+    camera: Name
+    source: Name = ""  # who chose it
+
+
+class CameraShares(Message, frozen=True, kw_only=True):
+    """What each camera may send, by `services.camera.sharing`. From the large camera, which alone
+    measures the link; with one camera nobody says it."""
+
+    large: Name
+    total_kbit: NotNegative  # [kbit/s] for the pictures of all cameras
+    kbit: Annotated[dict[Name, NotNegative], msgspec.Meta(max_length=16)]  # [kbit/s] 0: none
 
 
 class AccessUnit(msgspec.Struct, frozen=True):

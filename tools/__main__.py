@@ -218,7 +218,7 @@ def function_of(name: str, place: str) -> Any:
 def _shown(default: object) -> str | None:
     """A default in the help, unless it only says that there is nothing."""
     words = str(default)
-    return None if words in ("None", "True", "False", "inf") or words[0] == "(" else words
+    return None if words in ("", "None", "True", "False", "inf") or words[0] == "(" else words
 
 
 def _leave(*_: object) -> None:

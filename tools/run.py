@@ -18,6 +18,7 @@ from tools.checks import pilot_of
 from tools.choices import DEFAULT, Choices, named
 from tools.keys.credentials import credentials, is_local
 from tools.keys.roles import Role
+from tools.live.cockpit import with_further_cameras
 from tools.live.dive_folder import dive_files
 from tools.live.viewer import VIEWER
 from tools.replay.viewing import one_bus
@@ -51,7 +52,7 @@ def run(
 
     Example: lindy run control --connect drone=tcp/127.0.0.1:7448
     """
-    services = Registry.read(choices.stack)
+    services = with_further_cameras(Registry.read(choices.stack), choices)
     if service not in services:
         raise LindyError(f"unknown service {service!r}{nearest(service, sorted(services))}")
     spec = services[service]

@@ -18,6 +18,7 @@ from services.runtime.hosts.registry import Registry
 from services.vehicle_view.log_lines import when
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import DEFAULT, Choices, named
+from tools.live.cockpit import with_further_cameras
 from tools.live.display import LineDisplay
 from tools.live.dive_folder import point_latest
 from tools.live.dive_timeline import DiveTimeline
@@ -96,6 +97,7 @@ def simulated(choices: Choices, *, files: bool = True, running: Collection[str] 
     """
     pilot, services = scripted(choices), Registry.read(choices.stack)
     services.require_whole()
+    services = with_further_cameras(services, choices)
     if files or running:
         services = runnable(services)
     if running:

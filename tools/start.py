@@ -20,7 +20,7 @@ from tools.checks import PilotChoice, checked
 from tools.choices import Choices
 from tools.fleet.names import own_name
 from tools.fleet.others import others_named
-from tools.live.cockpit import with_picture
+from tools.live.cockpit import with_further_cameras, with_picture
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
 from tools.live.monitor_loop import followed_by
@@ -46,6 +46,7 @@ def as_it_can_run(
         LindyError: the table [camera] is wrong, or a process has the name of a service.
     """
     services = with_picture(runnable(services), choices, every)
+    services = with_further_cameras(services, choices)
     return services.grouped() if grouped else services
 
 

@@ -55,7 +55,7 @@ from messages.vehicle import (
     VehicleEstimate,
     VehicleStatus,
 )
-from messages.video import PictureAge, VideoPart
+from messages.video import CameraChoice, CameraShares, PictureAge, VideoPart
 
 __all__ = [
     "Activity",
@@ -63,6 +63,8 @@ __all__ = [
     "AidSource",
     "Answer",
     "BatterySample",
+    "CameraChoice",
+    "CameraShares",
     "Clock",
     "ClockPing",
     "ClockPong",

@@ -47,7 +47,8 @@ class BitrateLaw:
 
     least_kbit: float  # [kbit/s] a slide show, which finds out when the link is back
     most_kbit: float  # [kbit/s]
-    _kbit: float = FIRST_KBIT
+    first_kbit: float = FIRST_KBIT  # [kbit/s] before anything is known
+    _kbit: float = field(default=0.0, init=False)
     _paces: deque[float] = field(default_factory=lambda: deque[float](maxlen=ROOMS))  # [kbit/s]
     _rooms: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[Ns, float]])  # [kbit/s]
     _ways: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[Ns, float]])  # [ms]
@@ -62,7 +63,7 @@ class BitrateLaw:
     _lost_at: Ns = 0  # [ns] when it was reduced last because most was lost
 
     def __post_init__(self) -> None:
-        self._kbit = self._limited(self._kbit)
+        self._kbit = self._limited(self.first_kbit)
 
     @property
     def room_kbit(self) -> float:

@@ -5,25 +5,37 @@ from typing import Annotated, NamedTuple
 
 import msgspec
 
-from messages import events
+from messages import cameras, events
 from messages.events import Event
 from messages.link import LinkStatus
 from messages.units import Ns
-from messages.video import HEADERS, LONGEST_UNIT, PictureAge, VideoPart
-from services.camera.bitrate import BitrateLaw
+from messages.video import (
+    HEADERS,
+    LONGEST_UNIT,
+    CameraChoice,
+    CameraShares,
+    PictureAge,
+    VideoPart,
+)
+from services.camera.bitrate import FIRST_KBIT, BitrateLaw
 from services.camera.capture_time import Light
 from services.camera.pacing import Pacer, encoder_kbit, pictures_per_second, split
 from services.camera.sea import WaterLight
+from services.camera.sharing import Range, shares
 from services.marine.field_of_view import FieldOfView
+from services.marine.summation import plain_sum
 
 SIMULATED = "simulated"
+FURTHER = "camera_"  # the name of a further camera's service begins so
 STALE_NS = 200_000_000  # [ns] a picture that came longer ago is not even encoded
+SHARES_NS = 2_000_000_000  # [ns] without a word of the large camera: it is silent
+ROOMLESS_NS = 3_000_000_000  # [ns] without room that are worth a word
 PictureSide = Annotated[int, msgspec.Meta(ge=64, le=4096, multiple_of=2)]
 VideoKilobits = Annotated[float, msgspec.Meta(ge=4.0, le=50_000.0)]
 
 
-class Settings(FieldOfView, frozen=True, forbid_unknown_fields=True):
-    """The table [camera] of a vehicle file.
+class OneCamera(FieldOfView, frozen=True, forbid_unknown_fields=True):
+    """The table of a camera.
 
     Raises:
         ValueError: least_kbit is above most_kbit.
@@ -46,6 +58,27 @@ class Settings(FieldOfView, frozen=True, forbid_unknown_fields=True):
             )
 
 
+class Settings(OneCamera, frozen=True, forbid_unknown_fields=True):
+    """The table [camera] of a vehicle file: the first camera, and the further ones by name, each a
+    table such as [camera.more.down].
+
+    Raises:
+        ValueError: a further camera cannot have its name, or there are too many.
+    """
+
+    more: dict[str, OneCamera] = msgspec.field(default_factory=dict[str, OneCamera])
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if why := cameras.mistake(self.more):
+            raise ValueError(why)
+
+    @property
+    def by_name(self) -> dict[str, OneCamera]:
+        """Every camera; the first one first."""
+        return {cameras.FIRST: self, **self.more}
+
+
 class Order(NamedTuple):
     """How the encoder is to encode a picture."""
 
@@ -55,21 +88,39 @@ class Order(NamedTuple):
 
 
 class Camera:
-    """Decides which pictures are encoded, and how."""
+    """One of a drone's cameras: decides which pictures are encoded, and how. The large camera
+    measures the link and says what each may send; a small one keeps to what was said last."""
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
-        self._law = BitrateLaw(settings.least_kbit, settings.most_kbit)
+    def __init__(self, settings: Settings, name: str = cameras.FIRST) -> None:
+        """
+        Args:
+            name: which of the cameras.
+        """
+        every = settings.by_name
+        self._settings = every[name]
+        self._name = name
+        self._ranges = {n: Range(each.least_kbit, each.most_kbit) for n, each in every.items()}
+        self._large = cameras.FIRST
+        self._chosen = False  # the pilot has said which is large
+        self._said: CameraShares | None = None  # by the large camera, newest
+        self._law = self._begun(FIRST_KBIT)
         self._pacer = Pacer()
         self._kbit = 0.0  # [kbit/s] of the encoder
         self._cut = False  # the link is known to be interrupted
         self._keyframe_wanted = False
         self._keyframe = 0  # number of the last one
         self._pictures = 0
+        self._roomless_ns: Ns | None = None  # [ns] since when there is no room for its pictures
+        self._told = False  # that there is none
+
+    @property
+    def is_large(self) -> bool:
+        return self._large == self._name
 
     def heard(self, report: PictureAge, now: Ns) -> None:
         """What the topside says of the picture."""
-        self._law.heard(report, now)
+        if self.is_large:
+            self._law.heard(report, now)
         # Nothing after the last keyframe has arrived: it may still be on its way.
         seen = report.newest is None or report.newest >= self._keyframe
         self._keyframe_wanted = self._keyframe_wanted or (report.keyframe_wanted and seen)
@@ -77,9 +128,52 @@ class Camera:
     def link(self, status: LinkStatus) -> None:
         self._cut = not status.up
 
+    def chosen(self, choice: CameraChoice) -> None:
+        """The pilot says which camera is large. A name that no camera has changes nothing."""
+        if choice.camera in self._ranges:
+            self._chosen = True
+            self._become(choice.camera)
+
+    def told(self, said: CameraShares) -> None:
+        """The large camera says what each may send. A camera that was started anew, and has not
+        heard the pilot's choice, learns by it which is large."""
+        if not self._chosen and said.large in self._ranges:
+            self._become(said.large)
+        if said.large == self._large:
+            self._said = said
+
+    def shares(self, now: Ns) -> CameraShares | None:
+        """What each camera may send, as the large one says it; None: this is a small one."""
+        if not self.is_large:
+            return None
+        least = self._settings.least_kbit
+        total = least if self._cut else self._law.budget(now)
+        return CameraShares(
+            stamp_ns=now,
+            large=self._name,
+            total_kbit=total,
+            kbit=shares(total, self._name, self._ranges),
+        )
+
     def budget(self, now: Ns) -> float:
-        """[kbit/s]"""
-        return self._settings.least_kbit if self._cut else self._law.budget(now)
+        """[kbit/s] 0: it is to send nothing. A small camera whose large one is silent sends a slide
+        show: the pilot may want to make it the large one."""
+        said = self.shares(now) or self._said
+        if said is None or now > said.stamp_ns + SHARES_NS:
+            return self._settings.least_kbit
+        return min(said.kbit.get(self._name, 0.0), self._settings.most_kbit)
+
+    def roomless(self, now: Ns) -> Event | None:
+        """Said once each time there has been no room for its pictures for a while."""
+        if self.budget(now) > 0.0:
+            self._roomless_ns, self._told = None, False
+            return None
+        if self._roomless_ns is None:
+            self._roomless_ns = now
+        if self._told or now < self._roomless_ns + ROOMLESS_NS:
+            return None
+        self._told = True
+        return events.ROOMLESS_CAMERA(detail=cameras.called(self._name, several=True))
 
     def order(self, came: Ns, now: Ns) -> Order | Event:
         """How to encode a picture that came then; or why it is left out."""
@@ -87,6 +181,8 @@ class Camera:
         if now > came + STALE_NS:
             return events.STALE_PICTURE()
         budget = self.budget(now)
+        if budget <= 0.0:
+            return events.LEFT_OUT_PICTURE()
         kbit = encoder_kbit(budget, self._kbit)
         hz = pictures_per_second(budget, self._settings.rate)
         if not self._pacer.admits(now, hz):
@@ -104,7 +200,8 @@ class Camera:
         if order.keyframe:
             self._keyframe, self._keyframe_wanted = self._pictures, False
         self._law.sent(encoded)
-        pieces = split(data, self._law.room_kbit)
+        room = self._law.room_kbit if self.is_large or self._said is None else self._said.total_kbit
+        pieces = split(data, room)
         size = len(data) + HEADERS * len(pieces)
         self._pacer.sent(size, order.kbit, order.hz, keyframe=order.keyframe, now=encoded)
         return [
@@ -124,3 +221,17 @@ class Camera:
             )
             for number, piece in enumerate(pieces)
         ]
+
+    def _become(self, large: str) -> None:
+        """A camera that becomes large begins with what the one before it had found out."""
+        if large == self._large:
+            return
+        self._large = large
+        if self.is_large:
+            self._law = self._begun(FIRST_KBIT if self._said is None else self._said.total_kbit)
+        self._said = None
+
+    def _begun(self, kbit: float) -> BitrateLaw:
+        """The law of the link, for the pictures of all cameras."""
+        most = plain_sum(bounds.most_kbit for bounds in self._ranges.values())
+        return BitrateLaw(self._settings.least_kbit, most, kbit)

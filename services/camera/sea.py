@@ -62,6 +62,7 @@ class CameraView(NamedTuple):
     attitude: Quaternion  # [-] q_NB as w, x, y, z
     tilt: float = 0.0  # [rad] of the camera, + upwards
     lamp: float = 0.0  # [-] 0 … 1
+    yaw: float = 0.0  # [rad] of the camera, + to starboard
 
 
 class Picture(NamedTuple):
@@ -283,7 +284,8 @@ class SimulatedSea:
 
 def _axes(view: CameraView) -> CameraAxes:
     c, s = cos(view.tilt), sin(view.tilt)
-    body = (c, 0.0, -s), (0.0, 1.0, 0.0), (s, 0.0, c)
+    ahead, aside = cos(view.yaw), sin(view.yaw)
+    body = (c * ahead, c * aside, -s), (-aside, ahead, 0.0), (s * ahead, s * aside, c)
     return CameraAxes(*(to_world(view.attitude, axis) for axis in body))
 
 

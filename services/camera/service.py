@@ -1,14 +1,16 @@
-"""Camera service: pictures become H.264 at the bitrate that the link has room for."""
+"""Camera service: pictures become H.264 at the bitrate that the link has room for. Each of a
+drone's cameras has one: the first is called `camera`, a further one such as `camera_down`."""
 
 from collections.abc import Callable
 
 import msgspec
 
-from messages import events, topics
+from messages import cameras, events, topics
 from messages.events import Event
 from messages.units import Positive, Vec3
+from messages.video import CameraChoice, CameraShares
 from services.camera.capture_time import Light
-from services.camera.core import SIMULATED, Camera, Settings
+from services.camera.core import FURTHER, SIMULATED, Camera, OneCamera, Settings
 from services.camera.sea import CameraView, Picture, SimulatedSea
 from services.marine import time_stripe
 from services.marine.attitude import to_world
@@ -31,15 +33,19 @@ class Site(msgspec.Struct, frozen=True):
 
 
 def wire(node: Node, stack: Stack) -> None:
-    settings = stack.section("camera", Settings)
+    every = stack.section("camera", Settings)
+    name = node.name.removeprefix(FURTHER) if node.name.startswith(FURTHER) else cameras.FIRST
+    if name not in every.by_name:
+        raise LindyError(f"{node.name}: the vehicle file has no table [camera.more.{name}]")
+    settings = every.by_name[name]
     try:
         from services.camera.io.encoder import VideoEncoder
     except ImportError:
         raise LindyError(
             f"camera needs PyAV, which is not installed; {how_to_install('camera')}"
         ) from None
-    camera, encoder = Camera(settings), VideoEncoder(settings.width, settings.height)
-    video = node.publisher(topics.VIDEO)
+    camera, encoder = Camera(every, name), VideoEncoder(settings.width, settings.height)
+    video = node.publisher(cameras.video(name))
 
     def film(light: Light, came: int, take: Callable[[], tuple[Picture, int]]) -> None:
         order = camera.order(came, node.now())
@@ -54,18 +60,47 @@ def wire(node: Node, stack: Stack) -> None:
         for part in parts:
             video.put(part)
 
-    node.each(topics.PICTURE_AGE, camera.heard)
+    node.each(cameras.age(name), camera.heard)
     node.each(topics.LINK, lambda status, _: camera.link(status))
+    if every.more:
+        _share(node, camera, name)
     if settings.source == SIMULATED:
-        _simulate(node, stack, settings, film)
+        _simulate(node, stack, settings, film, follows=name == cameras.FIRST)
     elif stack.virtual:
         raise NeedsRealTimeError(f"camera with the source {without_passwords(settings.source)}")
     else:
-        _watch(node, settings, film)
+        _watch(node, settings, film, cameras.called(name, several=bool(every.more)))
 
 
-def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
-    """Draw what a camera at the front of the simulated vehicle sees."""
+def _share(node: Node, camera: Camera, name: str) -> None:
+    """Share the link with the drone's other cameras."""
+    shares = node.publisher(topics.CAMERA_SHARES.of(name))
+
+    def say(now: int) -> None:
+        if (said := camera.shares(now)) is not None:
+            shares.put(said)
+        node.tell(camera.roomless(now))
+
+    def choose(choice: CameraChoice, now: int) -> None:
+        was_large = camera.is_large
+        camera.chosen(choice)
+        if camera.is_large and not was_large:
+            say(now)  # at once: until then the others send a slide show
+
+    def hear(said: CameraShares, _: int) -> None:
+        camera.told(said)
+
+    node.each(topics.CAMERA_CHOICE, choose)
+    node.each(topics.CAMERA_SHARES, hear)
+    node.every(topics.CAMERA_SHARES.hz, say)
+
+
+def _simulate(node: Node, stack: Stack, settings: OneCamera, film: Film, *, follows: bool) -> None:
+    """Draw what a camera at the front of the simulated vehicle sees.
+
+    Args:
+        follows: the pilot tilts it.
+    """
     site, vehicle = stack.section("simulator", Site), stack.section("vehicle", Vehicle)
     width, height = settings.width, settings.height
     sea = SimulatedSea(width, height, settings.angle, settings.water, site.floor_depth)
@@ -88,8 +123,9 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
             view = CameraView(
                 _plus(here.position, to_world(here.attitude, front)),
                 here.attitude,
-                0.0 if wanted is None else wanted.tilt.position,
+                settings.tilt + (wanted.tilt.position if follows and wanted is not None else 0.0),
                 0.0 if asked is None else asked.light,
+                settings.yaw,
             )
             picture = sea.draw(view)
             if time_stripe.fits(width, height):
@@ -101,12 +137,17 @@ def _simulate(node: Node, stack: Stack, settings: Settings, film: Film) -> None:
     node.every(settings.rate, tick)
 
 
-def _watch(node: Node, settings: Settings, film: Film) -> None:
+def _watch(node: Node, settings: OneCamera, film: Film, called: str) -> None:
     """Take what a device, the network or a file gives."""
     from services.camera.io.feed import Feed
 
     feed = Feed(
-        settings.source, settings.width, settings.height, node.now, lambda: node.wall_offset_ns
+        settings.source,
+        settings.width,
+        settings.height,
+        node.now,
+        lambda: node.wall_offset_ns,
+        called,
     )
 
     def look(_: int) -> None:

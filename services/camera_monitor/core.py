@@ -13,8 +13,16 @@ from services.vehicle_view import ages
 TOTAL = "light to picture"
 STRIPE_NS = 1_000_000  # [ns] the stripe and the stamp may differ by, after clocks were converted
 OLD_MS = ages.STATE.grey_ns / 1e6  # [ms] an older picture is said to be old, as on the page
+SMALL_OLD_MS = ages.PICTURE.gone_ns / 1e6  # [ms] … of a small one
 MOST_KBIT = 1e6  # [kbit/s] parts that arrive at one instant
 MOST_MISSING = 1000  # messages: a greater gap is a sender that began anew
+
+
+@dataclass(slots=True)
+class Carried:
+    """What has arrived of the pictures of all cameras: it all takes the same way."""
+
+    bytes: int = 0  # with headers
 
 
 @dataclass(slots=True)
@@ -32,12 +40,21 @@ class _Period:
 
 
 class PictureAccount:
-    def __init__(self, outbox: Outbox) -> None:
+    """Of one camera."""
+
+    def __init__(self, outbox: Outbox, carried: Carried | None = None, called: str = "") -> None:
+        """
+        Args:
+            carried: shared by the accounts of all cameras.
+            called: the camera, before every word about its picture; empty: there is one only.
+        """
         self._outbox = outbox
+        self._carried = Carried() if carried is None else carried
+        self._called = called
         self._assembler = Assembler()
         self._period = _Period()
         self._began_ns: Ns = 0  # [ns] of the period
-        self._train: tuple[Ns, Ns, int] | None = None  # stamp, arrival of the first part, bytes
+        self._train: tuple[Ns, Ns, int] | None = None  # stamp, arrival of the first part, carried
         self._seq: int | None = None
         self._newest: int | None = None
         self._picture_ns: Ns | None = None  # stamp of the newest decoded picture …
@@ -86,8 +103,13 @@ class PictureAccount:
         self._outbox.tell(events.UNDECODABLE("picture"))
         self._broken = True
 
-    def report(self, now: Ns) -> PictureAge:
-        """What happened since the last report; a new period begins."""
+    def report(self, now: Ns, *, small: bool = False, roomless: bool = False) -> PictureAge:
+        """What happened since the last report; a new period begins.
+
+        Args:
+            small: the picture is a small one, which may be a slide show.
+            roomless: the camera sends nothing because the link has no room for it.
+        """
         period, self._period = self._period, _Period()
         seconds = max((now - self._began_ns) / 1e9, 1e-3)
         self._began_ns = now
@@ -109,13 +131,23 @@ class PictureAccount:
             lost=period.missing / expected if expected else 0.0,
             newest=self._newest,
             keyframe_wanted=self._broken,
-            words=_words(age, self._broken, self._newest, exact=self._exact),
+            words=self._words(age, small=small, roomless=roomless),
         )
+
+    def _words(self, age: float | None, *, small: bool, roomless: bool) -> str:
+        if roomless:
+            words = "the link has no room for its picture"
+        elif small and age is not None and age <= SMALL_OLD_MS:
+            words = ""
+        else:
+            words = _words(age, self._broken, self._newest, exact=self._exact)
+        return f"{self._called}: {words}" if words and self._called else words
 
     def _measure(self, part: VideoPart, now: Ns) -> None:
         period = self._period
         period.heard += 1
         period.bytes += len(part.data)
+        self._carried.bytes += len(part.data) + HEADERS
         if self._seq is not None and 0 < part.seq - self._seq - 1 < MOST_MISSING:
             period.missing += part.seq - self._seq - 1
             self._broken = True
@@ -123,12 +155,11 @@ class PictureAccount:
             self._broken = True  # a camera that began anew
         self._seq, self._newest = part.seq, part.picture
         if self._train is None or self._train[0] != part.stamp_ns:
-            self._train = part.stamp_ns, now, 0
+            self._train = part.stamp_ns, now, self._carried.bytes
             return
-        stamp, began, size = self._train
-        self._train = stamp, began, size + len(part.data) + HEADERS
         if part.part == part.parts - 1:
-            period.train_bytes += self._train[2]
+            _, began, carried = self._train
+            period.train_bytes += self._carried.bytes - carried
             period.train_ns += now - began
 
 

@@ -113,6 +113,16 @@ class CockpitPilot:
             return False
         return True
 
+    def may_choose(self, page: int, camera: str, read_ns: Ns, now: Ns) -> bool:
+        """May this page say which camera is large? A refusal is counted and said."""
+        if now > read_ns + WISH_PATIENCE_NS:
+            self.pilot.outbox.tell(events.EXPIRED_WISH(detail=f"{camera} camera"))
+            return False
+        if not self.holder.may_take(page, now):
+            self._refuse(f"{camera} camera")
+            return False
+        return True
+
     # From the drone, and from the clock.
 
     def tick(self, waiting: Waiting, now: Ns) -> Effects:

@@ -3,7 +3,8 @@
 import ipaddress
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from math import degrees
+from typing import Annotated, Any
 
 import msgspec
 
@@ -17,7 +18,9 @@ from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.sensors import TemperatureSample
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
+from messages.video import CameraChoice, CameraShares
 from services.cockpit.aids import DiveTimer, Endurance
+from services.cockpit.cameras import Cameras
 from services.cockpit.chart import Chart
 from services.cockpit.cockpit_pilot import CockpitPilot
 from services.cockpit.drone_order import DroneOrder
@@ -118,6 +121,7 @@ class PageEffects(Effects):
 
     orders: list[FlyRequest] = field(default_factory=list[FlyRequest])
     films: list[FilmRequest] = field(default_factory=list[FilmRequest])
+    choices: list[CameraChoice] = field(default_factory=list[CameraChoice])
 
 
 class Cockpit:
@@ -130,7 +134,7 @@ class Cockpit:
         chart: Chart,
         limits: Sequence[tuple[float, float]] = (),
         drone: str = "",
-        fov_deg: float | None = None,
+        cameras: Cameras | None = None,
         has: Sequence[Output] = OUTPUTS,
     ) -> None:
         """
@@ -138,7 +142,7 @@ class Cockpit:
             chart: where the drone is and has been.
             limits: [N] least and most thrust of each thruster.
             drone: its name, which every page is shown.
-            fov_deg: [deg] that the picture is wide; None: not known.
+            cameras: its cameras; None: one that looks ahead.
             has: outputs of the vehicle.
         """
         self._has = has
@@ -152,7 +156,7 @@ class Cockpit:
         self.filming = Filming(settings.pilot)
         self._limits, self._chart = limits, chart
         self._pages: dict[int, Page] = {}
-        self._fov_deg = fov_deg
+        self.cameras = Cameras() if cameras is None else cameras
         self._timer = DiveTimer(pilot.progress.began_ns)
         self._endurance = Endurance()
         self._lines = LogLines()
@@ -191,15 +195,22 @@ class Cockpit:
         match message:
             case PageSticks():
                 out = self._pilot.steer(page, message, read_ns, waiting, now)
-            case PageWish(what="film" | "snapshot"):
-                out = self._film(message, read_ns, now)
             case PageWish():
-                out = self._pilot.wish(page, message, read_ns, waiting, now)
+                out = self._wished(page, message, read_ns, waiting, now)
             case PageFly():
                 out = self._fly(page, message.drone, read_ns, now)
             case PageAbsence():
                 out = self._pilot.absent(page, message.why, waiting, now)
         return self._kept(out, now)
+
+    def _wished(self, page: int, wish: PageWish, read_ns: Ns, waiting: Waiting, now: Ns) -> Effects:
+        match wish.what:
+            case "film" | "snapshot":
+                return self._film(wish, read_ns, now)
+            case "camera":
+                return self._choose(page, wish.camera, read_ns, now)
+            case _:
+                return self._pilot.wish(page, wish, read_ns, waiting, now)
 
     def _fly(self, page: int, drone: str, read_ns: Ns, now: Ns) -> Effects:
         """An order to fly another drone."""
@@ -218,6 +229,16 @@ class Cockpit:
             return Effects()
         return PageEffects(films=[request])
 
+    def _choose(self, page: int, camera: str, read_ns: Ns, now: Ns) -> Effects:
+        """Make a camera the large one, on every page."""
+        if not self._pilot.may_choose(page, camera, read_ns, now):
+            return Effects()
+        choice = self.cameras.choose(camera, now)
+        if isinstance(choice, str):
+            self._outbox.tell(events.REFUSED_HERE("camera", detail=choice))
+            return Effects()
+        return PageEffects(choices=[choice])
+
     def _read_ns(self, sender: Page, message: PageMessage, now: Ns) -> Ns:
         """[ns] The earliest moment at which the page may have made the message."""
         sender.seen = max(sender.seen, min(message.seen, sender.sent))
@@ -233,9 +254,17 @@ class Cockpit:
     def tick(self, waiting: Waiting, now: Ns) -> Effects:
         return self._kept(self._pilot.tick(waiting, now), now)
 
+    def repeated_choice(self, now: Ns) -> CameraChoice | None:
+        """Which camera is large, where that is to be said again."""
+        return self.cameras.repeated(now, in_control=self._pilot.pilot.in_control)
+
     def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
         self._timer.heard(status, now)
         return self._kept(self._pilot.status(status, waiting, now), now)
+
+    def shares(self, said: CameraShares, now: Ns) -> None:
+        """The large camera says what each may send."""
+        self.cameras.told(said, now, in_control=self._pilot.pilot.in_control)
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
         return self._kept(self._pilot.answered(request, answer, now), now)
@@ -261,6 +290,12 @@ class Cockpit:
         """It has not answered."""
         self.filming.given_up(request)
         self._outbox.tell(events.UNANSWERED(f"film {request.kind}"))
+
+    def sent_picture(self, camera: str, light_ns: Ns) -> None:
+        """Pages were sent a picture; the large camera's is what is filmed."""
+        if camera == self.cameras.large:
+            self.filming.light_ns = light_ns
+            self.filming.camera = camera if self.cameras.several else ""
 
     def log(self, line: LogLine, now: Ns) -> None:
         """Warnings and errors of all services."""
@@ -313,7 +348,7 @@ class Cockpit:
             snapshots=self.filming.snapshots,
             change=self._order.words,
             lines=tuple(map(line, self._lines.newest(LINES))),
-            fov_deg=self._fov_deg,
+            **self._looks(seen, now),
             dive_s=self._timer.seconds(now),
             left_min=self._endurance.minutes(battery),
             water_c=None if inside is None or inside.water is None else round(inside.water, 1),
@@ -338,6 +373,18 @@ class Cockpit:
             f"{listed if self._is_new(n, drones) else ''}}}"
             for n in ready
         }
+
+    def _looks(self, seen: VehicleView, now: Ns) -> dict[str, Any]:
+        """What a page has to know of the cameras."""
+        cameras = self.cameras
+        found: dict[str, Any] = {
+            "fov_deg": round(degrees(cameras.views[cameras.large].angle), 1),
+            "looks_deg": cameras.looks(seen.tilt_deg),
+        }
+        if cameras.several:
+            listed = tuple((name, cameras.roomless(name, now)) for name in cameras.views)
+            found |= {"large": cameras.large, "cameras": listed}
+        return found
 
     def _is_new(self, number: int, drones: DroneList | None) -> bool:
         """Has the page not been sent this list yet? It comes once a second, a picture 25 times."""

@@ -15,6 +15,7 @@ class Filming:
     since_ns: Ns | None = None  # [ns] when the film that runs began; None: none runs
     snapshots: int = 0  # taken, and recorded
     light_ns: Ns | None = None  # [ns] stamp of the newest picture that pages were sent
+    camera: str = ""  # that is filmed: the large one; empty: there is one only
     _waiting: FilmKind | None = None  # begin or end, and it is not answered yet
 
     def wish(self, wish: PageWish, read_ns: Ns, now: Ns) -> FilmRequest | str:
@@ -49,4 +50,11 @@ class Filming:
         return None if self.since_ns is None else (now - self.since_ns) / 1e9
 
     def _request(self, kind: FilmKind, light_ns: Ns) -> FilmRequest:
-        return FilmRequest(stamp_ns=0, id="", kind=kind, light_ns=light_ns, source=self.source)
+        return FilmRequest(
+            stamp_ns=0,
+            id="",
+            kind=kind,
+            light_ns=light_ns,
+            source=self.source,
+            camera=self.camera,
+        )

@@ -17,10 +17,10 @@ LONGEST = 1024  # [B] of one message
 # take: the sticks of this cockpit, and control of the drone unless another pilot has it;
 # force: control from whoever has it; give_back: both; offer: control, to any other pilot. What is
 # held says what stood on the button when that began: arm never resumes, and resume never arms.
-# film: begin one, or end it
+# film: begin one, or end it; camera: make it the large one
 Wish = Literal[
     "arm", "resume", "disarm", "stop", "light", "light_2", "laser", "output", "mode", "goto",
-    "take", "force", "offer", "give_back", "film", "snapshot",
+    "take", "force", "offer", "give_back", "film", "snapshot", "camera",
 ]  # fmt: skip
 Absence = Literal["hidden", "unplugged"]
 Way = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]
@@ -58,6 +58,7 @@ class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
     heading_deg: Annotated[float, msgspec.Meta(ge=-TURN, le=TURN)] | None = None  # goto
     north: Way | None = None  # [m] goto, with east
     east: Way | None = None  # [m]
+    camera: Name = ""  # camera
 
 
 class PageFly(PageMessage, frozen=True, kw_only=True, tag="fly"):

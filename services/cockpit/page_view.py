@@ -66,7 +66,12 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     acting: tuple[Sentence, ...] = ()  # what is lost, why, what the drone does, what the pilot must
     tools: tuple[PageOutput, ...] = ()  # outputs of the vehicle, in the order of its file
     lines: tuple[PageLine, ...] = ()  # the newest last
-    fov_deg: float | None = None  # [deg] that the picture is wide
+    fov_deg: float | None = None  # [deg] that the large picture is wide
+    looks_deg: tuple[float, float] = (0.0, 0.0)  # [deg] tilt and yaw of its camera's axis
+    large: str = ""  # name of its camera
+    # Name of each camera, the first one first, and whether the link has no room for it; empty:
+    # there is one only.
+    cameras: tuple[tuple[str, bool], ...] = ()
     dive_s: float | None = None  # [s] since the drone was first armed
     left_min: float | None = None  # [min] until the battery is empty
     inside_c: float | None = None  # [°C] in the enclosure

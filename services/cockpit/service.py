@@ -1,19 +1,20 @@
 """Cockpit service: serves the pilot's page, and publishes what the page with the sticks says."""
 
 from collections.abc import Callable, Mapping
-from math import degrees
 from typing import Protocol
 
 from messages import topics
+from messages.cameras import video
 from messages.fly import FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.vehicle import VehicleStatus
 from messages.video import VideoPart
+from services.cockpit.cameras import Cameras
 from services.cockpit.chart import Chart
 from services.cockpit.core import SHOW_HZ, Cockpit, PageEffects, Settings
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.video import PageUnit, PictureStream
-from services.marine.field_of_view import FieldOfView
+from services.marine.field_of_view import CameraViews
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Effects, Pilot
@@ -44,12 +45,14 @@ def wire(node: Node, stack: Stack) -> None:
 
     settings = stack.section("cockpit", Settings)
     access = access_to(settings)
-    server = PageServer(settings, access, node.outbox)
+    views = stack.section("camera", CameraViews).by_name
+    server = PageServer(settings, access, node.outbox, tuple(views))
     node.on_close(server.close)
     vehicle = stack.section("vehicle", Vehicle)
-    fov_deg = round(degrees(stack.section("camera", FieldOfView).angle), 1)
-    connected = CockpitPages(node, settings, vehicle, server, stack.name, fov_deg)
-    _relay(node, server.show_video, connected.sent_picture)
+    cameras = Cameras(views, settings.pilot)
+    connected = CockpitPages(node, settings, vehicle, server, stack.name, cameras)
+    for name in views:
+        relay(node, name, server.show_video, connected.sent_picture)
     server.start(node.from_outside(connected.receive))
     node.log("info", f"cockpit: {access.address}")
     if not settings.local:
@@ -68,14 +71,14 @@ class CockpitPages:
         vehicle: Vehicle,
         pages: Pages,
         drone: str = "",
-        fov_deg: float | None = None,
+        cameras: Cameras | None = None,
     ) -> None:
         self._node, self._pages = node, pages
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         limits = [thruster.limits for thruster in vehicle.thruster]
         began = pilot.progress.began_ns is not None
         chart = Chart(vehicle, began)
-        self._cockpit = Cockpit(settings, pilot, chart, limits, drone, fov_deg, vehicle.output)
+        self._cockpit = Cockpit(settings, pilot, chart, limits, drone, cameras, vehicle.output)
         self._vehicle = VehiclePorts(node)
         self._thrusters = node.latest(topics.THRUSTERS)
         self._temperature = node.latest(topics.TEMPERATURE)
@@ -94,6 +97,9 @@ class CockpitPages:
             on_answer=self._cockpit.filmed,
             on_given_up=self._cockpit.not_filmed,
         )
+        if self._cockpit.cameras.several:
+            self._choice = node.publisher(topics.CAMERA_CHOICE)
+            node.each(topics.CAMERA_SHARES, self._cockpit.shares)
         node.each(topics.STATUS, self._on_status)
         node.each(topics.LOG, self._on_log)
         node.every(topics.PILOT_COMMAND.hz, self._tick)
@@ -113,6 +119,8 @@ class CockpitPages:
 
     def _tick(self, now: int) -> None:
         self._ports.do(self._cockpit.tick(self._ports.waiting, now), now)
+        if (choice := self._cockpit.repeated_choice(now)) is not None:
+            self._choice.put(choice)
 
     def _show(self, now: int) -> None:
         newest, thrusters = self._vehicle.newest(now), self._thrusters.newest(now)
@@ -126,10 +134,12 @@ class CockpitPages:
                 self._ordering.ask(request, now)
             for request in effects.films:
                 self._filming.ask(request, now)
+            for choice in effects.choices:
+                self._choice.put(choice)
 
-    def sent_picture(self, light_ns: int) -> None:
-        """Pages were sent a picture with this light."""
-        self._cockpit.filming.light_ns = light_ns
+    def sent_picture(self, camera: str, light_ns: int) -> None:
+        """Pages were sent a picture of this camera with this light."""
+        self._cockpit.sent_picture(camera, light_ns)
 
     def _on_change(self, request: FlyRequest, answer: FlyAnswer, now: int) -> None:
         self._cockpit.changed(request, answer, now)
@@ -141,17 +151,22 @@ class CockpitPages:
         self._cockpit.log(line, now)
 
 
-def _relay(node: Node, show: Callable[[PageUnit], None], sent: Callable[[int], None]) -> None:
-    """Hand the camera's pictures on to the pages."""
+def relay(
+    node: Node,
+    camera: str,
+    show: Callable[[PageUnit, str], None],
+    sent: Callable[[str, int], None],
+) -> None:
+    """Hand a camera's pictures on to the pages."""
     stream = PictureStream(node.outbox)
 
     def hear(part: VideoPart, _: int) -> None:
         unit = stream.take(part)
         if unit is not None:
-            show(unit)
-            sent(part.stamp_ns)
+            show(unit, camera)
+            sent(camera, part.stamp_ns)
 
-    node.each(topics.VIDEO, hear)
+    node.each(video(camera), hear)
 
 
 def _line(node: Node, text: str) -> LogLine:

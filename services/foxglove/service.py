@@ -48,7 +48,7 @@ def wire(node: Node, stack: Stack) -> None:
         channel = server.channel(key, schema_of(topic.message))
         if channel.has_sinks():  # nobody watches most channels
             channel.log(encode(message), log_time=utc_ns)
-        for view in views.of(topic, message, utc_ns):
+        for view in views.of(topic, message, utc_ns, key):
             server.channel(view.key, view.schema).log(view.data, log_time=utc_ns)
         return
 

@@ -52,6 +52,7 @@ KEYS = (
     Key("film", ("KeyV",), "record a film", "page"),
     Key("snapshot", ("KeyP",), "take a snapshot", "page"),
     Key("map", ("KeyN",), "map", "page"),
+    Key("next_camera", ("KeyT",), "make the next camera the large one", "page"),
     Key("mute", ("KeyM",), "sound off, on", "page"),
 )
 HOLD_NS = 1_000_000_000  # [ns] what is deliberate is held for so long

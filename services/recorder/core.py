@@ -90,7 +90,7 @@ class Intake:
         row = RecordedRow(key, schema_of(topic.message), data, log_ns, publish_ns, sequence)
         if self._views is None:
             return [row]
-        return [row, *(view_row(v, row) for v in self._views.of(topic, message, publish_ns))]
+        return [row, *(view_row(v, row) for v in self._views.of(topic, message, publish_ns, key))]
 
     def check(self, key: str, encoding: str, payload: bytes, arrival: int) -> CheckedMessage | None:
         """The message, counted into the hash; None: it is not recorded, which is told.

@@ -20,7 +20,7 @@ OWN_TOPICS = (topics.LINK, topics.LINK_ANSWER)  # published by the tether itself
 DOWN, UP = (Direction.DOWN, Direction.BOTH), (Direction.UP, Direction.BOTH)
 # [ns] Parts of a picture are useless later, and those of one picture are dropped together. Long
 # enough for a keyframe at the least bitrate.
-LIFE = {topics.VIDEO.key: 1_000_000_000}
+LIFE = dict.fromkeys((topics.VIDEO.key, topics.FURTHER_VIDEO.key), 1_000_000_000)
 JUDGE_HZ = 5.0  # [1/s] how often telemetry rate control checks the upward direction
 
 

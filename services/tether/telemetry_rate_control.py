@@ -15,7 +15,8 @@ from services.marine.summation import plain_sum
 
 THINNED = {topic.key: topic for topic in topics.ALL if topic.weight > 0.0}
 ROOM = 0.85  # [-] share of what the link carries that may be planned with
-PICTURE_KBIT = 1900.0  # [kbit/s] that a picture is left first; a quarter of it is headroom …
+PICTURES = (topics.VIDEO.key, topics.FURTHER_VIDEO.key)
+PICTURE_KBIT = 1900.0  # [kbit/s] that pictures are left first; a quarter of it is headroom …
 FLOORS = 0.36  # [-] … but so much of what the link carries is telemetry's, if its floors need it
 LEAST = 0.1  # [-] of its floor that a stream keeps whatever there is
 PICTURE_NS = 5_000_000_000  # [ns] without a part of a picture: none crosses
@@ -113,7 +114,7 @@ class TelemetryRateControl:
 
     def admits(self, key: str, size: int, now: int) -> bool:
         """May this message of `size` bytes be sent?"""
-        if key == topics.VIDEO.key:  # less urgent than telemetry, and follows the link by itself
+        if key in PICTURES:  # less urgent than telemetry, and follows the link by itself
             self._picture_ns = now
             return True
         if self._since is None:

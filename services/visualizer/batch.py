@@ -9,6 +9,8 @@ from typing import Literal
 
 import msgspec
 
+from messages.cameras import FIRST
+
 Point = tuple[float, float, float]  # without limits: the pipe must accept any computed value
 
 
@@ -48,6 +50,7 @@ class VideoSample(msgspec.Struct, frozen=True, array_like=True):
 
     time: int  # [ns]
     data: bytes  # access unit of H.264, Annex B
+    camera: str = FIRST
 
 
 class Batch(msgspec.Struct, frozen=True, array_like=True):

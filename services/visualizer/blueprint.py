@@ -1,11 +1,12 @@
 """Layout of the viewer: the page a pilot looks at first, and five more pages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TimelineColumn
 
+from messages.cameras import FIRST
 from services.marine.vehicle import Vehicle
 
 TIMELINE = "dive"  # [s] since the dive began
@@ -14,9 +15,19 @@ WATER = 0x0A1E2BFF
 BEFORE_S, AFTER_S = 45.0, 17.0
 
 
-def blueprint(vehicle: Vehicle) -> rrb.Blueprint:
-    """The layout for this vehicle."""
-    pages = [_dive(vehicle), *(page() for page in PAGES.values())]
+def camera_path(camera: str) -> str:
+    """Where a camera's pictures are in the viewer."""
+    return "camera" if camera == FIRST else f"camera_{camera}"
+
+
+def blueprint(vehicle: Vehicle, further: Sequence[str] = ()) -> rrb.Blueprint:
+    """The layout for this vehicle.
+
+    Args:
+        further: cameras beside the first one.
+    """
+    shown = {**PAGES, "camera": lambda: _camera(further)}
+    pages = [_dive(vehicle), *(page() for page in shown.values())]
     return rrb.Blueprint(
         rrb.Tabs(contents=pages, active_tab=0),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
@@ -204,14 +215,19 @@ def _link() -> rrb.Grid:
     )
 
 
-def _camera() -> rrb.Grid:
+def _camera(further: Sequence[str] = ()) -> rrb.Grid:
     """What the drone sees, and how late the pilot sees it."""
+    pictures = {FIRST if further else "Picture": FIRST, **{name: name for name in further}}
     return rrb.Grid(
-        rrb.Spatial2DView(origin="/camera", name="Picture"),
+        *(
+            rrb.Spatial2DView(origin=f"/{camera_path(camera)}", name=name)
+            for name, camera in pictures.items()
+        ),
         _plot("picture", "Age of the picture [ms], by stage"),
         rrb.Tabs(
             _plot("picture_rate/pictures", "Pictures [1/s]"),
             _plot("picture_rate/carried", "Carried [kbit/s]"),
+            _plot("picture_rate/all", "All cameras may send [kbit/s], by the large one"),
         ),
         grid_columns=2,
         name="Camera",

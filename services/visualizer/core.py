@@ -9,6 +9,7 @@ from collections import defaultdict
 from math import nan
 
 from messages import events, topics
+from messages.cameras import FIRST, camera_of
 from messages.control import ThrusterCommand
 from messages.events import Row
 from messages.link import ClockPong
@@ -60,7 +61,7 @@ class Collector:
         self._widths: dict[str, int] = {}  # of the last row by path; 0: not known at the time
         self._scene = Scene(vehicle)
         self._frames: list[Frame] = []
-        self._assembler = Assembler()
+        self._assemblers = defaultdict[str, Assembler](Assembler)  # by camera
         self._video: list[VideoSample] = []
         self._status = Status()
         self._jerk, self._changes = JerkLines(), ThrusterChanges()
@@ -76,7 +77,7 @@ class Collector:
             self.start = now
         self.newest = now
         if isinstance(message, VideoPart):
-            self._film(message, self.start)
+            self._film(key, message, self.start)
             return None
         self._scene.hear(message)
         self._heard[key].append(message)
@@ -85,10 +86,11 @@ class Collector:
         self._topics[key] = topic
         return None
 
-    def _film(self, part: VideoPart, start: int) -> None:
+    def _film(self, key: str, part: VideoPart, start: int) -> None:
         """Keep the picture that this part completes, at the time of its light."""
-        if (unit := self._assembler.take(part)) is not None:
-            self._video.append(VideoSample(part.stamp_ns - start, unit.data))
+        camera = camera_of(key) or FIRST
+        if (unit := self._assemblers[camera].take(part)) is not None:
+            self._video.append(VideoSample(part.stamp_ns - start, unit.data, camera))
 
     def newest_sample(self) -> int | None:
         """[ns] Sensor sample of the newest state."""

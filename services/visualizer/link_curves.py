@@ -40,7 +40,7 @@ def link_curves() -> list[Curve]:
 
 def _picture() -> list[Curve]:
     """The age of the drone's picture."""
-    age, names = topics.PICTURE_AGE, PICTURE_STAGES
+    age, further, names = topics.PICTURE_AGE, topics.FURTHER_AGE, PICTURE_STAGES
 
     def stages(m: PictureAge) -> CurveRow | None:
         known = {stage.name: stage.p50_ms for stage in m.stages or ()}
@@ -55,6 +55,10 @@ def _picture() -> list[Curve]:
         Curve("picture/now", age, ("age now",), (STICK,), lambda m: number(m.age_ms)),
         Curve("picture_rate/pictures", age, ("pictures",), (UP,), lambda m: (m.per_second,)),
         Curve("picture_rate/carried", age, ("carried",), (DOWN,), lambda m: (m.heard_kbit,)),
+        Curve("picture/further", further, (), (), lambda m: number(m.age_ms)),
+        Curve("picture_rate/pictures/further", further, (), (), lambda m: (m.per_second,)),
+        Curve("picture_rate/all", topics.CAMERA_SHARES, (), (), lambda m: (m.total_kbit,)),
+        Curve("picture_rate/carried/further", further, (), (), lambda m: (m.heard_kbit,)),
     ]
 
 

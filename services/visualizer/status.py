@@ -19,6 +19,7 @@ from messages.sensors import BatterySample
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
+from messages.video import CameraChoice
 from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
 from services.visualizer.batch import Note
@@ -51,7 +52,7 @@ VIEWED: dict[type[Message], str] = {
 NOTED = {
     *(*LANES, Health, LogLine, SideIdentity),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
-    *(FlyRequest, FlyAnswer, DroneList, FilmRequest, FilmAnswer),
+    *(FlyRequest, FlyAnswer, DroneList, FilmRequest, FilmAnswer, CameraChoice),
 }  # may make notes
 
 
@@ -65,6 +66,7 @@ class Status:
         self._health: dict[str, Health] = {}
         self._last_request = ""
         self._last_note = ""
+        self._large_camera = ""
         self._last_drones: tuple[str, ...] | None = None  # names of those that could be reached
         self._sides: dict[str, str] = {}  # which Lindy each side runs
         self._pages: dict[str, str] = {}  # by path, as last shown
@@ -113,6 +115,9 @@ class Status:
         if isinstance(message, VehicleStatus) and message.note != self._last_note:
             self._last_note = message.note
             return [_line("vehicle", time, message.note)] if message.note else []
+        if isinstance(message, CameraChoice) and message.camera != self._large_camera:
+            self._large_camera = message.camera  # it is said again and again
+            return [_line("pilot", time, f"the large camera: {message.camera}")]
         if isinstance(message, DroneList):
             return self._drones(message, time)
         if isinstance(message, SideIdentity):

@@ -33,7 +33,8 @@ FIRST_LOOK_S = 10.0  # [s] who was not heard by then is named, once
 STEPS_A_FLUSH = 2  # of a disk: at most 0.2 s is lost when this program is killed
 LISTED = 10  # names in one line, at most
 KEPT = 100_000  # messages between two looks; some ten seconds of twenty drones
-SKIPPED = (topics.VIDEO,)  # heavy, and no camera sends it unless somebody asks for it
+# Heavy, and no camera sends it unless somebody asks for it.
+SKIPPED = (topics.VIDEO, topics.FURTHER_VIDEO)
 RECORDED: tuple[AnyTopic, ...] = tuple(
     topic
     for topic in topics.ALL

@@ -10,7 +10,9 @@ from collections.abc import Collection
 from contextlib import suppress
 from importlib.util import find_spec
 
-from services.camera.core import SIMULATED
+import msgspec
+
+from services.camera.core import FURTHER, SIMULATED
 from services.camera.core import Settings as CameraSettings
 from services.cockpit.core import Settings
 from services.cockpit.io.access import VARIABLE, access_to
@@ -61,6 +63,24 @@ def with_picture(services: Registry, choices: Choices, every: Collection[str] = 
         why = "no camera is named, so this dive has no picture: --set camera.source=/dev/video0"
     print(why, flush=True)
     return services.only({name: spec for name, spec in services.items() if name not in CAMERA})
+
+
+def with_further_cameras(services: Registry, choices: Choices) -> Registry:
+    """A stack with a camera, with a service of its own for each further camera of the vehicle file:
+    one that hangs takes no other along.
+
+    Raises:
+        LindyError: the table [camera] is wrong.
+    """
+    first = services.get(CAMERA[0])
+    if first is None:
+        return services
+    stack = Stack(vehicle=choices.vehicle, overrides=list(choices.set_))
+    names = [f"{FURTHER}{name}" for name in stack.section(CAMERA[0], CameraSettings).more]
+    further = {
+        name: msgspec.structs.replace(first, service=CAMERA[0], process=name) for name in names
+    }
+    return services.only({**further, **services})
 
 
 def announce(stack: Stack, *, browser: bool) -> None:

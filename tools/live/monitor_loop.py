@@ -6,6 +6,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 from messages import topics
+from services.marine.field_of_view import CameraViews
 from services.runtime.launch.local_stack import LocalStack
 from tools.live.display import Display
 from tools.live.dive_timeline import DiveTimeline
@@ -24,7 +25,10 @@ class MonitorLoop:
     ) -> None:
         self.local, self._timeline, self._stop, self._shown = local, timeline, stop, shown
         services = local.plan.services
-        self._watch = Watch(local.node, list(services), timeline, shown.line, services.shared)
+        cameras = local.stack.section("camera", CameraViews).by_name
+        self._watch = Watch(
+            local.node, list(services), timeline, shown.line, services.shared, cameras
+        )
         local.node.each(topics.STATUS, timeline.see)
 
     def keep(self) -> str:

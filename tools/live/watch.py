@@ -1,10 +1,11 @@
 """Collects what the screen shows of a dive, on the topside."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import msgspec
 
 from messages import events, topics
+from messages.cameras import FIRST, age
 from messages.health import Health, LogLine
 from messages.link import Shown
 from services.runtime.node.node import Node
@@ -26,8 +27,13 @@ class Watch:
         timeline: DiveTimeline,
         show: Callable[[LogLine, float | None], None],
         shared: Mapping[str, str] | None = None,
+        cameras: Iterable[str] = (FIRST,),
     ) -> None:
-        """`shared`: the process of each service that is not alone in a process of its own name."""
+        """
+        Args:
+            shared: the process of each service that is not alone in a process of its own name.
+            cameras: names of the drone's.
+        """
         self.lines = LogLines()
         self._timeline = timeline
         self._services, self._shared = services, shared or {}
@@ -39,7 +45,7 @@ class Watch:
         self._pilot = node.latest(topics.PILOT_COMMAND)
         node.each(topics.HEALTH, self._hear_health)
         node.each(topics.LOG, self._add)
-        self._picture = node.latest(topics.PICTURE_AGE)
+        self._pictures = [node.latest(age(camera)) for camera in cameras]
         self._shown = node.publisher(topics.SHOWN.of("screen"))
         # Nobody receives their own messages on the bus.
         node.show = lambda line: self._add(line, line.stamp_ns)
@@ -62,7 +68,8 @@ class Watch:
         timeline = self._timeline
         self._begun |= {name for name in self._services if name not in missing}
         newest = self._vehicle.newest(now)
-        pilot, picture = self._pilot.fresh(now), self._picture.fresh(now)
+        pilot = self._pilot.fresh(now)
+        seen_pictures = [port.fresh(now) for port in self._pictures]
         if (state := ages.shown(topics.STATE, newest.state, now)) is not None:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
         seen = vehicle_view(newest, now)
@@ -75,7 +82,7 @@ class Watch:
             length_s=timeline.length_s,
             sticks=(pilot.surge, pilot.sway, pilot.heave, pilot.yaw) if pilot else None,
             silent=tuple(silent),
-            picture=picture.words if picture else "",
+            picture=" · ".join(each.words for each in seen_pictures if each and each.words),
             services=tuple(
                 self._service(name, name not in missing, restarts) for name in self._services
             ),
@@ -112,5 +119,5 @@ class Watch:
 
     def _look(self, now: int) -> None:
         self._vehicle.newest(now)
-        for port in (self._pilot, self._picture):
+        for port in (self._pilot, *self._pictures):
             port.newest(now)

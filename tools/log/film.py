@@ -1,6 +1,6 @@
 """`lindy log film`: the pictures of a recording as a film that any player and editor opens."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from math import inf
 from pathlib import Path
@@ -8,17 +8,20 @@ from typing import Annotated, Protocol
 
 from cyclopts import Parameter
 
+from messages import cameras
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.choices import NewFile
 from tools.fresh import EXISTS, refuse_existing, write_fresh
+from tools.log.film_cameras import Camera, chosen
 from tools.log.film_scenes import FilmedPicture, filmed_spans, pictures, within
 from tools.log.subtitles import Subtitles
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
+Spans = Sequence[tuple[int, float]]  # [ns] UTC from when to when
 
 
 class FilmFile(Protocol):
@@ -41,42 +44,75 @@ def film(
     marked: Annotated[
         bool, Parameter(negative=(), help="only what the pilot filmed, a film for each")
     ] = False,
+    camera: Camera = "",
 ) -> int:
     """The pictures as a film with subtitles (MP4).
 
     RECORDING is a dive's folder or its MCAP file. Pictures are copied as they were sent, each at
     the time of its light; OUT's name with .srt has time, depth, heading, place and flight mode. A
-    camera that changes its size begins another film, OUT-2. Exit status 3: the recording is damaged
-    or was not finished.
+    camera that changes its size begins another film, OUT-2. Of several cameras it is the one that
+    was large for the longest; with --camera all each has a film, OUT-front, OUT-down. Exit status
+    3: the recording is damaged or was not finished.
 
     Example: lindy log film dives/latest --out dive.mp4
              lindy log film dives/latest --overlay --out shown.mp4
+             lindy log film dives/latest --camera all --out dive.mp4
     """
     if out.suffix != ".mp4":
         raise LindyError(f"--out {out}: expected a name that ends in .mp4")
     opened = open_recording(recording)
     with reading("filming", opened.size) as opened.advance:
-        made = filmed(opened, out, overlay=overlay, marked=marked)
+        made = filmed(opened, out, overlay=overlay, marked=marked, camera=camera)
     print("\n".join([*made, *opened.damage]), flush=True)
     return INCOMPLETE if opened.damage else COMPLETE
 
 
 def filmed(
-    recording: Recording, out: Path, *, overlay: bool = False, marked: bool = False
+    recording: Recording,
+    out: Path,
+    *,
+    overlay: bool = False,
+    marked: bool = False,
+    camera: str = "",
 ) -> list[str]:
     """Write the films. Returns a sentence for each.
 
     Raises:
         LindyError: there are no pictures, or a file exists or cannot be written.
     """
+    names = chosen(recording, camera)
+    spans: dict[str, Spans] = {name: [(0, inf)] for name in names}
+    if marked:  # with whichever camera was large then
+        spans = {name: filmed_spans(recording, name) for name in names}
+        names = [name for name in names if spans[name]]
+    elif not camera:
+        names = names[:1]
+    if not names:
+        raise LindyError(
+            f"{recording.files[0]}: the pilot filmed nothing with {' or '.join(spans)}; leave "
+            f"out --marked"
+        )
+    alone = len(names) == 1 and camera != cameras.ALL
+    paths = {n: out if alone else out.with_name(f"{out.stem}-{n}.mp4") for n in names}
+    for path in paths.values():
+        refuse_existing(path)
+    said = [_filmed(recording, n, path, spans[n], overlay=overlay) for n, path in paths.items()]
+    return [sentence for each in said for sentence in each]
+
+
+def _filmed(
+    recording: Recording,
+    camera: str,
+    out: Path,
+    spans: Spans,
+    *,
+    overlay: bool,
+) -> list[str]:
+    """The films of one camera."""
     said, what, left_out = list[str](), None, set[int]()
     writing: _Writing | None = None
-    refuse_existing(out)
-    spans = filmed_spans(recording) if marked else [(0, inf)]
-    if not spans:
-        raise LindyError(f"{recording.files[0]}: the pilot filmed nothing; leave out --marked")
     try:
-        for span, picture in within(pictures(recording, left_out), spans):
+        for span, picture in within(pictures(recording, left_out, camera), spans):
             if (span, picture.size) != what:
                 if writing is not None:
                     said.append(writing.end())

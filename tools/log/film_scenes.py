@@ -1,12 +1,13 @@
 """A recording's pictures, and where the drone was when the light of each arrived."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from math import degrees, inf
 from typing import NamedTuple
 
-from messages import topics
+from messages import cameras, topics
+from messages.cameras import FIRST
 from messages.film import FilmKind, FilmRequest
 from messages.sensors import TemperatureSample
 from messages.state import VehicleState
@@ -14,7 +15,8 @@ from messages.vehicle import VehicleStatus
 from messages.video import Assembler, VideoPart
 from tools.recordings.recording import Recording
 
-KEYS = {topics.VIDEO.key, topics.STATE.key, topics.STATUS.key, topics.TEMPERATURE.key}
+KEYS = {topics.STATE.key, topics.STATUS.key, topics.TEMPERATURE.key}
+VIDEOS = (topics.VIDEO, topics.FURTHER_VIDEO)
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
 OLD_NS = 1_000_000_000  # [ns] before a picture: where the drone was then is not where it is
 
@@ -57,17 +59,20 @@ class FilmedPicture(NamedTuple):
     drone: FilmPlace
 
 
-def pictures(recording: Recording, left_out: set[int] | None = None) -> Iterator[FilmedPicture]:
-    """Every picture that can be decoded with those before it, in their order.
+def pictures(
+    recording: Recording, left_out: set[int] | None = None, camera: str = FIRST
+) -> Iterator[FilmedPicture]:
+    """Every picture of a camera that can be decoded with those before it, in their order.
 
     Args:
         left_out: becomes the stamps [ns] of the others.
     """
+    keys = {*KEYS, cameras.video(camera).key}
     left_out = set() if left_out is None else left_out
     assembler, seen = Assembler(), deque[FilmPlace](maxlen=LATEST)
     mode, water, seq, broken = "", None, None, True
     for raw in recording.raw():
-        if raw.key not in KEYS:
+        if raw.key not in keys:
             continue
         match recording.decode(raw):
             case VehicleState() as state:
@@ -92,23 +97,45 @@ def pictures(recording: Recording, left_out: set[int] | None = None) -> Iterator
                 pass
 
 
-def marks(recording: Recording) -> list[tuple[FilmKind, int]]:
-    """What the pilot filmed: kind, and [ns] UTC of the light of the picture that was seen."""
+def filmed_cameras(recording: Recording) -> list[str]:
+    """Cameras of which the recording has pictures: the one that was large for the longest, then the
+    others by name."""
+    seen, large = set[str](), Counter[str]()
+    for raw in recording.raw():
+        camera = cameras.camera_of(raw.key)
+        if camera is not None and topics.find(raw.key) in VIDEOS:
+            seen.add(camera)
+        elif topics.CAMERA_SHARES.covers(raw.key):  # five a second, from the large one
+            large[raw.key.rpartition("/")[2]] += 1
+    longest = max(sorted(seen), key=lambda name: (large[name], name == FIRST), default=FIRST)
+    return sorted(seen, key=lambda name: (name != longest, name))
+
+
+def marks(recording: Recording, camera: str = "") -> list[tuple[FilmKind, int]]:
+    """What the pilot filmed: kind, and [ns] UTC of the light of the picture that was seen.
+
+    Args:
+        camera: of this one only; empty: of all.
+    """
     found = dict[str, tuple[FilmKind, int]]()
     for raw in recording.raw():
         if raw.key != topics.FILM_REQUEST.key:
             continue
         message = recording.decode(raw)
         if isinstance(message, FilmRequest):
+            own = message.kind == "end" or (message.camera or FIRST) == camera
+            if camera and not own:
+                continue
             light = raw.publish_ns + message.light_ns - message.stamp_ns
             found.setdefault(message.id, (message.kind, light))
     return sorted(found.values(), key=lambda each: each[1])
 
 
-def filmed_spans(recording: Recording) -> list[tuple[int, float]]:
-    """[ns] UTC from when to when the pilot filmed. What was not ended lasts to the end."""
+def filmed_spans(recording: Recording, camera: str) -> list[tuple[int, float]]:
+    """[ns] UTC from when to when the pilot filmed with this camera, which was the large one when
+    that began. What was not ended lasts to the end."""
     spans, began = list[tuple[int, float]](), None
-    for kind, light in marks(recording):
+    for kind, light in marks(recording, camera):
         if kind == "begin" and began is None:
             began = light
         elif kind == "end" and began is not None:

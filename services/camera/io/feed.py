@@ -72,10 +72,12 @@ class Feed:
         height: int,
         clock: Callable[[], Ns],
         wall_offset_ns: Callable[[], Ns] = lambda: 0,
+        called: str = "camera",
     ) -> None:
         """
         Args:
             wall_offset_ns: UTC minus `clock`.
+            called: what its sentences call the camera.
         """
         self.events: deque[Event] = deque()
         self.said: deque[str] = deque()  # sentences for the log
@@ -83,7 +85,7 @@ class Feed:
         self._wall_offset_ns = wall_offset_ns
         self._newest: deque[Shot] = deque(maxlen=1)
         self._scaler = VideoReformatter()
-        self._called = without_passwords(source)
+        self._called = f"{called}: {without_passwords(source)}"
         self._trouble = ""
         self._alive_ns = clock()  # [ns] of the last picture, or of the last that was said
         self._stop = threading.Event()
@@ -221,14 +223,14 @@ class Feed:
         self._alive_ns = now
         if self._trouble:
             self._trouble = ""
-            self.said.append(f"camera: {self._called} gives pictures again")
+            self.said.append(f"{self._called} gives pictures again")
 
     def _complain(self, why: str, now: Ns, then: str = f"tried every {RETRY_S:g} s") -> None:
         self.events.append(events.LOST_CAMERA())
         self._alive_ns = now
         if why != self._trouble:
             self._trouble = why
-            self.said.append(f"camera: {self._called} gives no pictures: {why}; {then}")
+            self.said.append(f"{self._called} gives no pictures: {why}; {then}")
 
 
 class _Live:

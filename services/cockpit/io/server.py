@@ -10,7 +10,7 @@ import socket
 import ssl
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 from urllib.parse import parse_qs
 
@@ -19,6 +19,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from messages import events
+from messages.cameras import FIRST
 from messages.events import Outbox
 from services.cockpit.core import Settings
 from services.cockpit.handshake import SOCKETS, VIDEO, WATCH, Access
@@ -39,7 +40,7 @@ from services.runtime.config.errors import LindyError
 
 MOST_PAGES = 32
 MOST_WATCHERS = 24  # of them: the others' places are for pilots
-MOST_CONNECTIONS = 128  # with those that load files or never say what they want
+MOST_CONNECTIONS = 192  # with those for pictures and files, and those that say nothing
 WAITING = 64  # events of all pages that may wait for the service
 HANDSHAKE_S = 5.0  # [s] for a connection to say what it wants
 SEND_BUFFER = 32_768  # [B] of the system, per page: some pictures
@@ -48,8 +49,17 @@ OLD_PAGE, TOO_MANY = 4001, 4002  # and our own
 
 
 class PageServer:
-    def __init__(self, settings: Settings, access: Access, outbox: Outbox) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        access: Access,
+        outbox: Outbox,
+        cameras: Sequence[str] = (FIRST,),
+    ) -> None:
         """Listen.
+
+        Args:
+            cameras: names of the drone's; the first one first.
 
         Raises:
             LindyError: the address cannot be used, or the certificate is no good.
@@ -60,7 +70,7 @@ class PageServer:
         self._lock = threading.Lock()  # of the events
         self._pages: dict[int, ServerConnection] = {}
         self._watchers: set[int] = set()
-        self._video = VideoServer(outbox)
+        self._video = {camera: VideoServer(outbox) for camera in cameras}
         self._last = 0  # number of the newest page
         self._open = 0  # connections
         self._notify: Callable[[], None] = lambda: None
@@ -95,10 +105,10 @@ class PageServer:
         if texts and self._thread is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._send, texts)
 
-    def show_video(self, unit: PageUnit) -> None:
-        """Send every page a picture of the camera."""
+    def show_video(self, unit: PageUnit, camera: str = FIRST) -> None:
+        """Send every page a picture of a camera."""
         if self._thread is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._video.send, unit)
+            self._loop.call_soon_threadsafe(self._video[camera].send, unit)
 
     # On the thread of its own.
 
@@ -154,17 +164,19 @@ class PageServer:
         request = connection.request
         assert request is not None
         path, _, query = request.path.partition("?")
-        if parse_qs(query).get("version") != [self._files.version]:
+        asked = parse_qs(query)
+        if asked.get("version") != [self._files.version]:
             self._outbox.tell(events.WRONG_VERSION_PAGE())
             await connection.close(OLD_PAGE, "this page is of another version: load it again")
             return
-        if self._full(path):
+        video = self._video.get(asked.get("camera", [FIRST])[0]) if path == VIDEO else None
+        if self._full(path, video):
             self._outbox.tell(events.TOO_MANY_PAGES())
             kind = f"{MOST_WATCHERS} watchers'" if path == WATCH else str(MOST_PAGES)
             await connection.close(TOO_MANY, f"{kind} pages are open already")
             return
-        if path == VIDEO:
-            await self._video.page(connection)
+        if video is not None:
+            await video.page(connection)
             return
         sock = connection.transport.get_extra_info("socket")
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
@@ -184,10 +196,10 @@ class PageServer:
             self._watchers.discard(number)
             self._add(PageClosed(number))
 
-    def _full(self, path: str) -> bool:
+    def _full(self, path: str, video: VideoServer | None) -> bool:
         """Is there no room for one more page?"""
         if path == VIDEO:
-            return self._video.full
+            return video is None or video.full  # None: of a camera that is not there
         watchers = path == WATCH and len(self._watchers) >= MOST_WATCHERS
         return watchers or len(self._pages) >= MOST_PAGES
 

@@ -47,9 +47,9 @@ export class Connection {
     };
   }
 
-  address(path) {
+  address(path, more = {}) {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-    const query = new URLSearchParams({ version: this.version, token: location.hash.slice(1) });
+    const query = new URLSearchParams({ version: this.version, token: location.hash.slice(1), ...more });
     return `${scheme}//${location.host}${path}?${query}`;
   }
 

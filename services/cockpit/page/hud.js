@@ -7,11 +7,12 @@ const RAD = Math.PI / 180;
 const LADDER = [-60, -45, -30, -20, -10, 10, 20, 30, 45, 60]; // [deg]
 const EDGE = 80; // [deg] what lies further from the axis is not in any picture
 
-// Of a camera that is tilted in a rolled and pitched drone: elevation of its axis, and roll of its
-// picture [rad].
-export function lookout(roll, pitch, tilt) {
-  const across = Math.sin(roll) * Math.cos(pitch), below = Math.cos(roll) * Math.cos(pitch);
-  const ahead = -Math.sin(pitch); // where down is, in the drone's axes
+// Of a camera that is tilted, and turned to starboard, in a rolled and pitched drone: elevation of
+// its axis, and roll of its picture [rad].
+export function lookout(roll, pitch, tilt, yaw = 0) {
+  const side = Math.sin(roll) * Math.cos(pitch), below = Math.cos(roll) * Math.cos(pitch);
+  const nose = -Math.sin(pitch); // where down is, in the drone's axes
+  const ahead = nose * Math.cos(yaw) + side * Math.sin(yaw), across = side * Math.cos(yaw) - nose * Math.sin(yaw);
   return {
     elevation: Math.asin(Math.max(-1, Math.min(1, below * Math.sin(tilt) - ahead * Math.cos(tilt)))),
     roll: Math.atan2(across, below * Math.cos(tilt) + ahead * Math.sin(tilt)),
@@ -90,7 +91,8 @@ export class Hud {
   horizon(view, width, height, axis, top) {
     const { g, u, c } = this;
     if (view.roll_deg === undefined || view.pitch_deg === undefined) return;
-    const { elevation, roll } = lookout(view.roll_deg * RAD, view.pitch_deg * RAD, (view.tilt_deg ?? 0) * RAD);
+    const [tilt, yaw] = view.looks_deg ?? [view.tilt_deg ?? 0, 0];
+    const { elevation, roll } = lookout(view.roll_deg * RAD, view.pitch_deg * RAD, tilt * RAD, yaw * RAD);
     const up = (degrees) => axis.perRadian * Math.tan(elevation - degrees * RAD); // [px] below the axis
     const seen = (degrees) => Math.abs(elevation / RAD - degrees) < EDGE;
     const far = 2 * (width + height);

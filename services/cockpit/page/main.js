@@ -1,6 +1,7 @@
 // The pilot's page: devices → connection → service, and pictures of the drone → screen.
 
 import { Alarms } from "/alarms.js";
+import { Cameras } from "/cameras.js";
 import { Connection } from "/connection.js";
 import { Drones } from "/drones.js";
 import { Film } from "/film.js";
@@ -39,6 +40,7 @@ const hud = new Hud($("hud"));
 const trace = new Trace($("trace"));
 const drones = new Drones(connection);
 export const video = new Video($("picture"), connection);
+const cameras = new Cameras(video, connection, (name) => connection.wish("camera", { camera: name }));
 const picture = new Picture($("picture"));
 const settings = new Settings(apply);
 const alarms = new Alarms(settings, words);
@@ -67,7 +69,7 @@ const hold = (what, down) => (down ? held[what].press() : held[what].release());
 const click = (id) => $(id).hidden || $(id).click();
 const OWN = { // what the page does itself
   map: () => settings.next("map"), speed: () => settings.next("speed"), mute: () => settings.next("sound"), film: () => click("film"), snapshot: () => click("snapshot"),
-  brighter: () => goto.light(1), darker: () => goto.light(-1),
+  next_camera: () => cameras.next(), brighter: () => goto.light(1), darker: () => goto.light(-1),
   deeper: () => goto.deeper(1), shallower: () => goto.deeper(-1),
   heading_port: () => goto.turned(-1), heading_starboard: () => goto.turned(1),
 };
@@ -175,8 +177,9 @@ let drawn = null, drawnAt = 0;
 function frame() {
   requestAnimationFrame(frame);
   const now = performance.now();
-  const comes = video.frame === null && video.silence < TOGETHER_MS && now - drawnAt < TOGETHER_MS;
-  const seen = video.draw();
+  const { large } = cameras;
+  const comes = large.frame === null && large.silence < TOGETHER_MS && now - drawnAt < TOGETHER_MS;
+  const seen = cameras.draw();
   if (seen !== hud.picture) drawnAt = 0; // with or without a sky of its own
   hud.picture = seen;
   if (comes || (connection.picture === drawn && now - drawnAt < SAME_MS)) return;
@@ -199,7 +202,9 @@ function told(now) {
 function draw() {
   const now = performance.now(), seen = view();
   const found = show(connection, you(), seen, steering.device);
-  showPicture(video);
+  cameras.show(seen.cameras, seen.large);
+  picture.use(cameras.large.canvas);
+  showPicture(cameras.large);
   film.show(seen, !connection.watching);
   drones.show(seen);
   map.draw();
@@ -217,7 +222,7 @@ function draw() {
   const box = (id) => $(id).getBoundingClientRect();
   const boxes = { heading: box("heading"), depth: box("depth"), aids: box("aids"), buttons: box("buttons"), left: box("left"), map: box("map") };
   const free = [boxes.heading.bottom, boxes.buttons.top];
-  const axis = picture.place({ stripe: video.stripe ?? 0, fov: seen.fov_deg ?? FOV_DEG, whole: settings.crop === "whole", free });
+  const axis = picture.place({ stripe: cameras.large.stripe ?? 0, fov: seen.fov_deg ?? FOV_DEG, whole: settings.crop === "whole", free });
   hud.draw(seen, found.stale, axis, boxes);
   trace.add(seen.rtt_ms, now);
 }

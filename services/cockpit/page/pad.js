@@ -5,7 +5,7 @@ import { level, shape } from "/shape.js";
 
 const DEAD_BAND = 0.12, EXPO = 0.4;
 const HELD = ["arm", "disarm"]; // what is deliberate
-const PRESSED = ["stop", "light", "light_2", "laser", "film", "snapshot", "speed"];
+const PRESSED = ["stop", "light", "light_2", "laser", "film", "snapshot", "speed", "next_camera"];
 const MOVED = 0.6; // of a stick's travel: it is this one that is meant
 const STORE = "pads";
 // Of a pad that the browser knows ("standard"): axes with their sign, and buttons.
@@ -14,7 +14,7 @@ const STANDARD = {
   stop: 1, light: 3, slow: 6, boost: 7, disarm: 8, arm: 9, tilt_up: 12, tilt_down: 13,
   light_2: 0, laser: 2, gripper_close: 4, gripper_open: 5,
 };
-export const PAD_ACTIONS = ["ahead", "starboard", "rise", "turn_starboard", "stop", "arm", "disarm", "light", "slow", "boost", "tilt_up", "tilt_down", "gripper_open", "gripper_close", "light_2", "laser", "speed", "film", "snapshot"];
+export const PAD_ACTIONS = ["ahead", "starboard", "rise", "turn_starboard", "stop", "arm", "disarm", "light", "slow", "boost", "tilt_up", "tilt_down", "gripper_open", "gripper_close", "light_2", "laser", "speed", "film", "snapshot", "next_camera"];
 const AXES = PAD_ACTIONS.slice(0, 4);
 
 export class Pad {

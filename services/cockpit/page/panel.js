@@ -18,7 +18,10 @@ function alarm(id, text) {
 
 const plain = (name) => (name ? words.t(name).replaceAll("_", " ") : UNKNOWN);
 const ms = (value) => (value === undefined ? UNKNOWN : `${units.number(value, value < 9.95 ? 1 : 0)} ms`);
-const seconds = (value) => (value < 0.995 ? `${units.number(1000 * value)} ms` : `${units.number(value, 1)} s`);
+export const seconds = (value) => (value < 0.995 ? `${units.number(1000 * value)} ms` : `${units.number(value, 1)} s`);
+
+// The first camera has a name of ours, the others those of the vehicle file.
+export const cameraName = (name) => (name === "front" ? words.t("front") : name.replaceAll("_", " "));
 
 // [ms] Age of depth and attitude on this screen; undefined: not known.
 export function age(you, view, arrived) {
@@ -91,9 +94,10 @@ function link(said) {
 
 // The age of the picture, and what is wrong with it.
 export function showPicture(video) {
-  const { age, least, words: wrong, silence } = video;
+  const { age, least, words: wrong, silence, name } = video;
   const known = age !== undefined && silence < Infinity;
-  put("picture-age", `${words.t("picture")} ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && wrong ? "old" : "");
+  const what = name ? `${cameraName(name)} ${units.number(video.kbit)} kbit/s` : words.t("picture"); // where there are several
+  put("picture-age", `${what} ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && wrong ? "old" : "");
   put("no-picture", words.t(wrong), wrong && known ? "old" : "");
 }
 

@@ -10,6 +10,11 @@ export class Picture {
     this.style = "";
   }
 
+  // From now on it is this canvas.
+  use(canvas) {
+    if (canvas !== this.canvas) [this.canvas, this.style] = [canvas, ""];
+  }
+
   // Returns where its optical axis is [px], and how many pixels a radian is there.
   // stripe: rows [px] at its top that are for machines; free: from and to [px] what covers little
   place({ stripe, fov, whole, free }) {

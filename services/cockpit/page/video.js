@@ -4,12 +4,13 @@
 import { stripeRows } from "/stripe.js";
 
 const VERSION = 1, KEYFRAME = 1, EXACT = 2, HEADER = 16; // of a message, see services/cockpit/video.py
-const RETRY_MS = 700;
+const RETRY_MS = 700, RATE_MS = 2000;
 const NOTHING = "no picture";
 
 export class Video {
-  constructor(canvas, connection) {
-    Object.assign(this, { canvas, connection });
+  // name: of the camera; empty: the first one
+  constructor(canvas, connection, name = "") {
+    Object.assign(this, { canvas, connection, name });
     this.g = canvas.getContext("2d");
     this.light = null; // [ms] of the shown picture, by the service's clock …
     this.exact = false; // … and not earlier
@@ -18,13 +19,15 @@ export class Video {
     this.unable = cannot(); // why this browser shows no picture; empty: it can
     this.underWay = []; // units that the decoder has
     this.failures = 0;
+    this.wanted = true; // the drone has this camera
+    [this.bytes, this.since, this.rate] = [0, performance.now(), 0]; // of what arrives
     document.addEventListener("visibilitychange", () => (document.hidden ? this.close() : this.open()));
     if (!document.hidden) this.open();
   }
 
   open() {
-    if (this.unable || this.socket) return;
-    const socket = new WebSocket(this.connection.address("/ws/video"));
+    if (this.unable || this.socket || !this.wanted) return;
+    const socket = new WebSocket(this.connection.address("/ws/video", this.name ? { camera: this.name } : {}));
     socket.binaryType = "arraybuffer";
     socket.onmessage = (event) => this.take(socket, event.data);
     socket.onclose = () => {
@@ -33,6 +36,13 @@ export class Video {
       if (!this.connection.old) setTimeout(() => document.hidden || this.open(), RETRY_MS);
     };
     this.socket = socket;
+  }
+
+  want(wanted) {
+    if (wanted === this.wanted) return;
+    this.wanted = wanted;
+    if (!wanted) this.close();
+    else if (!document.hidden) this.open();
   }
 
   // Nobody looks, or nothing comes: begin anew, with a keyframe.
@@ -50,6 +60,7 @@ export class Video {
   }
 
   take(socket, message) {
+    this.bytes += message.byteLength;
     const head = new DataView(message);
     if (head.getUint8(0) !== VERSION) return;
     const unit = {
@@ -113,6 +124,13 @@ export class Video {
 
   // [ms] Since the newest one was decoded.
   get silence() { return this.light === null ? Infinity : performance.now() - this.shownAt; }
+
+  // [kbit/s] That arrive, over the last seconds.
+  get kbit() {
+    const now = performance.now(), span = now - this.since;
+    if (span > RATE_MS) [this.rate, this.bytes, this.since] = [(this.bytes * 8) / span, 0, now];
+    return this.rate;
+  }
 
   // Before the age in words: it is exact only where the camera says when the light arrived.
   get least() { return this.exact ? "" : "≥ "; }

@@ -1,9 +1,11 @@
 """Which views each message of the bus gives."""
 
+from collections import defaultdict
 from typing import Any
 
 import msgspec
 
+from messages import cameras
 from messages.health import LogLine
 from messages.message import Message
 from messages.reference import Reference
@@ -32,16 +34,19 @@ class Views:
         self._named = named_vectors([thruster.name for thruster in vehicle.thruster])
         self._reference: Reference | None = None
         self._truth: Truth | None = None
-        self._video = Assembler()
+        self._video = defaultdict[str, Assembler](Assembler)  # by key
         self._due: dict[str, int] = {}  # [ns] UTC, when a view is due again
         self._encode = msgspec.json.Encoder().encode
 
-    def of(self, topic: AnyTopic, message: Message, utc_ns: int) -> list[FoxgloveView]:
+    def of(
+        self, topic: AnyTopic, message: Message, utc_ns: int, key: str = ""
+    ) -> list[FoxgloveView]:
         """The views of one message.
 
         Args:
             topic: its row of the topic table.
             utc_ns: [ns] UTC of its stamp.
+            key: of a family's member; default: that of the topic.
         """
         views: list[FoxgloveView] = []
         if (plot := self._plot(topic, message, utc_ns)) is not None:
@@ -57,7 +62,7 @@ class Views:
             if len(message.thrust) == len(self._vehicle.thruster):
                 views += self._thrust(message, utc_ns)
         elif isinstance(message, VideoPart):
-            views += self._picture(message, utc_ns)
+            views += self._picture(key or topic.key, message, utc_ns)
         elif isinstance(message, LogLine):
             views.append(self._view("log", "Log", _log(message, utc_ns)))
         return views
@@ -92,14 +97,16 @@ class Views:
         arrows = scene.thrust_arrows(utc_ns, self._vehicle, actuation.thrust)
         return [self._view("thrust", "SceneUpdate", arrows)]
 
-    def _picture(self, part: VideoPart, utc_ns: int) -> list[FoxgloveView]:
+    def _picture(self, key: str, part: VideoPart, utc_ns: int) -> list[FoxgloveView]:
         """The access unit that this part completes."""
-        unit = self._video.take(part)
+        unit = self._video[key].take(part)
         if unit is None:
             return []
+        camera = cameras.camera_of(key)
+        name = "camera" if camera == cameras.FIRST else f"camera_{camera}"
         stamped = {"timestamp": scene.time(utc_ns), "frame_id": scene.VEHICLE}
         video = {**stamped, "data": unit.data, "format": "h264"}
-        return [self._view("camera", "CompressedVideo", video)]
+        return [self._view(name, "CompressedVideo", video)]
 
     def _is_due(self, name: str, utc_ns: int, period_ns: int) -> bool:
         """Is it as long ago as a period, or did the clock run backwards?"""

@@ -21,6 +21,7 @@ Key = tuple[str | int, ...]  # names, and indices of entries in arrays, from 0
 HEADING = re.compile(r"\s*(\[\[?)([\w.\-\"' ]+)\]\]?\s*(#.*)?$")
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
 LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
+UNNAMED = "[...]"  # of msgspec, for a name in a dictionary
 ENTRY = re.compile(r"(\w+) number (\d+)")  # an entry of an array, as sentences name it
 
 
@@ -146,7 +147,8 @@ def convert(tree: Any, kind: type[S], where: str, path: Path | None = None) -> S
     try:
         return msgspec.convert(tree, kind)
     except msgspec.ValidationError as error:
-        raise LindyError(_explain(str(error), tree, kind, where, path)) from None
+        found = _with_name(str(error), tree, kind)
+        raise LindyError(_explain(found, tree, kind, where, path)) from None
 
 
 def read(path: Path, kind: type[S]) -> S:
@@ -201,6 +203,29 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
         if not isinstance(found, dict | list):
             text.append(f", found {found!r}")
     return "".join(text)
+
+
+def _with_name(error: str, tree: Any, kind: type) -> str:
+    """An error inside a table of tables with names of the user's own, which msgspec does not name:
+    with the name of the table that alone gives the same error."""
+    before, unnamed, _ = error.partition(UNNAMED)
+    parts = re.findall(r"\.(\w+)", before.rpartition(" - at ")[2])
+    tables = _at(tree, parts)
+    if not unnamed or not isinstance(tables, dict):
+        return error
+    for name, table in cast(dict[str, Any], tables).items():
+        try:
+            msgspec.convert(_replaced(tree, parts, {name: table}), kind)
+        except msgspec.ValidationError as again:
+            if str(again) == error:
+                return error.replace(UNNAMED, f".{name}", 1)
+    return error
+
+
+def _replaced(tree: Any, parts: Sequence[str], value: Any) -> Any:
+    if not parts:
+        return value
+    return {**tree, parts[0]: _replaced(tree[parts[0]], parts[1:], value)}
 
 
 def _with_lines(what: str, key: Key, path: Path) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from messages.cameras import FIRST
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Failsafe
 from services.marine.vehicle import Vehicle
@@ -20,7 +21,7 @@ from services.visualizer.batch import (
     VideoSample,
     joined_columns,
 )
-from services.visualizer.blueprint import TIMELINE, blueprint
+from services.visualizer.blueprint import TIMELINE, blueprint, camera_path
 from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve, Look
 from services.visualizer.curves import computed, curves
 from services.visualizer.io.rrd_file import RrdFile
@@ -64,7 +65,7 @@ class RerunWriter:
         self._looks = [*[curve for curve in named if not curve.topic.is_family], *computed()]
         self._families = {curve.path: curve for curve in named if curve.topic.is_family}
         self._styled = {look.path for look in self._looks}
-        self._filming = False  # has a picture of a camera been written?
+        self._cameras: list[str] = []  # of which a picture has been written
         self._services: dict[str, int] = {}  # colour of each, in every panel
 
     def save(self, file: RrdFile) -> None:
@@ -212,12 +213,23 @@ class RerunWriter:
             self._rec.send_columns("world/predicted", [_index(times)], pose)
 
     def _film(self, video: list[VideoSample]) -> None:
-        if not self._filming:  # nothing is said of a camera where there is none
-            self._filming = True
-            self._static("camera", rr.VideoStream(codec=rr.VideoCodec.H264))
-        when = [_index([sample.time for sample in video])]
-        samples = rr.VideoStream.columns(sample=[sample.data for sample in video])
-        self._rec.send_columns("camera", when, samples)
+        by_camera: dict[str, list[VideoSample]] = {}
+        for sample in video:
+            by_camera.setdefault(sample.camera, []).append(sample)
+        self._show_cameras([camera for camera in by_camera if camera not in self._cameras])
+        for camera, own in by_camera.items():
+            when = [_index([sample.time for sample in own])]
+            samples = rr.VideoStream.columns(sample=[sample.data for sample in own])
+            self._rec.send_columns(camera_path(camera), when, samples)
+
+    def _show_cameras(self, new: list[str]) -> None:
+        """Nothing is said of a camera where there is none; the layout has the first one anyway."""
+        self._cameras += new
+        for camera in new:
+            self._static(camera_path(camera), rr.VideoStream(codec=rr.VideoCodec.H264))
+        if any(camera != FIRST for camera in new):
+            further = [each for each in self._cameras if each != FIRST]
+            self._rec.send_blueprint(blueprint(self._vehicle, further))
 
     def _at(self, time: int) -> None:
         self._rec.set_time(TIMELINE, duration=np.timedelta64(time, "ns"))

@@ -17,7 +17,8 @@ from av.video.codeccontext import VideoCodecContext
 from av.video.stream import VideoStream
 
 from messages import events
-from services.camera.io.feed import Feed
+from services.camera.capture_time import Light
+from services.camera.io.feed import Arrived, Feed
 from tests.support.patience import PATIENCE_S
 
 
@@ -140,3 +141,43 @@ def test_a_damaged_picture_is_left_out_and_the_camera_is_kept(tmp_path: Path, na
     watched.feed.close()
     assert not watched.feed.said
     assert events.LOST_CAMERA() not in watched.feed.events
+
+
+@pytest.mark.parametrize(
+    ("form", "size", "value", "luma"),
+    [
+        ("yuv420p", (160, 90), 126, 126),
+        ("yuv444p", (320, 180), 126, 126),
+        ("yuv422p", (322, 242), 126, 126),
+        ("yuvj420p", (640, 360), 128, 126),  # of full range: 128 of 255 is 126 of 16 … 235
+        ("gray", (640, 480), 128, 126),
+        ("yuv420p10le", (3840, 2160), 126 * 4, 126),
+        ("gray10le", (320, 240), 128 * 4, 126),
+        ("rgb24", (160, 90), 128, 126),
+    ],
+)
+def test_pictures_of_other_formats_and_sizes_are_converted(
+    form: str, size: tuple[int, int], value: int, luma: int
+) -> None:
+    """Of one camera one after another, as one that changes them in mid-dive."""
+    feed = Feed("none", 160, 90, time.monotonic_ns)
+    for each, of, level in (("yuv420p", (640, 360), 60), (form, size, value)):
+        frame = av.VideoFrame(*of, each)
+        for number, plane in enumerate(frame.planes):
+            deep = each.endswith("le")
+            kind = np.dtype("<u2" if deep else np.uint8)
+            colour = 512 if deep else 128  # none
+            shade = colour if number and "rgb" not in each else level
+            plane.update(np.full(plane.buffer_size // kind.itemsize, shade, kind).tobytes())
+        feed.keep(frame, Arrived(Light(0, exact=False), 0))
+    shot = feed.take()
+    assert shot is not None
+    assert [plane.shape for plane in shot.picture] == [(90, 160), (45, 80), (45, 80)]
+    assert abs(float(shot.picture.y.mean()) - luma) < 2.0
+    assert abs(float(shot.picture.u.mean()) - 128.0) < 2.0
+
+
+def test_a_camera_is_called_by_its_name() -> None:
+    feed = Feed("rtsp://me:secret@127.0.0.1:9/x", 160, 90, time.monotonic_ns, called="down camera")
+    feed.look_after(time.monotonic_ns() + 60_000_000_000)
+    assert feed.said[0].startswith("down camera: rtsp://…@127.0.0.1:9/x gives no pictures")

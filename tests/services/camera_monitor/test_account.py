@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from messages.events import Outbox
 from messages.units import Ns
 from messages.video import HEADERS, PICTURE_STAGES, Assembler, PictureAge, VideoPart
-from services.camera_monitor.core import PictureAccount
+from services.camera_monitor.core import Carried, PictureAccount
 
 MS, S = 1_000_000, 1_000_000_000
 
@@ -135,3 +135,37 @@ def test_the_report_fits_its_limits() -> None:
     arrive(account, parts(1), 50 * MS, 0)
     said = account.report(60 * MS)
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(said), type=PictureAge) == said
+
+
+@given(st.permutations([*"aaaa", *"bbbb"]), st.floats(0.2, 20.0))
+def test_the_pace_of_two_cameras_is_that_of_the_link(order: list[str], ms: float) -> None:
+    """However their parts come among each other: the link carries one after another."""
+    carried = Carried()
+    accounts = {name: PictureAccount(Outbox(), carried) for name in "ab"}
+    coming = {name: iter(parts(1)) for name in "ab"}
+    now, apart = S, round(ms * MS)
+    for name in order:
+        now += apart
+        accounts[name].take(next(coming[name]), now)
+    pace = (1000 + HEADERS) * 8e6 / apart  # [kbit/s]
+    for account in accounts.values():
+        assert account.report(now).room_kbit == pytest.approx(pace)
+
+
+@pytest.mark.parametrize(
+    ("age_ms", "small", "roomless", "words"),
+    [
+        (900, False, False, "down camera: the picture is 0.9 s old"),
+        (900, True, False, ""),  # a slide show
+        (3200, True, False, "down camera: the picture is 3.2 s old"),
+        (3200, True, True, "down camera: the link has no room for its picture"),
+    ],
+)
+def test_words_name_the_camera_and_a_small_picture_may_be_older(
+    age_ms: int, small: bool, roomless: bool, words: str
+) -> None:
+    account = PictureAccount(Outbox(), called="down camera")
+    arrive(account, parts(1), S)
+    light = parts(1)[0].stamp_ns
+    said = account.report(light + age_ms * MS, small=small, roomless=roomless)
+    assert said.words == words

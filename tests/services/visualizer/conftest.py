@@ -40,7 +40,7 @@ from messages.sensors import (
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleEstimate, VehicleStatus
-from messages.video import PICTURE_STAGES, PictureAge, VideoPart
+from messages.video import PICTURE_STAGES, CameraChoice, CameraShares, PictureAge, VideoPart
 
 Sample = Callable[[str, int], Message]
 
@@ -202,6 +202,25 @@ def _all(now: int) -> list[Message]:
             stages=tuple(Stage(name, 1.0, 2.0) for name in PICTURE_STAGES),
             total=Stage("light to picture", 20.0, 30.0),
         ),
+        VideoPart(
+            stamp_ns=now,
+            picture=1,
+            keyframe=True,
+            width=640,
+            height=360,
+            captured_ns=now,
+            encoded_ns=now,
+            budget_kbit=300.0,
+            data=b"a picture",
+        ),
+        PictureAge(
+            stamp_ns=now,
+            age_ms=30.0,
+            stages=tuple(Stage(name, 1.0, 2.0) for name in PICTURE_STAGES),
+            total=Stage("light to picture", 20.0, 30.0),
+        ),
+        CameraChoice(stamp_ns=now, camera="down"),
+        CameraShares(stamp_ns=now, large="down", total_kbit=400.0, kbit={"down": 400.0}),
         SideIdentity(stamp_ns=now, side="drone", version="1.0"),
         Health(
             stamp_ns=now,

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from messages import topics
+from messages.cameras import age
 from messages.health import Health, LogLine
 from messages.link import DirectionReport, LinkStatus
 from messages.message import Message
@@ -35,7 +36,13 @@ class Scene:
         self.shown: list[LogLine] = []
         node = self.host.node("supervisor", ["topside"])
         self.timeline = DiveTimeline(None)
-        self.watch = Watch(node, ["toy"], self.timeline, lambda line, _: self.shown.append(line))
+        self.watch = Watch(
+            node,
+            ["toy"],
+            self.timeline,
+            lambda line, _: self.shown.append(line),
+            cameras=("front", "down"),
+        )
         self.stack = self.host.node("drone", ["topside"])
         self.node = node
 
@@ -134,6 +141,17 @@ def test_link_status_and_log_lines_of_others_and_of_our_own_are_shown():
     assert (view.activity, view.note) == ("ready", "sea too wet")
     assert sorted(told.line.text for told in view.lines) == ["ours", "theirs"]
     assert sorted(line.text for line in scene.shown) == ["ours", "theirs"]
+
+
+def test_what_is_wrong_with_each_cameras_picture_is_shown():
+    scene = Scene()
+    words = {"front": "", "down": "down camera: no picture has arrived"}
+    for camera, wrong in words.items():
+        scene.stack.publisher(age(camera)).put(PictureAge(stamp_ns=0, words=wrong))
+    scene.host.run(SECOND // 20)
+    assert scene.view().picture == words["down"]
+    scene.host.run(10 * SECOND)
+    assert scene.view().picture == ""  # nobody says so any more
 
 
 def test_between_two_lines_nothing_piles_up_in_any_port():

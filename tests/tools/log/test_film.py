@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -20,12 +21,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.film import FilmKind, FilmRequest
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
 from tools.log import film_file
 from tools.log.film import filmed
-from tools.log.film_scenes import FilmedPicture, FilmPlace, pictures, within
+from tools.log.film_scenes import (
+    FilmedPicture,
+    FilmPlace,
+    filmed_spans,
+    marks,
+    pictures,
+    within,
+)
 from tools.log.subtitles import STEP_NS, Subtitles
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import simulated
@@ -213,3 +222,35 @@ def test_pictures_that_cannot_be_decoded_are_said(dive: Path) -> None:
     left = list(pictures(cast(Recording, Holed()), left_out))
     assert left_out
     assert len(left) + len(left_out) in (len(every), len(every) - 1)
+
+
+def test_what_was_filmed_is_of_the_camera_that_was_large_when_it_began() -> None:
+    """An older recording does not say which: it had one."""
+    said: list[tuple[FilmKind, str]] = [
+        ("begin", "down"), ("snapshot", "front"), ("end", "front"), ("begin", ""), ("end", ""),
+    ]  # fmt: skip
+    requests = [
+        FilmRequest(stamp_ns=10 * k, id=str(k), kind=kind, light_ns=10 * k - 4, camera=camera)
+        for k, (kind, camera) in enumerate(said)
+    ]
+
+    class Marked:
+        """A recording of nothing but marks."""
+
+        def raw(self) -> Iterator[Any]:
+            for request in requests:
+                yield SimpleNamespace(
+                    key=topics.FILM_REQUEST.key, publish_ns=request.stamp_ns, message=request
+                )
+
+        def decode(self, raw: Any) -> FilmRequest:
+            return raw.message
+
+    recording = cast(Recording, Marked())
+    assert filmed_spans(recording, "down") == [(-4, 16.0)]
+    assert filmed_spans(recording, "front") == [(26, 36.0)]
+    snapshots = {
+        name: [light for kind, light in marks(recording, name) if kind == "snapshot"]
+        for name in ("front", "down")
+    }
+    assert snapshots == {"front": [6], "down": []}

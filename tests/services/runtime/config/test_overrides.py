@@ -1,5 +1,6 @@
 """`--set key.path=value`: every TOML value arrives as it is, and every mistake is one sentence."""
 
+import re
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
@@ -105,6 +106,27 @@ def test_the_entry_of_an_array_that_is_wrong_is_counted_from_1(place: int, size:
         convert({"parts": entries}, Some, "vehicle")
     begins = f"vehicle.parts number {place + 1}, size: expected float <= 1.0, found {size!r}"
     assert str(refused.value) == begins
+
+
+class Named(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    tables: dict[str, Part] = {}
+
+
+@pytest.mark.parametrize("wrong", ["a", "b", "c"])
+@pytest.mark.parametrize(
+    ("table", "sentence"),
+    [
+        ({"size": -3.0}, "x.tables.{}.size: expected float"),
+        ({"sise": 1.0}, "x.tables.{}.sise: unknown key; did you mean 'size'?"),
+        (3, "x.tables.{}: expected a table, found 3"),
+    ],
+)
+def test_a_mistake_in_one_of_several_named_tables_says_in_which(
+    wrong: str, table: Any, sentence: str
+) -> None:
+    tree = {"tables": {name: {"size": 1.0} for name in "abc"} | {wrong: table}}
+    with pytest.raises(LindyError, match=re.escape(sentence.format(wrong))):
+        convert(tree, Named, "x")
 
 
 @given(st.integers(0, 5), st.sampled_from(["sizes", "Size", "siz"]))
