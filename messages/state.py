@@ -5,7 +5,7 @@ from typing import Literal
 from msgspec import UNSET, UnsetType
 
 from messages.message import Estimate, Message
-from messages.units import Finite, Name, Names, NotNegative, Quaternion, Stamp
+from messages.units import Count, Finite, Name, Names, NotNegative, Quaternion, Stamp
 
 
 class VehicleState(Message, frozen=True, kw_only=True):
@@ -35,6 +35,6 @@ class VehicleState(Message, frozen=True, kw_only=True):
     current_north: Estimate | None = None  # [m/s] of the water over the ground, NED
     current_east: Estimate | None = None  # [m/s]
     pressure_age_ms: NotNegative | None = None  # [ms] since the last accepted pressure sample
-    # [ns] Names the origin of north and east: 0 that of the acoustic positions, else when it was
-    # set where the drone then was. Another number: another origin. Absent: no position.
-    origin_ns: Stamp | UnsetType = UNSET
+    # Names the origin of north and east: 0 that of the acoustic positions, else one that was set
+    # where the drone then was. Another number: another origin. Absent: no position.
+    origin: Count | UnsetType = UNSET

@@ -204,7 +204,7 @@ def measured(state: VehicleState) -> Position | None:
     north, east = state.north, state.east
     if north is None or east is None or not (north.valid and east.valid):
         return None
-    origin = 0 if state.origin_ns is UNSET else state.origin_ns
+    origin = 0 if state.origin is UNSET else state.origin
     std = max(north.std, east.std)
     return Position(north.value, east.value, std, origin, measured=True)
 

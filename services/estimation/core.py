@@ -402,7 +402,7 @@ class Estimator:
         down, rate, acceleration = depth.estimates(now)
         roll, pitch, heading, compass, yaw_rate = attitude.estimates(imu, now)
         north, east, surge, sway, current_north, current_east = self._horizontal.estimates(now)
-        origin_ns = self._horizontal.origin_ns
+        origin = self._horizontal.origin
 
         # A sensor that the state lacks, and when it is back, is told once.
         for topic, used in ((topics.IMU, imu), (topics.PRESSURE, down.valid)):
@@ -450,7 +450,7 @@ class Estimator:
             current_north=current_north,
             current_east=current_east,
             pressure_age_ms=depth.pressure_age_ms(now),
-            origin_ns=UNSET if origin_ns is None else origin_ns,
+            origin=UNSET if origin is None else origin,
         )
 
     def _hears_imu(self, now: int) -> bool:

@@ -48,7 +48,7 @@ KEYS = (
     Key("shallower", ("PageUp",), "half a metre up", "page"),
     Key("heading_port", ("KeyQ",), "10° to port", "page"),
     Key("heading_starboard", ("KeyE",), "10° to starboard", "page"),
-    Key("speed", ("KeyX",), "slow, normal or boost speed", "page"),
+    Key("speed", ("KeyX",), "speed limit: 25, 50, 75, 100 %", "page"),
     Key("film", ("KeyV",), "record a film", "page"),
     Key("snapshot", ("KeyP",), "take a snapshot", "page"),
     Key("map", ("KeyN",), "map", "page"),

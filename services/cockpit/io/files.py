@@ -51,9 +51,12 @@ class PageFiles:
             for entry in folder.iterdir()
             if entry.name.rpartition(".")[2] in TYPES
         }
-        english = sentences() | msgspec.json.decode(self.contents[ENGLISH])
-        self.contents[ENGLISH] = msgspec.json.encode(english)
-        keys = [key._asdict() for key in KEYS]
+        for name in [name for name in self.contents if name.endswith(".json")]:
+            said = msgspec.json.decode(self.contents[name])
+            said = sentences() | said if name == ENGLISH else said
+            self.contents[name] = msgspec.json.encode(said)
+        # Their sentences are in the page's languages.
+        keys = [{"action": key.action, "codes": key.codes, "kind": key.kind} for key in KEYS]
         self.contents["keys.json"] = msgspec.json.encode(keys)
         everything = b"".join(self.contents[name] for name in sorted(self.contents))
         self.version = hashlib.sha256(everything).hexdigest()[:12]

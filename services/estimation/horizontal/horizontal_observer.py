@@ -182,12 +182,12 @@ class HorizontalObserver:
     # Estimates.
 
     @property
-    def origin_ns(self) -> int | None:
-        """[ns] Names the origin of north and east: 0 that of the fixes, else when the filter began,
-        where the drone then was; None: no position."""
+    def origin(self) -> int | None:
+        """Names the origin of north and east: 0 that of the fixes, else the moment [ms] when the
+        filter began, where the drone then was; None: no position."""
         if not self._started:
             return None
-        return 0 if self._fixed else self._begun_ns
+        return 0 if self._fixed else self._begun_ns // 1_000_000
 
     def estimates(self, now: int) -> HorizontalEstimates:
         """At `now` [ns]. Valid while DVL or USBL are: dead reckoning counts, with its growing

@@ -54,7 +54,7 @@ def seen(
         yaw_rate=NONE,
         north=None if place is None else Estimate(place[0], 0.3, valid),
         east=None if place is None else Estimate(place[1], 0.2, valid),
-        origin_ns=UNSET if place is None else origin,
+        origin=UNSET if place is None else origin,
     )
 
 

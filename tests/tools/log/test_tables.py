@@ -55,7 +55,7 @@ def value_at(message: dict[str, Any], column: str, names: dict[str, Any]) -> Any
     found: Any = message.get(field)
     for part in parts:
         if field in names:
-            found = found[list(names[field]).index(part)]
+            found = None if found is None else found[list(names[field]).index(part)]
         else:
             found = None if found is None else found.get(part)
     return found
@@ -119,7 +119,7 @@ def test_vectors_have_the_names_of_what_they_are(tables: Path) -> None:
     vehicle = tomllib.loads((DEPLOY / "vehicles" / "pioneer.toml").read_text())["vehicle"]
     names = [f'"thrust.{thruster["name"]}"' for thruster in vehicle["thruster"]]
     assert ",".join(names) in heads["control_thrusters"]
-    assert heads["vehicle_status"].endswith(',"outputs"')  # by name, of no fixed length: one cell
+    assert ',"outputs",' in heads["vehicle_status"]  # by name, of no fixed length: one cell
     assert '"counts"' in heads["health_control"]
 
 

@@ -187,19 +187,19 @@ def test_after_the_drop_out_of_both_validity_falls_and_then_nothing_is_known() -
 
 def test_an_origin_has_a_name_and_another_origin_another_one() -> None:
     voyage = Voyage(usbl=False)
-    assert voyage.observer.origin_ns is None
+    assert voyage.observer.origin is None
     voyage.run(5.0)
-    first = voyage.observer.origin_ns
+    first = voyage.observer.origin
     assert first
     voyage.usbl = True
     voyage.run(5.0)
-    assert voyage.observer.origin_ns == 0  # that of the fixes
+    assert voyage.observer.origin == 0  # that of the fixes
     voyage.dvl = voyage.usbl = False
     voyage.run(62.0)
-    assert voyage.observer.origin_ns is None
+    assert voyage.observer.origin is None
     voyage.dvl = True
     voyage.run(3.0)
-    assert voyage.observer.origin_ns not in (None, 0, first)
+    assert voyage.observer.origin not in (None, 0, first)
 
 
 def test_a_sample_from_too_long_ago_is_counted_and_not_used() -> None:
