@@ -28,6 +28,7 @@ def heights(sortie: Sortie, since: float) -> list[float]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.system
 def test_up_a_slope_it_keeps_its_height_and_stops_there() -> None:
     sortie = flown(25.0).until(20.0)
@@ -45,6 +46,7 @@ def test_up_a_slope_it_keeps_its_height_and_stops_there() -> None:
     assert sortie.flight_mode == "altitude_hold"
 
 
+@pytest.mark.slow
 @pytest.mark.system
 def test_without_its_altimeter_it_holds_the_depth_until_it_is_asked_again() -> None:
     sortie = flown(6.0).until(20.0)

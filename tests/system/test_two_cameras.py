@@ -97,6 +97,7 @@ def kbit(parts: list[tuple[int, VideoPart]], begin: int, end: int) -> float:
     return sum(len(part.data) for at, part in parts if begin <= at < end) * 8e6 / (end - begin)
 
 
+@pytest.mark.slow
 def test_the_large_picture_keeps_its_part_and_the_small_one_is_there(flown: Flown) -> None:
     begin, end = 3 * S, CHOSEN
     front, down = (kbit(flown.arrived[name], begin, end) for name in ("front", "down"))
@@ -145,6 +146,7 @@ def test_a_slide_show_is_no_alarm(flown: Flown) -> None:
     assert {age.words for age in small} == {""}
 
 
+@pytest.mark.slow
 def test_a_large_camera_that_dies_takes_no_other_along() -> None:
     """The small one goes on as a slide show, is the large one if the pilot wants it, and is small
     again once the other has come back and is chosen."""

@@ -106,6 +106,7 @@ def exits() -> Iterator[ExitStack]:
         yield opened
 
 
+@pytest.mark.slow
 def test_a_tap_and_a_held_button_send_the_drone_there(exits: ExitStack) -> None:
     dive = MappedDive(exits, *POSITION)
     page = dive.page

@@ -72,6 +72,7 @@ def test_the_picture_fills_the_screen_and_everything_can_be_pressed(
     page.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", ["no", "sv", "de", "es", "zh"])
 def test_in_every_language_nothing_is_cut(browser: Browser, served: Served, language: str):
     for size in (SIZES[2], SIZES[0]):

@@ -62,6 +62,7 @@ def share(vehicle: str, seeds: range) -> float:
     return sum(within) / len(within)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", ["pioneer", "bluerov2_heavy"])
 def test_the_true_place_is_within_two_standard_deviations(vehicle: str) -> None:
     assert share(vehicle, range(5)) >= 0.8

@@ -225,6 +225,7 @@ def test_over_flat_ground_the_stick_is_that_of_depth_hold(
     assert ends[2].depth.position == pytest.approx(ends[0].depth.position, abs=2 * NOISE)
 
 
+@pytest.mark.slow
 def test_over_flat_ground_it_hardly_ever_moves() -> None:
     for seed in range(4):
         dive = Dive(flat, 2.0, seed=seed)
