@@ -134,8 +134,11 @@ class BitrateLaw:
     def _doubt(self, now: Ns) -> None:
         """This bitrate has made a queue; or it is still that of a much higher one before."""
         recent = now < self._trusted_at - self._doubt_ns + TRIAL_NS
-        if self._too_much is not None and recent and self._kbit < CUT * self._too_much:
-            return
+        if self._too_much is not None and recent:
+            # One cut is enough where the measured room is like it: the queue has to drain.
+            once, alike = CUT * self._too_much, self.room_kbit < CLEAR * self._too_much
+            if self._kbit < once or (self._kbit == once and alike):
+                return
         self._doubt_ns = min(2 * self._doubt_ns, MOST_DOUBT_NS) if self._on_trial else DOUBT_NS
         self._on_trial = False
         self._too_much, self._doubted_room = self._kbit, self.room_kbit
