@@ -203,6 +203,12 @@ class Served:
         exits.callback(thread.join)
         exits.callback(self._stop.set)
 
+    @property
+    def stick(self) -> PageSticks:
+        """The newest position; none yet: the middle."""
+        middle = PageSticks(seen=0, held_ms=0.0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
+        return self.sticks[-1] if self.sticks else middle
+
     def becomes(self, page: Looked, **state: Any) -> None:
         """And it is drawn. None: the drone does not say it."""
         view = {**FLOWN, **state}

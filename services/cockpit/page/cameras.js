@@ -46,10 +46,11 @@ export class Cameras {
 
   // The pictures change their places and nothing else: neither is decoded anew.
   swap(video) {
-    const before = this.large.canvas;
-    before.id = before.dataset.style = "";
-    video.canvas.dataset.style = video.canvas.style.cssText = "";
-    this.tiles.get(this.large.name)?.button.prepend(before);
+    const before = this.large;
+    before.canvas.id = "";
+    for (const { dataset, style } of [before.canvas, video.canvas]) dataset.style = style.cssText = "";
+    crop(before);
+    this.tiles.get(before.name)?.button.prepend(before.canvas);
     this.large = video;
     video.canvas.id = "picture";
     document.body.prepend(video.canvas);

@@ -52,7 +52,7 @@ def opened(browser: Browser, served: Served, size: Size = PHONE, before: str = "
 
 
 def gripper(served: Served, moves: float) -> None:
-    until(lambda: bool(served.sticks) and served.sticks[-1].gripper == moves)
+    until(lambda: served.stick.gripper == moves)
 
 
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
@@ -156,7 +156,7 @@ def test_keys_and_pad_hold_the_gripper_and_neither_takes_the_sticks_from_a_thumb
     page = opened(browser, served, before=PAD)
     page.key("keyDown", "KeyG", "g")
     gripper(served, 1.0)
-    assert served.sticks[-1].device == "touch"
+    assert served.stick.device == "touch"
     page.key("keyUp", "KeyG", "g")
     gripper(served, 0.0)
     page.key("keyDown", "KeyB", "b")
@@ -211,7 +211,7 @@ def test_the_speed_limit_scales_full_stick_is_always_said_and_is_remembered(
     for percent in ("50", "75", "100", "25"):
         page.wait(f"{button} === 'Speed {percent} %'")
         page.key("keyDown", "KeyW", "w")
-        until(lambda wanted=percent: served.sticks[-1].surge == float(wanted) / 100.0)
+        until(lambda wanted=percent: served.stick.surge == float(wanted) / 100.0)
         page.key("keyUp", "KeyW", "w")
         served.becomes(page)
         assert page.look(said) == ("" if percent == "100" else percent)
@@ -232,14 +232,14 @@ def test_the_speed_limit_scales_touch_sticks_and_pads_too(browser: Browser, serv
     x, y = page.middle("#left")
     page.touch("touchStart", (x, y))
     page.touch("touchMove", (x, y + 300.0))
-    until(lambda: served.sticks[-1].heave == 0.5)
+    until(lambda: served.stick.heave == 0.5)
     page.touch("touchEnd")
-    until(lambda: served.sticks[-1].heave == 0.0)
+    until(lambda: served.stick.heave == 0.0)
     page.look("void (pad.axes[1] = -1, pad.timestamp++)")
-    until(lambda: served.sticks[-1].heave == -0.5)
+    until(lambda: served.stick.heave == -0.5)
     page.look("void (pad.buttons[7] = { pressed: true, value: 1 }, pad.timestamp++)")  # boost
-    until(lambda: served.sticks[-1].heave == -1.0)
+    until(lambda: served.stick.heave == -1.0)
     page.look("void (pad.buttons[7] = pad.buttons[0], pad.timestamp++)")
     page.look("void (pad.buttons[6] = { pressed: true, value: 1 }, pad.timestamp++)")  # slow
-    until(lambda: served.sticks[-1].heave == -0.2)
+    until(lambda: served.stick.heave == -0.2)
     page.close()
