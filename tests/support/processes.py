@@ -1,8 +1,9 @@
 """What processes cost over a window of time, as /proc counts it (Linux only)."""
 
 import os
+import re
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,15 +79,33 @@ def in_group(leader: int) -> list[int]:
     return [pid for pid in pids if group(pid) == leader]
 
 
-def own_mb(pids: Collection[int]) -> float:
-    """[MB] Memory of these processes; what several processes share counts in parts."""
-    files = [Path(f"/proc/{pid}/smaps_rollup") for pid in pids]
-    lines = [line for file in files for line in file.read_text().splitlines()]
-    return sum(int(line.split()[1]) for line in lines if line.startswith("Pss:")) * 1024 / 1e6
+def memory_mb(pids: Collection[int]) -> float:
+    """[MB] What these processes would take if they were alone on this computer: what is each one's
+    own, and once what several of them have mapped, such as code."""
+    own, shared = 0, dict[tuple[str, str], int]()  # [kB]; by file and place in it
+    for pid in pids:
+        for file, place, kb in _mappings(pid):
+            own += kb["Private_Clean"] + kb["Private_Dirty"]
+            held = kb["Shared_Clean"] + kb["Shared_Dirty"]
+            shared[file, place] = max(held, shared.get((file, place), 0))
+    return (own + sum(shared.values())) * 1024 / 1e6
 
 
 def total(costs: Mapping[str, Cost]) -> Cost:
     return sum(costs.values(), NOTHING)
+
+
+def _mappings(pid: int) -> Iterator[tuple[str, str, dict[str, int]]]:
+    """File, place in it, and sizes [kB] of each part of a process's memory."""
+    try:
+        text = Path(f"/proc/{pid}/smaps").read_text()
+    except (FileNotFoundError, ProcessLookupError):  # it has just ended
+        return
+    for part in re.split(r"(?m)^(?=[0-9a-f]+-[0-9a-f]+ )", text)[1:]:
+        head, *lines = part.splitlines()
+        words = head.split(maxsplit=5)  # addresses, rights, place, device, inode, file
+        sizes = (line.split() for line in lines if line.endswith(" kB"))
+        yield words[5] if len(words) > 5 else "", words[2], {w[0][:-1]: int(w[1]) for w in sizes}
 
 
 def _between(begin: _Count, end: _Count) -> Cost:

@@ -33,7 +33,7 @@ from tests.support.fleet_network import (
     synthetic,
 )
 from tests.support.patience import until
-from tests.support.processes import NOTHING, costs, own_mb, total
+from tests.support.processes import NOTHING, costs, memory_mb, total
 from tests.support.started_dives import HAS_STICKS, PILOT, SETTLE_S, WATCH_S
 from tools.ask import dive_in
 from tools.fleet.look import look, who_is_there
@@ -229,7 +229,7 @@ def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
         end_and_start = time.monotonic() - began
         until(lambda: len(second.spares()) == SPARES)
         time.sleep(SPARE_S)
-        spare = own_mb(second.spares())
+        spare = memory_mb(second.spares())
         began = time.monotonic()
         answered = order(folder / "second", names[0])
         until(lambda: statuses.flown(names[:1], began))
@@ -239,7 +239,7 @@ def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
             section=SECTION, name=name, unit="s",
             ours=changed, baseline_name="goal", baseline=CHANGE_S, goal=1.0,
             note=f"as by `lindy ask fly`, without the start of that program; answered after "
-            f"{answered:.2f} s; {SPARES} spare processes have {spare:.0f} MB of their own",
+            f"{answered:.2f} s; {SPARES} spare processes alone would take {spare:.0f} MB",
         )  # fmt: skip
         yield Figure(
             section=SECTION, name=f"{name}, beside another start", unit="s",
