@@ -5,6 +5,8 @@ READY := .venv/.ready
 # Installed packages wait in the environment; nothing is looked up on the network at run time.
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
+# Where compiled modules may not be written, each of some hundred processes would compile them anew.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: dive test slow research explore mutants check format laws stops headings real soak faults picture film site docs clean
 
