@@ -5,10 +5,11 @@ READY := .venv/.ready
 # Installed packages wait in the environment; nothing is looked up on the network at run time.
 UV := $(BIN)/python -m uv
 PICTURES := .pictures
+VERSION = $(shell $(UV) version --short)
 # Where compiled modules may not be written, each of some hundred processes would compile them anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: dive test slow research explore mutants check format laws stops headings real soak faults picture film site docs clean
+.PHONY: dive test slow research explore mutants check format laws stops headings real soak faults picture film site docs release clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -83,6 +84,11 @@ docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tests.support.docs.failsafes_page
 	$(BIN)/python -m tests.support.docs.import_picture
 	$(BIN)/python -m lindy_research.scale --write
+
+release: $(READY) ## wheel and sdist in dist/, checked and flown; `uv publish` would upload them
+	$(UV) build --quiet --out-dir dist
+	$(UV) tool run twine check --strict dist/lindy-$(VERSION)*
+	PYTHONHASHSEED=0 $(BIN)/pytest -n 2 -m slow tests/wheel
 
 $(READY): pyproject.toml research/pyproject.toml uv.lock
 	test -d .venv || $(PYTHON) -m venv .venv
