@@ -192,4 +192,3 @@ WANTED = (
     StreamFigures(topics.TRUTH, ("stamp", "heave", "yaw"), _truth),  # [ns, m, rad]
 )
 FURTHER_WANTED = StreamFigures(topics.FURTHER_AGE, PICTURE, _picture)  # of every member
-

@@ -38,7 +38,7 @@ class RecordedDive:
 
     about: dict[str, str]  # vehicle, link, pilot, seed, overrides
     traffic: dict[str, Traffic]  # by key
-    streams: dict[str, StreamColumns]  # by key; every stream of WANTED, perhaps with no rows, and ages
+    streams: dict[str, StreamColumns]  # by key; all of WANTED, perhaps without rows
     health: dict[str, HealthSums] = field(default_factory=dict[str, HealthSums])
     losses: dict[str, int] = field(default_factory=dict[str, int])  # the recorder's own
     holes: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])  # [ns] UTC

@@ -1,4 +1,4 @@
-"""How old each camera's picture was when it was decoded topside, as `camera_monitor` measured it."""
+"""How old each camera's picture was once decoded topside, as `camera_monitor` measured it."""
 
 import msgspec
 import numpy as np
