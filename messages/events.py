@@ -244,6 +244,9 @@ DEPTH_LIMIT = _condition(
     "depth_limit", "the depth limit: the drone goes no deeper", "rise, or set another limit",
     severity=PILOT)
 TOO_DEEP = _condition("too_deep", "the drone is deeper than its limit", "rise")
+FLOOR_LIMIT = _condition(
+    "floor_limit", "the bottom is close: the stick leads no deeper",
+    "rise; to land, type a depth or choose manual", severity=PILOT)
 NEAR_FLOOR = _condition("near_floor", "the bottom is close", "rise", severity=PILOT)
 DEPTH_LOST = _condition("depth_lost", "the depth is not known and not held", "hold it by hand")
 HEADING_LOST = _condition(

@@ -1,9 +1,6 @@
 """`lindy simulate --from`: the dive of a recording, from nothing but that recording."""
 
-import hashlib
-import os
-from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,14 +8,14 @@ import msgspec
 
 from services.recorder.io.attachments import computer, lindy
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import DEPLOY, reading_copies
+from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import SCRIPT
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
 from tools.live.cockpit import COCKPIT
 from tools.live.piloted_dive import GAMEPAD
 from tools.log.sticks import as_csv, sticks_of
-from tools.recordings.dive_file import FlownDive, FlownStack, UsedFile, flown_dive
+from tools.recordings.dive_file import FlownDive, FlownStack, flown_dive, unpacked
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import Simulated, simulated
 
@@ -49,7 +46,7 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True, trust: bool =
     with ExitStack() as exits:
         folder = Path(exits.enter_context(TemporaryDirectory(prefix="lindy-")))
         pilot = _pilot(dive, recording, folder)
-        exits.enter_context(reading_copies(_unpacked(recording, dive.files, folder)))
+        exits.enter_context(reading_copies(unpacked(recording, dive.files, folder)))
         again = msgspec.structs.replace(dive.stack, pilot=pilot)
         if not trust:
             _require_own(path, again)
@@ -94,28 +91,6 @@ def _choices(stack: FlownStack, out: Path | None) -> Choices:
         seed=stack.seed,
         set_=tuple(stack.overrides),
     )
-
-
-def _unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> dict[str, str]:
-    """Copies of the files, by the path that each was read from.
-
-    Raises:
-        LindyError: one is not what it was when it was recorded.
-    """
-    copies: dict[str, str] = {}
-    wanted = {file.attachment: file for file in used if file.attachment is not None}
-    for attachment in recording.attachments():
-        if (file := wanted.get(attachment.name)) is None:
-            continue
-        if file.sha256 and hashlib.sha256(attachment.data).hexdigest() != file.sha256:
-            raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged")
-        copy = folder / str(len(copies))
-        copy.write_bytes(attachment.data)
-        with suppress(OverflowError):  # of a damaged recording: no time at all
-            os.utime(copy, ns=(attachment.create_time, attachment.create_time))
-        path = DEPLOY / file.path if file.shipped else Path(file.path)
-        copies[str(path)] = str(copy)
-    return copies
 
 
 def _pilot(dive: FlownDive, recording: Recording, folder: Path) -> str:

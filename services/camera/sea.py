@@ -43,6 +43,8 @@ LAMP, LAMP_ANGLE = 9.0, 0.6  # [m²] strength, [rad] where it has fallen to 1/e
 DAY_LOSS = 0.3  # [-] of the beam attenuation, per metre of depth
 BACKSCATTER = 0.09  # [-] of the lamp's light, in water that lets nothing through
 MOST_GAIN = 6.0  # [-] of the automatic exposure: then it is dark
+METER = (32, 18)  # [px] columns and rows of what the exposure is measured by, with the lamp on
+METERED, EXPOSED = 90.0, 0.75  # [%] of the picture is no brighter than this [-]
 BLACK, WHITE, GREY = 16.0, 235.0, 128.0
 SAND, GROWTH = (-9.0, 7.0), (-14.0, 2.0)  # chroma (blue, red) of the floor and of a piling
 WATER = (10.0, -15.0)  # of the veil
@@ -109,13 +111,24 @@ class SimulatedSea:
     """Draws pictures of one size."""
 
     def __init__(
-        self, width: int, height: int, angle: float, water: WaterLight, floor_depth: float
+        self,
+        width: int,
+        height: int,
+        angle: float,
+        water: WaterLight,
+        floor_depth: float,
+        *,
+        metered: bool = True,
     ) -> None:
         """
         Args:
             angle: [rad] of view, over the whole width.
             floor_depth: [m]
+            metered: near things are exposed so that the lamp does not make them all white.
         """
+        self._meter = (
+            SimulatedSea(*METER, angle, water, floor_depth, metered=False) if metered else None
+        )
         self._focal = width / 2.0 / tan(angle / 2.0)  # [px]
         self._width, self._height = width, height
         self._right = ((np.arange(width) - (width - 1) / 2.0) / self._focal).astype(np.float32)
@@ -137,19 +150,25 @@ class SimulatedSea:
         u = np.empty((self._height // 2, self._width // 2), np.uint8)
         v = np.empty_like(u)
         pilings = self._pilings(view.position, axes)
-        day, lamp = self._exposed(view)
+        day, lamp = self._exposed(view, axes)
         for top in range(0, self._height, BAND):
             rows = slice(top, min(top + BAND, self._height))
             half = slice(rows.start // 2, rows.stop // 2)
-            rays = self._rays(axes, rows)
-            seen = self._floor(view.position, rays)
-            for piling in pilings:
-                self._stand(seen, view.position[2], rays, piling)
+            rays, seen = self._seen(view.position, axes, rows, pilings)
             y[rows], u[half], v[half] = self._lit(seen, rays, self._beam[rows], lamp, day)
         self._snow(y, view.position, axes, lamp, day)
         return Picture(y, u, v)
 
     # What is seen.
+
+    def _seen(
+        self, position: Vec3, axes: CameraAxes, rows: slice, pilings: list[Piling]
+    ) -> tuple[Rays, SeenSurfaces]:
+        rays = self._rays(axes, rows)
+        seen = self._floor(position, rays)
+        for piling in pilings:
+            self._stand(seen, position[2], rays, piling)
+        return rays, seen
 
     def _rays(self, axes: CameraAxes, rows: slice) -> Rays:
         north, east, down = (
@@ -236,21 +255,37 @@ class SimulatedSea:
 
     # How it looks.
 
-    def _exposed(self, view: CameraView) -> tuple[float, float]:
+    def _exposed(self, view: CameraView, axes: CameraAxes) -> tuple[float, float]:
         """[-] Daylight left at this depth, and the lamp, as a camera with automatic exposure takes
         them."""
         water = self._water
         day = water.daylight * exp(-DAY_LOSS * water.turbidity * max(0.0, view.position[2]))
         gain = min(MOST_GAIN, 1.0 / max(day + 0.3 * view.lamp, 1e-6))
+        if self._meter is not None and view.lamp > 0.0:
+            bright = self._meter.brightness(view.position, axes, gain * view.lamp, gain * day)
+            gain *= min(1.0, EXPOSED / max(bright, 1e-6))
         return gain * day, gain * view.lamp
+
+    def brightness(self, position: Vec3, axes: CameraAxes, lamp: float, day: float) -> float:
+        """[-] Which `METERED` of the picture does not exceed; 1 is white."""
+        rays, seen = self._seen(position, axes, slice(None), self._pilings(position, axes))
+        luma, _ = self._luma(seen, rays, self._beam, lamp, day)
+        return float(np.percentile(luma, METERED))
+
+    def _luma(
+        self, seen: SeenSurfaces, rays: Rays, beam: Floats, lamp: float, day: float
+    ) -> tuple[Floats, Floats]:
+        """[-] Light, 1 is white, and the share that the water lets through. Twice as much lamp and
+        daylight is twice the light."""
+        through = np.exp(-self._water.turbidity * seen.way)
+        shine = (lamp * LAMP) * beam * through / np.maximum(seen.way * seen.way, 0.3)
+        veil = 0.45 * day - (0.25 * day) * rays.down * rays.shortening + (lamp * BACKSCATTER) * beam
+        return (seen.albedo * (day + shine) - veil) * through + veil, through
 
     def _lit(
         self, seen: SeenSurfaces, rays: Rays, beam: Floats, lamp: float, day: float
     ) -> tuple[Bytes, Bytes, Bytes]:
-        through = np.exp(-self._water.turbidity * seen.way)
-        shine = (lamp * LAMP) * beam * through / np.maximum(seen.way * seen.way, 0.3)
-        veil = 0.45 * day - (0.25 * day) * rays.down * rays.shortening + (lamp * BACKSCATTER) * beam
-        luma = (seen.albedo * (day + shine) - veil) * through + veil
+        luma, through = self._luma(seen, rays, beam, lamp, day)
         np.minimum(luma, 1.0, out=luma)
         clear = through[::2, ::2]
         shade = np.minimum(2.0 * luma[::2, ::2], 1.0)

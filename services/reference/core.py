@@ -143,6 +143,7 @@ class ReferenceGenerator:
             now,
             armed=self.armed,
             limited=self.armed and guidance.axes.limited,
+            above_floor=self.armed and guidance.near_floor,
         )
         at_surface = self._initialised and guidance.has_risen(s.surface_depth)
         unknown = self.conditions.unknown

@@ -92,7 +92,7 @@ class FailsafeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     battery_low: Share = 0.25  # [-] of its charge left
     battery_critical: Share = 0.1  # [-]
     hot: Annotated[float, msgspec.Meta(ge=20.0, le=150.0)] = 60.0  # [°C] in the enclosure
-    floor_distance: NotNegativeSetting = 0.5  # [m] above the bottom, where a DVL measures it
+    floor_distance: NotNegativeSetting = 0.5  # [m] above the bottom, by a DVL; 0: to the bottom
 
     def __post_init__(self) -> None:
         if not self.surface_depth < self.depth_limit:

@@ -31,6 +31,8 @@ from tools.log.film import filmed
 from tools.log.film_scenes import filmed_cameras, pictures
 from tools.log.snapshots import taken
 from tools.recordings.recording import open_recording
+from tools.report.report import Extras, encode, make_report
+from tools.report.summary import summary
 from tools.simulate import simulated
 
 S = 1_000_000_000
@@ -178,6 +180,20 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # fmt: skip
     simulated(choices)
     return out
+
+
+def test_the_report_says_how_old_the_picture_of_each_is(dive: Path) -> None:
+    report = make_report(open_recording(dive), Extras())
+    assert report.picture
+    assert report.picture.per_second > 3.0
+    assert report.further_pictures
+    (down,) = report.further_pictures.values()
+    assert list(report.further_pictures) == ["down"]
+    assert 0.0 < down.per_second <= 12.5
+    assert down.checked == 1.0
+    assert b'"further_pictures":{"down":' in encode(report).replace(b" ", b"").replace(b"\n", b"")
+    rows = [row for row in summary(report).splitlines() if row.startswith("light to picture")]
+    assert [row.split()[3] for row in rows] == ["front:", "down:"]
 
 
 @ffprobe

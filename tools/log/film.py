@@ -9,6 +9,7 @@ from typing import Annotated, Protocol
 from cyclopts import Parameter
 
 from messages import cameras
+from services.marine.field_of_view import CameraViews, FieldOfView
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
@@ -17,6 +18,7 @@ from tools.fresh import EXISTS, refuse_existing, write_fresh
 from tools.log.film_cameras import Camera, chosen
 from tools.log.film_scenes import FilmedPicture, filmed_spans, pictures, within
 from tools.log.subtitles import Subtitles
+from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -39,7 +41,7 @@ def film(
     *,
     out: NewFile,
     overlay: Annotated[
-        bool, Parameter(negative=(), help="time, depth, heading … in the picture: encoded anew")
+        bool, Parameter(negative=(), help="horizon, depth, heading … in the picture: encoded anew")
     ] = False,
     marked: Annotated[
         bool, Parameter(negative=(), help="only what the pilot filmed, a film for each")
@@ -111,6 +113,8 @@ def _filmed(
     """The films of one camera."""
     said, what, left_out = list[str](), None, set[int]()
     writing: _Writing | None = None
+    views = flown_section(recording, "camera", CameraViews) if overlay else None
+    view = None if views is None else views.by_name.get(camera)
     try:
         for span, picture in within(pictures(recording, left_out, camera), spans):
             if (span, picture.size) != what:
@@ -119,12 +123,14 @@ def _filmed(
                 what = span, picture.size
                 number = len(said) + 1
                 path = out if number == 1 else out.with_name(f"{out.stem}-{number}.mp4")
-                writing = _Writing(path, picture, overlay=overlay)
+                writing = _Writing(path, picture, view, overlay=overlay)
             assert writing is not None
             writing.add(picture)
         if writing is None:
             raise LindyError(f"{recording.files[0]} holds no pictures")
         said.append(writing.end())
+        if overlay and view is None:
+            said.append("no horizon: the recording does not say what the camera sees")
     except BaseException:
         if writing is not None:
             writing.give_up()
@@ -140,7 +146,9 @@ def _filmed(
 class _Writing:
     """One film and its subtitles."""
 
-    def __init__(self, path: Path, first: FilmedPicture, *, overlay: bool) -> None:
+    def __init__(
+        self, path: Path, first: FilmedPicture, view: FieldOfView | None, *, overlay: bool
+    ) -> None:
         try:
             from tools.log.film_file import CopiedFilm, new_file
         except ImportError:
@@ -158,7 +166,7 @@ class _Writing:
             if overlay:
                 from tools.log.film_overlay import DrawnFilm
 
-                self._film = DrawnFilm(self._file, first)
+                self._film = DrawnFilm(self._file, first, view)
             else:
                 self._film = CopiedFilm(self._file, first)
 

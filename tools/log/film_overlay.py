@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from functools import cache
+from math import cos, degrees, radians, sin, tan
 from typing import BinaryIO
 
 import av
@@ -10,6 +11,7 @@ from av.error import FFmpegError
 from av.video.stream import VideoStream
 
 from services.marine import time_stripe
+from services.marine.field_of_view import FieldOfView, lookout
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.log.film_file import TICKS, FilmClock
@@ -25,12 +27,20 @@ except ImportError:
 QUALITY = "20"  # of x264: no worse than what was sent
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
-TAPE_DEG = 90.0  # [°] of heading that its tape shows
-MARK_DEG, NAMED_DEG = 10, 30  # [°] between two marks, and between two with a number
+MARK_DEG, NAMED_DEG = 5, 15  # [°] of heading between two marks, and between two with a number
+TAPE = 0.36  # [-] of the width, to each side
+LADDER = (-60, -45, -30, -20, -10, 10, 20, 30, 45, 60)  # [°] above the horizon, as on the page
+EDGE = 80.0  # [°] what lies further from the axis is not in any picture
 
 
 class DrawnFilm:
-    def __init__(self, file: BinaryIO, first: FilmedPicture) -> None:
+    def __init__(self, file: BinaryIO, first: FilmedPicture, view: FieldOfView | None) -> None:
+        """
+        Args:
+            first: a keyframe, with the parameters of all that follow.
+            view: of the camera; None: not known.
+        """
+        self._view = view
         self._out = av.open(file, "w", format="mp4")
         options = {"crf": QUALITY, "preset": "fast"}
         self._stream: VideoStream = self._out.add_stream("libx264", rate=25, options=options)
@@ -49,7 +59,7 @@ class DrawnFilm:
         for frame in frames:
             image = Image.fromarray(frame.to_ndarray(format="rgb24"))
             _clear(image)
-            draw(image, picture.drone)
+            draw(image, picture.drone, self._view)
             drawn = av.VideoFrame.from_ndarray(np.asarray(image), format="rgb24")
             drawn.pts, drawn.time_base = self._clock.ticks(picture.light_ns), Fraction(1, TICKS)
             self._out.mux(self._stream.encode(drawn))
@@ -72,30 +82,81 @@ def _clear(image: Image.Image) -> None:
         image.paste(image.crop((0, stripe, image.width, 2 * stripe)), (0, 0))
 
 
-def draw(image: Image.Image, drone: FilmPlace) -> None:
-    """Depth, a tape of the heading, and a line with everything else."""
-    pen, (width, height) = ImageDraw.Draw(image), image.size
-    large, small = (_font(max(9.0, height / n)) for n in (14.0, 28.0))
+class Pen:
+    """White with a black edge, so that it is read on any picture. Coordinates in px."""
+
+    def __init__(self, image: Image.Image) -> None:
+        self._draw, (self.width, self.height) = ImageDraw.Draw(image), image.size
+        self._thick = max(1, self.height // 240)
+
+    def line(self, *points: tuple[float, float]) -> None:
+        for colour, width in ((BLACK, 3 * self._thick), (WHITE, self._thick)):
+            self._draw.line(points, colour, width)
+
+    def write(self, x: float, y: float, text: str, anchor: str, part: float = 28.0) -> None:
+        """`part`: as many lines of text would fill the height."""
+        font, edge = _font(max(9.0, self.height / part)), self._thick
+        self._draw.text((x, y), text, WHITE, font, anchor, stroke_width=edge, stroke_fill=BLACK)
+
+
+def draw(image: Image.Image, drone: FilmPlace, view: FieldOfView | None) -> None:
+    """Horizon, depth, a tape of the heading, and a line with everything else. Horizon and tape fit
+    the picture, as on the cockpit's page; of a camera whose view is not known there is none."""
+    pen = Pen(image)
+    width, height = pen.width, pen.height
     margin = height / 40.0
-
-    def write(x: float, y: float, text: str, font: Font, anchor: str) -> None:
-        edge = max(1, height // 240)
-        pen.text((x, y), text, WHITE, font, anchor, stroke_width=edge, stroke_fill=BLACK)
-
-    write(margin, height - margin, drone.words, small, "ls")
+    if view is not None:
+        _horizon(pen, drone, view)
+    pen.write(margin, height - margin, drone.words, "ls")
     depth = "–" if drone.depth is None else f"{drone.depth:.1f} m"
-    write(width - margin, height / 2.0, depth, large, "rm")
+    pen.write(width - margin, height / 2.0, depth, "rm", 14.0)
     if drone.heading is None:
-        write(width / 2.0, margin, "–", large, "mt")
+        pen.write(width / 2.0, margin, "–", "mt", 14.0)
         return
-    heading, top = drone.heading, margin + height / 12.0
-    write(width / 2.0, margin, f"{round(heading) % 360:03d}°", large, "mt")
-    first = round((heading - TAPE_DEG / 2.0) / MARK_DEG) * MARK_DEG
-    for mark in range(first, first + round(TAPE_DEG) + 1, MARK_DEG):
-        x = width / 2.0 + (mark - heading) / TAPE_DEG * width * 0.6
-        named = mark % NAMED_DEG == 0
-        end = top + height / (40.0 if named else 80.0)
-        pen.line([(x, top), (x, end)], fill=BLACK, width=max(3, height // 120))
-        pen.line([(x, top), (x, end)], fill=WHITE, width=max(1, height // 360))
+    pen.write(width / 2.0, margin, f"{round(drone.heading) % 360:03d}°", "mt", 14.0)
+    if view is not None:
+        _tape(pen, drone.heading, view, margin + height / 12.0)
+
+
+def _focal(pen: Pen, view: FieldOfView) -> float:
+    """[px]"""
+    return pen.width / 2.0 / tan(view.angle / 2.0)
+
+
+def _tape(pen: Pen, heading: float, view: FieldOfView, top: float) -> None:
+    focal, first = _focal(pen, view), round((heading - EDGE) / MARK_DEG) * MARK_DEG
+    for mark in range(first, first + 2 * round(EDGE), MARK_DEG):
+        aside = focal * tan(radians(max(-EDGE, min(EDGE, mark - heading))))
+        if abs(aside) > TAPE * pen.width:
+            continue
+        x, named = pen.width / 2.0 + aside, mark % NAMED_DEG == 0
+        end = top + pen.height / (40.0 if named else 80.0)
+        pen.line((x, top), (x, end))
         if named:
-            write(x, end + 2.0, f"{mark % 360:03d}", small, "mt")
+            pen.write(x, end + 2.0, f"{mark % 360:03d}", "mt")
+
+
+def _horizon(pen: Pen, drone: FilmPlace, view: FieldOfView) -> None:
+    """The ladder of the page: what is drawn at an elevation is seen there in the picture."""
+    if drone.roll is None or drone.pitch is None:
+        return
+    seen, focal = lookout(view, drone.roll, drone.pitch, drone.tilt), _focal(pen, view)
+    c, s, unit = cos(seen.roll), sin(seen.roll), pen.height / 28.0
+
+    def at(right: float, below: float) -> tuple[float, float]:
+        return pen.width / 2.0 + c * right + s * below, pen.height / 2.0 - s * right + c * below
+
+    for elevation in (0, *LADDER):
+        if abs(degrees(seen.elevation) - elevation) >= EDGE:
+            continue
+        below = seen.below(radians(elevation), focal)
+        reach = 0.3 * pen.width if elevation == 0 else 2.2 * unit
+        ends = at(-reach, below), at(reach, below)
+        if not 0.2 * pen.height < max(y for _, y in ends) < 0.9 * pen.height:
+            continue  # the heading is there, or the line
+        pen.line(*ends)
+        if elevation:
+            pen.write(*at(3.4 * unit, below), str(abs(elevation)), "mm")
+    x, y = pen.width / 2.0, pen.height / 2.0  # where the camera looks
+    mark = (-3.0, 0.0), (-1.0, 0.0), (0.0, 0.8), (1.0, 0.0), (3.0, 0.0)
+    pen.line(*((x + a * unit, y + b * unit) for a, b in mark))

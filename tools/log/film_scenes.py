@@ -9,13 +9,14 @@ from typing import NamedTuple
 from messages import cameras, topics
 from messages.cameras import FIRST
 from messages.film import FilmKind, FilmRequest
+from messages.reference import Reference
 from messages.sensors import TemperatureSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
 from messages.video import Assembler, VideoPart
 from tools.recordings.recording import Recording
 
-KEYS = {topics.STATE.key, topics.STATUS.key, topics.TEMPERATURE.key}
+KEYS = {t.key for t in (topics.STATE, topics.STATUS, topics.TEMPERATURE, topics.REFERENCE)}
 VIDEOS = (topics.VIDEO, topics.FURTHER_VIDEO)
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
 OLD_NS = 1_000_000_000  # [ns] before a picture: where the drone was then is not where it is
@@ -31,6 +32,9 @@ class FilmPlace(NamedTuple):
     east: float | None = None  # [m]
     flight_mode: str = ""
     water: float | None = None  # [°C]
+    roll: float | None = None  # [rad]
+    pitch: float | None = None  # [rad]
+    tilt: float = 0.0  # [rad] by which the pilot has tilted the first camera, + upwards
 
     @property
     def utc(self) -> datetime:
@@ -70,13 +74,16 @@ def pictures(
     keys = {*KEYS, cameras.video(camera).key}
     left_out = set() if left_out is None else left_out
     assembler, seen = Assembler(), deque[FilmPlace](maxlen=LATEST)
-    mode, water, seq, broken = "", None, None, True
+    mode, water, tilt, seq, broken = "", None, 0.0, None, True
     for raw in recording.raw():
         if raw.key not in keys:
             continue
         match recording.decode(raw):
             case VehicleState() as state:
-                seen.append(_place(state, raw.publish_ns, mode)._replace(water=water))
+                place = _place(state, raw.publish_ns, mode)
+                seen.append(place._replace(water=water, tilt=tilt))
+            case Reference() as reference:
+                tilt = reference.tilt.position
             case VehicleStatus(flight_mode=mode):
                 pass
             case TemperatureSample(water=water):
@@ -182,4 +189,6 @@ def _place(state: VehicleState, at_ns: int, mode: str) -> FilmPlace:
         north,
         east,
         mode,
+        roll=state.roll.value if state.roll.valid else None,
+        pitch=state.pitch.value if state.pitch.valid else None,
     )

@@ -1,18 +1,16 @@
 """`lindy log scene`: several recordings as one 3-D scene, for rerun."""
 
-import tomllib
 from pathlib import Path
 
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from services.runtime.config.settings import convert
 from services.runtime.config.stack import BODY, Stack
 from services.visualizer.fleet_scene import FlownTrack, track
 from services.visualizer.scene import SCENE_KINDS
 from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
-from tools.recordings.dive_file import flown_dive
+from tools.recordings.dive_file import flown_section
 from tools.recordings.recording import Recording, open_recording
 
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
@@ -52,19 +50,5 @@ def track_of(recording: Recording) -> FlownTrack:
         for entry in recording
         if isinstance(entry.message, SCENE_KINDS)
     )
-    return track(name, vehicle_of(recording), said)
-
-
-def vehicle_of(recording: Recording) -> Vehicle:
-    """That of the file that it carries; where it carries none, the usual one."""
-    dive = flown_dive(recording)
-    file = None if dive is None else dive.named("vehicles", dive.stack.vehicle, ".toml")
-    name = None if file is None else file.attachment
-    data = None if name is None else recording.attachment(name)
-    if data is None:
-        return Stack().section(BODY, Vehicle)
-    try:
-        tree = tomllib.loads(data.decode())
-    except ValueError as error:
-        raise LindyError(f"{recording.files[0]}: {name} cannot be read: {error}") from None
-    return convert(tree.get(BODY, {}), Vehicle, BODY, Path(str(name)))
+    vehicle = flown_section(recording, BODY, Vehicle) or Stack().section(BODY, Vehicle)
+    return track(name, vehicle, said)

@@ -1,13 +1,22 @@
 """The attachment `dive.json` of a recording: what was flown, by which Lindy, from which files."""
 
+import hashlib
+import os
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, TypeVar
 
 import msgspec
 
 from services.recorder.io.attachments import DIVE
 from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import DEPLOY, reading_copies
+from services.runtime.config.stack import Stack
 from tools.recordings.recording import Recording
+
+S = TypeVar("S")
 
 
 class UsedFile(msgspec.Struct, frozen=True):
@@ -68,6 +77,45 @@ def flown_dive(recording: Recording) -> FlownDive | None:
     """
     data = recording.attachment(DIVE)
     return None if data is None else _decoded(data, recording)
+
+
+def flown_section(recording: Recording, name: str, kind: type[S]) -> S | None:
+    """A table of the vehicle file that the dive was flown with, and what was set on top; None: the
+    recording does not carry it.
+
+    Raises:
+        LindyError: what it carries is damaged.
+    """
+    dive = flown_dive(recording)
+    if dive is None or dive.named("vehicles", dive.stack.vehicle, ".toml") is None:
+        return None
+    with TemporaryDirectory(prefix="lindy-") as folder:
+        copies = unpacked(recording, dive.files, Path(folder))
+        with reading_copies(copies):
+            stack = Stack(vehicle=dive.stack.vehicle, overrides=dive.stack.overrides)
+            return stack.section(name, kind)
+
+
+def unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> dict[str, str]:
+    """Copies of the files, by the path that each was read from.
+
+    Raises:
+        LindyError: one is not what it was when it was recorded.
+    """
+    copies: dict[str, str] = {}
+    wanted = {file.attachment: file for file in used if file.attachment is not None}
+    for attachment in recording.attachments():
+        if (file := wanted.get(attachment.name)) is None:
+            continue
+        if file.sha256 and hashlib.sha256(attachment.data).hexdigest() != file.sha256:
+            raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged")
+        copy = folder / str(len(copies))
+        copy.write_bytes(attachment.data)
+        with suppress(OverflowError):  # of a damaged recording: no time at all
+            os.utime(copy, ns=(attachment.create_time, attachment.create_time))
+        path = DEPLOY / file.path if file.shipped else Path(file.path)
+        copies[str(path)] = str(copy)
+    return copies
 
 
 def _decoded(data: bytes, recording: Recording) -> FlownDive:

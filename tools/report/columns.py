@@ -191,3 +191,4 @@ WANTED = (
     StreamFigures(topics.CLOCK, ("stamp", "offset", "bound", "drift"), _clock),  # [ns ×3, ppm]
     StreamFigures(topics.TRUTH, ("stamp", "heave", "yaw"), _truth),  # [ns, m, rad]
 )
+FURTHER_WANTED = StreamFigures(topics.FURTHER_AGE, PICTURE, _picture)  # of every member

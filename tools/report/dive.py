@@ -15,7 +15,7 @@ from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.recording import Raw, Recording
-from tools.report.columns import WANTED, Array, Gathering, StreamColumns
+from tools.report.columns import FURTHER_WANTED, WANTED, Array, Gathering, StreamColumns
 from tools.report.holes import HOLE_NS, HoleFinder
 
 ENDING_NS = 6_000_000_000  # [ns] the recorder may be stopped so long after the vehicle
@@ -38,7 +38,7 @@ class RecordedDive:
 
     about: dict[str, str]  # vehicle, link, pilot, seed, overrides
     traffic: dict[str, Traffic]  # by key
-    streams: dict[str, StreamColumns]  # by key; every stream of WANTED, perhaps with no rows
+    streams: dict[str, StreamColumns]  # by key; all of WANTED, perhaps without rows
     health: dict[str, HealthSums] = field(default_factory=dict[str, HealthSums])
     losses: dict[str, int] = field(default_factory=dict[str, int])  # the recorder's own
     holes: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])  # [ns] UTC
@@ -168,6 +168,8 @@ class GatheredDive:
 
     def wants(self, key: str) -> bool:
         """Are the messages of this key to be added?"""
+        if key not in self._streams and FURTHER_WANTED.topic.covers(key):
+            self._streams[key] = Gathering(FURTHER_WANTED.names, FURTHER_WANTED.figures)
         return key in self._streams or key.startswith((HEALTH, LOG))
 
     def add(self, key: str, message: Message, log_ns: int) -> None:

@@ -1,11 +1,11 @@
-"""How old the drone's picture was when it was decoded topside, as `camera_monitor` measured it."""
+"""How old each camera's picture was once decoded topside, as `camera_monitor` measured it."""
 
 import msgspec
 import numpy as np
 
-from messages import topics
+from messages import cameras, topics
 from messages.video import PICTURE_STAGES
-from tools.report.columns import Array
+from tools.report.columns import Array, StreamColumns
 from tools.report.dive import RecordedDive
 
 
@@ -20,10 +20,18 @@ class PictureReport(msgspec.Struct, frozen=True):
 
 
 def picture(dive: RecordedDive) -> PictureReport | msgspec.UnsetType:
-    """Unset: there was no camera."""
+    """Of the first camera. Unset: there was none."""
     measured = dive[topics.PICTURE_AGE]
-    if not measured.count:
-        return msgspec.UNSET
+    return _of(measured) if measured.count else msgspec.UNSET
+
+
+def further_pictures(dive: RecordedDive) -> dict[str, PictureReport] | msgspec.UnsetType:
+    """Of each further camera, by name. Unset: there was none."""
+    keys = sorted(filter(topics.FURTHER_AGE.covers, dive.streams))
+    return {cameras.camera_of(key) or key: _of(dive.streams[key]) for key in keys} or msgspec.UNSET
+
+
+def _of(measured: StreamColumns) -> PictureReport:
     rate = measured["rate"]
     seen = np.isfinite(measured["p50"])
     # A report has the worst of its n pictures; all n are below the 99th percentile in 0.99^n of

@@ -15,7 +15,7 @@ from tools.report.holes import Hole, holes
 from tools.report.jerk import Smoothness, smoothness
 from tools.report.latency import LatencyReport, latency
 from tools.report.losses import losses
-from tools.report.picture import PictureReport, picture
+from tools.report.picture import PictureReport, further_pictures, picture
 from tools.report.services import Service, services
 from tools.report.stops import StickStop, stops
 from tools.report.tracking import error_rms, peak_jerk_ratio
@@ -68,6 +68,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     speedup: float | msgspec.UnsetType = msgspec.UNSET
     log_hash: str | msgspec.UnsetType = msgspec.UNSET
     picture: PictureReport | msgspec.UnsetType = msgspec.UNSET  # where there is a camera
+    further_pictures: dict[str, PictureReport] | msgspec.UnsetType = msgspec.UNSET  # by camera
 
 
 def make_report(recording: Recording, extras: Extras) -> Report:
@@ -108,6 +109,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         speedup=extras.speedup,
         log_hash=extras.log_hash,
         picture=picture(dive),
+        further_pictures=further_pictures(dive),
     )
 
 

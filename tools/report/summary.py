@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from messages import events
+from messages import cameras, events
 from messages.events import FAILSAFE, ROUTINE, Severity, row_of
 from messages.vehicle import Reaction
 from tools.report.holes import in_words
@@ -55,9 +55,7 @@ def summary(
     if stick.p50 is not None and stick.p99 is not None:
         delay = f"{stick.p50:.0f} ms, in 99 of 100 cases below {stick.p99:.0f} ms"
         rows.append(("stick to thruster", delay))
-    if (picture := report.picture) is not msgspec.UNSET and picture.p50_ms is not None:
-        age = f"{picture.p50_ms:.0f} ms, in 99 of 100 cases below {picture.p99_ms:.0f} ms"
-        rows.append(("light to picture", f"{age}; {picture.per_second:.1f} a second"))
+    rows += _pictures(report)
     rows.append(("link", report.link))
     rows.append(("energy", _energy(report)))
     rows += _restarts(report)
@@ -75,6 +73,19 @@ def written(files: Sequence[Path]) -> list[tuple[str, str]]:
     if not files:
         return []
     return [("written", f"{', '.join(path.name for path in files)} in {files[0].parent}")]
+
+
+def _pictures(report: Report) -> list[tuple[str, str]]:
+    """A row for each camera of which a picture was decoded."""
+    more = {} if report.further_pictures is msgspec.UNSET else report.further_pictures
+    first = {} if report.picture is msgspec.UNSET else {cameras.FIRST: report.picture}
+    rows = list[tuple[str, str]]()
+    for name, seen in {**first, **more}.items():
+        if seen.p50_ms is not None:
+            age = f"{seen.p50_ms:.0f} ms, in 99 of 100 cases below {seen.p99_ms:.0f} ms"
+            text = f"{age}; {seen.per_second:.1f} a second"
+            rows.append(("light to picture", f"{name}: {text}" if more else text))
+    return rows
 
 
 def _energy(report: Report) -> str:

@@ -114,6 +114,12 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
             (NOTICE,),
         ),
         FailsafeRow(
+            events.FLOOR_LIMIT,
+            "the stick points down in a mode that holds the depth, and the reference comes to rest "
+            "at `floor_distance`",
+            (LIMIT,),
+        ),
+        FailsafeRow(
             events.NEAR_FLOOR,
             "`sensor/dvl`: altitude less than `floor_distance`",
             (NOTICE,),

@@ -85,6 +85,7 @@ class ConditionWatch:
         *,
         armed: bool,
         limited: bool,
+        above_floor: bool,
     ) -> dict[str, Holding]:
         """The conditions that hold now.
 
@@ -92,6 +93,7 @@ class ConditionWatch:
             state, command: the newest fresh ones.
             unheld: axes that the mode holds, but whose estimates are not valid.
             limited: the reference comes to rest at the depth limit.
+            above_floor: it comes to rest above the bottom, although the stick points down.
         """
         holds: dict[str, Holding] = {}
         newest, s = self.newest, self.settings
@@ -141,7 +143,9 @@ class ConditionWatch:
         if newest.temperature is not None and newest.temperature.temperature >= s.hot:
             holds[events.TOO_HOT.name] = Holding(detail=f"{newest.temperature.temperature:.0f} °C")
         altitude = None if newest.dvl is None else newest.dvl.altitude
-        if altitude is not None and altitude < s.floor_distance:
+        if above_floor:
+            holds[events.FLOOR_LIMIT.name] = Holding(detail=f"{s.floor_distance:g} m")
+        elif altitude is not None and altitude < s.floor_distance:
             holds[events.NEAR_FLOOR.name] = Holding(detail=f"{altitude:.1f} m")
 
         if self._health:

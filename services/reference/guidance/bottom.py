@@ -8,6 +8,8 @@ Holding a height adds nothing to the reference law of the depth. It asks for a v
 stick does: over flat ground none, so the reference rests exactly as in depth hold; over a slope
 that of the bottom. What counts is where the reference would come to rest relative to the bottom,
 so a stop of the stick is the stop of depth hold.
+
+Where a depth is held and no height, the same law says how fast the stick may still lead down.
 """
 
 from dataclasses import dataclass
@@ -137,10 +139,7 @@ class HeightHold:
         Args:
             stick: [m/s] 0: let go.
         """
-        rate = bottom.rate
-        stop = solve(here.velocity, here.acceleration, rate, limits)
-        ends = t + plain_sum(segment.duration for segment in stop)
-        height = bottom.depth(ends) - here.position - travelled(stop)  # [m] where it would stop
+        rate, height = bottom.rate, _height(here, limits, bottom, t)
         if stick != 0.0:
             self.wanted, asked = None, rate + stick
         else:
@@ -148,11 +147,34 @@ class HeightHold:
                 self.wanted = max(height, self.floor + BAND)
             error = height - self.wanted
             asked = rate + (error - _within(error, BAND)) / RETURN_S
-        room = height - self.floor - AHEAD_S * bottom.speed
-        asked = _within(min(asked, rate + room / RETURN_S), self.fastest)
+        asked = _within(min(asked, self._most(height, bottom)), self.fastest)
         if asked == 0.0 or stick != 0.0 or abs(asked - self._asked) >= SAME:
             self._asked = asked
         return self._asked
+
+    def sinking(
+        self, stick: float, here: Sample, limits: Limits, bottom: Bottom, t: float
+    ) -> float:
+        """[m/s] What is left of a stick that leads down to the bottom, where no height is held.
+        Never upwards: a bottom that rises moves nothing. It ends `BAND` above the least height,
+        where noise of the altitude warns of nothing.
+
+        Args:
+            stick: [m/s] > 0.
+        """
+        height = _height(here, limits, bottom, t) - BAND
+        return max(0.0, min(stick, self._most(height, bottom)))
+
+    def _most(self, height: float, bottom: Bottom) -> float:
+        """[m/s] The fastest way down, for a reference that would stop at `height` [m]."""
+        return bottom.rate + (height - self.floor - AHEAD_S * bottom.speed) / RETURN_S
+
+
+def _height(here: Sample, limits: Limits, bottom: Bottom, t: float) -> float:
+    """[m] Above the bottom, where the reference `here` at `t` [s] would stop relative to it."""
+    stop = solve(here.velocity, here.acceleration, bottom.rate, limits)
+    ends = t + plain_sum(segment.duration for segment in stop)
+    return bottom.depth(ends) - here.position - travelled(stop)
 
 
 def _within(value: float, most: float) -> float:

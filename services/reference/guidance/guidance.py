@@ -59,6 +59,7 @@ class Guidance:
     standstill: Standstill = field(init=False)  # of heave, [m]
     _tilt_limit: TiltLimit = field(init=False)
     held_back: bool = False  # surge and sway, because the vehicle tilts
+    near_floor: bool = False  # the stick points down, and leads no nearer to the bottom
     bottom: Bottom = field(default_factory=Bottom)
     height: HeightHold = field(init=False)
 
@@ -78,6 +79,11 @@ class Guidance:
     @property
     def held(self) -> HeldAxes:
         return HELD_AXES[self.flight_mode]
+
+    @property
+    def limited(self) -> bool:
+        """The stick points down, and the reference ends at the depth limit or above the bottom."""
+        return self.axes.limited or self.near_floor
 
     @property
     def settled(self) -> bool:
@@ -185,12 +191,23 @@ class Guidance:
         self.axes.aim(stick, self.held, self.t, share, self._sink(stick.heave))
 
     def _sink(self, stick: float) -> float | None:
-        """[m/s] The velocity of the depth that holds a height; None: none is held."""
-        if not (self.held.height and self.bottom.known):
+        """[m/s] The velocity of the depth that holds a height, or that ends above the bottom;
+        None: the stick's."""
+        heave, asked = self.axes.heave, stick * self.settings.heave.max_velocity
+        above = heave.at(self.t), heave.limits, self.bottom, self.t
+        self.near_floor = False
+        if not self.bottom.known:
             self.height.forget()
             return None
-        heave, asked = self.axes.heave, stick * self.settings.heave.max_velocity
-        return self.height.velocity(asked, heave.at(self.t), heave.limits, self.bottom, self.t)
+        if self.held.height:
+            sink = self.height.velocity(asked, *above)
+        else:
+            self.height.forget()
+            if asked <= 0.0 or not self.held.depth or self.height.floor == 0.0:
+                return None
+            sink = self.height.sinking(asked, *above)
+        self.near_floor = asked > 0.0 and sink < asked
+        return sink
 
     def wait(self, state: VehicleState, *, turn_short: bool = False) -> None:
         """Keep the reference close to a vehicle that cannot follow it.
@@ -255,7 +272,7 @@ class Guidance:
 
     def stop(self) -> StopDistance:
         """Emergency stop. Returns the stopping distance."""
-        self.flight_mode = safe(self.flight_mode)
+        self.flight_mode, self.near_floor = safe(self.flight_mode), False
         return self.manoeuvre.stop(self.t)
 
     # Steps.
@@ -265,7 +282,7 @@ class Guidance:
         [m]. Where the reference ends at a depth that was asked for, or waits for the vehicle, it
         stays; and without the accelerometer, with which a standstill is known too late."""
         heave, depth, rate = self.axes.heave, state.depth, state.depth_rate
-        asked_for = self.manoeuvre.busy or self._rising or self.axes.limited
+        asked_for = self.manoeuvre.busy or self._rising or self.limited
         known = depth.valid and rate.valid and state.depth_acceleration.valid
         if asked_for or self._governors["depth"].blocked or not known:
             self.standstill.cancel()

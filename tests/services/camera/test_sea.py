@@ -67,6 +67,20 @@ def test_without_daylight_the_lamp_lights_what_is_near() -> None:
     assert light(3.0, 0.3) < light(5.0, 0.3)
 
 
+@pytest.mark.parametrize("daylight", [0.0, 0.6])
+@pytest.mark.parametrize("above", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("tilt", [-0.5, DOWNWARDS])
+def test_the_lamp_never_makes_the_floor_all_white(
+    daylight: float, above: float, tilt: float
+) -> None:
+    sea = SimulatedSea(160, 90, 1.4, WaterLight(0.25, daylight), FLOOR)
+    at = (1.0, 2.0, FLOOR - above)
+    lit = sea.draw(CameraView(at, from_euler(0.0, 0.0, 0.3), tilt, 1.0)).y
+    assert np.mean(lit >= 230) < 0.08
+    assert np.std(lit.astype(float)) > 8.0  # there is something to be seen
+    assert np.mean(lit) > 40.0
+
+
 def test_the_floor_stands_still_while_the_drone_moves() -> None:
     """Moved ahead over the floor by some pixels of its texture, the picture moves as far."""
     focal = 80.0 / np.tan(0.7)

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +18,7 @@ import pytest
 pytest.importorskip("av")
 
 import av
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -87,6 +89,41 @@ def test_every_picture_is_in_the_film_at_the_time_of_its_light(
         assert ("K" in packet["flags"]) == picture.keyframe
     with av.open(str(out)) as opened:  # not one of them is coded anew, nor damaged
         assert sum(1 for _ in opened.decode(video=0)) == len(filmed_pictures)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("cvlc") is None, reason="no VLC program (cvlc)")
+@pytest.mark.parametrize("overlay", [False, True])
+def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
+    dive: Path, filmed_pictures: list[FilmedPicture], *, overlay: bool
+) -> None:
+    """At three times its speed, and without a screen: VLC writes what it shows, as pictures."""
+    image = pytest.importorskip("PIL.Image")
+    root = os.geteuid() == 0  # as whom VLC refuses to run
+    with tempfile.TemporaryDirectory(prefix="lindy-vlc-") as folder:
+        home = Path(folder)
+        home.chmod(0o777)
+        filmed(open_recording(dive), home / "dive.mp4", overlay=overlay)
+        answer = subprocess.run(
+            ["cvlc", "-vv", "-I", "dummy", "--vout", "dummy", "--no-audio", "--play-and-exit",
+             "--rate", "3", "--video-filter", "scene", "--scene-format", "png", "--scene-ratio",
+             "10", "--scene-prefix", "shown", "--scene-path", folder, str(home / "dive.mp4")],
+            capture_output=True, check=True, text=True, errors="replace", timeout=120,
+            env={**os.environ, "HOME": folder}, user="nobody" if root else None,
+            group="nogroup" if root else None,
+        )  # fmt: skip
+        said = answer.stderr
+        assert "detected SubRIP format" in said
+        assert "end of playlist, exiting" in said
+        assert not re.search("(avcodec|mp4|packetizer).* error", said)
+        shown = [np.asarray(image.open(path).convert("L")) for path in sorted(home.glob("shown*"))]
+        with av.open(str(home / "dive.mp4")) as opened:
+            frames = [np.asarray(each.to_image().convert("L")) for each in opened.decode(video=0)]
+    assert len(shown) >= len(filmed_pictures) // 40  # a busy computer is allowed to drop some
+    for picture in (shown[0], shown[-1]):
+        rows = picture.astype(float)[: frames[0].shape[0]]  # its decoder's buffer is taller
+        off = [np.abs(rows - frame).mean() for frame in frames]
+        assert min(off) < 4.0
 
 
 def test_subtitles_say_where_the_drone_was(

@@ -29,7 +29,7 @@ def health(service: str, late_ms: float | None) -> Health:
 
 
 def late(watch: ConditionWatch, now: int) -> bool:
-    conditions = watch.holding(None, None, (), now, armed=False, limited=False)
+    conditions = watch.holding(None, None, (), now, armed=False, limited=False, above_floor=False)
     return "service_late" in conditions
 
 
@@ -59,7 +59,7 @@ def test_only_services_that_the_motion_depends_on_are_said_to_be_late(service: s
 def test_a_service_that_falls_silent_is_said_by_its_role(service: str, silence_ns: int) -> None:
     watch = ConditionWatch(FailsafeSettings(), WATCHED)
     watch.health(health(service, 0.0), 0)
-    found = watch.holding(None, None, (), silence_ns, armed=True, limited=False)
+    found = watch.holding(None, None, (), silence_ns, armed=True, limited=False, above_floor=False)
     long, role = silence_ns > HEALTH_PATIENCE_NS, WATCHED.get(service)
     assert ("service_silent" in found) == (long and role == "motion")
     assert ("recorder_down" in found) == (long and role == "recorder")
@@ -74,7 +74,9 @@ def test_a_silent_board_is_said_while_its_silence_is_counted() -> None:
     for second, count in enumerate(counts):
         of_driver = msgspec.structs.replace(health("ardusub", 0.0), counts={"silent:board": count})
         watch.health(of_driver, second * S)
-        holding = watch.holding(None, None, (), second * S, armed=False, limited=False)
+        holding = watch.holding(
+            None, None, (), second * S, armed=False, limited=False, above_floor=False
+        )
         said.append("board_silent" in holding)
     assert said == [False, False, True, True, True, True, True, False]
 

@@ -4,6 +4,7 @@ import random
 from collections.abc import Callable
 from itertools import pairwise
 from math import radians, tan
+from typing import Any
 
 import pytest
 from hypothesis import example, given, settings
@@ -47,8 +48,9 @@ class Dive:
         before: GuidanceCheckpoint | None = None,
         *,
         altimeter: bool = True,
+        floor: float = FLOOR,
     ) -> None:
-        failsafe = FailsafeSettings(floor_distance=FLOOR)
+        failsafe = FailsafeSettings(floor_distance=floor)
         self.settings = Settings(failsafe=failsafe)
         if heave is not None:
             self.settings = Settings(heave=heave, failsafe=failsafe)
@@ -351,3 +353,89 @@ def test_disarmed_no_height_is_remembered() -> None:
     out = dive.fly(5.0)
     assert dive.status.flight_mode == "altitude_hold"
     assert out.depth.position == pytest.approx(4.0, abs=0.05)
+
+
+def held_at(height: float, mode: str = "stabilised", **how: Any) -> Dive:
+    dive = Dive(flat, height, **how)
+    assert dive.ask("mode", flight_mode=mode) == ""
+    dive.fly(1.0)
+    return dive
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(0.2, 6.0), st.floats(-1.0, 1.0)), max_size=6),
+    st.sampled_from([None, SLOWER]),
+    st.sampled_from(["stabilised", "depth_hold"]),
+    st.integers(0, 1000),
+)
+@example([(20.0, 1.0)], None, "stabilised", 0)
+def test_where_a_depth_is_held_no_stick_leads_into_the_bottom(
+    course: list[tuple[float, float]], heave: VelocityAxis | None, mode: str, seed: int
+) -> None:
+    dive = held_at(2.5, mode, heave=heave, seed=seed)
+    for seconds, stick in course:
+        dive.fly(seconds, heave=stick)
+    dive.fly(25.0, heave=1.0)
+    assert dive.nearest >= FLOOR + BAND - 3 * NOISE
+    assert dive.height == pytest.approx(FLOOR + BAND, abs=3 * NOISE)
+    assert dive.seen[-1].depth.velocity == pytest.approx(0.0, abs=2 * NOISE)
+    assert is_continuous(dive)
+
+
+@settings(max_examples=20, deadline=None)
+@given(slopes, st.floats(0.1, 0.5), st.integers(0, 1000))
+def test_a_stick_held_down_over_slopes_never_moves_the_depth_up(
+    slopes: list[float], speed: float, seed: int
+) -> None:
+    dive = Dive(hills(slopes, 6.0, 30.0), 3.0, seed=seed)
+    dive.speed = speed
+    dive.fly(6.0 * len(slopes) / speed, heave=1.0)
+    assert min(reference.depth.velocity for reference in dive.seen) >= -SMALL
+    assert is_continuous(dive)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(-1.0, 1.0), st.floats(0.5, 3.0))
+def test_far_above_the_bottom_it_is_the_stick_alone(heave: float, seconds: float) -> None:
+    ends: list[Reference] = []
+    for altimeter in (False, True):
+        dive = held_at(8.0, altimeter=altimeter)
+        dive.fly(seconds, heave=heave)
+        ends.append(dive.fly(5.0))
+    assert ends[0].depth == ends[1].depth
+
+
+def test_the_pilot_is_told_once_and_up_is_free() -> None:
+    dive = held_at(2.0)
+    dive.fly(20.0, heave=1.0)
+    assert set(dive.status.conditions) & {"floor_limit", "near_floor"} == {"floor_limit"}
+    assert dive.generator.outbox.counts["notice:floor_limit"] == 1
+    end = dive.fly(2.0, heave=-1.0)
+    assert end.depth.velocity == -dive.settings.heave.max_velocity
+    assert "floor_limit" not in dive.status.conditions
+    dive.fly(20.0, heave=1.0)
+    assert dive.ask("stop") == ""
+    dive.fly(3.0)
+    assert "floor_limit" not in dive.status.conditions
+
+
+def test_what_was_released_or_typed_or_set_goes_to_the_bottom() -> None:
+    manual = held_at(2.0, "manual")
+    assert manual.fly(2.0, heave=1.0).heave_force == manual.settings.heave_force.full
+    typed = held_at(2.0)
+    assert typed.ask("goto", depth=flat(0.0) - 0.1) == ""
+    typed.fly(15.0)
+    assert typed.height == pytest.approx(0.1, abs=0.01)
+    assert "near_floor" in typed.status.conditions
+    free = held_at(2.0, floor=0.0)
+    free.fly(3.0, heave=1.0)
+    assert free.seen[-1].depth.velocity == free.settings.heave.max_velocity
+
+
+def test_without_a_fresh_altitude_it_is_the_stick_alone() -> None:
+    dive = held_at(4.0)
+    dive.altimeter = False
+    dive.fly(PATIENCE_S + 1.0)
+    dive.fly(8.0, heave=1.0)
+    assert dive.height < FLOOR
