@@ -1,12 +1,11 @@
 """`lindy log scene`: several recordings as one 3-D scene, for rerun."""
 
-import tomllib
 from pathlib import Path
 
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from services.runtime.config.settings import convert
+from services.runtime.config.settings import convert, parsed_toml
 from services.runtime.config.stack import BODY, Stack
 from services.visualizer.fleet_scene import FlownTrack, track
 from services.visualizer.scene import SCENE_KINDS
@@ -64,7 +63,7 @@ def vehicle_of(recording: Recording) -> Vehicle:
     if data is None:
         return Stack().section(BODY, Vehicle)
     try:
-        tree = tomllib.loads(data.decode())
+        tree = parsed_toml(data.decode())
     except ValueError as error:
         raise LindyError(f"{recording.files[0]}: {name} cannot be read: {error}") from None
     return convert(tree.get(BODY, {}), Vehicle, BODY, Path(str(name)))
