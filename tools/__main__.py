@@ -10,6 +10,7 @@ import select
 import signal
 import sys
 from collections.abc import Mapping, Sequence
+from io import TextIOWrapper
 from typing import Any, NamedTuple
 
 from services.runtime.config.errors import LindyError
@@ -110,6 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lost, 130 interrupted, 141 nobody reads the output."""
     words = [*(sys.argv[1:] if arguments is None else arguments)]
     debug = DEBUG in words
+    _printable()
     try:
         status = _run([word for word in words if word != DEBUG])
         sys.stdout.flush()  # here, where it may fail
@@ -125,6 +127,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return UNREAD
         return complain(_sentence(error, debug=debug))
     return status or 0
+
+
+def _printable() -> None:
+    """What a terminal has no letter for is printed as ?, and what is printed where stdout or stderr
+    are closed goes nowhere: neither is a reason to end a dive."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            # It stays open for as long as the program runs.
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
+        elif isinstance(stream := getattr(sys, name), TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _run(words: Sequence[str]) -> int | None:

@@ -15,7 +15,15 @@ def named(_: object, tokens: Sequence[Token]) -> Path:
     because it would mean the current folder."""
     if not tokens[0].value:
         raise ValueError("it is empty; name one, such as dives/mine, or . for this folder")
-    return Path(tokens[0].value)
+    text = tokens[0].value
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError("it has letters that are not UTF-8") from None
+    try:
+        return Path(text).expanduser()  # a quoted ~ is left to us by the shell
+    except RuntimeError:  # of a user that there is not
+        return Path(text)
 
 
 def whole(_: object, tokens: Sequence[Token]) -> int:

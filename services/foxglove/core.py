@@ -5,6 +5,7 @@ from typing import Annotated, Any, cast
 
 import msgspec
 
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
 Value = bool | int | float | str
 
 

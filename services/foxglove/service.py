@@ -1,12 +1,14 @@
 """Foxglove service: what the recorder writes, live, for any number of viewers. It publishes nothing
 but its health, and whoever watches can command nothing."""
 
+from collections import deque
+
 import msgspec
 
 from messages import events
 from messages.message import Message
 from messages.topic import AnyTopic
-from services.foxglove.core import Settings, parameters
+from services.foxglove.core import LOOPBACK, Settings, parameters
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import schema_of
 from services.recorder.foxglove.views import Views
@@ -17,8 +19,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 LATEST_NS = 2**63 - 1  # [ns] the protocol has unsigned times, viewers signed ones
+REFUSED = 16  # refusals kept between two looks
 SHOW_HZ = 25.0  # [1/s] how often what has arrived is sent on
-LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
 
 def wire(node: Node, stack: Stack) -> None:
@@ -33,7 +35,10 @@ def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("foxglove", Settings)
     tree = read_toml(stack.vehicle_path)
     override(tree, stack.overrides)
-    server = FoxgloveServer(settings, f"lindy {stack.vehicle_name}", parameters(tree))
+    refused = deque[str](maxlen=REFUSED)
+    server = FoxgloveServer(
+        settings, f"lindy {stack.vehicle_name}", parameters(tree), refused.append
+    )
     node.on_close(server.close)
     node.log("info", f"Foxglove connects to ws://{settings.host}:{settings.port}")
     if settings.host not in LOOPBACK:
@@ -53,4 +58,9 @@ def wire(node: Node, stack: Stack) -> None:
         return
 
     node.watch(show)
-    node.every(SHOW_HZ, lambda _: None)  # the node's next step hands over what has arrived
+
+    def look(_: int) -> None:  # the step of the node hands over what has arrived
+        while refused:
+            node.log("warning", f"somebody was not let in: {refused.popleft()}")
+
+    node.every(SHOW_HZ, look)

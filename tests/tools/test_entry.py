@@ -1,11 +1,14 @@
-"""Ctrl-C while the command still loads."""
+"""Ctrl-C while the command still loads, and terminals of all kinds."""
 
+import io
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tools.__main__ import main
 
 ROOT = Path(__file__).parents[2]
 # As the installed `lindy` begins; it then loads one module for ever.
@@ -50,3 +53,22 @@ def test_who_started_it_may_have_it_ignore_ctrl_c():
     lindy.terminate()
     lindy.communicate()
     assert lindy.returncode == -signal.SIGTERM  # and not the first signal
+
+
+@pytest.mark.parametrize("name", ["stdout", "stderr"])
+def test_where_stdout_or_stderr_are_closed_what_is_printed_goes_nowhere(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(sys, name, None)
+    assert main(["--version"]) == 0
+    assert main(["no-such-verb"]) == 1
+    assert getattr(sys, name).isatty() is False
+    getattr(sys, name).close()
+
+
+def test_what_a_terminal_has_no_letter_for_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="ascii"))
+    assert main(["--version"]) == 0
+    print("pioneer → dives/mine", flush=True)
+    assert written.getvalue().endswith(b"pioneer ? dives/mine\n")

@@ -60,15 +60,15 @@ def drones_name(stack: Stack, meeting: Meeting) -> str:
     """The name that was given to a drone, else that of its keys, else one by its computer.
 
     Raises:
-        LindyError: a router that compares names with keys would not let it in, or a drone cannot
-            be called this.
+        LindyError: whoever compares names with keys would not let it in, or a drone cannot be
+            called this.
     """
     keys_name = "" if meeting.credentials is None else meeting.credentials.name
     name = stack.name or keys_name or own_name(stack.vehicle_name, gethostname())
-    if meeting.router is not None and keys_name not in ("", name):
+    if keys_name not in ("", name):
         raise LindyError(
-            f"--name {name}: this machine's keys are those of drone:{keys_name}, and a router lets "
-            f"it speak by that name only; leave --name out, or use keys of drone:{name}"
+            f"--name {name}: this machine's keys are those of drone:{keys_name}, and it is "
+            f"believed by that name only; leave --name out, or use keys of drone:{name}"
         )
     return checked_name(name, "--name")
 

@@ -33,9 +33,10 @@ def out_folder(out: Path | None, *, ours: bool = False) -> Path:
     Raises:
         LindyError: it cannot be made or written to, or a dive is going on in it.
     """
-    wanted = (out or DIVES / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%SZ}").resolve()
-    missing = [path for path in (wanted, *wanted.parents) if not path.exists()]
+    wanted = out or DIVES / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%SZ}"
     try:
+        wanted = wanted.resolve()
+        missing = [path for path in (wanted, *wanted.parents) if not path.exists()]
         pid = running_in(wanted) if out is not None else None
         if pid is not None and not (ours and pid == os.getpid()):
             raise LindyError(f"a dive (process {pid}) is going on in --out {wanted}")
@@ -46,6 +47,8 @@ def out_folder(out: Path | None, *, ours: bool = False) -> Path:
             _claimed(folder)
         with tempfile.TemporaryFile(dir=folder):
             pass  # it can be written to
+    except RuntimeError:  # Python's word for it until 3.12
+        raise LindyError(f"cannot write into --out {wanted}: links that lead in a circle") from None
     except OSError as error:
         raise LindyError(f"cannot write into --out {wanted}: {reason(error)}") from None
     if folder != wanted:

@@ -7,7 +7,7 @@ lost before the first or after the last message of a topic that is in the record
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import msgspec
 
@@ -27,6 +27,7 @@ ANY_TOPIC = (
     events.OVERFLOWED("**"), events.OVERSIZED("**"), events.NOT_RECORDED()
 )  # it does not know of which topic  # fmt: skip
 HEALTH = topics.HEALTH.key[:-1]
+SLACK, SLACK_SHARE = 100, 0.01  # messages before the first and after the last of what is here
 
 
 class Account(msgspec.Struct, kw_only=True):
@@ -49,6 +50,7 @@ class Account(msgspec.Struct, kw_only=True):
 class Accounts(msgspec.Struct, kw_only=True):
     topics: dict[str, Account]  # by key
     backwards: int = 0  # times that the recorder's clock ran backwards
+    unrecorded: list[str] = []  # what services say they have sent, and is in no topic here
     remarks: list[str] = []  # what could not be taken into account
 
     @property
@@ -83,6 +85,11 @@ class LinkReports:
         counts = self._services[LINK].counts - self._before if self.emulated else Counter[str]()
         return sum(counts[reason(name).name] for reason in reasons)
 
+    def sent_by(self, side: str) -> tuple[set[str], int]:
+        """Services of a side, and messages that they have sent, both ways across the link aside."""
+        of_side = {n: s for n, s in self._services.items() if s.side == side and n != LINK}
+        return {*of_side}, sum(sums.sent for sums in of_side.values())
+
     def missed(self, key: str) -> int:
         """Messages that a service on this side missed: on a real link nobody else counts them."""
         return max((missed(sums.counts, key) for sums in self._services.values()), default=0)
@@ -102,7 +109,27 @@ def accounts(recording: Recording) -> Accounts:
             _add(reports, recording, raw)
     side = recording.metadata("dive").get("side", "drone")
     found = account_for(numbers, reports, recording.losses(), side)
-    return Accounts(topics=found, backwards=backwards)
+    unrecorded = unrecorded_in(found, *reports.sent_by(side), side)
+    return Accounts(topics=found, backwards=backwards, unrecorded=unrecorded)
+
+
+def unrecorded_in(
+    found: Mapping[str, Account], services: Collection[str], sent: int, side: str
+) -> list[str]:
+    """A topic that is missing as a whole has no numbers. But its sender has counted it."""
+    own = (Direction.UP if side == "drone" else Direction.DOWN, Direction.STAY)
+    known = 0
+    for key, account in found.items():
+        topic = topics.find(key)
+        whose = key.partition("/")[2]
+        if topic is not None and (topic.way in own or whose in services):
+            known += account.before + account.sent
+    if sent - known <= max(SLACK, SLACK_SHARE * sent):
+        return []
+    return [
+        f"the services of the {side}'s side have sent {sent} messages, and the topics here are of "
+        f"{known}: whole topics are missing"
+    ]
 
 
 def account_for(

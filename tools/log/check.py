@@ -7,7 +7,7 @@ import msgspec
 from services.runtime.config.errors import LindyError
 from tools.choices import Json
 from tools.log.account import Account, Accounts, accounts
-from tools.log.text_table import table
+from tools.log.text_table import harmless, table
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -31,17 +31,19 @@ def check(recording: Path, *, json: Json = False) -> int:
         raise LindyError(
             f"{recording} was not recorded by Lindy: what its numbers mean is not known"
         )
+    opened.verifies = True
     with reading("checking", opened.size) as opened.advance:
         found = accounts(opened)
     if not found.topics:
         raise LindyError(f"{recording} holds no messages")
-    wrong = [*incomplete(opened), *in_words(found)]
+    wrong = [*incomplete(opened), *opened.altered, *in_words(found)]
+    wrong += [] if wrong else found.unrecorded
     if json:
         whole = {"ok": not wrong, "wrong": wrong, **msgspec.to_builtins(found)}
         print(msgspec.json.format(msgspec.json.encode(whole)).decode())
     else:
-        print(as_text(found))
-        print("\n".join(wrong or ["everything that was sent is accounted for"]))
+        print(harmless(as_text(found)))
+        print(harmless("\n".join(wrong or ["everything that was sent is accounted for"])))
     return NOT_SOUND if wrong else SOUND
 
 

@@ -20,7 +20,7 @@ from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
-CUT, HASH = "cut", "hash"  # names of metadata; a hash is of a whole dive
+CUT = "cut"  # name of metadata
 
 
 class WantedPart(NamedTuple):
@@ -122,7 +122,7 @@ def _add(
         if isinstance(record, Channel):
             key = record.topic
             keys[key] = kept[record.id] = not patterns or any(fnmatchcase(key, p) for p in patterns)
-        if not (isinstance(record, Metadata) and record.name in (HASH, CUT)):
+        if not (isinstance(record, Metadata) and record.name == CUT):
             copy.add(record)
 
 

@@ -1,6 +1,7 @@
 """`lindy log info`: what a recording is of, and what is in it."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from math import inf
 from pathlib import Path
@@ -17,7 +18,7 @@ from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from tools.choices import Json
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
-from tools.log.text_table import table
+from tools.log.text_table import harmless, table
 from tools.recordings.dive_file import FlownDive, flown_dive
 from tools.recordings.progress import reading
 from tools.recordings.recording import Raw, Recording, is_whole, open_recording
@@ -141,7 +142,7 @@ def info(recording: Path, *, json: Json = False) -> int:
     if json:
         print(msgspec.json.format(msgspec.json.encode(found)).decode())
     else:
-        print(as_text(found))
+        print(harmless(as_text(found)))
     return INCOMPLETE if found.damage else COMPLETE
 
 
@@ -219,7 +220,8 @@ def _rows(found: Info) -> Iterator[tuple[str, str]]:
         yield "dive", named
         yield "seed", found.about.get("seed", "")
         if changed != "[]":
-            yield "set", ", ".join(msgspec.json.decode(changed, type=list[str]))
+            with suppress(msgspec.DecodeError):
+                yield "set", ", ".join(msgspec.json.decode(changed, type=list[str]))
     if found.dive is not None:
         lindy = found.dive.lindy
         commit = f" ({lindy['commit']})" if lindy.get("commit") else ""

@@ -13,9 +13,6 @@ from tools.recordings.mcap_records import At, Damage, salvaged
 from tools.recordings.progress import reading
 from tools.recordings.recording import is_whole, open_recording
 
-# Of all that was recorded: no longer true of a file that has less.
-HASH = "hash"
-
 
 class Recovered(NamedTuple):
     messages: int
@@ -65,8 +62,7 @@ def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
     copy.next_file()
     damage = Damage()
     for record in salvaged(file, damage, at):
-        if not (isinstance(record, Metadata) and record.name == HASH):
-            copy.add(record)
+        copy.add(record)
     words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
     if damage.places:
         words.append(_of_parts(file.name, damage))

@@ -122,7 +122,7 @@ class DiveSeries:
                 name = "" if schema is None else schema.name
                 series = self.topics[key] = TopicSeries(Flattening(known, name, [], tree))
             series.add(series.flattening.row(tree), message.log_ns, self.words)
-        except ValueError:  # also what msgspec raises
+        except (ValueError, RecursionError):  # also what msgspec raises
             self.unread += 1
 
     def _first_armed(self) -> int | None:

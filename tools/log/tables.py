@@ -1,7 +1,6 @@
 """`lindy log csv` and `lindy log parquet`: one table for each topic."""
 
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -14,9 +13,11 @@ from mcap.records import Channel, Schema
 from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import parsed_toml
 from tools.choices import named
 from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import Flattening, Row, TableColumn
+from tools.log.text_table import harmless
 from tools.recordings.dive_file import flown_dive
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.progress import reading
@@ -132,9 +133,9 @@ def write_tables(path: Path, out: Path | None, kind: str, new: NewTable) -> int:
         raise LindyError(f"cannot write {where}: {reason(error)}") from None
     print(f"{sum(rows.values())} messages of {len(rows)} topics written to {folder}", flush=True)
     for why, count in unread.items():
-        print(f"{count} messages left out: {why}", flush=True)
+        print(harmless(f"{count} messages left out: {why}"), flush=True)
     said = recording.damage
-    print("".join(f"{sentence}\n" for sentence in said), end="", flush=True)
+    print(harmless("".join(f"{sentence}\n" for sentence in said)), end="", flush=True)
     return DATA_LOST if unread or said else CLEAN
 
 
@@ -175,7 +176,7 @@ def _fill_from(
                 continue
             try:
                 table.add(record, origin_ns, opener)
-            except ValueError as error:  # also what msgspec raises
+            except (ValueError, RecursionError) as error:  # also what msgspec raises
                 unread[f"{table.key}: {error}"] += 1
         elif isinstance(record, Schema):
             schemas[record.id] = record
@@ -198,7 +199,7 @@ def thruster_names(recording: Recording) -> list[str]:
     name = None if file is None else file.attachment
     data = None if name is None else recording.attachment(name)
     try:
-        tree: Tree = {} if data is None else tomllib.loads(data.decode())
+        tree: Tree = {} if data is None else parsed_toml(data.decode())
         body = cast(Tree, tree.get("vehicle", {}))
         return [str(cast(Tree, each)["name"]) for each in body.get("thruster", [])]
     except (ValueError, KeyError, TypeError, AttributeError):

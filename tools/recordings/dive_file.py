@@ -121,6 +121,6 @@ def unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> di
 def _decoded(data: bytes, recording: Recording) -> FlownDive:
     try:
         found: Any = msgspec.json.decode(data, type=FlownDive)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError) as error:
         raise LindyError(f"{recording.files[0]}: the attachment {DIVE}: {error}") from None
     return found

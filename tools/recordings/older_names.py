@@ -26,7 +26,7 @@ def as_today(schema: Schema) -> Callable[[bytes], bytes] | None:
     def renamed(data: bytes) -> bytes:
         try:
             return msgspec.json.encode(_renamed(msgspec.json.decode(data), names))
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, RecursionError):
             return data  # whoever decodes it counts it
 
     return renamed

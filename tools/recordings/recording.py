@@ -6,6 +6,7 @@ was killed) reads like any other: up to its last whole chunk. A damaged chunk is
 arrival at the recorder, which is the order of `log_ns`.
 """
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -18,6 +19,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from messages import topics
 from messages.message import Message
 from services.recorder.foxglove.channel import is_view
+from services.recorder.io.contents import CONTENTS, OF_THE_WHOLE, Contents
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
@@ -26,6 +28,7 @@ from services.runtime.config.errors import LindyError
 from tools.recordings.mcap_records import Damage, Described, StoredMessage, nowhere, records
 from tools.recordings.older_names import as_today
 
+COUNT = re.compile(r"[0-9]{1,16}")  # what a recorder writes; anybody may have altered it
 RESERVE = 256_000  # [bytes] left free by merging, for the report
 
 
@@ -55,6 +58,8 @@ class Recording:
         self.files = files
         self.unreadable: Counter[str] = Counter()  # messages skipped so far, by key
         self.advance: Callable[[int], None] = nowhere  # told how many bytes of `size` were read
+        self.verifies = False  # compare the checksum of each file that is read to its end
+        self.altered: list[str] = []  # those that differ, one sentence each
         self._read: dict[Path, Damage] = {}  # of the files that were read to their ends
         self._decoders: dict[str, msgspec.json.Decoder[Message] | None] = {}
 
@@ -86,9 +91,21 @@ class Recording:
     def records(self, path: Path) -> Iterator[StoredMessage | Described]:
         """Everything in one of its files. `damage` knows what is wrong with it at the end."""
         before = sum(file.stat().st_size for file in self.files[: self.files.index(path)])
-        damage = Damage()
-        yield from records(path, at=self._counting_from(before), damage=damage)
+        damage, contents, keys = Damage(), Contents(), dict[int, str]()
+        said = ""  # the checksum
+        for record in records(path, at=self._counting_from(before), damage=damage):
+            if self.verifies and isinstance(record, StoredMessage):
+                if (key := keys.get(record.channel_id)) is not None:
+                    times = record.log_ns, record.publish_ns
+                    contents.add(key, record.data, *times, record.sequence)
+            elif isinstance(record, Channel):
+                keys[record.id] = record.topic
+            elif isinstance(record, Metadata) and record.name == CONTENTS:
+                said = record.metadata.get("sha256", "")
+            yield record
         self._read[path] = damage
+        if self.verifies and said not in ("", contents.sha256):
+            self.altered.append(f"{path.name} is not what was recorded: its checksum differs")
 
     @property
     def damage(self) -> list[str]:
@@ -110,7 +127,7 @@ class Recording:
             topic = topics.find(raw.key)
             self._decoders[raw.key] = topic and msgspec.json.Decoder(topic.message)
         if (decoder := self._decoders[raw.key]) is not None:
-            with suppress(msgspec.DecodeError):
+            with suppress(msgspec.DecodeError, RecursionError):
                 return decoder.decode(raw.data)
         self.unreadable[raw.key] += 1
         return None
@@ -119,7 +136,7 @@ class Recording:
         """[ns] UTC from which the seconds of a recording count: its first message, or, where it was
         cut out of another, that of the whole. None: it holds no message."""
         whole = self.metadata("cut").get("origin_ns")
-        if whole is not None and whole.isdecimal():
+        if whole is not None and COUNT.fullmatch(whole[-16:]) and len(whole) <= 19:
             return int(whole)
         first = next(self.raw(), None)
         return None if first is None else first.log_ns
@@ -138,7 +155,8 @@ class Recording:
         losses: Counter[str] = Counter()
         for record in self.described():
             if isinstance(record, Metadata) and record.name == "losses":
-                losses.update({name: int(count) for name, count in record.metadata.items()})
+                counts = {n: int(c) for n, c in record.metadata.items() if COUNT.fullmatch(c)}
+                losses.update(counts)
         return losses
 
     def attachment(self, name: str) -> bytes | None:
@@ -257,7 +275,7 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
                     del channels[record.id]
                 else:
                     file.open_channel(record.topic, schema.name, schema.data)
-        elif isinstance(record, Metadata) and record.name != "hash":
+        elif isinstance(record, Metadata) and record.name not in OF_THE_WHOLE:
             file.metadata(record.name, record.metadata)
         elif isinstance(record, Attachment) and first:
             times = record.log_time, record.create_time

@@ -1,22 +1,33 @@
 """Foxglove's own WebSocket server (foxglove-sdk). It offers channels and parameters. Publishing by
 clients, services, files and playback are not among its capabilities, so it refuses them itself."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from foxglove import Channel, Context, Schema, start_server
 from foxglove.websocket import Capability, Client, Parameter, ServerListener
 
-from services.foxglove.core import Settings, Value
+from services.foxglove.core import LOOPBACK, Settings, Value
+from services.foxglove.io.gate import Gate, private_address
 from services.recorder.foxglove.channel import NamedSchema
 from services.runtime.config.errors import LindyError
+from services.runtime.config.passwords import without_passwords
 
 
 class FoxgloveServer:
     """Sends to every client what it has subscribed to. Never waits for one: where a client does not
     read, the SDK drops its oldest messages."""
 
-    def __init__(self, settings: Settings, name: str, parameters: Mapping[str, Value]) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        name: str,
+        parameters: Mapping[str, Value],
+        refused: Callable[[str], None] = lambda _: None,
+    ) -> None:
         """Listen.
+
+        Args:
+            refused: told why somebody is not let in, on another thread.
 
         Raises:
             LindyError: the address cannot be used.
@@ -26,11 +37,18 @@ class FoxgloveServer:
         try:
             self._server = start_server(
                 name=name,
-                host=settings.host,
-                port=settings.port,
+                host=(private := private_address()),
+                port=0,
                 capabilities=[Capability.Parameters],
                 server_listener=ShownParameters(parameters),
                 context=self._context,
+            )
+            self._gate = Gate(
+                settings.host,
+                settings.port,
+                (private, self._server.port),
+                refused,
+                local=settings.host in LOOPBACK,
             )
         except (OSError, RuntimeError, ValueError) as error:
             raise LindyError(
@@ -51,6 +69,7 @@ class FoxgloveServer:
         return channel
 
     def close(self) -> None:
+        self._gate.close()
         self._server.stop()
 
 
@@ -59,7 +78,10 @@ class ShownParameters(ServerListener):
     answered with its value as it is."""
 
     def __init__(self, parameters: Mapping[str, Value]) -> None:
-        self._parameters = parameters
+        self._parameters = {
+            name: without_passwords(value) if isinstance(value, str) else value
+            for name, value in parameters.items()
+        }
 
     def on_get_parameters(
         self, client: Client, param_names: list[str], request_id: str | None = None

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from messages import topics
 from messages.topic import Direction, Side
 from services.runtime.bus.key_files import Credentials
-from services.runtime.bus.spaces import EVERY_SPACE, here_key
+from services.runtime.bus.spaces import EVERY_SPACE, here_key, name_in
 
 LOCAL, NETWORK = "unixsock-stream", ("tcp", "tls", "quic", "udp")
 WITH_KEYS = "tls"
@@ -30,6 +30,7 @@ class HubSide(NamedTuple):
     side: Side
     space: str
     credentials: Credentials | None = None  # None: everybody who reaches the port is the other side
+    own: tuple[str, ...] = ()  # names of what runs here, by which nobody from outside may speak
 
 
 class Rights(NamedTuple):
@@ -67,8 +68,29 @@ def access_control(hub_side: HubSide) -> dict[str, Any]:
     services: Subject = {"id": "services", "link_protocols": [LOCAL]}
     own = _rule("own", ("ingress", "egress"), ALL_MESSAGES, ["**", "**/@v1/**"])
     if credentials is None:
-        return enforced([(services, [own]), anybody(NETWORK, other)])
-    return enforced([(services, [own]), *by_role(credentials, {**roles, "router": other})])
+        granted = [anybody(NETWORK, other)]
+    else:
+        granted = by_role(_of_this_drone(hub_side, credentials), {**roles, "router": other})
+    said = [*(f"{space}/{row}/{name}" for row in ("health", "log") for name in hub_side.own)]
+    posing = _rule("posing", ["ingress"], PUTS, [*said, f"{space}/identity/{hub_side.side}"])
+    posing["permission"] = "deny"  # which goes before what is allowed
+    return enforced([(services, [own]), *_without(granted, posing)])
+
+
+def _of_this_drone(hub_side: HubSide, credentials: Credentials) -> Credentials:
+    """At a topside: of all drones on the list, only that whose name its keys have may be it."""
+    if hub_side.side == "drone":
+        return credentials
+    drone = f"drone:{name_in(f'{hub_side.space}/x')}"
+    admitted = [n for n in credentials.admitted if n == drone or not n.startswith("drone:")]
+    return credentials._replace(admitted=tuple(admitted))
+
+
+def _without(granted: Sequence[Granted], denied: dict[str, Any]) -> list[Granted]:
+    return [
+        (subject, [*own, {**denied, "id": f"{subject['id']}_{denied['id']}"}])
+        for subject, own in granted
+    ]
 
 
 def anybody(protocols: Sequence[str], rights: Rights) -> Granted:

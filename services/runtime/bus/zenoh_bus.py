@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import zenoh
 
+from messages import topics
 from messages.payload import LONGEST
 from messages.topic import AnyTopic
 from services.runtime.bus.access_control import HubSide, access_control
@@ -17,6 +18,7 @@ from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
+from services.runtime.bus.tcp_links import Ends, ends_of
 from services.runtime.bus.zenoh_threads import QUEUES, VARIABLE, keep_thread_state, use_one_thread
 from services.runtime.config.errors import LindyError
 
@@ -134,16 +136,27 @@ def announce_here(session: zenoh.Session, key: str) -> object:
     return session.liveliness().declare_token(key)
 
 
-def watch_callers(session: zenoh.Session, changed: Callable[[str, bool], None]) -> object:
-    """Call `changed(common name, connected)` for everybody who comes with a certificate, present
-    and future, as long as what is returned is kept."""
+def watch_callers(session: zenoh.Session, changed: Callable[[str, bool, Ends], None]) -> object:
+    """Call `changed(common name, connected, ends of the link)` for everybody who comes with a
+    certificate, present and future, as long as what is returned is kept."""
 
     def on_link(event: zenoh.LinkEvent) -> None:
-        if (name := event.link.auth_identifier) is not None:
-            changed(name, event.kind == zenoh.SampleKind.PUT)
+        link = event.link
+        if (name := link.auth_identifier) is not None:
+            changed(name, event.kind == zenoh.SampleKind.PUT, ends_of(link.src, link.dst))
 
     handler = zenoh.handlers.Callback(on_link, indirect=False)
     return session.info.declare_link_events_listener(handler, history=True)
+
+
+def line_to(session: zenoh.Session, space: str, service: str) -> Say:
+    """A function with which a hub itself says a line of `log/<service>`, encoded."""
+    topic = topics.LOG.of(service)
+
+    def put(payload: bytes) -> None:
+        session.put(f"{space}/{topic.key}", payload, encoding=topic.encoding)
+
+    return put
 
 
 class ZenohBus:

@@ -21,6 +21,9 @@ Key = tuple[str | int, ...]  # names, and indices of entries in arrays, from 0
 HEADING = re.compile(r"\s*(\[\[?)([\w.\-\"' ]+)\]\]?\s*(#.*)?$")
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
 LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
+LONGEST_TOML = 1_000_000  # [letters] a vehicle file has 20,000
+DEEPEST = 100  # parts of a key
+BETWEEN_KEYS = re.compile(r"[,=\[\]{}]")
 UNNAMED = "[...]"  # of msgspec, for a name in a dictionary
 ENTRY = re.compile(r"(\w+) number (\d+)")  # an entry of an array, as sentences name it
 
@@ -83,11 +86,29 @@ def read_toml(path: Path) -> dict[str, Any]:
         LindyError: it cannot be read or is not TOML.
     """
     try:
-        return tomllib.loads(read_text(path))
-    except RecursionError:
-        raise LindyError(f"{path}: not valid TOML: tables or arrays too deep") from None
+        return parsed_toml(read_text(path))
     except ValueError as error:  # not TOML, or a number of thousands of digits
         raise LindyError(f"{path}: not valid TOML: {error}") from None
+
+
+def parsed_toml(text: str) -> dict[str, Any]:
+    """TOML, of which a stranger's may have been made to take minutes: Python's parser needs the
+    square of the parts of a key.
+
+    Raises:
+        ValueError: it is not TOML, too long or too deep.
+    """
+    if len(text) > LONGEST_TOML:
+        raise ValueError(f"{len(text)} letters, at most {LONGEST_TOML} are allowed")
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.count(".") > DEEPEST:
+            for word in BETWEEN_KEYS.split("".join(line.split())):
+                if sum(map(bool, word.split("."))) > DEEPEST:
+                    raise ValueError(f"a key of more than {DEEPEST} parts (at line {number})")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("tables or arrays too deep") from None
 
 
 def read_text(path: Path) -> str:

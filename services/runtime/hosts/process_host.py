@@ -27,11 +27,17 @@ from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.spaces import leave_key
-from services.runtime.bus.zenoh_bus import announce_here, listening, open_bus, watch_callers
+from services.runtime.bus.zenoh_bus import (
+    announce_here,
+    line_to,
+    listening,
+    open_bus,
+    watch_callers,
+)
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.callers import Callers
+from services.runtime.hosts.doorkeeper import LOOK_S, Doorkeeper
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.heartbeat import Heartbeat
@@ -162,15 +168,21 @@ def run_hub(launch: HubLaunch) -> int:
         _sentences("hub"),
         listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
-        credentials = None if launch.hub_side is None else launch.hub_side.credentials
-        if credentials is not None:
-            _watching = watch_callers(session, Callers(credentials.admitted).see)
+        doorkeeper, border = None, launch.hub_side
+        if border is not None and border.credentials is not None:
+            hub = f"hub_{border.side}"
+            say = line_to(session, border.space, hub)
+            doorkeeper = Doorkeeper(hub, border.credentials.admitted, say)
+            _watching = watch_callers(session, doorkeeper.see)
         if launch.here:
             _here = announce_here(session, launch.here)
         heartbeat = Heartbeat(None if launch.heartbeat is None else Path(launch.heartbeat))
         while not stop.asked:
-            heartbeat.beat(time.monotonic_ns())
-            time.sleep(POLL_S)  # the router works on its own threads
+            heartbeat.beat(now := time.monotonic_ns())
+            if doorkeeper is not None:
+                doorkeeper.look(now)
+            # The router works on its own threads.
+            time.sleep(POLL_S if doorkeeper is None else LOOK_S)
         if launch.here and launch.parent in (None, os.getppid()):  # else it is killed, not ended
             _leaves = announce_here(session, leave_key(launch.here))
             time.sleep(LEAVE_S)

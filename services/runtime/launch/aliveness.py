@@ -18,6 +18,7 @@ class Aliveness:
         self._services, self._sides = services, sides
         self._processes = services.processes
         self.shown: set[tuple[str, str]] = set()  # (side, service)
+        self.seen: set[tuple[str, str]] = set()  # the same, ever
 
     def token(self, side: str, service: str, *, shown: bool) -> str | None:
         """A token was shown, or is gone. Returns the process that is whole with it."""
@@ -25,6 +26,7 @@ class Aliveness:
             self.shown.discard((side, service))
             return None
         self.shown.add((side, service))
+        self.seen.add((side, service))
         spec, missing = self._services.get(service), self.missing()
         process = service if spec is None else spec.process or service
         whole = not any(name in missing for name in self._processes.get(process, ()))
@@ -32,9 +34,16 @@ class Aliveness:
 
     def missing(self) -> list[str]:
         """Services that are to run and are not alive on all of their sides."""
+        return self._not_in(self.shown)
+
+    def never_alive(self) -> list[str]:
+        """Services that are to run and were not even once."""
+        return self._not_in(self.seen)
+
+    def _not_in(self, tokens: set[tuple[str, str]]) -> list[str]:
         return [
             name
             for name, spec in self._services.items()
             if name not in self.resting
-            if any((s, name) not in self.shown for s in spec.sides if s in self._sides)
+            if any((s, name) not in tokens for s in spec.sides if s in self._sides)
         ]

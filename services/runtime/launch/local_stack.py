@@ -15,7 +15,8 @@ from typing import Literal
 
 import msgspec
 
-from messages import events
+from messages import events, topics
+from messages.health import Health
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import namespace
@@ -26,12 +27,13 @@ from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.process_host import instance, usage
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.aliveness import Aliveness
+from services.runtime.launch.busy import Busyness
 from services.runtime.launch.child import Child, Task
 from services.runtime.launch.hang_detector import HangDetector
-from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan
+from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
 from services.runtime.launch.process_pool import ProcessPool
 from services.runtime.launch.run_note import RunNote
-from services.runtime.launch.supervisor import NAME, Supervisor
+from services.runtime.launch.supervisor import Supervisor
 from services.runtime.launch.systemd import Systemd
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
@@ -62,6 +64,7 @@ class LocalStack:
         self.note = RunNote(plan, partial(self._tell, "warning"))
         self.supervisor = Supervisor(self._tell, spawn or self._spares.child)
         self.hang_detector = HangDetector(dict.fromkeys(LAST, DISK_PATIENCE_S))
+        self._busyness = Busyness()
         self.replaced = False  # by another one of this program, which goes on
         self._systemd = Systemd(os.environ, os.getpid())
         self._watch_at = 0  # [ns] next look at the heartbeats
@@ -96,8 +99,7 @@ class LocalStack:
                 buses[side].watch(partial(self._token, side))
         here = None if plan.other_side is None else plan.other_side.side
         self.node = Node(
-            # Two machines have two supervisors, and each receives the other's health messages.
-            NAME if here is None else f"{NAME}_{here}",
+            supervisor_of(plan.other_side),
             {plan.home: buses[plan.home]},
             time.monotonic_ns,
             VolatileCheckpoint(),
@@ -105,6 +107,7 @@ class LocalStack:
         )
         self.node.wake, self.node.usage = self._wake.set, usage
         self.node.instance = instance()
+        self.node.each(topics.HEALTH, self._hear_health)
         self._has_node = True
 
     def start_services(self, resting: Collection[str] = ()) -> None:
@@ -138,16 +141,18 @@ class LocalStack:
     def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
         """Wait until every service is alive. `look` is called repeatedly and must call `pump`; it
         ends the wait by returning False. A slow service is waited for as long, but the dive goes on
-        without it: a viewer must not cost the pilot the sticks.
+        without it: a viewer must not cost the pilot the sticks. So it does without one that was
+        alive before: by now the drone may be armed, and the service is started again.
 
         Raises:
-            LindyError: names those that are missing after `timeout_s`.
+            LindyError: names those that were never alive after `timeout_s`.
         """
         deadline = time.monotonic() + timeout_s
         while (missing := self.missing()) and look():
             if time.monotonic() > deadline:
                 late = f"not alive after {timeout_s:g} s: {', '.join(missing)}"
-                if not set(missing) <= set(SLOW):
+                if never := [n for n in self.aliveness.never_alive() if n not in SLOW]:
+                    late = f"not alive after {timeout_s:g} s: {', '.join(never)}"
                     raise LindyError(f"{late} (see {self.stack.out_dir / 'logs'})")
                 self._tell("warning", f"{late}; the dive goes on")
                 break
@@ -194,6 +199,14 @@ class LocalStack:
     def _token(self, side: str, service: str, alive: bool) -> None:
         self._tokens.append((side, service, alive))
         self._wake.set()
+
+    def _hear_health(self, health: Health, now: int) -> None:
+        if health.service not in self.plan.services:
+            return  # of the other machine
+        shared = any(len(names) > 2 for names in self.plan.processes.values())
+        advice = "lindy simulate" if shared else "--grouped, or lindy simulate"
+        if (sentence := self._busyness.see(health, now, advice)) is not None:
+            self._tell("warning", sentence)
 
     def _hear_tokens(self) -> None:
         while self._tokens:

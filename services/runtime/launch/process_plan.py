@@ -22,6 +22,7 @@ from services.runtime.hosts.registry import PILOTS, Registry
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Task
 from services.runtime.launch.process_pool import PYTHON
+from services.runtime.launch.supervisor import NAME
 from services.runtime.node.checkpoint import write_safely
 
 CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<service>.json
@@ -37,6 +38,11 @@ class OtherSide(NamedTuple):
     listen: tuple[str, ...] = ()  # endpoints at which the other side reaches this hub
     connect: tuple[str, ...] = ()  # … or at which this hub reaches the other's
     gateway: str | None = None  # endpoint of the drone's hub, for a tether process between them
+
+
+def supervisor_of(other_side: OtherSide | None) -> str:
+    """Its name on the bus. Two machines have two, and each receives the other's health."""
+    return NAME if other_side is None else f"{NAME}_{other_side.side}"
 
 
 class ProcessPlan:
@@ -145,10 +151,16 @@ class ProcessPlan:
                 launch,
                 listen=[*launch.listen, *border.listen],
                 connect=list(border.connect),
-                hub_side=HubSide(border.side, space, self._credentials),
+                hub_side=HubSide(
+                    border.side, space, self._credentials, self._own_names(border.side)
+                ),
             )
         command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
         return Task(name, command, self._log(name), stop_order=2)
+
+    def _own_names(self, side: Side) -> tuple[str, ...]:
+        """Under which only this machine's own health and log lines are believed."""
+        return (*self.services, f"hub_{side}", supervisor_of(self.other_side))
 
     def process(self, process: str) -> Task:
         names = self.processes[process]

@@ -37,15 +37,18 @@ def test_a_drone_is_called_what_is_said_else_as_its_keys_else_by_its_computer(ke
     tcp = drones_credentials("tcp/127.0.0.1:1", None, keys, insecure=False)
     assert tcp is None
     with_keys, without = Meeting(LISTEN, None, credentials), Meeting("tcp/127.0.0.1:1", None, None)
-    assert drones_name(Stack(name="x"), with_keys) == "x"
+    assert drones_name(Stack(name="x"), without) == "x"
     assert drones_name(Stack(), with_keys) == "boat"
     assert drones_name(Stack(), without) == own_name("pioneer", gethostname())
 
 
-def test_at_a_router_with_keys_a_drone_has_the_name_of_its_keys(keys: Path) -> None:
-    meeting = Meeting(None, ROUTER, drones_credentials(None, ROUTER, keys, insecure=False))
+@pytest.mark.parametrize(("listen", "router"), [(LISTEN, None), (None, ROUTER)])
+def test_with_keys_a_drone_has_the_name_of_its_keys(
+    keys: Path, listen: str | None, router: str | None
+) -> None:
+    meeting = Meeting(listen, router, drones_credentials(listen, router, keys, insecure=False))
     assert drones_name(Stack(name="boat"), meeting) == drones_name(Stack(), meeting) == "boat"
-    with pytest.raises(LindyError, match="keys are those of drone:boat, and a router lets it"):
+    with pytest.raises(LindyError, match="keys are those of drone:boat, and it is believed by"):
         drones_name(Stack(name="x"), meeting)
 
 

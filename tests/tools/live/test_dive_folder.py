@@ -9,9 +9,11 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
+from cyclopts import Token
 
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
+from tools.choices import named
 from tools.fresh import write_fresh
 from tools.live.dive_folder import holds_dive, out_folder, point_latest
 
@@ -257,3 +259,22 @@ def test_two_dives_that_begin_together_do_not_share_a_folder(tmp_path: Path) -> 
     second = subprocess.run(command, input="", capture_output=True, text=True, check=True)
     assert second.stdout.splitlines()[-1] == str(tmp_path / "same-2")
     first.communicate("")
+
+
+def test_links_that_lead_in_a_circle_are_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    for place in (tmp_path / "a", tmp_path / "a" / "dive"):
+        with pytest.raises(LindyError, match="cannot write into --out"):
+            out_folder(place)
+
+
+def test_a_tilde_is_the_home_and_letters_that_are_no_utf_8_are_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert named(None, [Token(value="~/dives")]) == tmp_path / "dives"
+    assert named(None, [Token(value="a~")]) == Path("a~")
+    assert named(None, [Token(value="~nobody-of-this-name/x")]) == Path("~nobody-of-this-name/x")
+    with pytest.raises(ValueError, match="not UTF-8"):
+        named(None, [Token(value="dive\udcff")])

@@ -29,7 +29,7 @@ SAID_AT: dict[Side, set[Direction]] = {  # what one side says that the other may
 SIDES = st.sampled_from(["topside", "drone"])
 FLOWS = st.sampled_from(["ingress", "egress"])
 ROLE = st.sampled_from(["drone", "pilot", "observer", "router"])
-CHUNK = st.from_regex(r"[a-z0-9_]{1,12}", fullmatch=True)
+CHUNK = st.from_regex(r"[a-z0-9_]{1,12}", fullmatch=True).filter(lambda s: s not in OTHER)
 STRANGE = st.lists(CHUNK, min_size=1, max_size=4).map("/".join)
 
 
@@ -41,10 +41,11 @@ def passes(
     key: str,
     credentials: Credentials | None = None,
     caller: str | None = None,
+    own: tuple[str, ...] = (),
 ) -> bool:
     """As Zenoh judges: a rule covers a message when one of its keys includes the message's; a
     subject without common names is anybody."""
-    table: dict[str, Any] = access_control(HubSide(side, SPACE, credentials))
+    table: dict[str, Any] = access_control(HubSide(side, SPACE, credentials, own))
     assert table["enabled"]
     assert table["default_permission"] == "deny"
     subjects = {
@@ -55,14 +56,15 @@ def passes(
     }
     policies = [p for p in table["policies"] if subjects & set(p["subjects"])]
     named = {name for policy in policies for name in policy["rules"]}
-    return any(
-        rule["permission"] == "allow"
+    judged = {
+        rule["permission"]
+        for rule in table["rules"]
+        if rule["id"] in named
         and flow in rule["flows"]
         and message in rule["messages"]
         and any(zenoh.KeyExpr(k).includes(zenoh.KeyExpr(key)) for k in rule["key_exprs"])
-        for rule in table["rules"]
-        if rule["id"] in named
-    )
+    }
+    return judged == {"allow"}
 
 
 def said_at(side: Side, topic: AnyTopic) -> bool:
@@ -187,7 +189,7 @@ def test_a_role_may_do_what_the_other_side_may_or_only_hear_or_nothing(
     expected = {
         ("drone", "pilot"): whole,
         ("drone", "observer"): whole and hears,
-        ("topside", "drone"): whole,
+        ("topside", "drone"): whole and caller == "drone:pioneer",
         ("drone", "router"): whole,
         ("topside", "router"): whole,
     }.get((side, role), False)
@@ -226,3 +228,33 @@ def test_nothing_of_a_replay_passes_the_hub_of_a_vehicle(
     for vehicle in ("pioneer", "another"):
         key = f"{namespace(f'{REPLAY}/{vehicle}')}/{member(topic.key, 'control')}"
         assert not passes(side, link, flow, message, key, credentials, caller)
+
+
+@given(SIDES, st.sampled_from(["health", "log"]), CHUNK, st.sampled_from(["put", "delete"]))
+def test_nobody_outside_speaks_by_the_name_of_what_runs_here(
+    side: Side, row: str, name: str, message: str
+) -> None:
+    """Health counts and log lines are believed by their names."""
+    for link in (*NETWORK, LOCAL):
+        key = f"{SPACE}/{row}/{name}"
+        assert passes(side, link, "ingress", message, key, own=("control",)) == (
+            link == LOCAL or name != "control"
+        )
+        for flow in ("ingress", "egress"):
+            taken = passes(side, link, flow, message, f"{SPACE}/{row}/control", own=("control",))
+            assert taken == (link == LOCAL or flow == "egress")
+
+
+@pytest.mark.parametrize("side", ["drone", "topside"])
+def test_nobody_outside_says_what_this_side_is(side: Side) -> None:
+    key, other = f"{SPACE}/identity/{side}", f"{SPACE}/identity/{OTHER[side]}"
+    assert not passes(side, "tcp", "ingress", "put", key)
+    assert passes(side, "tcp", "egress", "put", key)
+    assert passes(side, "tcp", "ingress", "put", other)
+
+
+def test_another_drone_on_the_list_is_not_believed_at_this_drones_address() -> None:
+    both = Credentials(KeyFiles("", "", ""), ("drone:pioneer", "drone:other", "router:quay"))
+    key = f"{SPACE}/vehicle/status"
+    for who, believed in (("drone:pioneer", True), ("drone:other", False), ("router:quay", True)):
+        assert passes("topside", "tls", "ingress", "put", key, both, who) == believed

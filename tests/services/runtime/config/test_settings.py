@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import convert, deploy_file, override, read
+from services.runtime.config.settings import convert, deploy_file, override, read, read_toml
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.simulator.core import Settings as Simulator
@@ -180,3 +180,28 @@ def test_a_bare_word_is_a_string(word: str) -> None:
 def test_a_value_out_of_limits_stops_the_dive_before_it_starts() -> None:
     with pytest.raises(LindyError, match=r"^--set vehicle.mass=-1: expected float > 0.0, found -1"):
         Stack(overrides=["vehicle.mass=-1"]).check(known_tables(Registry.read()))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [(f"{'a.' * 20_000}a = 1", "a key of more than 100 parts (at line 1)"),
+     (f"[{'a . ' * 20_000}a]", "a key of more than 100 parts (at line 1)"),
+     (f"x = 1\ny = {{{'a.' * 20_000}a = 1}}", "a key of more than 100 parts (at line 2)"),
+     (f"a = {'[' * 100_000}", "tables or arrays too deep"),
+     ("# " + "a" * 1_000_000, "1000002 letters, at most 1000000 are allowed")],
+)  # fmt: skip
+def test_a_file_that_was_made_to_take_minutes_is_refused(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    path = tmp_path / "bomb.toml"
+    path.write_text(text)
+    with pytest.raises(LindyError) as refused:
+        read_toml(path)
+    assert str(refused.value) == f"{path}: not valid TOML: {said}"
+
+
+def test_long_lines_of_numbers_and_words_are_no_deep_keys(tmp_path: Path) -> None:
+    path = tmp_path / "long.toml"
+    numbers, dots = ", ".join(["1.5"] * 500), "." * 500
+    path.write_text(f'a = [{numbers}]  # {dots}\nb = "{"one, two. " * 200}"\n')
+    assert len(read_toml(path)["a"]) == 500

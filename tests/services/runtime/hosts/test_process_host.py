@@ -18,7 +18,6 @@ from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, listening, open_bus
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.callers import Callers
 from services.runtime.hosts.process_host import PARENT_KILLED, TOPSIDE_KILLED, HubLaunch, Launch
 from services.runtime.hosts.stack_file import ServiceSpec
 from tests.support.patience import PATIENCE_S, until
@@ -307,22 +306,3 @@ def test_a_hub_whose_endpoint_is_taken_says_so(bench: Bench) -> None:
     assert process.returncode == 1
     assert shown.startswith(f"lindy hub: endpoint {endpoint} ")
     assert len(shown.splitlines()) == 1
-
-
-def test_a_caller_who_tries_for_hours_does_not_fill_the_log(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    callers = Callers(["pilot:ann"])
-    for _ in range(150):
-        callers.see("pilot:eve", True)
-    callers.see("pilot:ann", True)
-    callers.see("pilot:ann", False)
-    said = capsys.readouterr().err.splitlines()
-    refused = "it is not admitted, and can neither hear nor say anything"
-    assert said == [
-        f"warning hub: pilot:eve connected; {refused}",
-        f"warning hub: pilot:eve connected (10 times); {refused}",
-        f"warning hub: pilot:eve connected (100 times); {refused}",
-        "info hub: pilot:ann connected",
-        "info hub: pilot:ann left",
-    ]

@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import msgspec
 import pytest
 
 from messages import topics
-from messages.health import LogLine
+from messages.health import Health, LogLine
 from services.marine.vehicle import Vehicle
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, connected
@@ -21,6 +22,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import LocalStack, local_stack
+from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.node import Node
 from tests.support.patience import PATIENCE_S, until
 
 STACK = """
@@ -309,6 +312,54 @@ def test_who_is_not_alive_in_time_is_named_and_may_still_come(tmp_path: Path) ->
         (tmp_path / "go").touch()
         local.wait_alive(PATIENCE_S, look)
         assert local.missing() == []
+
+
+def test_the_dive_goes_on_without_a_service_that_was_alive_and_is_started_again(
+    tmp_path: Path,
+) -> None:
+    """By then the drone may be armed."""
+    stack, services = made(tmp_path)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        alive(local)
+        os.kill(local.supervisor.pids["desk"], signal.SIGKILL)
+        pump_until(local, lambda: "desk" in local.missing())
+        said = list[LogLine]()
+        local.node.show = said.append
+        local.wait_alive(-1.0, lambda: True)
+        assert "not alive after -1 s: desk; the dive goes on" in [line.text for line in said]
+        alive(local)
+
+
+def test_a_computer_on_which_every_service_is_late_is_named_once(tmp_path: Path) -> None:
+    stack, services = made(tmp_path)
+    with local_stack(stack, services) as local:
+        said = list[LogLine]()
+        local.node.show = said.append
+        local.plan.services = services.only({f"s{number}": services["desk"] for number in range(5)})
+        endpoint, space = local.plan.endpoints["topside"], namespace(stack.space)
+        with connected(endpoint, space, PATIENCE_S) as session:
+            bus = ZenohBus(session)
+            nodes = [
+                Node(f"s{n}", {"topside": bus}, lambda: 0, VolatileCheckpoint()) for n in range(5)
+            ]
+
+            def late() -> bool:
+                for node in nodes:
+                    late = Health(
+                        service=node.name, loop_hz=1.0, lateness_p50_ms=90.0,
+                        lateness_p99_ms=90.0, cpu_percent=None, rss_mb=None, sent=0, received=0,
+                        counts={}, stamp_ns=time.monotonic_ns(),
+                    )  # fmt: skip
+                    node.publisher(topics.HEALTH.of(node.name)).put(late)
+                return any("too busy" in line.text for line in said)
+
+            until(late, lambda: said, local.pump)
+    lines = [line.text for line in said if "too busy" in line.text]
+    assert lines == [
+        "this computer is too busy for a dive: 5 late services in 10 s; try --grouped, or lindy "
+        "simulate"
+    ]
 
 
 def test_the_dive_goes_on_without_a_viewer_that_is_not_alive_in_time(tmp_path: Path) -> None:

@@ -1,0 +1,137 @@
+"""How much somebody with a certificate may send to a hub: the budget of each role, and who has
+used it up. Pure: what the operating system has counted, and `now`, are arguments.
+
+A budget is a bucket that leaks: it fills with the bytes that all links of a certificate have sent,
+and drains at the role's rate. Half full is a warning; full at a later look, and all links of that
+certificate are cut off and none is taken for a while, longer each time. Bytes stand for messages,
+liveliness tokens, subscriptions and questions alike, because nothing of that comes without any.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+from services.runtime.bus.tcp_links import Ends
+
+BARRED_S, LONGEST_BARRED_S = 10.0, 600.0  # [s] the first time; twice as long each further time
+
+
+class Budget(NamedTuple):
+    """Of one certificate."""
+
+    rate: float  # [bytes/s] for ever
+    burst: float  # [bytes] above that
+    links: int  # at the same time
+
+
+LOUD = 100_000  # [bytes] of a link that nothing is to be read of
+
+# An observer says that it lives and what it wants to hear. A topside sends 30 kB/s with every
+# service that it has. A drone sends pictures, and a router those of a fleet.
+BUDGETS = {
+    "observer": Budget(8e3, 128e3, 8),
+    "pilot": Budget(256e3, 1e6, 8),
+    "drone": Budget(4e6, 16e6, 8),
+    "router": Budget(32e6, 64e6, 8),
+}
+LEAST = BUDGETS["observer"]  # of who is not admitted: it may stay, and is neither heard nor told
+
+What = Literal["warn", "cut"]
+
+
+class Verdict(NamedTuple):
+    """Of a certificate, since the last look."""
+
+    name: str
+    what: What
+    why: str  # `too much` or `too many links`
+    barred_s: float = 0.0  # [s] how long none of its links is taken
+
+
+@dataclass(slots=True)
+class Account:
+    """Of one certificate."""
+
+    budget: Budget
+    filled: float = 0.0  # [bytes] in the bucket
+    warned: bool = False
+    times: int = 0  # it was cut off
+    barred_until: int = 0  # [ns]
+
+
+@dataclass(slots=True)
+class Budgets:
+    """Those of all who have come to a hub."""
+
+    admitted: frozenset[str]
+    accounts: dict[str, Account] = field(default_factory=dict[str, Account])
+    _counted: dict[Ends, int] = field(
+        default_factory=dict[Ends, int]
+    )  # [bytes] of each link so far
+    _looked: int | None = None  # [ns]
+
+    def look(
+        self, links: Mapping[Ends, str], received: Mapping[Ends, int], now: int
+    ) -> list[Verdict]:
+        """What is to be done at `now` [ns].
+
+        Args:
+            links: name of the certificate of each link that there is.
+            received: [bytes] that each has sent since it began.
+        """
+        elapsed_s = 0.0 if self._looked is None else (now - self._looked) / 1e9
+        self._looked = now
+        sent = dict.fromkeys(links.values(), 0)
+        for link, name in links.items():
+            sent[name] += max(0, received.get(link, 0) - self._counted.get(link, 0))
+        self._counted = {link: received.get(link, 0) for link in links}
+        for account in self.accounts.values():
+            account.filled = max(0.0, account.filled - account.budget.rate * elapsed_s)
+        verdicts: list[Verdict] = []
+        for name, count in sent.items():
+            many = sum(other == name for other in links.values())
+            verdict = _judged(name, self._account(name), count, many, now)
+            verdicts += [] if verdict is None else [verdict]
+        return verdicts
+
+    def barred(self, name: str, now: int) -> bool:
+        """Is nothing to be read of a link of this certificate that comes now?"""
+        return now < self._account(name).barred_until
+
+    def beyond(
+        self, links: Mapping[Ends, str], received: Mapping[Ends, int], now: int
+    ) -> list[Ends]:
+        """Links of those barred that are to be cut, although that brings them back at once: of each
+        certificate the oldest beyond its number, and any that goes on all the same."""
+        held: dict[str, list[Ends]] = {}
+        for link, name in links.items():
+            if self.barred(name, now):
+                held.setdefault(name, []).append(link)
+        most = {name: self._account(name).budget.links for name in held}
+        many = [link for name, own in held.items() for link in own[: max(0, len(own) - most[name])]]
+        loud = [link for own in held.values() for link in own if received.get(link, 0) > LOUD]
+        return list(dict.fromkeys([*many, *loud]))
+
+    def _account(self, name: str) -> Account:
+        if name not in self.accounts:
+            role = name.partition(":")[0] if name in self.admitted else ""
+            self.accounts[name] = Account(BUDGETS.get(role, LEAST))
+        return self.accounts[name]
+
+
+def _judged(name: str, account: Account, sent: int, links: int, now: int) -> Verdict | None:
+    if now < account.barred_until:  # what it still sends counts for nothing
+        return None
+    account.filled += sent
+    budget, many = account.budget, links > account.budget.links
+    why = "too many links" if many else "too much"
+    account.warned = account.warned and (many or account.filled > sent)  # else it had drained
+    if not account.warned and (many or account.filled > budget.burst / 2):
+        account.warned = True
+        return Verdict(name, "warn", why)
+    if many or account.filled > budget.burst:
+        barred_s = min(LONGEST_BARRED_S, BARRED_S * 2**account.times)
+        account.filled, account.warned, account.times = 0.0, False, account.times + 1
+        account.barred_until = now + round(barred_s * 1e9)
+        return Verdict(name, "cut", why, barred_s)
+    return None

@@ -1,0 +1,186 @@
+"""Recordings that somebody has altered: every verb says so, and none is led astray."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.writer import Writer
+
+from tools.__main__ import main
+from tools.log.account import Account, unrecorded_in
+from tools.recordings.mcap_records import StoredMessage, records
+
+from .conftest import ShortDive
+
+Tree = dict[str, Any]
+Edit = Callable[[str, Tree], Tree | None]  # a message of a key; None: it is left out
+CLEAR = "\x1b[2J\x1b]0;owned\x07"  # an order to a terminal
+
+
+def as_it_is(_: str, tree: Tree) -> Tree:
+    return tree
+
+
+def forged(
+    source: Path,
+    out: Path,
+    edit: Edit = as_it_is,
+    *,
+    metadata: dict[str, Tree] | None = None,
+    leave: tuple[str, ...] = (),
+) -> Path:
+    """A copy by the library for such files, with the metadata of the recording.
+
+    Args:
+        metadata: more of it, by the name.
+        leave: metadata that is left out.
+    """
+    schemas, channels, keys = dict[int, int](), dict[int, int](), dict[int, str]()
+    with out.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="", library="lindy")
+        for record in records(source):
+            if isinstance(record, Schema):
+                encoding = record.encoding
+                schemas[record.id] = writer.register_schema(record.name, encoding, record.data)
+            elif isinstance(record, Channel):
+                keys[record.id] = record.topic
+                channels[record.id] = writer.register_channel(
+                    record.topic, "json", schemas[record.schema_id]
+                )
+            elif isinstance(record, StoredMessage):
+                tree = edit(keys[record.channel_id], json.loads(record.data))
+                if tree is not None:
+                    writer.add_message(
+                        channels[record.channel_id], record.log_ns,
+                        json.dumps(tree, separators=(",", ":")).encode(),
+                        record.publish_ns, record.sequence,
+                    )  # fmt: skip
+            elif isinstance(record, Metadata) and record.name not in leave:
+                writer.add_metadata(record.name, record.metadata)
+            elif isinstance(record, Attachment):
+                times = record.create_time, record.log_time
+                writer.add_attachment(*times, record.name, record.media_type, record.data)
+        for name, entries in (metadata or {}).items():
+            writer.add_metadata(name, entries)
+        writer.finish()
+    return out
+
+
+def checked(recording: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    status = main(["log", "check", str(recording)])
+    return status, capsys.readouterr().out
+
+
+def test_what_the_recorder_wrote_is_what_its_checksum_is_of(
+    clean_dive: ShortDive, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, said = checked(clean_dive.folder, capsys)
+    assert (status, said.splitlines()[-1]) == (0, "everything that was sent is accounted for")
+
+
+def deeper(key: str, tree: Tree) -> Tree:
+    return {**tree, "seq": 0} if key == "state" else tree
+
+
+def without_state(key: str, tree: Tree) -> Tree | None:
+    return None if key == "state" else tree
+
+
+@pytest.mark.parametrize("edit", [deeper, without_state])
+def test_a_message_that_was_altered_or_left_out_is_noticed(
+    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str], edit: Edit
+) -> None:
+    path = forged(clean_dive.folder / "dive.mcap", tmp_path / "forged.mcap", edit)
+    status, said = checked(path, capsys)
+    assert status == 3
+    assert "forged.mcap is not what was recorded: its checksum differs" in said
+
+
+def test_a_topic_that_is_missing_as_a_whole_is_noticed_without_a_checksum() -> None:
+    own = {"state": Account(before=10, sent=5990, recorded=5990),
+           "sensor/imu": Account(before=0, sent=6000, recorded=6000),
+           "health/estimation": Account(before=0, sent=60, recorded=60),
+           "health/gamepad": Account(before=0, sent=60, recorded=60),
+           "pilot/command": Account(before=0, sent=3000, recorded=3000)}  # fmt: skip
+    services, sent = {"estimation"}, 12_060
+    assert unrecorded_in(own, services, sent, "drone") == []
+    assert unrecorded_in(own, services, sent + 100, "drone") == []
+    del own["state"]
+    assert unrecorded_in(own, services, sent, "drone") == [
+        "the services of the drone's side have sent 12060 messages, and the topics here are of "
+        "6060: whole topics are missing"
+    ]
+
+
+def test_a_part_that_was_cut_out_or_recovered_has_no_checksum_of_the_whole(
+    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for verb, more in (("cut", ["--from", "0.2"]), ("recover", [])):
+        part = tmp_path / f"{verb}.mcap"
+        assert main(["log", verb, str(clean_dive.folder), *more, "--out", str(part)]) == 0
+        assert "checksum" not in checked(part, capsys)[1]
+
+
+def orders(key: str, tree: Tree) -> Tree:
+    return {**tree, "text": f"{CLEAR}gone", "level": "error"} if key.startswith("log/") else tree
+
+
+@pytest.mark.parametrize("verb", ["info", "check", "csv"])
+def test_no_verb_prints_what_a_terminal_would_obey(
+    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    about = {"dive": {"vehicle": f"pioneer{CLEAR}", "drone": f"x{CLEAR}", "side": "drone"}}
+    about |= {"recovered": {"found": CLEAR}}
+    source = clean_dive.folder / "dive.mcap"
+    path = forged(source, tmp_path / "forged.mcap", orders, metadata=about)
+    assert main(["log", verb, str(path)]) in (0, 3)
+    said = capsys.readouterr()
+    assert "\x1b" not in said.out + said.err
+    assert "\x07" not in said.out + said.err
+
+
+@pytest.mark.parametrize(
+    ("name", "entries"),
+    [("losses", {"lost state": "many"}), ("losses", {"lost state": "9" * 5000}),
+     ("cut", {"origin_ns": "9" * 5000}), ("cut", {"origin_ns": "²"}),
+     ("dive", {"overrides": "no list"}), ("hash", {"parts": "x", "sha256": "y"})],
+)  # fmt: skip
+@pytest.mark.parametrize("verb", ["info", "check"])
+def test_metadata_of_no_sense_is_no_error_of_lindy(
+    clean_dive: ShortDive,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    verb: str,
+    name: str,
+    entries: Tree,
+) -> None:
+    source = clean_dive.folder / "dive.mcap"
+    path = forged(source, tmp_path / "forged.mcap", metadata={name: entries})
+    assert main(["log", verb, str(path)]) in (0, 3)
+    assert "in Lindy itself" not in capsys.readouterr().err
+
+
+def test_what_is_nested_without_end_is_one_message_left_out(
+    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, path = clean_dive.folder / "dive.mcap", tmp_path / "deep.mcap"
+    deep = b'{"a":' * 100_000 + b"1" + b"}" * 100_000
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("VehicleStatus", "jsonschema", b"{}")
+        channel = writer.register_channel("vehicle/status", "json", schema)
+        writer.add_message(channel, 1, deep, 1, 0)
+        for record in records(source):
+            if isinstance(record, Metadata):
+                writer.add_metadata(record.name, record.metadata)
+        writer.add_attachment(0, 0, "dive.json", "application/json", b"[" * 100_000)
+        writer.finish()
+    for verb in ("info", "check", "csv", "sticks", "jerk", "compare"):
+        words = [str(path), str(path)] if verb == "compare" else [str(path)]
+        assert main(["log", verb, *words]) in (0, 1, 3)
+        assert "in Lindy itself" not in capsys.readouterr().err
