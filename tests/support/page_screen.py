@@ -238,10 +238,11 @@ class Served:
         page.look(INSIDE)
         page.wait("window.video && document.getElementById('activity').textContent.length > 8")
         page.look(FILMED)
-        # What is drawn is known by two frames after its message.
+        # What is drawn is known by two frames after its message, words a tenth of a second later.
         page.look(
             "void (async () => { const { connection } = video; for (;;) {"
             " const mark = connection.picture?.view.mark ?? -1;"
+            " await new Promise((go) => setTimeout(go, 160));"
             " for (let k = 0; k < 2; k++) await new Promise(requestAnimationFrame);"
             " window.drawnMark = mark; } })()"
         )

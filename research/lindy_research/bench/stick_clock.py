@@ -48,6 +48,7 @@ for (const kind of ['keydown', 'keyup'])
 WATCHER = """
 import asyncio, re, sys, urllib.request
 from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed
 url, number = sys.argv[1], int(sys.argv[2])
 version = re.search(rb'name="version" content="(\\w+)"', urllib.request.urlopen(url).read())[1]
 address = url.replace("http", "ws") + "ws/{}?version=" + version.decode()
@@ -62,8 +63,15 @@ async def pictures():
     ) as page:
         async for unit in page:
             await page.send(str(int.from_bytes(unit[4:8], "little")))
+async def lasting(each):
+    while True:  # as a page does, which a busy computer may lose
+        try:
+            await each()
+        except (ConnectionClosed, OSError, TimeoutError) as error:
+            print(f"a watcher of {number} connects again: {error}", file=sys.stderr)
+        await asyncio.sleep(0.7)
 async def main():
-    await asyncio.gather(*(each() for each in (states, pictures) for _ in range(number)))
+    await asyncio.gather(*(lasting(each) for each in (states, pictures) for _ in range(number)))
 asyncio.run(main())
 """
 

@@ -63,6 +63,7 @@ export class Connection {
     this.track = this.picture.track ?? this.track;
     if (this.picture.fly) [this.drones, this.listed] = [this.picture.fly, this.arrived];
     if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
+    this.heard?.();
   }
 
   // Also while nothing arrives, a person must read that.

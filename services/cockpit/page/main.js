@@ -15,7 +15,7 @@ import { SeaMap } from "/map.js";
 import { Menu } from "/menu.js";
 import { Pad } from "/pad.js";
 import { PadPanel } from "/pad_panel.js";
-import { aids, buttons, lines, show, showPicture } from "/panel.js";
+import { aids, alarm, buttons, digits, lines, show, showPicture, stale } from "/panel.js";
 import { Picture } from "/picture.js";
 import { Settings } from "/settings.js";
 import { Steering } from "/steering.js";
@@ -29,6 +29,7 @@ import { LANGUAGES, words } from "/words.js";
 const STICKS_MS = 20; // between two messages
 const MOVED_MS = 8; // between two of a stick that moves; the service takes 250 messages a second
 const SAME_MS = 200; // the same picture is drawn again after this
+const WORDS_MS = 100; // words are drawn so often
 const TOGETHER_MS = 60; // what is new waits so long at most for a picture
 const SAID_MS = 5000; // a sentence of the page
 const CLICKED_MS = 100; // after a touch: what it has clicked has heard of it
@@ -146,6 +147,7 @@ async function apply(changed) {
   units.use(settings.units, settings.language);
   name();
   drawnAt = 0;
+  wake();
   if (menu.open) menu.opened(menu.open);
 }
 // What stands on buttons that say a choice.
@@ -171,21 +173,31 @@ $("fullscreen").addEventListener("click", () => {
 
 document.body.classList.toggle("watcher", connection.watching);
 
-// Drawn when there is something new, and now and then to say that there is not. Together with the
-// camera's next picture where one comes soon: the screen is put together once, not twice.
-let drawn = null, drawnAt = 0;
+// Drawn when there is something new, and now and then to say that there is not. The state waits for
+// a picture that comes soon.
+let drawn = null, drawnAt = 0, asked = false, later = 0;
+function wake() {
+  if (!asked) requestAnimationFrame(frame);
+  asked = true;
+}
+function wakeIn(ms) {
+  clearTimeout(later);
+  later = setTimeout(wake, ms);
+}
+Video.decoded = wake;
+connection.heard = () => wakeIn(Math.max(0, TOGETHER_MS - cameras.large.silence));
 function frame() {
-  requestAnimationFrame(frame);
-  const now = performance.now();
-  const { large } = cameras;
-  const comes = large.frame === null && large.silence < TOGETHER_MS && now - drawnAt < TOGETHER_MS;
+  asked = false;
+  wakeIn(SAME_MS);
   const seen = cameras.draw();
   if (seen !== hud.picture) drawnAt = 0; // with or without a sky of its own
   hud.picture = seen;
-  if (comes || (connection.picture === drawn && now - drawnAt < SAME_MS)) return;
+  const now = performance.now();
+  if (connection.picture === drawn && now - drawnAt < SAME_MS) return;
   drawn = connection.picture;
+  if (now - wordsAt >= WORDS_MS || !drawnAt) draw();
+  else drawMotion();
   drawnAt = now;
-  draw();
 }
 
 // A sentence of the page itself, for as long as it takes to read it.
@@ -195,12 +207,13 @@ function say(sentence) {
 }
 function told(now) {
   if (now - ownAt > SAID_MS) own = "";
-  if ($("own").textContent !== own) $("own").textContent = own;
-  $("own").hidden = !own;
+  alarm("own", own);
 }
 
+// All words, and where they stand; then what moves.
+let wordsAt = 0, boxes = {};
 function draw() {
-  const now = performance.now(), seen = view();
+  const now = (wordsAt = performance.now()), seen = view();
   const found = show(connection, you(), seen, steering.device);
   cameras.show(seen.cameras, seen.large);
   picture.use(cameras.large.canvas);
@@ -215,18 +228,26 @@ function draw() {
   // Whoever takes the sticks here is told what the pilot before may have left.
   if (you().has_sticks && !flew && !settings.shipped("speed")) say(words.t("speed.yours", { s: settings.speed }));
   flew = Boolean(you().has_sticks);
-  alarms.look(found.alarms, now);
-  $("silence").hidden = !found.alarms.length || settings.sound === "off";
+  alarms.look(found, now);
+  $("silence").hidden = !found.length || settings.sound === "off";
   if (menu.open === "menu") lines(connection.log.toReversed(), "log");
   if (menu.open === "pad") padPanel.draw();
-  const box = (id) => $(id).getBoundingClientRect();
-  const boxes = { heading: box("heading"), depth: box("depth"), aids: box("aids"), buttons: box("buttons"), left: box("left"), map: box("map") };
-  const free = [boxes.heading.bottom, boxes.buttons.top];
-  const axis = picture.place({ stripe: cameras.large.stripe ?? 0, fov: seen.fov_deg ?? FOV_DEG, whole: settings.crop === "whole", free });
-  hud.draw(seen, found.stale, axis, boxes);
   trace.add(seen.rtt_ms, now);
+  boxes = Object.fromEntries(["heading", "depth", "aids", "buttons", "left", "map"].map((id) => [id, $(id).getBoundingClientRect()]));
+  drawMotion();
 }
+
+function drawMotion() {
+  const seen = view(), old = stale(connection, you(), seen);
+  digits(seen, old);
+  const axis = picture.place({
+    stripe: cameras.large.stripe ?? 0, fov: seen.fov_deg ?? FOV_DEG, whole: settings.crop === "whole",
+    free: [boxes.heading.bottom, boxes.buttons.top],
+  });
+  hud.draw(seen, old, axis, boxes);
+}
+addEventListener("resize", draw);
 await words.use(settings.language);
 await apply("language");
 for (const query of [light, contrast]) query.addEventListener("change", () => apply("theme"));
-frame();
+wake();

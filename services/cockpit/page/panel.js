@@ -11,7 +11,7 @@ export function put(id, text, kind = "") {
   if (element.className !== kind) element.className = kind;
 }
 
-function alarm(id, text) {
+export function alarm(id, text) {
   put(id, text ?? "");
   $(id).hidden = !text;
 }
@@ -29,7 +29,13 @@ export function age(you, view, arrived) {
   return view.age_ms + (you.delay_ms ?? 0) / 2 + performance.now() - arrived;
 }
 
-// Returns whether depth and attitude are old, and the alarms that stand.
+// Whether depth and attitude are old.
+export function stale(connection, you, view) {
+  const old = age(you, view, connection.arrived);
+  return old === undefined || old > connection.ages.state[0] || Boolean(connection.words);
+}
+
+// Returns the alarms that stand.
 export function show(connection, you, view, steeredBy) {
   const silent = view.silent_s === undefined ? "" : `${words.t("last_known")} `;
   put("armed", view.activity ? `${silent}${words.t(view.armed ? "ARMED" : "DISARMED")}` : UNKNOWN, view.armed && !silent ? "on" : "");
@@ -44,8 +50,6 @@ export function show(connection, you, view, steeredBy) {
   const old = age(you, view, connection.arrived);
   const grey = old > connection.ages.state[0];
   put("age", `${words.t("state")} ${old === undefined ? UNKNOWN : seconds(old / 1000)}`, grey ? "old" : "");
-  const stale = old === undefined || grey || Boolean(connection.words);
-  digits(view, stale);
   const why = words.same(you.lost ?? ""); // of a lost pilot the drone knows less than the page's service
   const tells = why && view.failsafe === "pilot_lost" && !view.resumable;
   const apart = `${words.t(connection.words)}${connection.watching ? "" : `: ${words.t("pilot_lost")}`}`;
@@ -56,10 +60,10 @@ export function show(connection, you, view, steeredBy) {
   const of = (tone) => said.filter((each) => each[1] === tone).map((each) => each[0]).join(" · ");
   alarm("note", of("warning"));
   lines(view.lines ?? []);
-  return { stale, alarms: [lost, acting, link(said)].filter(Boolean) };
+  return [lost, acting, link(said)].filter(Boolean);
 }
 
-function digits(view, stale) {
+export function digits(view, stale) {
   const kind = stale ? "digits old" : "digits";
   put("heading", view.heading_deg === undefined ? UNKNOWN : `${units.number(Math.round(view.heading_deg) % 360).padStart(3, "0")}°`, kind);
   const depth = units.length(view.depth_m);
@@ -103,16 +107,18 @@ export function showPicture(video) {
 
 const rows = new Map(); // what a list shows, by its id
 
-export function lines(all, id = "lines") {
+function fill(id, all, made) {
   const now = words.language + JSON.stringify(all);
   if (now === rows.get(id)) return;
   rows.set(id, now);
-  $(id).replaceChildren(...all.map(([level, at, times, text, event]) => {
-    const line = document.createElement("li");
-    line.className = level;
-    line.textContent = `${at === null ? "–" : units.time(at)}  ${times > 1 ? `${times} × ` : ""}${words.said(text, event)}`;
-    return line;
-  }));
+  $(id).replaceChildren(...all.flatMap(made));
+}
+
+const element = (tag, textContent, className) => Object.assign(document.createElement(tag), { textContent, className });
+
+export function lines(all, id = "lines") {
+  fill(id, all, ([level, at, times, text, event]) =>
+    element("li", `${at === null ? "–" : units.time(at)}  ${times > 1 ? `${times} × ` : ""}${words.said(text, event)}`, level));
 }
 
 // Where it is not offered its place stays empty: nothing else comes to lie under the finger.
@@ -161,14 +167,6 @@ export function aids(view, limit) {
     ["roll", degrees(view.roll_deg), "wide"],
     ["camera", degrees(view.tilt_deg), "wide"],
   ].filter((each) => each[1] !== undefined);
-  const now = words.language + JSON.stringify(all);
-  if (now === rows.get("aids")) return;
-  rows.set("aids", now);
   $("aids").hidden = !all.length;
-  $("aids").replaceChildren(...all.flatMap(([key, value, kind = ""]) => [["dt", words.t(key)], ["dd", String(value)]].map(([tag, text]) => {
-    const element = document.createElement(tag);
-    element.textContent = text;
-    element.className = kind;
-    return element;
-  })));
+  fill("aids", all, ([key, value, kind = ""]) => [element("dt", words.t(key), kind), element("dd", value, kind)]);
 }

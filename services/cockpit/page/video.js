@@ -104,6 +104,7 @@ export class Video {
     this.light = unit.light;
     this.exact = unit.exact;
     this.shownAt = performance.now();
+    Video.decoded?.();
   }
 
   fail(error) {

@@ -118,7 +118,10 @@ def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
         assert not re.search("(avcodec|mp4|packetizer).* error", said)
         shown = [np.asarray(image.open(path).convert("L")) for path in sorted(home.glob("shown*"))]
         with av.open(str(home / "dive.mp4")) as opened:
-            frames = [np.asarray(each.to_image().convert("L")) for each in opened.decode(video=0)]
+            frames = [
+                np.asarray(cast(Any, each).to_image().convert("L"), np.float64)
+                for each in opened.decode(video=0)
+            ]
     assert len(shown) >= len(filmed_pictures) // 40  # a busy computer is allowed to drop some
     for picture in (shown[0], shown[-1]):
         rows = picture.astype(float)[: frames[0].shape[0]]  # its decoder's buffer is taller
