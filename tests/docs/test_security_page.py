@@ -1,4 +1,4 @@
-"""Each row of the table of attacks names a test that there is, or is a limit that the page names."""
+"""Each row of the table of attacks names a test that there is, or is a limit the page names."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ def rows() -> list[re.Match[str]]:
 
 
 def test_every_attack_has_a_test_or_is_a_named_limit() -> None:
-    files = [path for path in (ROOT / "tests").rglob("test_*.py")]
+    files = list((ROOT / "tests").rglob("test_*.py"))
     code = "\n".join(path.read_text(encoding="utf-8") for path in files)
     there = {*re.findall(r"def (test_\w+)\(", code)}
     found = rows()
