@@ -18,18 +18,18 @@ from tools.log.sticks import as_csv, sticks_of
 from tools.recordings.dive_file import FlownDive, FlownStack, flown_dive, unpacked
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import Simulated, simulated
+from tools.trust import foreign
 
 STICKS = "recorded.csv"  # the stick log made of a dive that no script flew
 
 
-def fly_again(path: Path, choices: Choices, *, files: bool = True, trust: bool = False) -> int:
+def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
     """Fly the dive of a recording again on virtual time, and compare the hash of everything that
     was recorded. Returns the exit status.
 
     Args:
         path: a dive's folder, or its MCAP file.
-        choices: only `out` may be given; everything else is in the recording.
-        trust: what it names may be run, also where it is not Lindy's.
+        choices: only `out` and `trust` may be given; everything else is in the recording.
 
     Raises:
         LindyError: the recording does not say enough, or the dive was not the same.
@@ -48,7 +48,7 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True, trust: bool =
         pilot = _pilot(dive, recording, folder)
         exits.enter_context(reading_copies(unpacked(recording, dive.files, folder)))
         again = msgspec.structs.replace(dive.stack, pilot=pilot)
-        if not trust:
+        if not choices.trust:
             _require_own(path, again)
         # What a browser's pilot did is a script by now, which the gamepad plays.
         running = [GAMEPAD if name == COCKPIT else name for name in again.running]
@@ -68,20 +68,16 @@ def _require_nothing_else(choices: Choices) -> None:
 
 def _require_own(path: Path, stack: FlownStack) -> None:
     """Whoever made a recording must not run code here by that."""
-    foreign = [
-        f"{name} (module {spec.module})"
-        for name, spec in Registry.read(stack.services).items()
-        if spec.module is not None
-    ]
-    if foreign:
+    if names := foreign(Registry.read(stack.services)):
         raise LindyError(
-            f"{path} would run code that is not Lindy's own: {', '.join(foreign)}; with --trust it "
+            f"{path} would run code that is not Lindy's own: {', '.join(names)}; with --trust it "
             f"does"
         )
 
 
 def _choices(stack: FlownStack, out: Path | None) -> Choices:
     return Choices(
+        trust=True,  # it was judged above
         pilot=stack.pilot,
         vehicle=stack.vehicle,
         stack=stack.services,

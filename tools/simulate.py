@@ -62,10 +62,6 @@ def simulate(
             "fail (exit status 1) where what is recorded is not the same, bit for bit",
         ),
     ] = None,
-    trust: Annotated[
-        bool,
-        Parameter(negative=(), help="with --from: run what it names, also where it is not Lindy's"),
-    ] = False,
 ) -> int:
     """Fly a dive on virtual time, as fast as possible.
 
@@ -79,9 +75,7 @@ def simulate(
     if from_ is not None:
         from tools.fly_again import fly_again
 
-        return fly_again(from_, choices, files=files, trust=trust)
-    if trust:
-        raise LindyError("--trust: a recording is trusted, which --from names; add it or drop this")
+        return fly_again(from_, choices, files=files)
     return simulated(choices, files=files).status
 
 

@@ -30,6 +30,7 @@ from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.packages import require_packages
 from tools.report import Elsewhere
+from tools.trust import asking, require_trusted
 
 RECORDER_HERE = f"{RECORDER}_topside"  # records what the topside hears
 
@@ -81,6 +82,8 @@ def settled(
     Raises:
         LindyError: the first mistake found, a package is missing, or nothing can be written.
     """
+    # Before anything of it is imported.
+    require_trusted(services, trust=choices.trust, ask=asking())
     stack = checked(choices, pilot, services, here)
     require_packages(services if here is None else here, pilot.name)
     stack = msgspec.structs.replace(stack, **settings)

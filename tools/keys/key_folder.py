@@ -24,7 +24,7 @@ AUTHORITY = "authority"
 CA, CA_KEY, SIGNED, REVOKED = "ca.pem", "ca.key", "signed.txt", "revoked.txt"
 CERTIFICATE, KEY, ADMITTED = "certificate.pem", "key.pem", "admitted.txt"
 WHOLE = (CA, CERTIFICATE, KEY, ADMITTED)
-MAKE = "`lindy keys new` makes them"
+MAKE = "`lindy keys new` makes them"  # a drone's and a pilot's; `keys add` those of others
 
 T = TypeVar("T")
 
@@ -211,8 +211,10 @@ def _own_folder(keys: Path, roles: Collection[Role]) -> Path:
         raise LindyError(f"cannot read {keys}: {reason(error)}") from None
     if not found:
         where = f"of {whose} in {keys}" if there else f"in {keys}, which is not there"
+        new = not {"drone", "pilot"}.isdisjoint(roles)
+        make = MAKE if new else f"`lindy keys add {kinds} NAME` makes them"
         raise LindyError(
-            f"no keys {where}: {MAKE}, and the folder of this machine's is copied here"
+            f"no keys {where}: {make}, and the folder of this machine's is copied here"
         )
     if len(found) > 1:
         names = ", ".join(path.name for path in found)

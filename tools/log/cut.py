@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 from cyclopts import Parameter
 from mcap.records import Channel, Metadata
 
+from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from tools.choices import NewFile
@@ -122,7 +123,7 @@ def _add(
         if isinstance(record, Channel):
             key = record.topic
             keys[key] = kept[record.id] = not patterns or any(fnmatchcase(key, p) for p in patterns)
-        if not (isinstance(record, Metadata) and record.name == CUT):
+        if not (isinstance(record, Metadata) and record.name in (HASH, CUT)):
             copy.add(record)
 
 

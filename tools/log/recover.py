@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from mcap.records import Metadata
 
+from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
@@ -62,7 +63,8 @@ def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
     copy.next_file()
     damage = Damage()
     for record in salvaged(file, damage, at):
-        copy.add(record)
+        if not (isinstance(record, Metadata) and record.name == HASH):
+            copy.add(record)
     words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
     if damage.places:
         words.append(_of_parts(file.name, damage))

@@ -24,7 +24,7 @@ class Budget(NamedTuple):
     links: int  # at the same time
 
 
-LOUD = 100_000  # [bytes] of a link that nothing is to be read of
+LOUD = 2_000_000  # [bytes] of a link of which nothing is read, until the kernel has no more room
 
 # An observer says that it lives and what it wants to hear. A topside sends 30 kB/s with every
 # service that it has. A drone sends pictures, and a router those of a fleet.
