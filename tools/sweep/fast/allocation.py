@@ -14,7 +14,7 @@ from services.control.allocation.allocation import (
 )
 from services.control.allocation.thrust_bias import JUST_OUT, MOST, WELL_OUT, Bias
 from services.marine.vehicle import Vehicle
-from tools.sweep.fast.lanes import Lanes, Mask, where
+from tools.sweep.fast.lanes import Lanes, Mask, total, where
 
 
 class LaneAllocated(NamedTuple):
@@ -36,8 +36,9 @@ class LaneAllocation(Allocation):
 
     def allocate_all(self, wrench: Lanes) -> LaneAllocated:
         """Commands for a wrench (6, lanes) [N, N m]."""
-        yields = self._whole @ wrench
-        full = np.any(np.abs(self._whole) @ np.abs(wrench) > self._strengths, axis=0)
+        yields = total(self._whole, wrench)
+        most = total(np.abs(self._whole), np.abs(wrench))
+        full = np.any(most > self._strengths, axis=0)
         saturated = np.zeros(wrench.shape[1], bool)
         if np.any(full):
             yields[:, full], saturated[full] = self._in_order(wrench[:, full])
@@ -54,7 +55,7 @@ class LaneAllocation(Allocation):
         else:
             self._driven |= ~inside
         achieved = where(np.abs(command) < self._edges, 0.0, command)
-        return LaneAllocated(command, self._matrix @ achieved, saturated)
+        return LaneAllocated(command, total(self._matrix, achieved), saturated)
 
     def _in_order(self, wrench: Lanes) -> tuple[Lanes, Mask]:
         """Group by group, see `_by_priority`."""
@@ -82,7 +83,7 @@ class LaneAllocation(Allocation):
                 shares = self._columns_without([k for k in range(len(self._gains)) if key >> k & 1])
                 if shares is None:
                     continue
-                more = np.array(shares)[rows].T @ wrench[rows][:, these]
+                more = total(np.array(shares)[rows].T, wrench[rows][:, these])
                 fits, limiting = self._fitting(yields[:, these], more, left[these])
                 yields[:, these] += fits * more
                 met = limiting < 0

@@ -21,12 +21,12 @@ class Attitudes:
     """Attitude, control heading and the spreads that weigh gyroscope and accelerometer."""
 
     def __init__(
-        self, settings: AttitudeSettings, force: Lanes, rate: Lanes, heading: float, dt: float
+        self, settings: AttitudeSettings, force: Lanes, rate: Lanes, field: Lanes | None, dt: float
     ) -> None:
         """
         Args:
             force, rate: (3, lanes) [m/s², rad/s] means of the calibration.
-            heading: [rad] control heading at the start.
+            field: (3, lanes) [T] likewise: the heading begins as its bearing; None: at zero.
             dt: [s] between two samples.
         """
         fx, fy, fz = force
@@ -34,9 +34,13 @@ class Attitudes:
         self._settings, self._dt = settings, dt
         self.bias: Lanes3 = (rate[0], rate[1], rate[2])  # [rad/s]
         roll, pitch = np.arctan2(-fy, -fz), np.arctan2(fx, np.hypot(fy, fz))
+        heading = np.zeros(count)
+        if field is not None:
+            north, east = horizontal(from_euler(roll, pitch, 0.0), field)
+            heading = -np.arctan2(east, north)
         self.q = from_euler(roll, pitch, heading)
         self.roll, self.pitch, self._yaw = to_euler(self.q)
-        self.heading = np.full(count, heading)
+        self.heading: Lanes = heading
         self.yaw_rate = np.zeros(count)
         self.levelled: Any = (0.0, 0.0)
         self.lost = np.zeros(count, bool)

@@ -23,6 +23,7 @@ TABLES = ("vehicle", "sensors", "simulator", "estimation", "reference", "control
 UNKNOWN_KEYS = ("estimation.watch", "reference.failsafe", "reference.place", "control.adaptation")
 KNOWN_KEYS = ("reference.failsafe.depth_limit",)
 WITHOUT_EFFECT = ("light", "light_2", "laser")  # events of a script, on the motion
+SHORTEST = 1.5  # [s] of the calibration; sooner the sensors have not been judged
 SITE = ("current", "hull", "waves", "sensor_errors", "vibration")
 
 
@@ -53,6 +54,8 @@ def require_covered(settings: DiveSettings, stack: str, keys: Sequence[str], lin
             )
     _require_plain_site(s.simulator)
     _require_plain_vehicle(s.vehicle, s.simulator.mounting)
+    if (still := s.estimation.calibration.still_time) < SHORTEST:
+        _refuse(f"estimation.calibration.still_time = {still:g}", f"{SHORTEST:g} s and more")
     for name, gains in (("depth", s.control.depth), ("heading", s.control.heading)):
         if gains.observer == 0.0:
             _refuse(f"control.{name}.observer = 0", "axes with a disturbance observer")

@@ -84,8 +84,7 @@ class Dives:
         self._vessels = Vessels(s.vehicle, s.simulator, count)
         self._battery = Battery(s.vehicle, s.simulator, count)
         self._sensors = Sensors(s.simulator, seeds)
-        heading = s.simulator.start_heading
-        self._estimators = Estimators(s.estimation, s.vehicle, heading, count)
+        self._estimators = Estimators(s.estimation, s.vehicle, count)
         self._references = References(s.reference, count)
         self._controllers = Controllers(s.control, s.vehicle, count)
         self._now = 0  # [ns]
@@ -116,6 +115,9 @@ class Dives:
         if not self._estimators.running:  # it floats at rest
             for at in self._times.pressures(before, self._now):
                 self._estimators.pressure(self._sensors.pressure(self._vessels.position[2]), at)
+            field = self._sensors.magnetometer(self._now, self._vessels)
+            if field is not None:
+                self._estimators.magnetometer(field)
         seconds = (self._now - self._times.imu) * 1e-9
         force, rate = self._sensors.imu(seconds, self._vessels)
         dt = self._times.imu * 1e-9 if before else 0.0

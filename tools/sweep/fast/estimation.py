@@ -48,19 +48,16 @@ class NoiseWatches:
 class Estimators:
     """`running` from the end of the calibration on."""
 
-    def __init__(self, settings: Settings, vehicle: Vehicle, heading: float, count: int) -> None:
-        """
-        Args:
-            heading: [rad] from which the control heading counts.
-        """
+    def __init__(self, settings: Settings, vehicle: Vehicle, count: int) -> None:
         self.running = False
-        self._settings, self._heading = settings, heading
+        self._settings = settings
         self._floating_depth = vehicle.floating_depth
         self._per_metre = density_of(settings.water_density) * GRAVITY
         self._noise = NoiseWatches(count)
         self._thrust_speed = ThrustSpeeds(vehicle, settings.horizontal.wake_share, count)
         self._sum, self._samples, self._seconds = np.zeros((6, count)), 0, 0.0
         self._pressure, self._pressures = np.zeros(count), 0
+        self._field, self._fields = np.zeros((3, count)), 0
 
     @property
     def lost(self) -> Mask:
@@ -77,6 +74,11 @@ class Estimators:
         else:
             self._pressure = self._pressure + pressure
             self._pressures += 1
+
+    def magnetometer(self, field: Lanes) -> None:
+        """[T] While it calibrates: later, the compass has no effect on the motion."""
+        self._field = self._field + field
+        self._fields += 1
 
     def imu(self, force: Lanes3, rate: Lanes3, stamp_ns: int, dt: float) -> None:
         """One sample [m/s², rad/s], `dt` [s] after the one before; 0: the first."""
@@ -103,7 +105,8 @@ class Estimators:
         if limits.atmosphere is not None:
             air = np.full(count, limits.atmosphere)
         # A thousand samples lie between two with another `dt`: the first has none.
-        self.attitude = Attitudes(self._settings.attitude, force, mean[3:], self._heading, 0.01)
+        field = self._field / self._fields if self._fields else None
+        self.attitude = Attitudes(self._settings.attitude, force, mean[3:], field, 0.01)
         self._resting = RestingBiases(count, limits.still_time, limits.largest_bias)
         lack = GRAVITY - np.sqrt(np.sum(force * force, axis=0))
         axes = self.attitude.axes((force[0], force[1], force[2]), np.zeros(count))

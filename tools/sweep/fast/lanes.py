@@ -5,7 +5,7 @@ Laws of the services that neither branch nor call `math` are used as they are; t
 written again here, and tests hold each against the scalar law.
 """
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -19,12 +19,20 @@ Lanes6 = Any
 
 
 def where(which: Mask, yes: Any, no: Any) -> Any:
-    chosen: Lanes = np.where(which, yes, no)
-    return chosen
+    return cast(Any, np.where(which, yes, no))
 
 
 def clamped(value: Lanes, most: Any) -> Lanes:
     return np.maximum(-most, np.minimum(most, value))
+
+
+def total(columns: Any, values: Lanes) -> Lanes:
+    """`columns` (rows, n) times `values` (n, lanes), added up in this order, as `total_wrench`
+    does: opposite thrusts then cancel out to the last bit."""
+    found: Lanes = columns[:, 0, None] * values[0]
+    for k in range(1, len(values)):
+        found = found + columns[:, k, None] * values[k]
+    return found
 
 
 def unit(w: Lanes, x: Lanes, y: Lanes, z: Lanes) -> tuple[Lanes, Lanes, Lanes, Lanes]:

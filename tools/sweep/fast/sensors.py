@@ -12,12 +12,13 @@ import numpy as np
 from services.marine.attitude import to_body
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
-from services.simulator.settings import Settings
+from services.simulator.settings import MAGNETIC_FIELD, Settings
 from services.simulator.streams import (
     ACCELEROMETER_DRIFT,
     ACCELEROMETER_WALK,
     BIASES,
     BLOCK,
+    FIELD_NOISE,
     GYRO_DRIFT,
     GYRO_WALK,
     IMU_NOISE,
@@ -63,9 +64,11 @@ class Sensors:
             np.random.default_rng([seed, BIASES]).standard_normal((3, 3)) * one_std
             for seed in seeds
         ]
-        self._rate_bias, self._force_bias, _ = np.stack(drawn, axis=-1)
+        self._rate_bias, self._force_bias, self._iron = np.stack(drawn, axis=-1)
         imu = [s.accelerometer_noise * sqrt(hz)] * 3 + [s.gyro_noise * sqrt(hz)] * 3
         self._imu_noise = white_noise(seeds, IMU_NOISE, imu)
+        self._field_noise = white_noise(seeds, FIELD_NOISE, [s.magnetometer_noise] * 3)
+        self._field_period_ns, self._field_due_ns = round(1e9 / s.magnetometer_rate), 0
         self._pressure_noise = white_noise(seeds, PRESSURE_NOISE, [s.pressure_std])
         self._rate_changes = [wandering(seeds, GYRO_DRIFT, s.gyro_drift, hz, s.gyro_drift_time)]
         self._force_changes = list[Iterator[Lanes]]()
@@ -101,6 +104,17 @@ class Sensors:
         force = rounded(force, self._settings.accelerometer_step)
         rate = rounded(rate, self._settings.gyro_step)
         return (force[0], force[1], force[2]), (rate[0], rate[1], rate[2])
+
+    def magnetometer(self, now: int, vessels: Vessels) -> Lanes | None:
+        """[T] (3, lanes) with the IMU sample at `now` [ns], if one is due then."""
+        if now < self._field_due_ns:
+            return None
+        period = self._field_period_ns
+        self._field_due_ns = max(self._field_due_ns + period, now + period // 2)
+        true = np.array(to_body(vessels.attitude, MAGNETIC_FIELD))
+        return rounded(
+            true + self._iron + next(self._field_noise), self._settings.magnetometer_step
+        )
 
     def pressure(self, depth: Lanes) -> Lanes:
         """[Pa] At a depth [m]."""

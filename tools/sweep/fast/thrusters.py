@@ -6,7 +6,7 @@ import numpy as np
 
 from services.marine.vehicle import Vehicle, wrench_per_newton
 from services.simulator.settings import Settings
-from tools.sweep.fast.lanes import Lanes, Mask, where
+from tools.sweep.fast.lanes import Lanes, Mask, total, where
 
 
 class Thrusters:
@@ -58,8 +58,8 @@ class Thrusters:
         return wrench
 
     def _add_up(self) -> None:
-        self._settled = self._columns @ (self._settles_at * self.wet)
-        self._decaying = [self._columns @ (gaps * self.wet) for gaps in self._gaps]
+        self._settled = total(self._columns, self._settles_at * self.wet)
+        self._decaying = [total(self._columns, gaps * self.wet) for gaps in self._gaps]
 
 
 class Battery:

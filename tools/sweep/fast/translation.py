@@ -14,7 +14,7 @@ from services.estimation.depth.thrust_speed import FASTEST, SHARE, STEEPEST, STI
 from services.marine.attitude import down_in_body
 from services.marine.hydrodynamics import Translation, coriolis, damping, flow
 from services.marine.vehicle import Vehicle, wrench_per_newton
-from tools.sweep.fast.lanes import Lanes, Lanes3, where
+from tools.sweep.fast.lanes import Lanes, Lanes3, total, where
 
 
 class LaneTranslation(Translation):
@@ -42,11 +42,13 @@ class ThrustSpeeds:
         self._unknown = np.zeros(count)  # [-]
         self._hull = LaneTranslation(vehicle, wake_share)
         self._columns = np.array([wrench_per_newton(t) for t in vehicle.thruster]).T
+        self._limits = np.array([t.limits for t in vehicle.thruster]).T[:, :, None]
         self._thrust = np.zeros((6, count))
 
     def actuation(self, thrust: Lanes) -> None:
         """[N] As reported, (thrusters, lanes)."""
-        self._thrust = self._columns @ thrust
+        low, high = self._limits
+        self._thrust = total(self._columns, np.clip(thrust, low, high))
 
     def step(self, axes: Any, rate: Lanes3, depth_rate: Lanes, dt: float) -> AttitudeAxes:
         """Advance by `dt` [s]. Returns the axes with the velocity to be expected."""
