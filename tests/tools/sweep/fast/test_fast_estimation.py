@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.sensors import ImuSample, PressureSample
@@ -25,14 +25,15 @@ CALIBRATING, MOVING = 200, 300  # samples
 
 
 @pytest.mark.parametrize("name", ["pioneer", "bluerov2_heavy", "minerva"])
+@settings(max_examples=2)
 @given(seed=SEEDS)
 def test_a_lane_estimates_what_its_estimator_does(name: str, seed: int):
     """At rest and then under way: smooth turns, accelerations and thrust at random, and noise."""
     quick = "estimation.calibration.still_time=2"
     stack = Stack(pilot="script:first_dive", vehicle=name, overrides=[quick])
-    settings, vehicle = stack.section("estimation", Settings), stack.section("vehicle", Vehicle)
-    alone = [Estimator(settings, vehicle.floating_depth, vehicle=vehicle) for _ in range(COUNT)]
-    lanes = Estimators(settings, vehicle, COUNT)
+    its, vehicle = stack.section("estimation", Settings), stack.section("vehicle", Vehicle)
+    alone = [Estimator(its, vehicle.floating_depth, vehicle=vehicle) for _ in range(COUNT)]
+    lanes = Estimators(its, vehicle, COUNT)
     rng = np.random.default_rng(seed)
     turns, pushes = rng.uniform(-0.3, 0.3, (2, 3, COUNT))
     thrust = np.array([t.max_thrust for t in vehicle.thruster])[:, None]
@@ -97,6 +98,7 @@ def actuation_of(at: int, thrust: Any) -> Actuation:
     )  # fmt: skip
 
 
+@settings(max_examples=5)
 @given(seed=SEEDS)
 def test_a_lane_sees_the_waves_that_its_swell_does(seed: int):
     rng = np.random.default_rng(seed)
