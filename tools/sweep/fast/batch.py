@@ -16,6 +16,7 @@ from tools.sweep.fast.dives import DiveSettings, fly
 from tools.sweep.rows import CLEAN, FLOWN, OF_MESSAGES, Flown, Row, row_of
 
 MOST = 500  # dives; an instant of so many costs twice that of a few
+MOST_SECONDS = 45_000.0  # [s] of dives together: tracks of 150 MB
 ROUNDS = 2  # batches for each worker, so that there is something to tell on the way
 LEAST = 50  # dives; fewer cost as much
 
@@ -40,8 +41,10 @@ def batches(dives: Iterable[PlannedDive], seconds: float | None, workers: int) -
     whole = sum(map(len, by_combination.values()))
     size = max(LEAST, min(MOST, -(-whole // (workers * ROUNDS))))
     found = list[Batch]()
-    for these in by_combination.values():
-        count = -(-len(these) // size)
+    for combination, these in by_combination.items():
+        lasts = [pilot_of(combination.pilot).script_s, seconds]
+        longest = min(length for length in lasts if length is not None)
+        count = -(-len(these) // max(1, min(size, int(MOST_SECONDS / max(1.0, longest)))))
         found += [Batch(tuple(these[k::count]), seconds) for k in range(count)]
     return found
 

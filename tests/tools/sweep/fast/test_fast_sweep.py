@@ -132,6 +132,9 @@ def test_batches_hold_dives_of_one_combination():
     assert sorted(dive.number for batch in found for dive in batch.dives) == list(range(900))
     assert all(len({dive.combination for dive in batch.dives}) == 1 for batch in found)
     assert max(len(batch.dives) for batch in found) <= 225
+    assert max(len(batch.dives) for batch in batches(dives, None, 1)) <= 500
+    few = batches(dives[:20], 40_000.0, 2)  # of a script that is short
+    assert [len(batch.dives) for batch in few] == [20]
 
 
 @pytest.mark.parametrize(
