@@ -26,7 +26,7 @@ def private_address() -> str:
     return f"127.{draw(1, 255)}.{draw(0, 255)}.{draw(1, 255)}"
 
 
-class Gate:
+class FrontGate:
     """Passes on, both ways, what comes on connections that it lets in. On a thread of its own."""
 
     def __init__(

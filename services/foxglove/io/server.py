@@ -7,7 +7,7 @@ from foxglove import Channel, Context, Schema, start_server
 from foxglove.websocket import Capability, Client, Parameter, ServerListener
 
 from services.foxglove.core import LOOPBACK, Settings, Value
-from services.foxglove.io.gate import Gate, private_address
+from services.foxglove.io.gate import FrontGate, private_address
 from services.recorder.foxglove.channel import NamedSchema
 from services.runtime.config.errors import LindyError
 from services.runtime.config.passwords import without_passwords
@@ -43,7 +43,7 @@ class FoxgloveServer:
                 server_listener=ShownParameters(parameters),
                 context=self._context,
             )
-            self._gate = Gate(
+            self._gate = FrontGate(
                 settings.host,
                 settings.port,
                 (private, self._server.port),

@@ -49,7 +49,7 @@ class Verdict(NamedTuple):
 
 
 @dataclass(slots=True)
-class Account:
+class Bucket:
     """Of one certificate."""
 
     budget: Budget
@@ -64,7 +64,7 @@ class Budgets:
     """Those of all who have come to a hub."""
 
     admitted: frozenset[str]
-    accounts: dict[str, Account] = field(default_factory=dict[str, Account])
+    buckets: dict[str, Bucket] = field(default_factory=dict[str, Bucket])
     _counted: dict[Ends, int] = field(
         default_factory=dict[Ends, int]
     )  # [bytes] of each link so far
@@ -85,18 +85,18 @@ class Budgets:
         for link, name in links.items():
             sent[name] += max(0, received.get(link, 0) - self._counted.get(link, 0))
         self._counted = {link: received.get(link, 0) for link in links}
-        for account in self.accounts.values():
-            account.filled = max(0.0, account.filled - account.budget.rate * elapsed_s)
+        for bucket in self.buckets.values():
+            bucket.filled = max(0.0, bucket.filled - bucket.budget.rate * elapsed_s)
         verdicts: list[Verdict] = []
         for name, count in sent.items():
             many = sum(other == name for other in links.values())
-            verdict = _judged(name, self._account(name), count, many, now)
+            verdict = _judged(name, self._bucket(name), count, many, now)
             verdicts += [] if verdict is None else [verdict]
         return verdicts
 
     def barred(self, name: str, now: int) -> bool:
         """Is nothing to be read of a link of this certificate that comes now?"""
-        return now < self._account(name).barred_until
+        return now < self._bucket(name).barred_until
 
     def beyond(
         self, links: Mapping[Ends, str], received: Mapping[Ends, int], now: int
@@ -107,31 +107,31 @@ class Budgets:
         for link, name in links.items():
             if self.barred(name, now):
                 held.setdefault(name, []).append(link)
-        most = {name: self._account(name).budget.links for name in held}
+        most = {name: self._bucket(name).budget.links for name in held}
         many = [link for name, own in held.items() for link in own[: max(0, len(own) - most[name])]]
         loud = [link for own in held.values() for link in own if received.get(link, 0) > LOUD]
         return list(dict.fromkeys([*many, *loud]))
 
-    def _account(self, name: str) -> Account:
-        if name not in self.accounts:
+    def _bucket(self, name: str) -> Bucket:
+        if name not in self.buckets:
             role = name.partition(":")[0] if name in self.admitted else ""
-            self.accounts[name] = Account(BUDGETS.get(role, LEAST))
-        return self.accounts[name]
+            self.buckets[name] = Bucket(BUDGETS.get(role, LEAST))
+        return self.buckets[name]
 
 
-def _judged(name: str, account: Account, sent: int, links: int, now: int) -> Verdict | None:
-    if now < account.barred_until:  # what it still sends counts for nothing
+def _judged(name: str, bucket: Bucket, sent: int, links: int, now: int) -> Verdict | None:
+    if now < bucket.barred_until:  # what it still sends counts for nothing
         return None
-    account.filled += sent
-    budget, many = account.budget, links > account.budget.links
+    bucket.filled += sent
+    budget, many = bucket.budget, links > bucket.budget.links
     why = "too many links" if many else "too much"
-    account.warned = account.warned and (many or account.filled > sent)  # else it had drained
-    if not account.warned and (many or account.filled > budget.burst / 2):
-        account.warned = True
+    bucket.warned = bucket.warned and (many or bucket.filled > sent)  # else it had drained
+    if not bucket.warned and (many or bucket.filled > budget.burst / 2):
+        bucket.warned = True
         return Verdict(name, "warn", why)
-    if many or account.filled > budget.burst:
-        barred_s = min(LONGEST_BARRED_S, BARRED_S * 2**account.times)
-        account.filled, account.warned, account.times = 0.0, False, account.times + 1
-        account.barred_until = now + round(barred_s * 1e9)
+    if many or bucket.filled > budget.burst:
+        barred_s = min(LONGEST_BARRED_S, BARRED_S * 2 ** min(bucket.times, 10))
+        bucket.filled, bucket.warned, bucket.times = 0.0, False, bucket.times + 1
+        bucket.barred_until = now + round(barred_s * 1e9)
         return Verdict(name, "cut", why, barred_s)
     return None

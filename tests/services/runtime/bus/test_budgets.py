@@ -67,7 +67,7 @@ def test_who_goes_on_is_barred_for_longer_each_time_and_others_are_not_touched()
         assert all(verdict.name == EVE for verdict in said)
         cuts += [verdict for verdict in said if verdict.what == "cut"]
         assert budgets.barred(EVE, now) == any(v.what == "cut" for v in said) or now < max(
-            budgets.accounts[EVE].barred_until, 1
+            budgets.buckets[EVE].barred_until, 1
         )
         assert not budgets.barred(ANN, now)
     lasted = [verdict.barred_s for verdict in cuts]
