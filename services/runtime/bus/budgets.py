@@ -27,11 +27,11 @@ class Budget(NamedTuple):
 LOUD = 2_000_000  # [bytes] of a link of which nothing is read, until the kernel has no more room
 
 # An observer says that it lives and what it wants to hear. A topside sends 30 kB/s with every
-# service that it has. A drone sends pictures, and a router those of a fleet.
+# service that it has. A drone may have four cameras of 50 Mbit/s, and a router the drones of a fleet.
 BUDGETS = {
     "observer": Budget(8e3, 128e3, 8),
     "pilot": Budget(256e3, 1e6, 8),
-    "drone": Budget(4e6, 16e6, 8),
+    "drone": Budget(32e6, 64e6, 8),
     "router": Budget(32e6, 64e6, 8),
 }
 LEAST = BUDGETS["observer"]  # of who is not admitted: it may stay, and is neither heard nor told
@@ -65,9 +65,7 @@ class Budgets:
 
     admitted: frozenset[str]
     buckets: dict[str, Bucket] = field(default_factory=dict[str, Bucket])
-    _counted: dict[Ends, int] = field(
-        default_factory=dict[Ends, int]
-    )  # [bytes] of each link so far
+    _counted: dict[Ends, int] = field(default_factory=dict[Ends, int])  # [bytes] of each link
     _looked: int | None = None  # [ns]
 
     def look(
