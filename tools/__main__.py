@@ -19,6 +19,7 @@ ERROR, INTERRUPTED = 1, 130  # exit statuses
 UNREAD = 141  # exit status: nobody reads the output any more; that of a program that SIGPIPE ends
 DEBUG = "--debug"
 HELP = ("--help", "-h")
+NUMBERS = {float: "a number, such as 1.5", int: "a whole number"}  # as options are said to be
 ABOUT = "Pilot an underwater drone: the pilot leads, the drone follows, without a jerk."
 EPILOGUE = f"With {DEBUG} before or after any verb, an error shows where it came from."
 
@@ -241,12 +242,32 @@ def _leave(*_: object) -> None:
     os._exit(INTERRUPTED)
 
 
+def _mistyped(error: Any) -> str:
+    """What is wrong with a command line, by the error of cyclopts."""
+    verb = " ".join(("lindy", *(error.command_chain or ())))
+    if len(error.command_chain or ()) == 1 and error.command_chain[0] not in VERBS:
+        verb = verb.replace("lindy", "lindy log", 1)
+    kind, argument = type(error).__name__, error.argument
+    if kind == "UnusedCliTokensError":
+        return f"{verb}: {error.unused_tokens[0]!r} is not expected; `{verb} --help` shows what is"
+    if kind == "MissingArgumentError" and error.keyword is not None:
+        return f"{verb}: {error.keyword} needs a value; `{verb} --help` shows which"
+    if kind == "MissingArgumentError":
+        field, missing = argument.field_info, argument.name
+        missing = missing if field.is_keyword_only else missing.removeprefix("--").upper()
+        return f"{verb}: {missing} is missing; `{verb} --help` shows what is expected"
+    if kind == "CoercionError" and error.token is not None and error.target_type in NUMBERS:
+        wanted = NUMBERS[error.target_type]
+        return f"{verb}: {argument.name} is {error.token.value!r}, expected {wanted}"
+    return str(error)
+
+
 def _sentence(error: Exception, *, debug: bool) -> str:
     """What to say of an error. With `debug`, all but a mistyped command line are printed, too."""
     import traceback
 
     if type(error).__module__.startswith("cyclopts."):  # a mistyped verb answers without loading it
-        return str(error)
+        return _mistyped(error)
     if debug:
         traceback.print_exception(error)
     if isinstance(error, LindyError):

@@ -18,7 +18,7 @@ from services.reference.guidance.path_following import PlannedPath
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.sensor_parts import SENSORS, NamedSensors
-from services.runtime.config.settings import deploy_file, kept, nearest
+from services.runtime.config.settings import DEPLOY, deploy_file, kept, nearest
 from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
 from services.tether.io.profile_file import named
@@ -52,6 +52,7 @@ def pilot_of(choice: str) -> PilotChoice:
         return PilotChoice(choice)
     if kind != "script" or not colon or not name:
         known = ["gamepad", "keyboard", "script:FILE"]
+        known += [f"script:{file.stem}" for file in sorted((DEPLOY / "dives").glob("*.csv"))]
         raise LindyError(f"unknown pilot {choice!r}{nearest(choice, known)}")
     path = deploy_file("dives", name, ".csv")
     courses: list[str] = []

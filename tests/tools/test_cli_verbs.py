@@ -50,7 +50,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--set", "control.depth.kp"], "expected key.path=value"),
         (["--seconds", "-3"], "--seconds is -3, expected more than 0"),
         (["--seconds", "nan"], "--seconds is nan"),
-        (["--seconds", "soon"], '"soon"'),
+        (["--seconds", "soon"], "'soon'"),
         (["--vehicel", "pioneer"], "Did you mean --vehicle?"),
         (["--out", "/dev/null/x"], "cannot write into --out /dev/null/x"),
         (["left", "over"], "left"),
@@ -361,3 +361,21 @@ def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
     )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     assert pads.pad_is_there() is there
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("link prfile", "lindy link: 'prfile' is not expected; `lindy link --help` shows what is"),
+        ("log compare base", "lindy log compare: B is missing; `lindy log compare --help`"),
+        ("simulate --out", "lindy simulate: --out needs a value; `lindy simulate --help`"),
+        ("simulate --seconds 30s", "--seconds is '30s', expected a number, such as 1.5"),
+        ("sweep --seed 1", "lindy sweep: --out is missing; `lindy sweep --help` shows"),
+        ("simulate --pilot first_dive", "did you mean 'script:first_dive'?"),
+    ],
+)
+def test_a_mistyped_command_line_is_said_in_plain_words(
+    capsys: pytest.CaptureFixture[str], words: str, said: str
+) -> None:
+    assert main(words.split()) == 1
+    assert said in capsys.readouterr().err
