@@ -23,7 +23,7 @@ PAGE_S, PAGE_HZ = 9.0, 5.0  # [s], [1/s] of the page
 DIVE_S, DIVE_HZ = (8.0, 62.0), 0.8  # [s], [1/s] of the dive in the viewer
 SHOWN_MS = 160  # [ms] each picture of the viewer; so it runs eight times as fast
 SETTLE_S = 0.15  # [s] for the viewer's panels
-QUALITY = 60  # [-] of 100
+QUALITY = 54  # [-] of 100
 STICKS = (  # from when on [s], and how far the thumbs are from the middle [px]
     (0.0, (0.0, 75.0), (0.0, 0.0)),  # down
     (2.5, (40.0, 0.0), (0.0, -60.0)),  # turning, ahead
