@@ -23,7 +23,19 @@ from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
-from tools.recordings.mcap_records import Damage, Described, StoredMessage, nowhere, records
+from tools.recordings.mcap_records import (
+    ALWAYS,
+    Damage,
+    Described,
+    Noticed,
+    Reading,
+    Readings,
+    Span,
+    StoredMessage,
+    everything,
+    nowhere,
+    records,
+)
 from tools.recordings.older_names import as_today
 
 RESERVE = 256_000  # [bytes] left free by merging, for the report
@@ -37,6 +49,14 @@ class Raw(NamedTuple):
     log_ns: int  # [ns] UTC of arrival
     publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
     sequence: int = 0  # the publisher's count, modulo 2³²
+
+
+def always(_: str) -> bool:
+    return True
+
+
+def nobody(_: str) -> None:
+    return None
 
 
 class RecordedMessage(NamedTuple):
@@ -63,14 +83,31 @@ class Recording:
             if (message := self.decode(raw)) is not None:
                 yield RecordedMessage(raw.key, message, raw.log_ns, raw.publish_ns)
 
-    def raw(self) -> Iterator[Raw]:
+    def raw(
+        self,
+        wants: Callable[[str], bool] = always,
+        noticing: Callable[[str], Noticed | None] = nobody,
+    ) -> Iterator[Raw]:
         """Every message, not decoded: for readers that need few of them. What is recorded for
-        Foxglove is computed from these, and left out."""
+        Foxglove is computed from these, and left out.
+
+        Args:
+            wants: which keys; the messages of others are passed over.
+            noticing: for a key, who is told of each of its messages, wanted or not: by the time
+                that one is given, of every message up to it and of some behind.
+        """
+
+        def readings(channel: Channel) -> Reading:
+            key = channel.topic
+            if is_view(key):
+                return Reading(wanted=False)
+            return Reading(wants(key), noticing(key))
+
         for path in self.files:
             channels: dict[int, str] = {}
             renaming: dict[int, Callable[[bytes], bytes] | None] = {}  # by schema
             older: dict[int, Callable[[bytes], bytes]] = {}  # by channel
-            for record in self.records(path):
+            for record in self.records(path, readings):
                 if isinstance(record, StoredMessage):
                     if (key := channels.get(record.channel_id)) is not None:
                         rename = older.get(record.channel_id)
@@ -83,11 +120,15 @@ class Recording:
                     if rename := renaming.get(record.schema_id):
                         older[record.id] = rename
 
-    def records(self, path: Path) -> Iterator[StoredMessage | Described]:
-        """Everything in one of its files. `damage` knows what is wrong with it at the end."""
+    def records(
+        self, path: Path, readings: Readings = everything, within: Span = ALWAYS
+    ) -> Iterator[StoredMessage | Described]:
+        """Everything in one of its files, as `mcap_records.records` gives it. `damage` knows what
+        is wrong with it at the end."""
         before = sum(file.stat().st_size for file in self.files[: self.files.index(path)])
         damage = Damage()
-        yield from records(path, at=self._counting_from(before), damage=damage)
+        at = self._counting_from(before)
+        yield from records(path, at=at, damage=damage, readings=readings, within=within)
         self._read[path] = damage
 
     @property
