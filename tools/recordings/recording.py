@@ -23,6 +23,7 @@ from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
+from tools.recordings.mcap_index import index_of
 from tools.recordings.mcap_records import (
     ALWAYS,
     Damage,
@@ -164,6 +165,17 @@ class Recording:
             return int(whole)
         first = next(self.raw(), None)
         return None if first is None else first.log_ns
+
+    def keys(self) -> set[str]:
+        """Of its messages: from the summaries, or where there is none, by reading all of it."""
+        found: set[str] = set()
+        for path in self.files:
+            with path.open("rb") as stream:
+                described = index_of(stream, path.stat().st_size).described
+            for record in described or records(path, readings=lambda _: Reading(wanted=False)):
+                if isinstance(record, Channel) and not is_view(record.topic):
+                    found.add(record.topic)
+        return found
 
     def metadata(self, name: str) -> dict[str, str]:
         """Keys and values of all metadata records of that name; the last value counts."""
