@@ -9,7 +9,7 @@ VERSION = $(shell $(UV) version --short)
 # Where compiled modules may not be written, each of some hundred processes would compile them anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: dive test slow research explore mutants check format laws stops headings real soak faults picture film site docs release clean
+.PHONY: dive test slow research explore mutants bench check format laws stops headings real soak faults picture film site docs release clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -32,6 +32,9 @@ explore: $(READY) ## search for minutes for new cases that break a law; prints w
 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
 	$(BIN)/python tests/long/mutants.py
+
+bench: $(READY) ## every figure of `lindy bench` three times, judged beside the last, into docs/performance.md
+	$(BIN)/python -m lindy_research.bench $(BENCH)
 
 check: $(READY) ## format, lint, types, import contracts
 	$(BIN)/ruff format --check .

@@ -43,8 +43,8 @@ class CalibrationGuide(Protocol):
 
 def replay(recording: Recording, guide: CalibrationGuide) -> None:
     """Show the guide every sample of a recording."""
-    for raw in recording.raw():
-        if raw.key in KEYS and (sample := recording.decode(raw)) is not None:
+    for raw in recording.raw(KEYS.__contains__):
+        if (sample := recording.decode(raw)) is not None:
             guide.see(sample)
 
 

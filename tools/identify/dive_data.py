@@ -81,8 +81,8 @@ def read(recording: Recording, vehicle: Vehicle, density: Density, name: Path) -
     rows: dict[str, list[tuple[float, ...]]] = {key: [] for key in KEYS}
     origin = AtOrigin(vehicle.mounting, 1000.0, vehicle.calibration)
     newest: dict[str, int] = {}
-    for raw in recording.raw():
-        if raw.key not in KEYS or (message := recording.decode(raw)) is None:
+    for raw in recording.raw(KEYS.__contains__):
+        if (message := recording.decode(raw)) is None:
             continue
         stamp: int = message.sensor_ns if isinstance(message, VehicleState) else message.stamp_ns
         if raw.key in newest and stamp <= newest[raw.key]:

@@ -17,6 +17,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from tools.fresh import write_fresh
 from tools.health_sums import HealthOfAll, HealthSums
+from tools.recordings.progress import reading
 from tools.recordings.recording import log_hash, merge_parts, open_recording
 from tools.report import (
     Elsewhere,
@@ -148,7 +149,9 @@ class Outcome:
     def _report(self, folder: Path, other: Elsewhere | None) -> bool:
         """Was something lost, or did a service not work for a while?"""
         merged = merge(folder)
-        dive = read_dive(open_recording(folder), apart=self._stack.apart)
+        recording = open_recording(folder)
+        with reading("reporting", recording.size) as recording.advance:
+            dive = read_dive(recording, apart=self._stack.apart)
         # The recorder writes the hash last; merged parts have none.
         ended = merged or log_hash(folder) is not None
         report = report_on(dive, self._extras(finished=ended))

@@ -18,6 +18,7 @@ from messages.topic import Direction
 from tools.health_sums import HealthSums
 from tools.log.numbering import Numbering
 from tools.log.thinning import thinned
+from tools.recordings.mcap_records import Noticed
 from tools.recordings.recording import Raw, Recording
 from tools.report.losses import LINK, LOST, QUEUES, THINNED, crosses, family, missed, take
 
@@ -100,13 +101,22 @@ def accounts(recording: Recording) -> Accounts:
     numbers: dict[str, Numbering] = {}
     reports = LinkReports()
     backwards, newest = 0, 0
-    for raw in recording.raw():
-        numbers.setdefault(raw.key, Numbering()).see(raw.sequence, raw.publish_ns, raw.log_ns)
-        if raw.log_ns < newest:
-            backwards += 1
-        newest = raw.log_ns
-        if raw.key.startswith(HEALTH):
-            _add(reports, recording, raw)
+
+    def noticing(key: str) -> Noticed:
+        numbering = numbers.setdefault(key, Numbering())
+
+        def see(sequence: int, log_ns: int, publish_ns: int, _size: int) -> None:
+            nonlocal backwards, newest
+            numbering.see(sequence, publish_ns, log_ns)
+            if log_ns < newest:
+                backwards += 1
+            newest = log_ns
+
+        return see
+
+    for raw in recording.raw(lambda key: key.startswith(HEALTH), noticing):
+        _add(reports, recording, raw)
+    numbers = {key: numbering for key, numbering in numbers.items() if numbering.recorded}
     side = recording.metadata("dive").get("side", "drone")
     found = account_for(numbers, reports, recording.losses(), side)
     unrecorded = unrecorded_in(found, *reports.sent_by(side), side)

@@ -95,9 +95,8 @@ def _there_are(spans: Sequence[ArmedSpan], where: str) -> str:
 def armed_spans(recording: Recording) -> list[ArmedSpan]:
     origin, spans = recording.origin_ns() or 0, ArmedSpans()
     with reading("looking for dives", recording.size) as recording.advance:
-        for raw in recording.raw():
-            if raw.key == topics.STATUS.key:
-                status = recording.decode(raw)
-                if isinstance(status, VehicleStatus):
-                    spans.see(status, (raw.log_ns - origin) / 1e9)
+        for raw in recording.raw(topics.STATUS.covers):
+            status = recording.decode(raw)
+            if isinstance(status, VehicleStatus):
+                spans.see(status, (raw.log_ns - origin) / 1e9)
     return spans.found

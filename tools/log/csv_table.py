@@ -8,6 +8,7 @@ import msgspec
 
 from tools.log.flatten import Row, TableColumn
 from tools.log.tables import RowTable, Tables, write_tables
+from tools.log.topic_patterns import Topics
 
 ENCODE = msgspec.json.Encoder().encode
 BUFFER = 256 * 1024  # [bytes]
@@ -57,7 +58,7 @@ def csv_table(path: Path, columns: list[TableColumn]) -> RowTable:
     return CsvTable(path, columns)
 
 
-def csv(recording: Path, *, out: Tables = None) -> int:
+def csv(recording: Path, *, out: Tables = None, topics: Topics = ()) -> int:
     """Write every topic as a table: one CSV file each.
 
     In a new folder. RECORDING is a dive's folder or its MCAP file. Times: t_s, seconds since the
@@ -66,5 +67,6 @@ def csv(recording: Path, *, out: Tables = None) -> int:
     read, or the file is damaged or was not finished.
 
     Example: lindy log csv dives/latest --out tables
+             lindy log csv dives/latest --topics state 'sensor/*' --out tables
     """
-    return write_tables(recording, out, "csv", csv_table)
+    return write_tables(recording, out, "csv", csv_table, topics)

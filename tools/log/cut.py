@@ -1,7 +1,6 @@
 """`lindy log cut`: a part of a recording as a recording of its own."""
 
-from collections.abc import Iterable, Sequence
-from fnmatch import fnmatchcase
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -11,12 +10,12 @@ from mcap.records import Channel, Metadata
 
 from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import nearest
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
+from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import Described, StoredMessage
+from tools.recordings.mcap_records import Reading, Span, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -52,16 +51,13 @@ def cut(
             "info`: armed to disarmed, with 5 s before and after, and nothing of another dive",
         ),
     ] = None,
-    topics: Annotated[
-        tuple[str, ...],
-        Parameter(consume_multiple=True, help="keys, or patterns such as 'sensor/*'; default: all"),
-    ] = (),
+    topics: Topics = (),
 ) -> int:
     """Cut a part out, as a recording of its own.
 
     Any MCAP reader opens it. RECORDING is a dive's folder or its MCAP file. Attached files and
     schemas are kept, and so are the seconds: a part of a part has those of the whole. Exit status
-    3: the recording is damaged or was not finished.
+    3: the recording is damaged in that part, or was not finished.
 
     Example: lindy log cut dives/latest --from 30 --to 40 --topics state 'sensor/*' --out part.mcap
              lindy log cut dives/class/rov1 --dive 2 --out dive2.mcap
@@ -95,11 +91,11 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
         raise LindyError(f"{recording.files[0]} holds no messages")
     begin = origin + round(wanted.from_s * 1e9)
     end = inf if wanted.to_s == inf else origin + round(wanted.to_s * 1e9)
-    keys = dict[str, bool]()
+    keys = set[str]()
     with reading("cutting", recording.size) as recording.advance, new_mcap(out) as copy:
         for file in recording.files:
             copy.next_file()
-            _add(recording.records(file), copy, (begin, end), wanted.topics, keys)
+            _add(recording, file, copy, (begin, end), wanted.topics, keys)
         _require_some(recording, wanted, copy, keys)
         earlier = recording.metadata(CUT)
         copy.metadata(Metadata(CUT, _noted(wanted, earlier, origin)))
@@ -107,35 +103,29 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
 
 
 def _add(
-    found: Iterable[StoredMessage | Described],
+    recording: Recording,
+    file: Path,
     copy: McapCopy,
-    span: tuple[float, float],
+    span: Span,
     patterns: Sequence[str],
-    keys: dict[str, bool],
+    keys: set[str],
 ) -> None:
-    kept: dict[int, bool] = {}  # by channel
     begin, end = span
-    for record in found:
+
+    def readings(channel: Channel) -> Reading:
+        keys.add(channel.topic)
+        return Reading(is_chosen(channel.topic, patterns))
+
+    for record in recording.records(file, readings, span):
         if isinstance(record, StoredMessage):
-            if begin <= record.log_ns < end and kept.get(record.channel_id, False):
+            if begin <= record.log_ns < end:
                 copy.add(record)
-            continue
-        if isinstance(record, Channel):
-            key = record.topic
-            keys[key] = kept[record.id] = not patterns or any(fnmatchcase(key, p) for p in patterns)
-        if not (isinstance(record, Metadata) and record.name in (HASH, CUT)):
+        elif not (isinstance(record, Metadata) and record.name in (HASH, CUT)):
             copy.add(record)
 
 
-def _require_some(
-    recording: Recording, wanted: WantedPart, copy: McapCopy, keys: dict[str, bool]
-) -> None:
-    for pattern in wanted.topics:
-        if not any(fnmatchcase(key, pattern) for key in keys):
-            raise LindyError(
-                f"--topics: no topic of {recording.files[0]} is {pattern!r}"
-                f"{nearest(pattern, sorted(keys))}"
-            )
+def _require_some(recording: Recording, wanted: WantedPart, copy: McapCopy, keys: set[str]) -> None:
+    require_known(wanted.topics, keys, recording.files[0])
     if not copy.messages:
         until = "its end" if wanted.to_s == inf else f"{wanted.to_s:g} s"
         raise LindyError(

@@ -75,9 +75,7 @@ def pictures(
     left_out = set() if left_out is None else left_out
     assembler, seen = Assembler(), deque[FilmPlace](maxlen=LATEST)
     mode, water, tilt, seq, broken = "", None, 0.0, None, True
-    for raw in recording.raw():
-        if raw.key not in keys:
-            continue
+    for raw in recording.raw(keys.__contains__):
         match recording.decode(raw):
             case VehicleState() as state:
                 place = _place(state, raw.publish_ns, mode)
@@ -125,9 +123,7 @@ def marks(recording: Recording, camera: str = "") -> list[tuple[FilmKind, int]]:
         camera: of this one only; empty: of all.
     """
     found = dict[str, tuple[FilmKind, int]]()
-    for raw in recording.raw():
-        if raw.key != topics.FILM_REQUEST.key:
-            continue
+    for raw in recording.raw(topics.FILM_REQUEST.covers):
         message = recording.decode(raw)
         if isinstance(message, FilmRequest):
             own = message.kind == "end" or (message.camera or FIRST) == camera

@@ -20,8 +20,9 @@ from tools.choices import Json
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
 from tools.log.text_table import harmless, table
 from tools.recordings.dive_file import FlownDive, flown_dive
+from tools.recordings.mcap_records import Noticed
 from tools.recordings.progress import reading
-from tools.recordings.recording import Raw, Recording, is_whole, open_recording
+from tools.recordings.recording import Recording, is_whole, open_recording
 from tools.report.summary import lined_up
 
 LOG = topics.LOG.key[:-1]
@@ -86,20 +87,26 @@ class Gathered:
         self.events: list[SeenEvent] = []
         self.armed = ArmedSpans()
         self.clock: Clock | None = None
-        self._origin_ns = origin_ns
+        self.origin_ns = origin_ns  # [ns] UTC from which its seconds count
         self._status: VehicleStatus | None = None
 
-    def see(self, raw: Raw) -> float:
-        """Any message; returns when it arrived [s]."""
-        t = (raw.log_ns - self._origin_ns) / 1e9
-        if (seen := self.topics.get(raw.key)) is None:
-            topic = topics.find(raw.key)
-            name = "" if topic is None else topic.message.__name__
-            seen = self.topics[raw.key] = TopicInfo(type=name)
-        seen.count += 1
-        seen.bytes += len(raw.data)
-        seen.first_s, seen.last_s = min(seen.first_s, t), max(seen.last_s, t)
-        return t
+    def noticing(self, key: str) -> Noticed:
+        """What is told of every message of a key."""
+        topic = topics.find(key)
+        name = "" if topic is None else topic.message.__name__
+        seen = self.topics.setdefault(key, TopicInfo(type=name))
+        origin_ns = self.origin_ns
+
+        def see(_sequence: int, log_ns: int, _publish_ns: int, size: int) -> None:
+            t = (log_ns - origin_ns) / 1e9
+            seen.count += 1
+            seen.bytes += size
+            if t < seen.first_s:
+                seen.first_s = t
+            if t > seen.last_s:
+                seen.last_s = t
+
+        return see
 
     def read(self, message: Message, t: float) -> None:
         match message:
@@ -149,15 +156,13 @@ def info(recording: Path, *, json: Json = False) -> int:
 def info_of(recording: Recording) -> Info:
     origin = recording.origin_ns()
     gathered = Gathered(origin or 0)
-    for raw in recording.raw():
-        t = gathered.see(raw)
-        if raw.key in KEYS or raw.key.startswith(LOG):
-            message = recording.decode(raw)
-            if message is not None:
-                gathered.read(message, t)
+    for raw in recording.raw(_is_read, gathered.noticing):
+        if (message := recording.decode(raw)) is not None:
+            gathered.read(message, (raw.log_ns - gathered.origin_ns) / 1e9)
     damage = recording.damage
-    seen, clock = gathered.topics.values(), gathered.clock
-    first = min((topic.first_s for topic in seen), default=0.0)
+    seen = {key: topic for key, topic in sorted(gathered.topics.items()) if topic.count}
+    clock = gathered.clock
+    first = min((topic.first_s for topic in seen.values()), default=0.0)
     about = dict[str, str]()
     attached = dict[str, Attached]()
     for record in recording.described():
@@ -176,16 +181,20 @@ def info_of(recording: Recording) -> Info:
         utc=f"{datetime.fromtimestamp((origin or 0) / 1e9, UTC):%Y-%m-%dT%H:%M:%SZ}"
         if real
         else None,
-        seconds=max((topic.last_s for topic in seen), default=0.0) - first,
+        seconds=max((topic.last_s for topic in seen.values()), default=0.0) - first,
         armed_seconds=sum(span.seconds for span in gathered.armed.found),
         dives=gathered.armed.found,
         clock_offset_ms=None if clock is None else (clock.offset_ns or 0) / 1e6,
         clock_bound_ms=None if clock is None or clock.bound_ns is None else clock.bound_ns / 1e6,
         log_hash=recording.metadata("hash").get("sha256"),
-        topics=dict(sorted(gathered.topics.items())),
+        topics=seen,
         attachments=[*attached.values()],
         events=gathered.events,
     )
+
+
+def _is_read(key: str) -> bool:
+    return key in KEYS or key.startswith(LOG)
 
 
 def as_text(found: Info) -> str:

@@ -41,6 +41,12 @@ class Numbering:
     _missing: dict[tuple[int, int], int] = field(default_factory=dict[tuple[int, int], int])
 
     def see(self, number: int, publish_ns: int, log_ns: int) -> None:
+        if len(self._senders) == 1 and number == (only := self._senders[0]).last + 1:
+            only.last, only.last_ns = number, log_ns  # as nearly all do
+            only.publish_ns = max(only.publish_ns, publish_ns)
+            only.seen += 1
+            self.recorded += 1
+            return
         index = self._sender_of(number, publish_ns)
         if index is None:
             self._senders.append(Sender(number, number, log_ns, publish_ns, 1))

@@ -9,6 +9,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.log.flatten import Row, TableColumn
 from tools.log.tables import RowTable, Tables, write_tables
+from tools.log.topic_patterns import Topics
 
 BATCH = 20_000  # rows that are kept until they are written
 
@@ -77,7 +78,7 @@ def parquet_table(path: Path, columns: list[TableColumn]) -> RowTable:
     return ParquetTable(path, columns)
 
 
-def parquet(recording: Path, *, out: Tables = None) -> int:
+def parquet(recording: Path, *, out: Tables = None, topics: Topics = ()) -> int:
     """Write every topic as a table: one Parquet file each.
 
     The same tables as CSV, smaller and with types. It needs pyarrow (extra `tables`). RECORDING is
@@ -87,4 +88,4 @@ def parquet(recording: Path, *, out: Tables = None) -> int:
     Example: lindy log parquet dives/latest --out tables
     """
     require_pyarrow()
-    return write_tables(recording, out, "parquet", parquet_table)
+    return write_tables(recording, out, "parquet", parquet_table, topics)

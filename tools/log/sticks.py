@@ -118,11 +118,10 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
         LindyError: nobody flew in it.
     """
     heard = HeardSticks()
-    for raw in recording.raw():
-        if raw.key in KEYS or raw.key.startswith(LOG):
-            message = recording.decode(raw)
-            if message is not None:
-                heard.add(message)
+    for raw in recording.raw(lambda key: key in KEYS or key.startswith(LOG)):
+        message = recording.decode(raw)
+        if message is not None:
+            heard.add(message)
     began = heard.armed_ns if heard.began_ns is None else heard.began_ns
     commands = sorted(heard.commands, key=lambda command: command.stamp_ns)
     commands = [c for c in commands if began is not None and c.stamp_ns >= began]

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Protocol, cast
 
@@ -18,8 +18,9 @@ from tools.choices import named
 from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import Flattening, Row, TableColumn
 from tools.log.text_table import harmless
+from tools.log.topic_patterns import is_chosen, require_known
 from tools.recordings.dive_file import flown_dive
-from tools.recordings.mcap_records import StoredMessage
+from tools.recordings.mcap_records import Reading, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -103,13 +104,16 @@ class OpenTable:
         return self._new(self._folder / f"{name}{self._suffix}", columns)
 
 
-def write_tables(path: Path, out: Path | None, kind: str, new: NewTable) -> int:
+def write_tables(
+    path: Path, out: Path | None, kind: str, new: NewTable, patterns: Sequence[str] = ()
+) -> int:
     """Write the tables, and print what they are. Returns the exit status: 3 when a message could
     not be read, or the recording is damaged or was not finished.
 
     Args:
         out: folder; None: beside the recording.
         kind: suffix of the files, without its dot.
+        patterns: of the topics that are wanted; empty: all.
 
     Raises:
         LindyError: there is no recording, nothing to write, or the folder cannot be written.
@@ -118,12 +122,13 @@ def write_tables(path: Path, out: Path | None, kind: str, new: NewTable) -> int:
     origin = recording.origin_ns()
     if origin is None:
         raise LindyError(f"{path} holds no messages")
+    require_known(patterns, recording.keys() if patterns else (), recording.files[0])
     wanted = out or (path / kind if path.is_dir() else path.with_name(f"{path.stem}-{kind}"))
     try:
         folder = fresh_folder(wanted, lambda found: any(found.iterdir()))
         opener = OpenTable(folder, f".{kind}", new, thruster_names(recording))
         with reading(f"writing {kind}", recording.size) as recording.advance:
-            rows, unread = _fill(recording, origin, opener)
+            rows, unread = _fill(recording, origin, opener, patterns)
     except FileExistsError as error:
         raise LindyError(
             f"cannot write {error.filename or wanted}: {EXISTS.format('--out')}"
@@ -140,14 +145,14 @@ def write_tables(path: Path, out: Path | None, kind: str, new: NewTable) -> int:
 
 
 def _fill(
-    recording: Recording, origin_ns: int, opener: OpenTable
+    recording: Recording, origin_ns: int, opener: OpenTable, patterns: Sequence[str]
 ) -> tuple[dict[str, int], Counter[str]]:
     """Rows by topic, and the messages that are in no table, by the reason."""
     tables: dict[str, TopicTable] = {}
     unread = Counter[str]()
     try:
         for file in recording.files:
-            _fill_from(recording, file, origin_ns, opener, tables, unread)
+            _fill_from(recording, file, origin_ns, opener, tables, unread, patterns)
     finally:
         for table in tables.values():
             table.close()
@@ -161,15 +166,17 @@ def _fill_from(
     opener: OpenTable,
     tables: dict[str, TopicTable],
     unread: Counter[str],
+    patterns: Sequence[str],
 ) -> None:
+    def readings(channel: Channel) -> Reading:
+        key = channel.topic
+        return Reading(not is_view(key) and is_chosen(key, patterns))
+
     schemas: dict[int, Schema] = {}
     of_channel: dict[int, TopicTable] = {}
     other: dict[int, str] = {}  # channels of which no table is made, and why
-    views = set[int]()  # channels that were computed from others, for Foxglove
-    for record in recording.records(file):
+    for record in recording.records(file, readings):
         if isinstance(record, StoredMessage):
-            if record.channel_id in views:
-                continue
             table = of_channel.get(record.channel_id)
             if table is None:
                 unread[other.get(record.channel_id, "of an unknown topic")] += 1
@@ -180,8 +187,6 @@ def _fill_from(
                 unread[f"{table.key}: {error}"] += 1
         elif isinstance(record, Schema):
             schemas[record.id] = record
-        elif isinstance(record, Channel) and is_view(record.topic):
-            views.add(record.id)
         elif isinstance(record, Channel):
             if record.message_encoding != "json":
                 other[record.id] = f"{record.topic}: it is {record.message_encoding}, not JSON"

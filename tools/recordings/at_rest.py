@@ -57,9 +57,7 @@ def read(recording: Recording) -> HeardAtRest:
     rows: dict[str, list[tuple[float, ...]]] = {key: [] for key in KEYS}
     newest: dict[str, int] = {}
     statuses: list[tuple[float, bool]] = []  # [s] and whether it was armed
-    for raw in recording.raw():
-        if raw.key not in rows and raw.key != topics.STATUS.key:
-            continue
+    for raw in recording.raw(lambda key: key in rows or key == topics.STATUS.key):
         if (message := recording.decode(raw)) is None:
             continue
         if isinstance(message, VehicleStatus):

@@ -25,7 +25,8 @@ RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 FOOTER = struct.Struct("<BQQQI")  # opcode, length, starts of the summary and its offsets, checksum
 CHECKSUM = 4  # [bytes]
 DATA_END = RECORD_HEAD.size + CHECKSUM  # [bytes]; it is directly before the summary
-CHUNK_INDEX = struct.Struct("<QQQ")  # first and last log time, where the chunk begins
+CHUNK_INDEX = struct.Struct("<QQQQI")  # log times, where the chunk begins, its length, a map's …
+INDEX_LENGTH = struct.Struct("<Q")  # … [bytes] behind which is that of the message indices
 WHERE = struct.Struct("<Q")  # how an index of an attachment or of metadata begins
 STATISTICS = struct.Struct("<Q")  # how they begin: number of messages
 
@@ -38,6 +39,7 @@ class FileIndex:
     damaged_at: int | None = None  # [bytes] where the summary begins that cannot be read
     messages: int | None = None  # that the file says it has
     opcodes: dict[int, int] = field(default_factory=dict[int, int])  # of records, by position
+    indices: dict[int, int] = field(default_factory=dict[int, int])  # [bytes] behind each chunk
     described: list[Schema | Channel] = field(default_factory=list[Schema | Channel])
 
     @cached_property
@@ -95,7 +97,10 @@ def _read(summary: bytes, start: int) -> FileIndex:
             raise ValueError("a damaged summary")
         match opcode:
             case Opcode.CHUNK_INDEX:
-                found.opcodes[CHUNK_INDEX.unpack_from(content)[2]] = Opcode.CHUNK
+                *_, position, _, offsets = CHUNK_INDEX.unpack_from(content)
+                (length_behind,) = INDEX_LENGTH.unpack_from(content, CHUNK_INDEX.size + offsets)
+                found.opcodes[position] = Opcode.CHUNK
+                found.indices[position] = length_behind
             case Opcode.METADATA_INDEX:
                 found.opcodes[WHERE.unpack_from(content)[0]] = Opcode.METADATA
             case Opcode.ATTACHMENT_INDEX:

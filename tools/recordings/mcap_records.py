@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from io import BytesIO
+from math import inf
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -25,7 +26,9 @@ from tools.recordings.mcap_index import DAMAGE, RECORD_HEAD, FileIndex, index_of
 
 DIVE, LOSSES, MERGED = "dive", "losses", "merged"  # metadata of Lindy's files
 MENDED_BY = "lindy log recover makes a whole file of the rest"
-MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+MESSAGE = int(Opcode.MESSAGE)
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time
+CHUNK_TIMES = struct.Struct("<QQ")  # first and last log time, how a chunk begins
 ZSTD = b"\x04\x00\x00\x00zstd"  # in the head of a chunk …
 LARGEST_CHUNK = 100_000_000  # [bytes] uncompressed; what others write has a few million
 SLICE = 4096  # [bytes] that are uncompressed at once: no more than 70 MB can come out of it
@@ -33,6 +36,9 @@ ZSTD_AT = 37  # [bytes] … behind its beginning
 CHUNK_NUMBERS = struct.Struct("<QQQI")  # first and last log time, size, checksum
 LETTERS, LENGTH = struct.Struct("<I"), struct.Struct("<Q")
 At = Callable[[int], None]
+Noticed = Callable[[int, int, int, int], None]  # sequence, log [ns], publish [ns], size [bytes]
+Span = tuple[float, float]  # [ns] UTC from, inclusive, and to, exclusive
+ALWAYS = (-inf, inf)
 
 
 def nowhere(_: int) -> None:
@@ -48,6 +54,22 @@ class StoredMessage(NamedTuple):
 
 
 Described = Attachment | Channel | Metadata | Schema
+
+
+class Reading(NamedTuple):
+    """What a reader does with the messages of a channel."""
+
+    wanted: bool = True  # they are given to it; else they are passed over
+    noticed: Noticed | None = None  # told of each in any case, before any of its chunk is given
+
+
+Readings = Callable[[Channel], Reading]
+
+
+def everything(_: Channel) -> Reading:
+    return Reading()
+
+
 READ: dict[int, Callable[[ReadDataStream], Described]] = {
     Opcode.ATTACHMENT: Attachment.read,
     Opcode.CHANNEL: Channel.read,
@@ -62,17 +84,10 @@ class Damage:
     def __init__(self) -> None:
         self.places: list[int] = []  # [bytes] where a record begins that cannot be read
         self.cut_off = False  # the file ends in the middle of a record, or before its end
-        self.messages = 0  # that were read
+        self.messages = 0  # that were read, or passed over in a sound chunk
+        self.passed_over = False  # chunks were: what is in them is not known
         self.metadata: set[str] = set()  # names of those that were read
         self.index = FileIndex()
-
-    def see(self, found: list["StoredMessage | Described"]) -> None:
-        """What was read."""
-        for record in found:
-            if isinstance(record, StoredMessage):
-                self.messages += 1
-            elif isinstance(record, Metadata):
-                self.metadata.add(record.name)
 
     def in_words(self, name: str) -> list[str]:
         """What a reader of the file should know, one sentence each; nothing where it is whole.
@@ -81,7 +96,7 @@ class Damage:
             name: of the file.
         """
         named = self.index.messages
-        lost = None if named is None else named - self.messages
+        lost = None if named is None or self.passed_over else named - self.messages
         places = [*self.places, *filter(None, [self.index.damaged_at])]
         found: list[str] = []
         if places:
@@ -119,20 +134,27 @@ def records(
     open_beginnings: bool = False,
     at: At = nowhere,
     damage: Damage | None = None,
+    readings: Readings = everything,
+    within: Span = ALWAYS,
 ) -> Iterator[StoredMessage | Described]:
-    """Everything in a file, also what follows a damaged record. Behind the first damaged one come
-    the schemas and channels that the summary describes, in case that it had them.
+    """Everything in a file, also what follows a damaged record. Behind the first one that is
+    damaged or passed over come the schemas and channels that the summary describes, in case that it
+    had them.
 
     Args:
         open_chunks: also what is in its chunks.
         open_beginnings: also what is in a chunk that is cut off.
         at: told how far it has been read [bytes].
         damage: told what cannot be read; complete at the end.
+        readings: of which channels the messages are wanted.
+        within: chunks without a message in this time are not opened, where there is a summary;
+            messages before and after it may be given.
     """
     damage = Damage() if damage is None else damage
     with path.open("rb") as stream:
-        reader = _RecordReader(stream, path.stat().st_size, open_chunks=open_chunks)
-        index = damage.index = reader.index
+        size = path.stat().st_size
+        reader = _RecordReader(stream, size, damage, readings, within, open_chunks=open_chunks)
+        described = False
         position = len(MAGIC)
         while True:
             at(position)
@@ -145,14 +167,17 @@ def records(
                     if open_beginnings:
                         yield from reader.beginning(position)
                     return
-                if not damage.places:
-                    yield from index.described
+                if not described:
+                    described = True
+                    yield from reader.known()
                 damage.places.append(position)
                 position = beyond
                 continue
             if opcode == Opcode.DATA_END:
                 return
-            damage.see(found)
+            if damage.passed_over and not described:
+                described = True
+                yield from reader.known()
             yield from found
             if after is None:
                 damage.cut_off = True
@@ -163,10 +188,22 @@ def records(
 class _RecordReader:
     """Reads one record after the other, and finds the next behind one that is damaged."""
 
-    def __init__(self, stream: BinaryIO, size: int, *, open_chunks: bool) -> None:
-        self.index = index_of(stream, size)
+    def __init__(
+        self,
+        stream: BinaryIO,
+        size: int,
+        damage: Damage,
+        readings: Readings,
+        within: Span,
+        *,
+        open_chunks: bool,
+    ) -> None:
+        self.index = damage.index = index_of(stream, size)
         self._stream = stream
         self._size = size  # [bytes]
+        self._damage = damage
+        self._splitting = _Splitting(readings)
+        self._within = within
         self._open_chunks = open_chunks
         self._chunked = self.index.has_chunks  # then there is no message outside a chunk
 
@@ -187,7 +224,7 @@ class _RecordReader:
             raise ValueError("it ends behind the beginning of the next one")
         if opcode == Opcode.CHUNK:
             self._chunked = True
-            return self._chunk(length, after) if self._open_chunks else (opcode, [], after)
+            return self._chunk(position, length, after)
         if opcode == Opcode.MESSAGE and self._chunked:
             raise ValueError("a message outside a chunk")
         if opcode != Opcode.MESSAGE and opcode not in READ:
@@ -195,14 +232,34 @@ class _RecordReader:
         content = self._stream.read(length)
         if opcode == Opcode.ATTACHMENT:
             _check_attachment(content)
-        return opcode, [*_split(head + content)], after
+        found = self._splitting.split(head + content)
+        self._damage.messages += opcode == Opcode.MESSAGE
+        self._damage.metadata.update(each.name for each in found if isinstance(each, Metadata))
+        return opcode, found, after
 
     def _chunk(
-        self, length: int, after: int
+        self, position: int, length: int, after: int
     ) -> tuple[int, list[StoredMessage | Described], int | None]:
-        data, whole = _uncompressed(self._stream, length)
-        goes_on = whole or self.index.has_chunks
-        return Opcode.CHUNK, [*_split(data)], after if goes_on else None
+        behind = after + self.index.indices.get(position, 0)  # of its messages, which nobody needs
+        if not self._open_chunks:
+            return Opcode.CHUNK, [], behind
+        content = self._stream.read(length)
+        first, last = CHUNK_TIMES.unpack_from(content)
+        begin, end = self._within
+        if self.index.has_chunks and (last < begin or first >= end):
+            self._damage.passed_over = True
+            return Opcode.CHUNK, [], behind
+        data, whole = _uncompressed(content)
+        before = self._splitting.messages
+        found = self._splitting.split(data)
+        self._damage.messages += self._splitting.messages - before
+        return Opcode.CHUNK, found, behind if whole or self.index.has_chunks else None
+
+    def known(self) -> list[Schema | Channel]:
+        """Everything that the summary describes."""
+        for record in self.index.described:
+            self._splitting.see(record)
+        return self.index.described
 
     def beyond(self, position: int) -> int | None:
         """[bytes] Where the record behind a damaged one begins; None: there is no more."""
@@ -238,7 +295,7 @@ class _RecordReader:
         self._stream.seek(position)
         head = self._stream.read(RECORD_HEAD.size)
         if len(head) == RECORD_HEAD.size and head[0] == Opcode.CHUNK:
-            yield from _split_whole(_beginning(self._stream.read()))
+            yield from _split_whole(_beginning(self._stream.read()), self._splitting)
 
 
 def _check_attachment(content: bytes) -> None:
@@ -251,13 +308,13 @@ def _check_attachment(content: bytes) -> None:
         raise ValueError("a damaged attachment")
 
 
-def _uncompressed(stream: BinaryIO, length: int) -> tuple[bytes, bool]:
+def _uncompressed(content: bytes) -> tuple[bytes, bool]:
     """The records in a chunk, checked by its CRC; and whether the chunk is whole.
 
     The last chunk is not when its writer was killed between the two writes of a flush: its head is
     then still that of the flush before, and describes the beginning of the data.
     """
-    chunk = Chunk.read(ReadDataStream(BytesIO(stream.read(length))))
+    chunk = Chunk.read(ReadDataStream(BytesIO(content)))
     if chunk.uncompressed_size > LARGEST_CHUNK:
         size = f"{chunk.uncompressed_size / 1e6:.0f} MB in one chunk"
         raise ValueError(f"{size}, allowed is {LARGEST_CHUNK // 1_000_000}")
@@ -296,7 +353,7 @@ def _beginning(chunk: bytes) -> bytes:
     return b""
 
 
-def _split_whole(data: bytes) -> Iterator[StoredMessage | Described]:
+def _split_whole(data: bytes, splitting: "_Splitting") -> Iterator[StoredMessage | Described]:
     """The records in it, up to one that is cut off or makes no sense."""
     at, end = 0, len(data)
     with suppress(*DAMAGE):
@@ -305,19 +362,60 @@ def _split_whole(data: bytes) -> Iterator[StoredMessage | Described]:
             after = at + RECORD_HEAD.size + length
             if after > end:
                 return
-            yield from _split(data[at:after])
+            yield from splitting.split(data[at:after])
             at = after
 
 
-def _split(data: bytes) -> Iterator[StoredMessage | Described]:
-    at, end = 0, len(data)
-    while at < end:
+class _Splitting:
+    """Takes records apart, without the messages that are not wanted: of those no more is read than
+    how long they are. A recording of a day has 90 million."""
+
+    def __init__(self, readings: Readings) -> None:
+        self.messages = 0  # so far
+        self._readings = readings
+        self._passed_over: set[int] = set()  # channels
+        self._noticed: dict[int, Noticed] = {}  # by channel
+
+    def see(self, record: Described) -> None:
+        """Before the first message of its channel."""
+        if isinstance(record, Channel):
+            wanted, noticed = self._readings(record)
+            self._passed_over.discard(record.id)
+            self._noticed.pop(record.id, None)
+            if not wanted:
+                self._passed_over.add(record.id)
+            if noticed is not None:
+                self._noticed[record.id] = noticed
+
+    def split(self, data: bytes) -> list[StoredMessage | Described]:
+        """
+        Raises:
+            DAMAGE: it makes no sense.
+        """
+        found: list[StoredMessage | Described] = []
+        at, end, messages = 0, len(data), 0
+        passed_over, tell, unpack = self._passed_over, self._noticed, MESSAGE_HEAD.unpack_from
+        while at < end:
+            if data[at] != MESSAGE:
+                at = self._other(data, at, found)
+                continue
+            _, length, channel, sequence, log_ns, publish_ns = unpack(data, at)
+            begin = at + MESSAGE_HEAD.size
+            at += RECORD_HEAD.size + length
+            messages += 1
+            if channel in tell:
+                tell[channel](sequence, log_ns, publish_ns, at - begin)
+            if channel not in passed_over:
+                found.append(StoredMessage(channel, sequence, log_ns, publish_ns, data[begin:at]))
+        self.messages += messages
+        return found
+
+    def _other(self, data: bytes, at: int, found: list[StoredMessage | Described]) -> int:
+        """A record that is no message. Returns where it ends."""
         opcode, length = RECORD_HEAD.unpack_from(data, at)
-        at += RECORD_HEAD.size
-        content = at + MESSAGE_HEAD.size
-        if opcode == Opcode.MESSAGE:
-            channel, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(data, at)
-            yield StoredMessage(channel, sequence, log_ns, publish_ns, data[content : at + length])
-        elif (read := READ.get(opcode)) is not None:
-            yield read(ReadDataStream(BytesIO(data[at : at + length])))
-        at += length
+        begin = at + RECORD_HEAD.size
+        if (read := READ.get(opcode)) is not None:
+            record = read(ReadDataStream(BytesIO(data[begin : begin + length])))
+            self.see(record)
+            found.append(record)
+        return begin + length

@@ -25,7 +25,20 @@ from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
-from tools.recordings.mcap_records import Damage, Described, StoredMessage, nowhere, records
+from tools.recordings.mcap_index import index_of
+from tools.recordings.mcap_records import (
+    ALWAYS,
+    Damage,
+    Described,
+    Noticed,
+    Reading,
+    Readings,
+    Span,
+    StoredMessage,
+    everything,
+    nowhere,
+    records,
+)
 from tools.recordings.older_names import as_today
 
 COUNT = re.compile(r"[0-9]{1,16}")  # what a recorder writes; anybody may have altered it
@@ -40,6 +53,14 @@ class Raw(NamedTuple):
     log_ns: int  # [ns] UTC of arrival
     publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
     sequence: int = 0  # the publisher's count, modulo 2³²
+
+
+def always(_: str) -> bool:
+    return True
+
+
+def nobody(_: str) -> None:
+    return None
 
 
 class RecordedMessage(NamedTuple):
@@ -68,14 +89,31 @@ class Recording:
             if (message := self.decode(raw)) is not None:
                 yield RecordedMessage(raw.key, message, raw.log_ns, raw.publish_ns)
 
-    def raw(self) -> Iterator[Raw]:
+    def raw(
+        self,
+        wants: Callable[[str], bool] = always,
+        noticing: Callable[[str], Noticed | None] = nobody,
+    ) -> Iterator[Raw]:
         """Every message, not decoded: for readers that need few of them. What is recorded for
-        Foxglove is computed from these, and left out."""
+        Foxglove is computed from these, and left out.
+
+        Args:
+            wants: which keys; the messages of others are passed over.
+            noticing: for a key, who is told of each of its messages, wanted or not: by the time
+                that one is given, of every message up to it and of some behind.
+        """
+
+        def readings(channel: Channel) -> Reading:
+            key = channel.topic
+            if is_view(key):
+                return Reading(wanted=False)
+            return Reading(wants(key), noticing(key))
+
         for path in self.files:
             channels: dict[int, str] = {}
             renaming: dict[int, Callable[[bytes], bytes] | None] = {}  # by schema
             older: dict[int, Callable[[bytes], bytes]] = {}  # by channel
-            for record in self.records(path):
+            for record in self.records(path, readings):
                 if isinstance(record, StoredMessage):
                     if (key := channels.get(record.channel_id)) is not None:
                         rename = older.get(record.channel_id)
@@ -88,23 +126,44 @@ class Recording:
                     if rename := renaming.get(record.schema_id):
                         older[record.id] = rename
 
-    def records(self, path: Path) -> Iterator[StoredMessage | Described]:
-        """Everything in one of its files. `damage` knows what is wrong with it at the end."""
+    def records(
+        self, path: Path, readings: Readings = everything, within: Span = ALWAYS
+    ) -> Iterator[StoredMessage | Described]:
+        """Everything in one of its files, as `mcap_records.records` gives it. `damage` knows what
+        is wrong with it at the end."""
         before = sum(file.stat().st_size for file in self.files[: self.files.index(path)])
-        damage, contents, keys = Damage(), Contents(), dict[int, str]()
+        damage, at = Damage(), self._counting_from(before)
+        if self.verifies:
+            yield from self._verified(path, readings, at, damage)
+        else:
+            yield from records(path, at=at, damage=damage, readings=readings, within=within)
+        self._read[path] = damage
+
+    def _verified(
+        self, path: Path, readings: Readings, at: Callable[[int], None], damage: Damage
+    ) -> Iterator[StoredMessage | Described]:
+        """What `readings` wants of a file, of which every message is read for the checksum."""
+        contents, keys, passed_over = Contents(), dict[int, str](), set[int]()
         said = ""  # the checksum
-        for record in records(path, at=self._counting_from(before), damage=damage):
-            if self.verifies and isinstance(record, StoredMessage):
+
+        def all_of_it(channel: Channel) -> Reading:
+            wanted = readings(channel)
+            (passed_over.discard if wanted.wanted else passed_over.add)(channel.id)
+            return Reading(noticed=wanted.noticed)
+
+        for record in records(path, at=at, damage=damage, readings=all_of_it):
+            if isinstance(record, StoredMessage):
                 if (key := keys.get(record.channel_id)) is not None:
                     times = record.log_ns, record.publish_ns
                     contents.add(key, record.data, *times, record.sequence)
+                if record.channel_id in passed_over:
+                    continue
             elif isinstance(record, Channel):
                 keys[record.id] = record.topic
             elif isinstance(record, Metadata) and record.name == CONTENTS:
                 said = record.metadata.get("sha256", "")
             yield record
-        self._read[path] = damage
-        if self.verifies and said not in ("", contents.sha256):
+        if said not in ("", contents.sha256):
             self.altered.append(f"{path.name} is not what was recorded: its checksum differs")
 
     @property
@@ -140,6 +199,17 @@ class Recording:
             return int(whole)
         first = next(self.raw(), None)
         return None if first is None else first.log_ns
+
+    def keys(self) -> set[str]:
+        """Of its messages: from the summaries, or where there is none, by reading all of it."""
+        found: set[str] = set()
+        for path in self.files:
+            with path.open("rb") as stream:
+                described = index_of(stream, path.stat().st_size).described
+            for record in described or records(path, readings=lambda _: Reading(wanted=False)):
+                if isinstance(record, Channel) and not is_view(record.topic):
+                    found.add(record.topic)
+        return found
 
     def metadata(self, name: str) -> dict[str, str]:
         """Keys and values of all metadata records of that name; the last value counts."""

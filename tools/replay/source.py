@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.runtime.config.stack import Stack
-from tools.recordings.recording import Raw, Recording, open_recording
+from tools.recordings.recording import Raw, Recording, always, open_recording
 
 BACKWARDS_S = 0.01  # [s] less is no matter
 CUT = "cut"  # metadata: it is a part of another recording
@@ -72,8 +72,8 @@ class ReplaySource:
         lost = self.recording.losses()
         return sum(n for name, n in lost.items() if row_of(name) is MALFORMED)
 
-    def raw(self) -> Iterator[Raw]:
-        return self.recording.raw()
+    def raw(self, wants: Callable[[str], bool] = always) -> Iterator[Raw]:
+        return self.recording.raw(wants)
 
     @cached_property
     def span(self) -> tuple[int, int]:
@@ -82,11 +82,19 @@ class ReplaySource:
         Raises:
             LindyError: there is none.
         """
-        first, last = None, 0
-        for raw in self.raw():
-            first = raw.log_ns if first is None else min(first, raw.log_ns)
-            self._goes_back_ns = max(self._goes_back_ns, last - raw.log_ns)
-            last = max(last, raw.log_ns)
+        first: int | None = None
+        last = 0
+
+        def see(_sequence: int, log_ns: int, _publish_ns: int, _size: int) -> None:
+            nonlocal first, last
+            if first is None or log_ns < first:
+                first = log_ns
+            if log_ns < last:
+                self._goes_back_ns = max(self._goes_back_ns, last - log_ns)
+            last = max(last, log_ns)
+
+        for _ in self.recording.raw(lambda _: False, lambda _: see):
+            pass  # nothing is wanted
         if first is None:
             raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
         return first, last
@@ -127,9 +135,9 @@ class ReplaySource:
     def processes(self) -> dict[str, Process]:
         """The services that reported their health, by name."""
         found: dict[str, Process] = {}
-        for raw in self.raw():
+        for raw in self.raw(topics.HEALTH.covers):
             service = raw.key.removeprefix("health/")
-            if service == raw.key or service in found:
+            if service in found:
                 continue
             health = self.recording.decode(raw)
             if isinstance(health, Health):
@@ -142,11 +150,10 @@ class ReplaySource:
     def named_start_ns(self) -> int | None:
         """[ns] When `reference` was started, by the clock on board: the first epoch it grants says
         so to the microsecond. None: nothing was granted."""
-        for raw in self.raw():
-            if raw.key == topics.STATUS.key:
-                status = self.recording.decode(raw)
-                if isinstance(status, VehicleStatus) and status.epoch:
-                    return (status.epoch - 1) * 1000
+        for raw in self.raw(topics.STATUS.covers):
+            status = self.recording.decode(raw)
+            if isinstance(status, VehicleStatus) and status.epoch:
+                return (status.epoch - 1) * 1000
         return None
 
     @cached_property

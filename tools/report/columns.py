@@ -1,14 +1,21 @@
 """The topics that a report is made from, as columns of numbers.
 
-A dive of hours has millions of messages, so each one is reduced to a few figures as it is read. A
-column is a float64 array with one figure per message; None becomes NaN. Times are in ns of the
-vehicle's clock, exact in a float64 for the first 104 days after the computer was started.
+A dive of hours has millions of messages, so each one is reduced to a few figures as it is read, and
+beyond `BLOCK` rows of a stream these wait in a temporary file (90 MB for an hour of a dive, in the
+folder that TMPDIR names) until a column or a part of it is asked for. A column is a float64 array
+with one figure per message; None becomes NaN. Times are in ns of the vehicle's clock, exact in a
+float64 for the first 104 days after the computer was started.
 """
 
 import math
+import os
 from array import array
-from collections.abc import Callable
-from typing import Any, NamedTuple, get_args
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from io import FileIO
+from tempfile import TemporaryFile
+from typing import Any, NamedTuple, cast, get_args
+from weakref import finalize
 
 import msgspec
 import numpy as np
@@ -24,43 +31,146 @@ from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Failsafe, Reaction, Truth, VehicleStatus
 from messages.video import PICTURE_STAGES, PictureAge
+from services.recorder.io.open_chunk import write_at
 
 Array = NDArray[np.float64]
 Figures = tuple[float | None, ...]
 FAILSAFES: tuple[Failsafe, ...] = get_args(Failsafe)  # a status has the place in these
+BLOCK = 65_536  # rows: 11 minutes of a stream of 100 a second
+FIGURE = 8  # [bytes]
 REACTIONS: tuple[Reaction, ...] = get_args(Reaction)
 FLIGHT_MODES: tuple[FlightMode, ...] = get_args(FlightMode)
 
 
-class StreamColumns:
-    """The figures of one stream in the order of their first column, a time."""
+class _Block(NamedTuple):
+    begin: int  # number of its first row
+    length: int  # rows
+    where: int | Array  # [bytes] in the file, column by column; or the columns themselves
 
-    def __init__(self, names: tuple[str, ...], rows: Array) -> None:
-        if np.any(rows[1:, 0] < rows[:-1, 0]):  # else no copy: of a day these are gigabytes
-            rows = rows[np.argsort(rows[:, 0], kind="stable")]
-        self._columns = dict(zip(names, rows.T, strict=True))
-        self.count = len(rows)
+
+class RowBlocks:
+    """Rows of figures, `BLOCK` at a time: those that were added are on disk, where it has room."""
+
+    def __init__(self, width: int) -> None:
+        self.count = 0
+        self._width = width
+        self._file: FileIO | None = None
+        self._blocks: list[_Block] = []
+
+    def add(self, rows: Array, *, on_disk: bool) -> None:
+        """
+        Args:
+            rows: shape (any, width).
+            on_disk: they need not stay in memory.
+        """
+        columns = np.ascontiguousarray(rows.T)
+        block: int | Array = columns
+        if on_disk:
+            with suppress(OSError):  # full, or there is none: then they stay in memory
+                block = self._write(columns)
+        self._blocks.append(_Block(self.count, len(rows), block))
+        self.count += len(rows)
+
+    def column(self, place: int, first: int, last: int) -> Array:
+        """Rows `first` to before `last` of a column."""
+        parts = [
+            part
+            for block in self._blocks
+            if len(part := self._part(block, place, first - block.begin, last - block.begin))
+        ]
+        return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0), *parts])
+
+    def _part(self, block: "_Block", place: int, first: int, last: int) -> Array:
+        first, last = max(0, first), min(block.length, last)
+        if last <= first:
+            return np.empty(0)
+        if not isinstance(block.where, int):
+            return block.where[place, first:last]
+        assert self._file is not None
+        at = block.where + FIGURE * (place * block.length + first)
+        return np.frombuffer(os.pread(self._file.fileno(), FIGURE * (last - first), at))
+
+    def _write(self, columns: Array) -> int:
+        """
+        Raises:
+            OSError: there is no room for them.
+        """
+        if self._file is None:
+            self._file = TemporaryFile(prefix="lindy-", buffering=0)  # noqa: SIM115
+            finalize(self, self._file.close)  # it has no name: closed it is gone
+        at = self._file.seek(0, os.SEEK_END)
+        write_at(self._file, at, columns.tobytes())
+        return at
+
+
+class StreamColumns:
+    """The figures of one stream in the order of their first column, a time. Of a long dive a column
+    is read from the disk whenever it is named."""
+
+    def __init__(self, names: tuple[str, ...], rows: Array | RowBlocks) -> None:
+        if not isinstance(rows, RowBlocks):
+            blocks = RowBlocks(len(names))
+            blocks.add(rows, on_disk=False)
+            rows = blocks
+        self.count = rows.count
+        self._names, self._blocks = names, rows
+        self._order: NDArray[np.intp] | None = None  # None: as they came
+        times = self[names[0]]
+        if np.any(times[1:] < times[:-1]):
+            self._order = np.argsort(times, kind="stable")
 
     def __getitem__(self, name: str) -> Array:
-        return self._columns[name]
+        return self.part(name, 0, self.count)
+
+    def part(self, name: str, first: int, last: int) -> Array:
+        """Rows `first` to before `last` of a column."""
+        place = self._names.index(name)
+        if self._order is None:
+            return self._blocks.column(place, first, last)
+        return self._blocks.column(place, 0, self.count)[self._order[first:last]]
+
+    def parts(self, *names: str) -> Iterator[Sequence[Array]]:
+        """The same rows of some columns, at most `BLOCK` at a time; once without rows if there are
+        none."""
+        for first in range(0, max(1, self.count), BLOCK):
+            yield [self.part(name, first, min(first + BLOCK, self.count)) for name in names]
 
 
 class Gathering:
     """Collects the rows of one topic."""
 
-    def __init__(self, names: tuple[str, ...], figures: Callable[[Any], Figures]) -> None:
+    def __init__(
+        self, names: tuple[str, ...], figures: Callable[[Any], Figures], block: int = BLOCK
+    ) -> None:
+        """
+        Args:
+            block: rows that are kept in memory.
+        """
         self._names = names
         self._figures = figures
         self._values = array("d")
+        self._full = block * len(names)
+        self._blocks = RowBlocks(len(names))
 
     def add(self, message: object) -> None:
         figures = self._figures(message)
-        self._values.extend(math.nan if figure is None else figure for figure in figures)
+        values = self._values
+        if None in figures:
+            values.extend(math.nan if figure is None else figure for figure in figures)
+        else:
+            values.extend(cast(tuple[float, ...], figures))
+        if len(values) >= self._full:
+            self._put(on_disk=True)
 
     def columns(self) -> StreamColumns:
         """The rows so far; no more can be added then."""
+        self._put(on_disk=False)
+        return StreamColumns(self._names, self._blocks)
+
+    def _put(self, *, on_disk: bool) -> None:
         rows = np.asarray(self._values).reshape(-1, len(self._names))
-        return StreamColumns(self._names, rows)
+        self._blocks.add(rows, on_disk=on_disk)
+        self._values = array("d")
 
 
 class StreamFigures(NamedTuple):

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from messages.topic import AnyTopic
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 from tools.health_sums import HealthOfAll, HealthSums
+from tools.recordings.mcap_records import Noticed
 from tools.recordings.recording import Raw, Recording
 from tools.report.columns import FURTHER_WANTED, WANTED, Array, Gathering, StreamColumns
 from tools.report.holes import HOLE_NS, HoleFinder
@@ -49,7 +51,7 @@ class RecordedDive:
     def __getitem__(self, topic: AnyTopic) -> StreamColumns:
         return self.streams[topic.key]
 
-    @property
+    @cached_property
     def armed(self) -> tuple[float, float] | None:
         """[ns] First and last instant at which the reference was armed; None: never."""
         reference = self[topics.REFERENCE]
@@ -61,7 +63,7 @@ class RecordedDive:
         """[s] From the first message to the last."""
         return (self.last_ns - self.first_ns) / 1e9
 
-    @property
+    @cached_property
     def armed_seconds(self) -> float:
         """[s] Sum of the times in which the drone was armed: by its reference, or, of a vehicle
         that another program flew, by its status."""
@@ -133,10 +135,7 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
     """
     topside_clock = _TopsideClock() if apart else None
     gathered = GatheredDive()
-    for raw in recording.raw():
-        gathered.pass_by(raw.key, raw.log_ns)
-        if not gathered.wants(raw.key):
-            continue
+    for raw in recording.raw(gathered.wants, gathered.noticing):
         message = recording.decode(raw)
         if message is not None and (topside_clock is None or topside_clock.convert(raw, message)):
             gathered.add(raw.key, message, raw.log_ns)
@@ -165,6 +164,14 @@ class GatheredDive:
             seen = self._traffic[key] = Traffic(0, log_ns, log_ns)
         seen.count += 1
         seen.last_ns = log_ns
+
+    def noticing(self, key: str) -> Noticed:
+        """What `pass_by` is told by the reader of a recording."""
+
+        def see(_sequence: int, log_ns: int, _publish_ns: int, _size: int) -> None:
+            self.pass_by(key, log_ns)
+
+        return see
 
     def wants(self, key: str) -> bool:
         """Are the messages of this key to be added?"""

@@ -22,9 +22,12 @@ class HoleFinder:
         self._newest: int | None = None
 
     def see(self, log_ns: int) -> None:
-        if self._newest is not None and log_ns - self._newest > HOLE_NS:
-            self.found.append((self._newest, log_ns))
-        self._newest = log_ns if self._newest is None else max(self._newest, log_ns)
+        newest = self._newest
+        if newest is not None and log_ns <= newest:
+            return
+        if newest is not None and log_ns - newest > HOLE_NS:
+            self.found.append((newest, log_ns))
+        self._newest = log_ns
 
 
 def holes(found: list[tuple[int, int]], began_ns: int) -> list[Hole]:

@@ -19,6 +19,7 @@ from tools.report.dive import RecordedDive
 RATE = 100.0  # [1/s] at which all is compared
 SEGMENT = 1024  # samples, 10 s; a shorter dive is one segment
 BAND = 2.0  # [Hz]
+AT_ONCE = 512  # segments that are transformed together
 LEAST = 100  # samples; less is no spectrum
 MOST = 20_000_000  # samples; more are two days, and most likely a stamp that cannot be
 STILL = 1e-9  # a smaller jerk of the reference is none
@@ -75,12 +76,12 @@ def axis_spectra(dive: RecordedDive, axis: str) -> AxisSpectra | None:
         return None
     at = np.arange(begin, end, 1e9 / RATE)
     reference, state = dive[topics.REFERENCE], dive[topics.STATE]
-    wanted = np.interp(at, reference["valid"], reference[f"{axis} acceleration"])
+    wanted = jerk_spectrum(np.interp(at, reference["valid"], reference[f"{axis} acceleration"]))
     if axis == "heave":
         felt = np.interp(at, state["sensor"], state["heave acceleration"])
     else:
         felt = np.gradient(np.interp(at, state["sensor"], state["yaw rate"]), 1.0 / RATE)
-    return AxisSpectra(jerk_spectrum(felt), jerk_spectrum(wanted))
+    return AxisSpectra(jerk_spectrum(felt), wanted)
 
 
 def thruster_changes(dive: RecordedDive) -> tuple[list[float], list[float]]:
@@ -100,7 +101,8 @@ def thruster_changes(dive: RecordedDive) -> tuple[list[float], list[float]]:
 
 def bits(numbers: Array, count: int) -> np.ndarray:
     """(n, count) Is bit k of each number set?"""
-    return (numbers.astype(np.int64)[:, None] >> np.arange(count)) & 1 == 1
+    whole = numbers.astype(np.int64)
+    return np.stack([(whole >> k) & 1 == 1 for k in range(count)], axis=1)
 
 
 def _changes(values: np.ndarray) -> int:
@@ -121,9 +123,12 @@ def spectrum(values: Array, rate: float, segment: int = SEGMENT) -> Spectrum:
     length = min(segment, len(values))
     window = np.sin(pi * np.arange(length) / length) ** 2
     begins = range(0, len(values) - length + 1, max(1, length // 2))
-    pieces = np.stack([values[begin : begin + length] for begin in begins])
-    pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * window
-    power = np.mean(np.abs(np.fft.rfft(pieces, axis=1)) ** 2, axis=0)
+    power = np.zeros(length // 2 + 1)
+    for few in (begins[k : k + AT_ONCE] for k in range(0, len(begins), AT_ONCE)):
+        pieces = np.stack([values[begin : begin + length] for begin in few])
+        pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * window
+        power += np.sum(np.abs(np.fft.rfft(pieces, axis=1)) ** 2, axis=0)
+    power /= len(begins)
     one_sided = np.full(len(power), 2.0)
     one_sided[0] = 1.0
     if length % 2 == 0:

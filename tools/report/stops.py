@@ -23,6 +23,7 @@ from tools.report.dive import RecordedDive
 from tools.report.stop_ends import stop_ends
 
 Flags = NDArray[np.bool_]
+Source = tuple[Array, str, Array | Flags]  # times [ns], what they say, values
 StopAxis = Literal["heave", "yaw"]
 REST_VELOCITY = 1e-3  # [m/s, rad/s] a reference slower than this …
 REST_ACCELERATION = 1e-2  # [m/s², rad/s²] … and steadier than this is at rest
@@ -48,17 +49,15 @@ class StickRelease:
 def stops(dive: RecordedDive) -> list[StickStop]:
     """All stops in order of time; none on a dive without truth or without arming."""
     found: list[StickStop] = []
+    valid = dive[topics.REFERENCE]["valid"]
     axes: tuple[StopAxis, ...] = ("heave", "yaw")
     for axis in axes:
         if (truth := dive.truth(axis)) is not None:
             ends = np.append(stop_ends(dive, axis), inf)
-            measured = (
-                _measure(
-                    dive, axis, replace(release, end=min(release.end, _next(ends, release))), truth
-                )
-                for release in releases(dive, axis)
-            )
-            found += [stop for stop in measured if stop is not None]
+            for release in releases(dive, axis):
+                whole = replace(release, end=min(release.end, _next(ends, release)))
+                stop = _measure(dive, axis, whole, truth, valid)
+                found += [] if stop is None else [stop]
     return sorted(found, key=lambda stop: stop.t)
 
 
@@ -82,12 +81,12 @@ def releases(dive: RecordedDive, axis: str) -> Iterator[StickRelease]:
 
 
 def _wanted(dive: RecordedDive, axis: str) -> Iterator[tuple[float, float]]:
-    """(time [ns], stick that counts): zero while the pilot is lost or a failsafe acts, and after a
-    stop request until all sticks have been centred."""
+    """(time [ns], sign of the stick that counts): zero while the pilot is lost or a failsafe acts,
+    and after a stop request until all sticks have been centred."""
     now = {"stick": 0.0, "lost": 0.0, "failsafe": 0.0, "stop": 0.0}
     for at, kind, value in _events(dive, axis):
-        if kind == "deflection":
-            if value < CENTRED and not now["lost"]:
+        if kind == "centred":
+            if value and not now["lost"]:
                 now["stop"] = 0.0
         elif kind == "stop":
             now["stop"] = max(now["stop"], value)
@@ -101,19 +100,42 @@ def _events(dive: RecordedDive, axis: str) -> list[tuple[float, str, float]]:
     command, request = dive[topics.PILOT_COMMAND], dive[topics.PILOT_REQUEST]
     status = dive[topics.STATUS]
     holder = _in_control(dive)
-    sources = [
+    sources: list[Source] = [
         (command["stamp"][holder], "lost", command["lost"][holder]),
-        (command["stamp"][holder], "deflection", command["deflection"][holder]),
-        (command["stamp"][holder], "stick", command[axis][holder]),
+        (command["stamp"][holder], "centred", command["deflection"][holder] < CENTRED),
+        (command["stamp"][holder], "stick", np.sign(command[axis][holder])),
         (request["stamp"], "stop", request["stop"]),
         (status["stamp"], "failsafe", status["failsafe"]),
     ]
     events = [
         (at, kind, value)
-        for times, kind, values in sources
+        for times, kind, values in _that_matter(sources)
         for at, value in zip(times.tolist(), values.tolist(), strict=True)
     ]
     return sorted(events, key=lambda event: event[0])
+
+
+def _that_matter(sources: list[Source]) -> Iterator[Source]:
+    """The same without what only repeats what was said before: of hours a hundredth is left. A
+    request is none, and sticks that are still centred behind a request or a loss are none."""
+    asked = [
+        times if kind == "stop" else times[_changed(values)]
+        for times, kind, values in sources
+        if kind in ("stop", "lost")
+    ]
+    others = np.concatenate(asked)
+    for times, kind, values in sources:
+        news = _changed(values) | (kind == "stop")
+        if kind == "centred":
+            for side in ("left", "right"):
+                behind = np.searchsorted(times, others, side=side)
+                news[behind[behind < len(times)]] = True
+        yield times[news], kind, values[news]
+
+
+def _changed(values: Array | Flags) -> Flags:
+    """Of each value: is it the first, or another than the one before?"""
+    return np.append(True, values[1:] != values[:-1])[: len(values)]
 
 
 def _in_control(dive: RecordedDive) -> Flags:
@@ -126,22 +148,26 @@ def _in_control(dive: RecordedDive) -> Flags:
 
 
 def _measure(
-    dive: RecordedDive, axis: StopAxis, release: StickRelease, truth: tuple[Array, Array]
+    dive: RecordedDive,
+    axis: StopAxis,
+    release: StickRelease,
+    truth: tuple[Array, Array],
+    valid: Array,
 ) -> StickStop | None:
     """One stop compared with the truth (times [ns], motion), or None if it does not count.
 
     The direction is that of the reference's velocity at the release, or, if the reference was still
-    at rest after a very short deflection, that of the stick.
+    at rest after a very short deflection, that of the stick. `valid` [ns] are its times.
     """
     reference = dive[topics.REFERENCE]
-    first, last = _armed_span(dive, release)
+    first, last = _armed_span(dive, valid, release)
     if dive.armed is None or first == last or not _at_rest(dive, axis, last - 1):
         return None
-    final = reference[f"{axis} position"][last - 1]
-    velocity = reference[f"{axis} velocity"][first]
+    final = reference.part(f"{axis} position", last - 1, last)[0]
+    velocity = reference.part(f"{axis} velocity", first, first + 1)[0]
     direction = np.sign(velocity) if abs(velocity) > REST_VELOCITY else release.sign
     times, true = truth
-    begin, end = np.searchsorted(times, [release.begin, reference["valid"][last - 1]])
+    begin, end = np.searchsorted(times, [release.begin, valid[last - 1]])
     if begin == end:
         return None
     past = direction * (true[begin:end] - final)
@@ -153,18 +179,21 @@ def _measure(
     )
 
 
-def _armed_span(dive: RecordedDive, release: StickRelease) -> tuple[int, int]:
+def _armed_span(dive: RecordedDive, valid: Array, release: StickRelease) -> tuple[int, int]:
     """Rows of the reference from the release to its end, as long as the drone stayed armed."""
     reference = dive[topics.REFERENCE]
-    first, last = np.searchsorted(reference["valid"], [release.begin, release.end])
-    disarmed = np.flatnonzero(reference["armed"][first:last] == 0)
+    first, last = np.searchsorted(valid, [release.begin, release.end])
+    disarmed = np.flatnonzero(reference.part("armed", first, last) == 0)
     return int(first), int(first + disarmed[0] if len(disarmed) else last)
 
 
 def _at_rest(dive: RecordedDive, axis: StopAxis, row: int) -> bool:
     reference = dive[topics.REFERENCE]
-    slow = abs(reference[f"{axis} velocity"][row]) < REST_VELOCITY
-    return bool(slow and abs(reference[f"{axis} acceleration"][row]) < REST_ACCELERATION)
+    velocity, acceleration = (
+        float(reference.part(f"{axis} {of}", row, row + 1)[0])
+        for of in ("velocity", "acceleration")
+    )
+    return abs(velocity) < REST_VELOCITY and abs(acceleration) < REST_ACCELERATION
 
 
 def _settle_s(since: Array, near: Flags) -> float | None:

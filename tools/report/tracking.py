@@ -18,22 +18,23 @@ def error_rms(dive: RecordedDive, axis: str) -> float | None:
     if truth is None:
         return None
     times, true = truth
-    reference = dive[topics.REFERENCE]
-    at = reference["valid"]
-    use = (reference["armed"] > 0) & (at >= times[0]) & (at <= times[-1])
-    if not use.any():
-        return None
-    error = np.interp(at[use], times, true) - reference[f"{axis} position"][use]
-    return math.sqrt(float(np.mean(error * error)))
+    squares, count = 0.0, 0
+    for at, armed, position in dive[topics.REFERENCE].parts("valid", "armed", f"{axis} position"):
+        use = (armed > 0) & (at >= times[0]) & (at <= times[-1])
+        error = np.interp(at[use], times, true) - position[use]
+        squares += float(np.sum(error * error))
+        count += len(error)
+    return math.sqrt(squares / count) if count else None
 
 
 def peak_jerk_ratio(dive: RecordedDive) -> float | None:
     """Largest |jerk| of the armed reference over the limit in force at that moment, of heave and
     yaw the worse. None: never armed, or a path set the pace all the time."""
-    reference = dive[topics.REFERENCE]
-    ratios = [
-        np.abs(reference[f"{axis} jerk"]) / reference[f"{axis} jerk limit"]
-        for axis in ("heave", "yaw")
-    ]
-    armed = np.concatenate([ratio[reference["armed"] > 0] for ratio in ratios])
-    return float(np.nanmax(armed)) if np.isfinite(armed).any() else None
+    columns = ("armed", "heave jerk", "heave jerk limit", "yaw jerk", "yaw jerk limit")
+    highest, known = 0.0, False
+    for armed, *jerks in dive[topics.REFERENCE].parts(*columns):
+        for jerk, limit in (jerks[:2], jerks[2:]):
+            ratios = (np.abs(jerk) / limit)[armed > 0]
+            known = known or bool(np.isfinite(ratios).any())
+            highest = max(highest, float(np.max(ratios[~np.isnan(ratios)], initial=0.0)))
+    return highest if known else None

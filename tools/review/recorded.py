@@ -78,9 +78,7 @@ def read(path: Path, overrides: tuple[str, ...] = ()) -> Recorded:
     armed: ArmedSpans | None = None
     origin = AtOrigin(settings.vehicle.mounting, WATER, settings.vehicle.calibration)
     with reading("reading", recording.size) as recording.advance:
-        for raw in recording.raw():
-            if raw.key not in rows and raw.key not in OF_THE_VEHICLE:
-                continue
+        for raw in recording.raw(lambda key: key in rows or key in OF_THE_VEHICLE):
             if (message := recording.decode(raw)) is None:
                 continue
             if isinstance(message, VehicleStatus):

@@ -65,11 +65,10 @@ def _handed_over_ns(path: Path) -> int:
         LindyError: nobody flew in it.
     """
     recording, heard = open_recording(path), HeardSticks()
-    for raw in recording.raw():
-        if raw.key == topics.STATUS.key or raw.key.startswith(LOG):
-            message = recording.decode(raw)
-            if message is not None:
-                heard.add(message)
+    for raw in recording.raw(lambda key: key == topics.STATUS.key or key.startswith(LOG)):
+        message = recording.decode(raw)
+        if message is not None:
+            heard.add(message)
     began = heard.armed_ns if heard.began_ns is None else heard.began_ns
     if began is None:
         raise LindyError(f"{recording.files[0]} holds no sticks to fly again")

@@ -7,7 +7,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -250,9 +250,9 @@ def test_pictures_that_cannot_be_decoded_are_said(dive: Path) -> None:
     class Holed:
         """The recording without one message of the video."""
 
-        def raw(self) -> Iterator[Any]:
+        def raw(self, wants: Callable[[str], bool]) -> Iterator[Any]:
             video = 0
-            for raw in whole.raw():
+            for raw in whole.raw(wants):
                 video += raw.key == topics.VIDEO.key
                 if raw.key != topics.VIDEO.key or video != 3:
                     yield raw
@@ -277,7 +277,8 @@ def test_what_was_filmed_is_of_the_camera_that_was_large_when_it_began() -> None
     class Marked:
         """A recording of nothing but marks."""
 
-        def raw(self) -> Iterator[Any]:
+        def raw(self, wants: Callable[[str], bool]) -> Iterator[Any]:
+            assert wants(topics.FILM_REQUEST.key)
             for request in requests:
                 yield SimpleNamespace(
                     key=topics.FILM_REQUEST.key, publish_ns=request.stamp_ns, message=request

@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.records import Chunk
+from mcap.records import Channel, Chunk
 
 from messages import topics
 from messages.sensors import PressureSample
@@ -20,6 +20,7 @@ from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.open_chunk import MAGIC
 from services.runtime.config.errors import LindyError
+from tools.recordings.mcap_records import Noticed, StoredMessage
 from tools.recordings.recording import is_whole, log_hash, merge_parts, open_recording
 
 PER_CHUNK, CHUNKS = 7, 5
@@ -107,6 +108,53 @@ def test_what_another_version_wrote_is_skipped_and_counted(tmp_path: Path):
     recording = open_recording(tmp_path)
     assert list(recording) == []
     assert recording.unreadable == {"sensor/sonar": 1, KEY: 1}
+
+
+def test_messages_that_nobody_wants_are_passed_over_and_still_noticed(tmp_path: Path) -> None:
+    other, path = "sensor/other", tmp_path / "dive.mcap"
+    file = McapFile(path)
+    for key in (KEY, other):
+        file.open_channel(key, "PressureSample", foxglove_schema(PressureSample))
+    for n in range(60):
+        file.write((KEY, other)[n % 3 == 0], b"x" * n, 10 * n, n, n + 5)
+        if n % 11 == 10:
+            file.metadata("here", {"a chunk": "ends"})
+    file.finish()
+    noticed: list[tuple[str, int, int, int, int]] = []
+
+    def noticing(key: str) -> Noticed:
+        def told(sequence: int, log_ns: int, publish_ns: int, size: int) -> None:
+            noticed.append((key, sequence, log_ns, publish_ns, size))
+
+        return told
+
+    recording = open_recording(path)
+    everything = list(open_recording(path).raw())
+    assert list(recording.raw(other.__eq__, noticing)) == [r for r in everything if r.key == other]
+    assert noticed == [(r.key, r.sequence, r.log_ns, r.publish_ns, len(r.data)) for r in everything]
+    assert recording.damage == []
+    assert recording.keys() == {KEY, other}
+
+
+@given(st.integers(-5, 400), st.integers(-5, 400))
+def test_chunks_outside_of_a_time_are_not_opened_and_all_within_it_is_given(a: int, b: int) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "dive.mcap"
+        write(path)
+        begin, end = min(a, b), max(a, b)
+        keys: dict[int, str] = {}
+        times: list[int] = []
+        recording = open_recording(path)
+        for record in recording.records(path, within=(begin, end)):
+            if isinstance(record, Channel):
+                keys[record.id] = record.topic
+            elif isinstance(record, StoredMessage):
+                assert keys[record.channel_id] == KEY
+                times.append(record.log_ns)
+        wanted = [n for n in range(0, 10 * CHUNKS * PER_CHUNK, 10) if begin <= n < end]
+        assert [n for n in times if begin <= n < end] == wanted
+        assert len(times) <= len(wanted) + 2 * (PER_CHUNK - 1)
+        assert recording.damage == []
 
 
 @pytest.mark.parametrize("data", [b"t,surge,sway", b"\x89PNG\r\n\x1a\n" * 9])

@@ -1,10 +1,11 @@
 """Stops of a dive made up of straight lines, so that every answer is known beforehand."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator, Sequence
 from math import radians
 from typing import Any, Literal
 
 import msgspec
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,9 +18,11 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Truth, VehicleStatus
-from tools.recordings.recording import Raw, Recording
+from tools.recordings.mcap_records import Noticed
+from tools.recordings.recording import Raw, Recording, always, nobody
+from tools.report.columns import StreamColumns
 from tools.report.dive import RecordedDive, read_dive
-from tools.report.stops import stops
+from tools.report.stops import releases, stops
 
 START = 7_000_000_000  # [ns] the vehicle's clock at the beginning
 RELEASE, REST, END = 4.0, 5.0, 12.0  # [s] stick let go, reference at rest, end of recording
@@ -37,10 +40,18 @@ class Memory(Recording):
         super().__init__([])
         self._said = said
 
-    def raw(self) -> Iterable[Raw]:  # type: ignore[override]
+    def raw(
+        self,
+        wants: Callable[[str], bool] = always,
+        noticing: Callable[[str], Noticed | None] = nobody,
+    ) -> Iterator[Raw]:
+        noticed = {topic.key: noticing(topic.key) for topic, _ in self._said}
         for topic, message in self._said:
-            stamp = message.stamp_ns
-            yield Raw(topic.key, msgspec.json.encode(message), stamp, stamp)
+            stamp, data = message.stamp_ns, msgspec.json.encode(message)
+            if (tell := noticed[topic.key]) is not None:
+                tell(0, stamp, stamp, len(data))
+            if wants(topic.key):
+                yield Raw(topic.key, data, stamp, stamp)
 
 
 def ns(t: float) -> int:
@@ -397,3 +408,38 @@ def test_without_truth_there_is_nothing_to_measure():
     said = [s for s in moving("heave", lambda _: 0.0) if s[0] is not topics.TRUTH]
     assert stops(dive_of(said + sticks("heave", held_until_release))) == []
     assert stops(dive_of([])) == []
+
+
+STAMPS = st.integers(0, 12)
+COMMANDS = st.lists(
+    st.tuples(
+        STAMPS, st.sampled_from((-0.5, 0.0, 0.5)), st.sampled_from((0.0, 0.01, 0.5)), st.booleans()
+    ),
+    max_size=25,
+)
+
+
+@given(
+    COMMANDS, st.lists(st.tuples(STAMPS, st.booleans()), max_size=4),
+    st.lists(st.tuples(STAMPS, st.integers(0, 2)), max_size=6),
+)  # fmt: skip
+def test_what_only_repeats_what_was_said_before_changes_no_release(
+    commands: list[tuple[int, float, float, bool]],
+    requests: list[tuple[int, bool]],
+    statuses: list[tuple[int, int]],
+) -> None:
+    def columns(names: tuple[str, ...], rows: Sequence[tuple[float, ...]]) -> StreamColumns:
+        return StreamColumns(names, np.array(rows, dtype=np.float64).reshape(-1, len(names)))
+
+    heard = [(at, stick, size, lost, 0.0) for at, stick, size, lost in commands]
+    streams = {
+        topics.PILOT_COMMAND.key: columns(("stamp", "heave", "deflection", "lost", "epoch"), heard),
+        topics.PILOT_REQUEST.key: columns(("stamp", "stop"), requests),
+        topics.STATUS.key: columns(("stamp", "failsafe"), statuses),
+        topics.REFERENCE.key: columns(("valid", "epoch"), []),
+    }
+    dive = RecordedDive({}, {}, streams)
+    thinned = list(releases(dive, "heave"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tools.report.stops._that_matter", iter)
+        assert list(releases(dive, "heave")) == thinned
