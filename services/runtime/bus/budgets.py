@@ -27,7 +27,7 @@ class Budget(NamedTuple):
 LOUD = 2_000_000  # [bytes] of a link of which nothing is read, until the kernel has no more room
 
 # An observer says that it lives and what it wants to hear. A topside sends 30 kB/s with every
-# service that it has. A drone may have four cameras of 50 Mbit/s, and a router the drones of a fleet.
+# service that it has. A drone may have four cameras of 50 Mbit/s, and a router a fleet of drones.
 BUDGETS = {
     "observer": Budget(8e3, 128e3, 8),
     "pilot": Budget(256e3, 1e6, 8),
