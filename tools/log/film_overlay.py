@@ -95,6 +95,7 @@ class Pen:
 
     def write(self, x: float, y: float, text: str, anchor: str, part: float = 28.0) -> None:
         """`part`: as many lines of text would fill the height."""
+        text = text.replace("–", "-")  # the font has no dash
         font, edge = _font(max(9.0, self.height / part)), self._thick
         self._draw.text((x, y), text, WHITE, font, anchor, stroke_width=edge, stroke_fill=BLACK)
 
