@@ -1,7 +1,7 @@
 """The topics that a report is made from, as columns of numbers.
 
 A dive of hours has millions of messages, so each one is reduced to a few figures as it is read, and
-beyond `BLOCK` rows of a stream these wait in a temporary file (90 MB for an hour of a dive, in the
+beyond `BLOCK` rows of a stream these wait in a temporary file (124 MB for an hour of a dive, in the
 folder that TMPDIR names) until a column or a part of it is asked for. A column is a float64 array
 with one figure per message; None becomes NaN. Times are in ns of the vehicle's clock, exact in a
 float64 for the first 104 days after the computer was started.

@@ -27,6 +27,7 @@ from lindy_research.bench.record import (
     with_table,
     worse,
 )
+from lindy_research.bench.table import Figure
 from services.runtime.config.errors import LindyError
 
 STAT = Path("/proc/stat")
@@ -80,7 +81,8 @@ def _measured(name: str, runs: int, *, busy: bool) -> list[KeptFigure]:
     Raises:
         LindyError: others work on this machine.
     """
-    section, found, others = import_module(SECTIONS[name]), [], 0.0
+    section, others = import_module(SECTIONS[name]), 0.0
+    found: list[list[Figure]] = []
     for run in range(1, runs + 1):
         others = max(others, _others(busy=busy))
         print(f"{name}: run {run} of {runs}; others: {others:.1f} cores", flush=True)

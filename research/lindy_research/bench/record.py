@@ -14,7 +14,7 @@ from lindy_research.bench.table import Figure
 
 QUIET = 0.2  # [cores] that others may take
 BEGIN, END = "<!-- figures: written by make bench -->", "<!-- end of figures -->"
-HEADS = ("", "ours", "beside", "", "ratio", "goal", "noise", "others [cores]", "machine")
+HEADS = ("figure", "ours", "beside", "there", "ratio", "goal", "noise", "others [cores]", "machine")
 
 Verdict = Literal["better", "same", "worse"]
 

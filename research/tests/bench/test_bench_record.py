@@ -86,8 +86,8 @@ def test_only_quiet_figures_of_the_same_machine_are_judged() -> None:
 def test_the_cores_at_work_are_what_is_neither_idle_nor_waiting(ticks: list[int], n: int) -> None:
     begin = [7] * 8
     after = [a + b for a, b in zip(begin, ticks, strict=True)]
-    texts = [f"cpu  {' '.join(map(str, each))} 0 0\ncpu0 1 2\n" for each in (begin, after)]
-    found = cores_at_work(*texts, n)
+    first, second = (f"cpu  {' '.join(map(str, t))} 0 0\ncpu0 1 2\n" for t in (begin, after))
+    found = cores_at_work(first, second, n)
     assert 0.0 <= found <= n
     if sum(ticks):
         assert found == pytest.approx(n * (1.0 - (ticks[3] + ticks[4]) / sum(ticks)))
