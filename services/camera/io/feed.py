@@ -32,6 +32,7 @@ from services.camera.sea import Bytes, Picture
 from services.runtime.config.passwords import without_passwords
 
 RETRY_S = 2.0  # [s]
+AGAIN_NS = 20_000_000_000  # [ns] what lasts is said again, to who has come since
 TIMEOUT_S = 5.0  # [s] without a picture: the camera is silent
 SILENT = f"no picture has come for {TIMEOUT_S:g} s"
 MOST_GARBAGE = 100  # packets in a row of which nothing can be decoded
@@ -86,7 +87,7 @@ class Feed:
         self._newest: deque[Shot] = deque(maxlen=1)
         self._scaler = VideoReformatter()
         self._called = f"{called}: {without_passwords(source)}"
-        self._trouble = ""
+        self._trouble, self._told_ns = "", 0
         self._alive_ns = clock()  # [ns] of the last picture, or of the last that was said
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -228,8 +229,8 @@ class Feed:
     def _complain(self, why: str, now: Ns, then: str = f"tried every {RETRY_S:g} s") -> None:
         self.events.append(events.LOST_CAMERA())
         self._alive_ns = now
-        if why != self._trouble:
-            self._trouble = why
+        if why != self._trouble or now > self._told_ns + AGAIN_NS:
+            self._trouble, self._told_ns = why, now
             self.said.append(f"{self._called} gives no pictures: {why}; {then}")
 
 

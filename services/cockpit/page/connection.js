@@ -85,8 +85,9 @@ export class Connection {
     return true;
   }
 
+  // Returns whether it was sent.
   wish(what, fields = {}) {
-    this.send("wish", { what, ...fields });
+    return this.send("wish", { what, ...fields });
   }
 
   fly(drone) {
@@ -98,10 +99,11 @@ export class Connection {
   }
 
   send(kind, fields) {
-    if (this.socket.readyState !== WebSocket.OPEN) return;
+    if (this.socket.readyState !== WebSocket.OPEN) return false;
     const seen = this.picture ? this.picture.n : 0;
     const held_ms = this.picture ? performance.now() - this.arrived : 0;
     this.confirmed = seen;
     this.socket.send(JSON.stringify({ kind, seen, held_ms, ...fields }));
+    return true;
   }
 }

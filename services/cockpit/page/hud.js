@@ -50,7 +50,7 @@ export class Hud {
     g.lineWidth = this.line = Math.max(2, this.u / 8);
     g.lineJoin = "round";
     g.setLineDash(old ? [this.u / 2, this.u / 3] : []);
-    this.horizon(view, width, height, axis, boxes.heading.bottom);
+    this.horizon(view, width, height, axis, boxes.heading.bottom, boxes.buttons.top);
     g.setLineDash([]);
     if (boxes.heading.width) this.heading(view, width, axis, boxes.heading);
     if (boxes.depth.top > boxes.heading.bottom) this.depth(view, boxes.depth, height, boxes.heading.bottom);
@@ -88,10 +88,11 @@ export class Hud {
     else { g.strokeStyle = colour; g.stroke(); }
   }
 
-  horizon(view, width, height, axis, top) {
+  horizon(view, width, height, axis, top, bottom) {
     const { g, u, c } = this;
     if (view.roll_deg === undefined || view.pitch_deg === undefined) return;
-    const [tilt, yaw] = view.looks_deg ?? [view.tilt_deg ?? 0, 0];
+    // Without a picture: the drone's own
+    const [tilt, yaw] = this.picture ? (view.looks_deg ?? [view.tilt_deg ?? 0, 0]) : [0, 0];
     const { elevation, roll } = lookout(view.roll_deg * RAD, view.pitch_deg * RAD, tilt * RAD, yaw * RAD);
     const up = (degrees) => axis.perRadian * Math.tan(elevation - degrees * RAD); // [px] below the axis
     const seen = (degrees) => Math.abs(elevation / RAD - degrees) < EDGE;
@@ -111,7 +112,7 @@ export class Hud {
     this.font(0.8);
     for (const degrees of LADDER) {
       const y = up(degrees);
-      if (!seen(degrees) || axis.y + y < top + 2 * u) continue; // the heading is there
+      if (!seen(degrees) || axis.y + y < top + 2 * u || axis.y + y > bottom - u) continue; // heading and buttons are there
       this.path([[-2.2 * u, y], [2.2 * u, y]], this.ink);
       this.text(String(Math.abs(degrees)), 3.4 * u, y);
     }

@@ -51,7 +51,9 @@ let gone = false; // the device that steered is gone
 
 const you = () => connection.picture?.you ?? {};
 const view = () => connection.picture?.view ?? {};
-const wish = (what, fields) => connection.wish(what, fields);
+function wish(what, fields) {
+  if (connection.wish(what, fields) && what === "stop") say(words.t("stop.sent"));
+}
 $("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("stop"); });
 const goto = new Goto(view, wish, (key) => say(words.t(key)));
 
@@ -140,8 +142,9 @@ stayAwake();
 // Choices for this screen; without one the theme is as the system wants it.
 const light = matchMedia("(prefers-color-scheme: light)"), contrast = matchMedia("(prefers-contrast: more)");
 const wanted = () => (contrast.matches ? "contrast" : light.matches ? "bright" : "dark");
+const theme = () => (settings.chosen ? settings.theme : wanted());
 async function apply(changed) {
-  document.documentElement.className = settings.chosen ? settings.theme : wanted();
+  document.documentElement.className = theme();
   hud.colours();
   if (changed === "language" || words.language !== settings.language) await words.use(settings.language);
   units.use(settings.units, settings.language);
@@ -152,7 +155,7 @@ async function apply(changed) {
 }
 // What stands on buttons that say a choice.
 function name() {
-  const named = { theme: settings.theme, crop: settings.crop, sound: settings.sound, speech: settings.speech, units: settings.units };
+  const named = { theme: theme(), crop: settings.crop, sound: settings.sound, speech: settings.speech, units: settings.units };
   $("map-up").textContent = `↑ ${words.t(`up.${settings.up}`)}`;
   for (const [id, value] of Object.entries(named)) $(id).textContent = `${words.t(id)}: ${words.t(`${id}.${value}`)}`;
   $("gain").textContent = `${words.t("speed")} ${settings.speed} %`;

@@ -40,7 +40,7 @@ class Words {
 
 // By the event's name, or by its kind. A condition has one sentence, whether it acts or not.
 function find(sentences, key) {
-  const name = key.replace(/^failsafe:/, "notice:");
+  const name = key.replace(/^failsafe:(?! )/, "notice:");
   return sentences[name] ?? (name.includes(" ") ? undefined : sentences[name.split(":")[0]]);
 }
 

@@ -87,7 +87,7 @@ class Budgets:
             bucket.filled = max(0.0, bucket.filled - bucket.budget.rate * elapsed_s)
         verdicts: list[Verdict] = []
         for name, count in sent.items():
-            many = sum(other == name for other in links.values())
+            many = list(links.values()).count(name)
             verdict = _judged(name, self._bucket(name), count, many, now)
             verdicts += [] if verdict is None else [verdict]
         return verdicts

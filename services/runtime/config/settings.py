@@ -103,7 +103,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
     for number, line in enumerate(text.splitlines(), start=1):
         if line.count(".") > DEEPEST:
             for word in BETWEEN_KEYS.split("".join(line.split())):
-                if sum(map(bool, word.split("."))) > DEEPEST:
+                if len([part for part in word.split(".") if part]) > DEEPEST:
                     raise ValueError(f"a key of more than {DEEPEST} parts (at line {number})")
     try:
         return tomllib.loads(text)

@@ -181,3 +181,13 @@ def test_a_camera_is_called_by_its_name() -> None:
     feed = Feed("rtsp://me:secret@127.0.0.1:9/x", 160, 90, time.monotonic_ns, called="down camera")
     feed.look_after(time.monotonic_ns() + 60_000_000_000)
     assert feed.said[0].startswith("down camera: rtsp://…@127.0.0.1:9/x gives no pictures")
+
+
+def test_what_lasts_is_said_again_to_who_has_come_since() -> None:
+    feed, S = Feed("/dev/none", 160, 90, lambda: 0), 1_000_000_000
+    lines = list[int]()
+    for now in range(8 * S, 80 * S, S):
+        feed.look_after(now)
+        lines.append(len(feed.said))
+    assert lines[0] == 1
+    assert 3 <= lines[-1] <= 5  # in 72 s: once each 20 s or a little later

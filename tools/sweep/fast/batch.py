@@ -21,7 +21,7 @@ ROUNDS = 2  # batches for each worker, so that there is something to tell on the
 LEAST = 50  # dives; fewer cost as much
 
 
-class Batch(NamedTuple):
+class DiveBatch(NamedTuple):
     """Dives with the same settings."""
 
     dives: tuple[PlannedDive, ...]
@@ -33,19 +33,19 @@ class FlownBatch(NamedTuple):
     left: list[PlannedDive]  # what happened in them the arrays do not know
 
 
-def batches(dives: Iterable[PlannedDive], seconds: float | None, workers: int) -> list[Batch]:
+def batches(dives: Iterable[PlannedDive], seconds: float | None, workers: int) -> list[DiveBatch]:
     """Of all dives, as many together as there are for each worker."""
     by_combination = defaultdict[Combination, list[PlannedDive]](list)
     for dive in dives:
         by_combination[dive.combination].append(dive)
     whole = sum(map(len, by_combination.values()))
     size = max(LEAST, min(MOST, -(-whole // (workers * ROUNDS))))
-    found = list[Batch]()
+    found = list[DiveBatch]()
     for combination, these in by_combination.items():
         lasts = [pilot_of(combination.pilot).script_s, seconds]
         longest = min(length for length in lasts if length is not None)
         count = -(-len(these) // max(1, min(size, int(MOST_SECONDS / max(1.0, longest)))))
-        found += [Batch(tuple(these[k::count]), seconds) for k in range(count)]
+        found += [DiveBatch(tuple(these[k::count]), seconds) for k in range(count)]
     return found
 
 
@@ -62,7 +62,7 @@ def settings_of(combination: Combination, seconds: float | None) -> DiveSettings
     return DiveSettings.of(stack, named(combination.link).profile, script_of(pilot.name))
 
 
-def fly_batch(batch: Batch) -> FlownBatch | None:
+def fly_batch(batch: DiveBatch) -> FlownBatch | None:
     """The rows of its dives; None: it was interrupted."""
     began = time.perf_counter()
     settings = settings_of(batch.dives[0].combination, batch.seconds)
@@ -81,7 +81,7 @@ def fly_batch(batch: Batch) -> FlownBatch | None:
     return FlownBatch(rows, [batch.dives[lane] for lane, lost in enumerate(tracks.lost) if lost])
 
 
-def killed_batch(batch: Batch) -> FlownBatch | None:
+def killed_batch(batch: DiveBatch) -> FlownBatch | None:
     """A batch whose worker was killed each time is flown dive by dive."""
     return FlownBatch([], list(batch.dives))
 

@@ -18,8 +18,8 @@ from tools.sweep.fast.control import Controllers
 from tools.sweep.fast.estimation import Estimators
 from tools.sweep.fast.lanes import Lanes, Mask
 from tools.sweep.fast.reference import References
-from tools.sweep.fast.sensors import Sensors
-from tools.sweep.fast.thrusters import Battery
+from tools.sweep.fast.sensors import LaneSensors
+from tools.sweep.fast.thrusters import LaneBattery
 from tools.sweep.fast.timeline import DiveTimes, SampleTimes, delays_of
 from tools.sweep.fast.tracks import Tracks
 from tools.sweep.fast.vessel import Vessels
@@ -82,8 +82,8 @@ class Dives:
         s, count = settings, len(seeds)
         self._settings, self._times = s, SampleTimes.of(s.simulator)
         self._vessels = Vessels(s.vehicle, s.simulator, count)
-        self._battery = Battery(s.vehicle, s.simulator, count)
-        self._sensors = Sensors(s.simulator, seeds)
+        self._battery = LaneBattery(s.vehicle, s.simulator, count)
+        self._sensors = LaneSensors(s.simulator, seeds)
         self._estimators = Estimators(s.estimation, s.vehicle, count)
         self._references = References(s.reference, count)
         self._controllers = Controllers(s.control, s.vehicle, count)

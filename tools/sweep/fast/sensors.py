@@ -55,7 +55,7 @@ def walking(seeds: Sequence[int], stream: int, walk: float, hz: float) -> Iterat
         yield now
 
 
-class Sensors:
+class LaneSensors:
     def __init__(self, settings: Settings, seeds: Sequence[int]) -> None:
         s, hz = settings, settings.imu_rate
         self._settings, self._density = s, density_of(s.water_density)

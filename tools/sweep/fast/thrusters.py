@@ -62,7 +62,7 @@ class Thrusters:
         self._decaying = [total(self._columns, gaps * self.wet) for gaps in self._gaps]
 
 
-class Battery:
+class LaneBattery:
     def __init__(self, vehicle: Vehicle, settings: Settings, count: int) -> None:
         self.used_wh = np.zeros(count)  # [Wh]
         self.power = np.full(count, settings.hotel_power)  # [W] drawn now

@@ -91,6 +91,7 @@ def door(tmp_path: Path) -> Generator[Door]:
 
 
 Act = Callable[[zenoh.Session, int], object]
+LONG = "x" * 500  # so that it is a flood on a busy computer, too
 
 
 def junk(session: zenoh.Session, number: int) -> object:
@@ -100,12 +101,12 @@ def junk(session: zenoh.Session, number: int) -> object:
 
 
 def tokens(session: zenoh.Session, number: int) -> object:
-    names = (f"here/topside/{number:x}{each:x}" for each in range(50))
+    names = (f"here/topside/{LONG}{number:x}{each:x}" for each in range(50))
     return [session.liveliness().declare_token(name) for name in names]
 
 
 def subscriptions(session: zenoh.Session, number: int) -> object:
-    names = (f"health/{number}_{each}" for each in range(50))
+    names = (f"health/{LONG}{number}_{each}" for each in range(50))
     return [session.declare_subscriber(name, lambda _: None) for name in names]
 
 

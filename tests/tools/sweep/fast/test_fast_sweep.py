@@ -10,7 +10,7 @@ import pytest
 from tests.support.goal_runs import random_sticks
 from tools.__main__ import main
 from tools.sweep.axes import Combination, PlannedDive
-from tools.sweep.fast.batch import Batch, FlownBatch, batches, exact_row, fly_batch
+from tools.sweep.fast.batch import DiveBatch, FlownBatch, batches, exact_row, fly_batch
 from tools.sweep.one_dive import Job, fly_one
 from tools.sweep.rows import FLOWN, OF_MESSAGES, Cell, Row
 
@@ -36,7 +36,7 @@ def script_of(folder: Path, text: str = STICKS) -> str:
 def both(combination: Combination, seeds: range, seconds: float) -> list[tuple[Row, Row]]:
     """Fast and exact rows."""
     dives = tuple(PlannedDive(n, combination, seed) for n, seed in enumerate(seeds))
-    flown = fly_batch(Batch(dives, seconds))
+    flown = fly_batch(DiveBatch(dives, seconds))
     assert flown is not None
     exact = [fly_one(Job(dive, "simulated", seconds, "")) for dive in dives]
     by_number = {row["dive"]: row for row in flown.rows}
@@ -103,7 +103,7 @@ def test_a_sweep_that_goes_on_counts_the_rows_it_has(
     def in_turn(work: Any, jobs: Any, *_: Any) -> Any:
         yield from enumerate([work(job) for job in jobs])
 
-    def one_lost(batch: Batch) -> FlownBatch:
+    def one_lost(batch: DiveBatch) -> FlownBatch:
         flown = fly_batch(batch)
         assert flown is not None
         return flown._replace(rows=flown.rows[1:], left=[batch.dives[0]])

@@ -14,8 +14,8 @@ from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
 from services.simulator.vessel import Vessel
 from services.simulator.world import at_the_surface
-from tools.sweep.fast.sensors import Sensors as LaneSensors
-from tools.sweep.fast.thrusters import Battery as LaneBattery
+from tools.sweep.fast.sensors import LaneSensors
+from tools.sweep.fast.thrusters import LaneBattery
 from tools.sweep.fast.vessel import Vessels
 
 SEEDS = st.integers(0, 2**32 - 1)
