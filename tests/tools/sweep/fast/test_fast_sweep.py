@@ -68,12 +68,10 @@ def test_a_fast_dive_has_the_figures_of_the_exact_one(tmp_path: Path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("vehicle", ["pioneer", "bluerov2_heavy", "minerva"])
-def test_twenty_dives_of_each_vehicle_have_the_figures_of_the_exact_ones(
-    vehicle: str, tmp_path: Path
-):
-    """A minute of random sticks each; nine of ten to rounding."""
+def test_six_dives_of_each_vehicle_have_the_figures_of_the_exact_ones(vehicle: str, tmp_path: Path):
+    """A minute of random sticks each; all but one at most to rounding."""
     close, pairs = 0, list[tuple[Row, Row]]()
-    for pilot in range(4):
+    for pilot in range(2):
         rows, _ = random_sticks(100 + pilot, 55.0)
         lines = [f"{t:.2f},{','.join(map(str, wish))}" for t, wish in rows]
         heading = "t,surge,sway,heave,yaw"
@@ -81,8 +79,8 @@ def test_twenty_dives_of_each_vehicle_have_the_figures_of_the_exact_ones(
         combination = Combination(
             vehicle, "tether", script_of(tmp_path, text), ("simulator.floor_depth=60",)
         )
-        pairs += both(combination, range(5 * pilot, 5 * pilot + 5), 60.0)
-    assert len(pairs) >= 18  # the others are flown exactly
+        pairs += both(combination, range(3 * pilot, 3 * pilot + 3), 60.0)
+    assert len(pairs) >= 5  # the others are flown exactly
     for fast, exact in pairs:
         same = True
         for name in set(fast) - set(OWN):
@@ -91,7 +89,7 @@ def test_twenty_dives_of_each_vehicle_have_the_figures_of_the_exact_ones(
             same = False
             assert fast[name] == pytest.approx(exact[name], rel=SHARE, abs=OTHERWISE.get(name, 0.0))
         close += same
-    assert close >= 0.9 * len(pairs)
+    assert close >= len(pairs) - 1
 
 
 def test_a_sweep_that_goes_on_counts_the_rows_it_has(
