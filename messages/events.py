@@ -464,7 +464,7 @@ DOES_NOT_FIT = row("does_not_fit", MESSAGE, "a number did not fit into a message
 
 # Of the cockpit's page.
 REFUSED_WATCHER = row("refused:watcher", PILOT, "a page that only watches tried to command")
-REFUSED_PAGE = row("refused:page", MESSAGE, "a foreign page or program was refused by the cockpit")
+REFUSED_PAGE = row("refused:page", MESSAGE, "a foreign page or program was refused")
 MALFORMED_PAGE = row("malformed:page", MESSAGE, "a page sent what could not be read", breaks="understood")
 OVERSIZED_PAGE = row("oversized:page", MESSAGE, "a page sent a message that was too long")
 WRONG_VERSION_PAGE = row("wrong_version:page", MESSAGE, "a page of another version was refused")

@@ -19,7 +19,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 LATEST_NS = 2**63 - 1  # [ns] the protocol has unsigned times, viewers signed ones
-REFUSED = 16  # refusals kept between two looks
+REFUSED = 1000  # refusals kept between two looks
 SHOW_HZ = 25.0  # [1/s] how often what has arrived is sent on
 
 
@@ -35,7 +35,7 @@ def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("foxglove", Settings)
     tree = read_toml(stack.vehicle_path)
     override(tree, stack.overrides)
-    refused = deque[str](maxlen=REFUSED)
+    refused, told = deque[str](maxlen=REFUSED), set[str]()
     server = FoxgloveServer(
         settings, f"lindy {stack.vehicle_name}", parameters(tree), refused.append
     )
@@ -61,6 +61,14 @@ def wire(node: Node, stack: Stack) -> None:
 
     def look(_: int) -> None:  # the step of the node hands over what has arrived
         while refused:
-            node.log("warning", f"somebody was not let in: {refused.popleft()}")
+            tell_refusal(node, refused.popleft(), told)
 
     node.every(SHOW_HZ, look)
+
+
+def tell_refusal(node: Node, why: str, told: set[str]) -> None:
+    """Count it, and say each reason once: a page may try for hours."""
+    node.tell(events.REFUSED_PAGE())
+    if why not in told:
+        told.add(why)
+        node.log("warning", f"somebody was not let in: {why}")

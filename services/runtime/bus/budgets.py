@@ -82,7 +82,9 @@ class Budgets:
         sent = dict.fromkeys(links.values(), 0)
         for link, name in links.items():
             sent[name] += max(0, received.get(link, 0) - self._counted.get(link, 0))
-        self._counted = {link: received.get(link, 0) for link in links}
+        # Where it could not be asked, as without free descriptors, the last count stays: from none
+        # on, all that the link ever sent would count as sent at once.
+        self._counted = {link: received.get(link, self._counted.get(link, 0)) for link in links}
         for bucket in self.buckets.values():
             bucket.filled = max(0.0, bucket.filled - bucket.budget.rate * elapsed_s)
         verdicts: list[Verdict] = []
@@ -93,8 +95,10 @@ class Budgets:
         return verdicts
 
     def barred(self, name: str, now: int) -> bool:
-        """Is nothing to be read of a link of this certificate that comes now?"""
-        return now < self._bucket(name).barred_until
+        """Is nothing to be read of a link of this certificate that comes now? For any thread: it
+        makes no bucket, while `look` may be going over them on another."""
+        bucket = self.buckets.get(name)
+        return bucket is not None and now < bucket.barred_until
 
     def beyond(
         self, links: Mapping[Ends, str], received: Mapping[Ends, int], now: int

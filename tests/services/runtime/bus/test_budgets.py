@@ -100,3 +100,17 @@ def test_who_is_not_admitted_has_the_least_budget() -> None:
     budgets = Budgets(frozenset({EVE}))
     said = [budgets.look({link(): "router:gone"}, {link(): 200_000 * n}, n) for n in range(3)]
     assert [verdict.what for each in said for verdict in each] == ["warn", "cut"]
+
+
+def test_a_count_that_fails_for_a_moment_makes_no_flood_of_the_past() -> None:
+    """Without free descriptors a link cannot be asked."""
+    budgets = Budgets(frozenset({ANN}))
+    for second in range(1, 31):  # 3 MB in all, within the rate
+        received = {} if second == 20 else {link(): 100_000 * second}
+        assert budgets.look({link(): ANN}, received, second * 1_000_000_000) == []
+
+
+def test_asking_who_is_barred_opens_no_account() -> None:
+    budgets = Budgets(frozenset({ANN}))
+    assert not budgets.barred(EVE, 0)
+    assert budgets.buckets == {}
