@@ -34,6 +34,7 @@ KINDS: dict[Wish, RequestKind] = {
 ASKED_ANEW: tuple[Wish, ...] = ("light", "light_2", "laser", "output")
 LOST: dict[Absence, Row] = {
     "hidden": events.LOST_PAGE_HIDDEN,
+    "closed": events.LOST_PAGE_CLOSED,
     "unplugged": events.LOST_PAGE_UNPLUGGED,
 }
 

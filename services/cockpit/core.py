@@ -431,7 +431,8 @@ class Cockpit:
         return f"{view.pilot} has control" if view.pilot else "asking for control"
 
     def _overhear(self, level: Level, text: str, name: str) -> None:
-        self._said.append((level, text, name))
+        if name:  # what is no event, as that it was armed, a page shows elsewhere
+            self._said.append((level, text, name))
 
     def _remember(self, line: LogLine, now: Ns) -> None:
         self._lines.add(line, self._timer.seconds(now))

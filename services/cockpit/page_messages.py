@@ -22,7 +22,7 @@ Wish = Literal[
     "arm", "resume", "disarm", "stop", "light", "light_2", "laser", "output", "mode", "goto",
     "take", "force", "offer", "give_back", "film", "snapshot", "camera",
 ]  # fmt: skip
-Absence = Literal["hidden", "unplugged"]
+Absence = Literal["hidden", "closed", "unplugged"]
 Way = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]
 DroneName = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_.-]{1,64}\Z")]
 

@@ -64,6 +64,10 @@ SILENT: dict[str, Any] = {"silent_s": 9.0, "depth_m": None, "heading_deg": None,
 SAID: dict[str, Any] = {
     "said": [["LINK down for 3 s", "alarm"], ["the bottom is close", "warning"]]
 }
+WATCHED: dict[str, Any] = {  # the second camera, small
+    "cameras": [["front", False], ["down", False]], "large": "front", "looks_deg": [-20.0, 0.0],
+    "said": [["a service on board is late (ardusub)", "warning"]],
+}  # fmt: skip
 STATES = {"flown": {}, "ready": READY, "acting": {**ACTING, **SAID}, "old": OLD, "silent": SILENT}
 
 INSIDE = "void import('/main.js').then((main) => { window.video = main.video; })"
@@ -130,7 +134,9 @@ UNPRESSED = """(() => {
     .filter((e) => e.checkVisibility({ visibilityProperty: true }))
     .filter((e) => {
       const panel = e.closest('.panel'); // of a panel what has been scrolled to
-      return !panel || panel.contains(document.elementFromPoint(...middle(e)));
+      const hit = document.elementFromPoint(...middle(e));
+      if (!panel || e.contains(hit)) return true;
+      return panel.contains(hit) && hit !== panel && !hit.closest('header');
     });
   function middle(e) {
     const box = e.getBoundingClientRect();
@@ -157,6 +163,24 @@ REACHED = """(() => {
   const e = document.getElementById('BUTTON'), b = e.getBoundingClientRect();
   return b.left >= 0 && b.top >= 0 && b.right <= innerWidth && b.bottom <= innerHeight
     && e.contains(document.elementFromPoint(b.left + b.width / 2, b.top + b.height / 2));
+})()"""
+# What lies over something else that is to be read or pressed.
+OVER = """(() => {
+  const all = [...document.querySelectorAll(`#top, #heading, #depth, #aids, #lines, #stop, #left,
+    #right, #failsafe, #note, .camera, #buttons button, #buttons select`)]
+    .filter((e) => e.checkVisibility({ visibilityProperty: true }))
+    .filter((e) => e.offsetWidth && (e.textContent || e.classList.contains('stick')));
+  const wrong = [];
+  all.forEach((e, k) => {
+    const a = e.getBoundingClientRect();
+    for (const other of all.slice(k + 1)) {
+      const b = other.getBoundingClientRect();
+      const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      if (wide > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1)
+        wrong.push(`${e.id || e.textContent} and ${other.id || other.textContent}`);
+    }
+  });
+  return wrong.join('; ');
 })()"""
 APART = """(() => {
   const [a, b] = ['arm', 'disarm'].map((id) => document.getElementById(id).getBoundingClientRect());

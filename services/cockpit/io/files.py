@@ -1,5 +1,6 @@
 """The files of the page, as they are served."""
 
+import gzip
 import hashlib
 from importlib.resources import files
 
@@ -61,14 +62,23 @@ class PageFiles:
         everything = b"".join(self.contents[name] for name in sorted(self.contents))
         self.version = hashlib.sha256(everything).hexdigest()[:12]
         self.contents[INDEX] = self.contents[INDEX].replace(VERSION, self.version.encode())
+        self.packed = {name: gzip.compress(body) for name, body in self.contents.items()}
 
-    def response(self, path: str) -> Response:
-        """A page or a module of it; 404 for everything else."""
+    def response(self, path: str, encodings: str = "") -> Response:
+        """A page or a module of it; 404 for everything else.
+
+        Args:
+            encodings: that the browser accepts, the header Accept-Encoding.
+        """
         name = INDEX if path in ("/", "/watch") else path.removeprefix("/")
-        body = self.contents.get(name)
-        if body is None:
+        if name not in self.contents:
             return plain(404, "Not Found", "there is no such page")
-        return _response(200, "OK", TYPES[name.rpartition(".")[2]], body)
+        kind = TYPES[name.rpartition(".")[2]]
+        if "gzip" not in encodings:
+            return _response(200, "OK", kind, self.contents[name])
+        response = _response(200, "OK", kind, self.packed[name])
+        response.headers["Content-Encoding"] = "gzip"
+        return response
 
 
 def plain(status: int, reason: str, sentence: str) -> Response:

@@ -157,7 +157,9 @@ class PageServer:
             self._outbox.tell(events.REFUSED_PAGE())
             return plain(403, "Forbidden", why)
         # No other path ever becomes a WebSocket: only these three were checked above.
-        return None if path in SOCKETS else self._files.response(path)
+        if path in SOCKETS:
+            return None
+        return self._files.response(path, ", ".join(headers.get_all("Accept-Encoding")))
 
     async def _page(self, connection: ServerConnection) -> None:
         """One page, until it is closed."""

@@ -77,7 +77,7 @@ function label({ video, button, called, text }, roomless) {
   const { age, least, silence, ages, kbit } = video;
   const known = age !== undefined && silence < Infinity;
   const how = roomless ? words.t("no_room") : known ? `${least}${seconds(age / 1000)}` : words.t("no picture");
-  const said = roomless ? how : `${how} · ${units.number(kbit)} kbit/s`;
+  const said = roomless || !known ? how : `${how} · ${units.number(kbit)} kbit/s`;
   const name = cameraName(video.name);
   if (called.textContent !== name) called.textContent = name;
   if (text.textContent !== said) text.textContent = said;

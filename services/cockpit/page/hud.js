@@ -54,8 +54,10 @@ export class Hud {
     g.setLineDash([]);
     if (boxes.heading.width) this.heading(view, width, axis, boxes.heading);
     if (boxes.depth.top > boxes.heading.bottom) this.depth(view, boxes.depth, height, boxes.heading.bottom);
-    const below = boxes.map.height ? boxes.map.top : boxes.left.height ? boxes.left.top : boxes.buttons.top;
-    this.thrusters(view, Math.max(boxes.aids.bottom, boxes.heading.bottom), below);
+    const aside = boxes.map.right < width / 2 ? boxes.map.right : 0; // beside the map, where it leaves room
+    const lower = [boxes.left, boxes.buttons, ...(aside ? [] : [boxes.map])].filter((box) => box.height && box.left < 10 * this.u);
+    const below = Math.min(height, ...lower.map((box) => box.top));
+    this.thrusters(view, aside, Math.max(boxes.aids.bottom, boxes.heading.bottom), below);
   }
 
   font(size, weight = 500) { this.g.font = `${weight} ${Math.max(12, size * this.u)}px system-ui, "DejaVu Sans", sans-serif`; }
@@ -172,10 +174,10 @@ export class Hud {
     if (wanted !== undefined) this.text(`→ ${units.number(wanted, 2)}`, (x + right) / 2, y - half - 0.8 * u, c.bug);
   }
 
-  thrusters(view, top, bottom) {
+  thrusters(view, left, top, bottom) {
     const { g, u, c } = this;
     const shares = view.thrust ?? [], w = 0.75 * u, gap = 0.3 * u;
-    const half = Math.min(4 * u, (bottom - top) / 2 - u), x0 = u, y = bottom - half - u;
+    const half = Math.min(4 * u, (bottom - top) / 2 - u), x0 = left + u, y = bottom - half - u;
     if (half < u || !shares.length) return;
     shares.forEach((share, k) => {
       const x = x0 + k * (w + gap), full = Math.abs(share) >= 0.99;

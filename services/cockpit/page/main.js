@@ -77,12 +77,13 @@ const OWN = { // what the page does itself
   heading_port: () => goto.turned(-1), heading_starboard: () => goto.turned(1),
 };
 const press = (what) => (what in OWN ? OWN[what]() : wish(what));
+const by = (device, act) => (...what) => { steering.used(device); act(...what); };
 const keys = await Keys.load();
 const keysPanel = new KeysPanel(keys, say); // hears a key before what steers does
-const pad = new Pad(press, hold);
+const pad = new Pad(by("pad", press), by("pad", hold));
 const padPanel = new PadPanel(pad);
 const film = new Film(wish);
-const keyboard = new Keyboard(keys, press, hold, steer);
+const keyboard = new Keyboard(keys, by("keyboard", press), by("keyboard", hold), steer);
 const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
 const tools = new Tools(wish, steer);
 const steering = new Steering(...thumbs, keyboard, pad, tools);
@@ -94,6 +95,12 @@ const menu = new Menu((name) => {
   draw();
 });
 
+// On a small phone what is pressed less often stands in the menu.
+const phone = matchMedia("(min-aspect-ratio: 1/1) and (max-height: 560px), (max-width: 480px) and (max-height: 700px)");
+const gather = () => (phone.matches ? $("menu").querySelector("header").after($("extras")) : $("film").before($("extras")));
+phone.addEventListener("change", gather);
+gather();
+$("tools-open").addEventListener("click", () => menu.show(""));
 $("map-open").addEventListener("click", () => menu.show(""));
 for (const id of ["take", "offer", "give_back"]) $(id).addEventListener("click", () => wish(id));
 $("lamp").addEventListener("click", () => wish("light"));
@@ -123,14 +130,17 @@ addEventListener("pointerup", (e) => {
   if (e.pointerType === "touch") setTimeout(() => document.body.classList.add("touch"), CLICKED_MS);
 }, { capture: true });
 
-function hide() {
-  if (connection.watching) return;
+let leaves = false; // what is hidden because it is left or loaded anew is said to be closed
+function hide(why) {
+  if (connection.watching || leaves) return;
+  leaves = why === "closed";
   steering.release();
   for (const what of Object.values(held)) what.release();
-  connection.absent("hidden");
+  connection.absent(why);
 }
-document.addEventListener("visibilitychange", () => (document.hidden ? hide() : stayAwake()));
-addEventListener("pagehide", hide);
+document.addEventListener("visibilitychange", () => (document.hidden ? hide("hidden") : stayAwake()));
+addEventListener("pagehide", () => hide("closed"));
+addEventListener("pageshow", () => (leaves = false));
 addEventListener("contextmenu", (e) => e.preventDefault());
 
 // Where the browser has it: the screen does not lock while this page is open.

@@ -44,7 +44,7 @@ export function show(connection, you, view, steeredBy) {
   put("activity", `${plain(view.doing)} · ${plain(view.flight_mode)}`);
   const who = words.t(you.who ?? "");
   put("who", you.watcher ? `${words.t("watching")} · ${who}` : who + (you.has_sticks ? ` · ${words.t(steeredBy)}` : ""));
-  put("numbers", (view.numbers ?? []).map(([label, text]) => `${words.t(label)} ${text}`).join(" · ") || UNKNOWN);
+  put("numbers", (view.numbers ?? []).map(([label, text]) => `${words.t(label)} ${units.said(text)}`).join(" · ") || UNKNOWN);
   const loss = view.loss === undefined ? "" : ` ${words.t("loss")} ${units.number(100 * view.loss)} %`;
   put("link", view.link_up === false ? words.t("link_down") : `${words.t("link")} ${ms(view.rtt_ms)}${loss} · ${words.t("page")} ${ms(you.delay_ms)}`, view.link_up === false ? "old" : "");
   const old = age(you, view, connection.arrived);
@@ -55,9 +55,9 @@ export function show(connection, you, view, steeredBy) {
   const apart = `${words.t(connection.words)}${connection.watching ? "" : `: ${words.t("pilot_lost")}`}`;
   const lost = connection.words ? apart : tells ? "" : why;
   alarm("lost", lost);
-  const acting = failsafe(view.acting ?? [], tells ? why : "");
+  const acting = failsafe(view.acting ?? [], tells ? why : "", !view.resumable || you.in_control || you.watcher);
   const said = [...(you.wants_rest ? [[words.t("wants_rest"), "warning"]] : []), ...(view.said ?? [])];
-  const of = (tone) => said.filter((each) => each[1] === tone).map((each) => each[0]).join(" · ");
+  const of = (tone) => said.filter((each) => each[1] === tone).map((each) => words.same(each[0])).join(" · ");
   alarm("note", of("warning"));
   lines(view.lines ?? []);
   return [lost, acting, link(said)].filter(Boolean);
@@ -71,7 +71,7 @@ export function digits(view, stale) {
 }
 
 // What the drone does by itself, in four short lines. Returns what is lost, for who does not look.
-function failsafe(acting, known) {
+function failsafe(acting, known, mine) {
   $("failsafe").hidden = !acting.length;
   document.body.classList.toggle("acting", acting.length > 0);
   if (!acting.length) return "";
@@ -81,7 +81,7 @@ function failsafe(acting, known) {
     words.t(lost),
     since.s ? words.t("for", { what: because, s: units.number(since.s) }) : because,
     more.s ? words.t("then", { what: words.t(does), s: units.number(more.s) }) : words.t(does),
-    words.t(must),
+    words.t(mine ? must : "do.take"),
   ].map((each) => each && `${each[0].toUpperCase()}${each.slice(1)}.`);
   const rows = $("failsafe").children;
   if (rows.length !== 4) $("failsafe").replaceChildren(...sentences.map(() => document.createElement("p")));
@@ -129,9 +129,10 @@ function deliberate(id, text, offered, taken) {
 
 export function buttons(you, view) {
   const may = Boolean(you.has_sticks), mine = Boolean(may && you.in_control);
-  const resumes = Boolean(view.armed && view.failsafe && view.failsafe !== "none");
+  const acts = Boolean(view.armed && view.failsafe && view.failsafe !== "none");
+  const resumes = acts && view.returns !== "centre"; // then centred sticks are enough
   // Arming and disarming have places of their own: what is under a finger never becomes the other.
-  deliberate("arm", words.t(resumes ? "hold_resume" : "hold_arm"), resumes || !view.armed, you.taken);
+  deliberate("arm", words.t(acts ? "hold_resume" : "hold_arm"), resumes || !view.armed, you.taken);
   deliberate("disarm", words.t("hold_disarm"), view.armed, you.taken);
   $("take").hidden = mine;
   $("take").disabled = Boolean(you.taken);
@@ -141,7 +142,7 @@ export function buttons(you, view) {
   const mode = $("flight_mode");
   if (view.flight_mode && document.activeElement !== mode && mode.value !== view.flight_mode) mode.value = view.flight_mode;
   put("brightness", view.light === undefined ? UNKNOWN : `${units.number(100 * view.light)} %`);
-  return resumes ? "resume" : "arm";
+  return acts ? "resume" : "arm";
 }
 
 function height(now, wanted) {
@@ -165,7 +166,7 @@ export function aids(view, limit) {
     ["turns", view.turns || undefined],
     ["pitch", degrees(view.pitch_deg), "wide"],
     ["roll", degrees(view.roll_deg), "wide"],
-    ["camera", degrees(view.tilt_deg), "wide"],
+    ["camera", degrees(view.tilt_deg === undefined ? undefined : (view.looks_deg ?? [view.tilt_deg])[0]), "wide"],
   ].filter((each) => each[1] !== undefined);
   $("aids").hidden = !all.length;
   fill("aids", all, ([key, value, kind = ""]) => [element("dt", words.t(key), kind), element("dd", value, kind)]);

@@ -37,6 +37,11 @@ export class Steering {
 
   get name() { return `pad ${this.pad.id}`.slice(0, 100); }
 
+  // It was pressed: of two that steer nothing it is the one that the pilot has in his hands.
+  used(device) {
+    if (this.device === "touch" && !this.left.down && !this.right.down) this.device = device;
+  }
+
   release() {
     this.left.release();
     this.right.release();

@@ -23,6 +23,9 @@ class Units {
     return this.formats.get(decimals).format(value);
   }
 
+  // Numbers within a text of the service, which writes them with a point.
+  said(text) { return text.replace(/\d+\.(\d+)/g, (all, decimals) => this.number(Number(all), decimals.length)); }
+
   get lengthUnit() { return this.system.length[1]; }
 
   get speedUnit() { return this.system.speed[1]; }

@@ -25,11 +25,17 @@ class Words {
     return sentence.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "–");
   }
 
-  // A sentence of the event table that comes without its name.
+  // Sentences that come without their names, each with what its event adds in brackets.
   same(text) {
-    const key = Object.keys(this.english).find((each) => this.english[each] === text);
-    return key === undefined ? text : this.t(key);
+    const whole = this.keyOf(text);
+    if (whole) return this.t(whole);
+    return text.split("; ").map((part) => {
+      const [sentence] = part.split(" ("), key = this.keyOf(sentence);
+      return key ? this.t(key) + part.slice(sentence.length) : part;
+    }).join("; ");
   }
+
+  keyOf(text) { return Object.keys(this.english).find((each) => this.english[each] === text); }
 
   // A sentence that the service says: that of its event is translated, and its details stay.
   said(text, event) {

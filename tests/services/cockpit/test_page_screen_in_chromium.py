@@ -14,6 +14,7 @@ from tests.support.page_screen import (
     CONTRAST,
     FINGER,
     HEARD,
+    OVER,
     PAD,
     PILOT,
     REACHED,
@@ -22,10 +23,12 @@ from tests.support.page_screen import (
     SIZES,
     STATES,
     UNPRESSED,
+    WATCHED,
     Served,
 )  # fmt: skip
 from tests.support.patience import until
 
+PLACE = "document.getElementById('disarm').getBoundingClientRect()"
 PROGRAM = chromium()
 pytestmark = [
     pytest.mark.system,
@@ -69,6 +72,47 @@ def test_the_picture_fills_the_screen_and_everything_can_be_pressed(
     page.look("document.getElementById('menu-open').click()")
     served.becomes(page)
     assert page.look(UNPRESSED) == ""
+    page.close()
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
+def test_nothing_lies_over_anything_and_what_disarms_keeps_its_place(
+    browser: Browser, served: Served, size: Size
+):
+    shut = "try { localStorage.removeItem('map') } catch {}"
+    page = served.open(browser, size, before=shut)
+    page.look(FINGER if size.touch else "0")
+    places = set[str]()
+    for state in ({}, {"filming_s": 75.0}, ACTING, {"doing": "stopping"}):
+        for control in (True, False):
+            served.you = {**PILOT, "in_control": control}
+            served.becomes(page, **{**WATCHED, **state})
+            assert page.look(OVER) == "", (state, control)
+            places.add(page.look(f"JSON.stringify({PLACE})"))
+    assert len(places) == 1
+    page.close()
+
+
+def test_a_note_is_said_in_the_pilots_language_and_who_lacks_the_sticks_is_told_to_take_them(
+    browser: Browser, served: Served
+):
+    page = served.open(browser, SIZES[5])
+    choice = "document.getElementById('language')"
+    page.look(f"{choice}.value = 'de'; {choice}.dispatchEvent(new Event('change'))")
+    page.wait("document.documentElement.lang === 'de'")
+    late = [["a service on board is late (ardusub); the battery is low", "warning"]]
+    served.becomes(page, said=late)
+    said = page.look("document.getElementById('note').textContent")
+    assert said == "ein Dienst an Bord ist verspätet (ardusub); die Batterie ist schwach"
+    assert "15,9 V, 80 %" in page.look("document.getElementById('numbers').textContent")
+    resume = "document.getElementById('arm').checkVisibility({ visibilityProperty: true })"
+    for control, word in ((True, "fortsetzen."), (False, "nehmen")):
+        served.you = {**PILOT, "in_control": control}
+        served.becomes(page, **ACTING)
+        assert word in page.look("document.querySelector('#failsafe p:last-child').textContent")
+        assert page.look(resume)
+    served.becomes(page, **ACTING, returns="centre")
+    assert not page.look(resume)  # centred sticks are enough
     page.close()
 
 
@@ -259,10 +303,10 @@ def test_an_alarm_is_heard_and_spoken_once_until_one_tap_ends_the_sound(
 def test_the_first_touch_shows_the_sticks_and_moves_none(browser: Browser, served: Served):
     page = served.open(browser, SIZES[0])
     assert page.look("document.getElementById('left').offsetParent === null")
-    page.touch("touchStart", page.middle("#lamp"))
+    page.touch("touchStart", page.middle("#film"))
     page.touch("touchEnd")
     page.wait("document.getElementById('left').offsetParent !== null")
-    until(lambda: [wish.what for wish in served.wishes] == ["light"])
+    until(lambda: [wish.what for wish in served.wishes] == ["film"])
     assert all(each.heave == each.surge == 0.0 for each in served.sticks)
     x, y = page.middle("#left")
     page.touch("touchStart", (x, y))
