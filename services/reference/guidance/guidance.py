@@ -195,10 +195,13 @@ class Guidance:
         None: the stick's."""
         heave, asked = self.axes.heave, stick * self.settings.heave.max_velocity
         above = heave.at(self.t), heave.limits, self.bottom, self.t
-        self.near_floor = False
+        was_near, self.near_floor = self.near_floor, False
         if not self.bottom.known:
+            # A stick that led no nearer leads nowhere until it was let go of: nobody knows any more
+            # what it would lead to.
             self.height.forget()
-            return None
+            self.near_floor = was_near and asked > 0.0 and self.held.depth
+            return 0.0 if self.near_floor else None
         if self.held.height:
             sink = self.height.velocity(asked, *above)
         else:

@@ -420,6 +420,21 @@ def test_the_pilot_is_told_once_and_up_is_free() -> None:
     assert "floor_limit" not in dive.status.conditions
 
 
+@pytest.mark.parametrize("mode", ["stabilised", "altitude_hold"])
+def test_a_stick_held_down_at_the_floor_leads_no_deeper_once_the_altitude_is_lost(mode: str) -> None:
+    dive = held_at(2.0, mode)
+    dive.fly(20.0, heave=1.0)
+    dive.altimeter, before = False, dive.depth
+    end = dive.fly(2 * PATIENCE_S + 10.0, heave=1.0)
+    assert dive.depth == pytest.approx(before, abs=3 * NOISE)
+    assert end.depth.velocity == 0.0
+    assert "floor_limit" in dive.status.conditions
+    dive.fly(0.1)
+    again = dive.fly(3.0, heave=1.0)  # let go of: it is the pilot's
+    assert again.depth.velocity == dive.settings.heave.max_velocity
+    assert is_continuous(dive)
+
+
 def test_what_was_released_or_typed_or_set_goes_to_the_bottom() -> None:
     manual = held_at(2.0, "manual")
     assert manual.fly(2.0, heave=1.0).heave_force == manual.settings.heave_force.full
