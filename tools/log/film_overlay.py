@@ -57,8 +57,9 @@ class DrawnFilm:
         except FFmpegError:
             return False
         for frame in frames:
-            image = Image.fromarray(frame.to_ndarray(format="rgb24"))
-            _clear(image)
+            seen = np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+            time_stripe.paint_over(seen)
+            image = Image.fromarray(seen)
             draw(image, picture.drone, self._view)
             drawn = av.VideoFrame.from_ndarray(np.asarray(image), format="rgb24")
             drawn.pts, drawn.time_base = self._clock.ticks(picture.light_ns), Fraction(1, TICKS)
@@ -73,13 +74,6 @@ class DrawnFilm:
 @cache  # it is unpacked and read each time
 def _font(size: float) -> Font:
     return ImageFont.load_default(size)
-
-
-def _clear(image: Image.Image) -> None:
-    """A simulated camera's time stripe is for machines."""
-    if time_stripe.read(np.asarray(image.convert("L")), 0) is not None:
-        stripe = time_stripe.HEIGHT
-        image.paste(image.crop((0, stripe, image.width, 2 * stripe)), (0, 0))
 
 
 class Pen:

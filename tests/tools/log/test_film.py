@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.film import FilmKind, FilmRequest
+from services.marine import time_stripe
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
@@ -158,6 +159,9 @@ def test_the_overlay_is_as_long_and_needs_no_other_names(
     with av.open(str(out)) as opened:
         frames = list(opened.decode(video=0))
     assert len(frames) == len(filmed_pictures)
+    for frame in (frames[0], frames[-1]):  # the time stripe is for machines
+        luma = np.asarray(frame.to_ndarray(format="gray"), np.uint8)
+        assert time_stripe.read(luma, 0) is None
     seconds = (filmed_pictures[-1].light_ns - filmed_pictures[0].light_ns) / 1e9
     assert float(frames[-1].time) == pytest.approx(seconds, abs=1e-3)
 
