@@ -86,6 +86,7 @@ class PilotAnswer(Answer, frozen=True, kw_only=True):
     """The drone's answer to a request."""
 
     reason: Text = ""  # why the request was refused, in words for the pilot
+    note: Text = ""  # what else will come of a request that was granted, in words for him
     stop: StopDistance | None = None  # stop: how far the drone still goes
     epoch: Count | None = None  # lease, force: authority epoch that commands must carry from now on
     cause_ns: Stamp | None = None  # [ns] stamp of the request

@@ -241,6 +241,7 @@ class ReferenceGenerator:
             id=request.id,
             accepted=not reason,
             reason=reason,
+            note=requests.onto_the_bottom(self._guidance, request.depth) if not reason else "",
             stop=self._stop if request.kind == "stop" else None,
             epoch=self.authority.lease.epoch if takes and not reason else None,
             cause_ns=request.stamp_ns,
