@@ -20,7 +20,7 @@ from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, 
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.units import Ns, Outputs
-from messages.vehicle import Activity, Failsafe, VehicleStatus
+from messages.vehicle import Activity, Failsafe, PlaceAhead, VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.sensor_time import SensorTime
 from services.reference.failsafe.machine import FailsafeMachine, Memory
@@ -348,7 +348,14 @@ class ReferenceGenerator:
             altitude=self._guidance.altitude,
             altitude_wanted=_known(self._guidance.height.wanted),
             goal=_known(self._guidance.manoeuvre.goal),
+            waypoints=self._ahead or UNSET,
         )
+
+    @property
+    def _ahead(self) -> tuple[PlaceAhead, ...]:
+        """The next way-points of the path that is followed."""
+        found = self._guidance.manoeuvre.waypoints(self._guidance.t)
+        return tuple(PlaceAhead(north, east) for north, east in found)
 
     @property
     def _not_ready(self) -> str:

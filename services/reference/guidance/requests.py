@@ -37,8 +37,8 @@ def goto(guidance: Guidance, request: PilotRequest) -> str:
 
 
 def onto_the_bottom(guidance: Guidance, depth: float | None) -> str:
-    """What comes of going to a depth [m] that is nearer to the measured bottom than the stick leads;
-    empty: it is not, or not known. Meant or not, it goes through: to land is to type a depth."""
+    """What comes of going to a depth [m] nearer to the measured bottom than the stick leads; empty:
+    it is not, or not known. Meant or not, it goes through: to land is to type a depth."""
     bottom, floor = guidance.bottom, guidance.settings.failsafe.floor_distance
     if depth is None or not bottom.known:
         return ""
