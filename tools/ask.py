@@ -252,7 +252,7 @@ def in_words(kind: str, answer: PilotAnswer) -> str:
     """The answer to a request that was accepted."""
     stop = answer.stop
     if stop is None:
-        return "; ".join(filter(None, (f"{kind}: accepted", answer.note)))
+        return "; ".join(filter(None, (f"{kind}: accepted", answer.note or "")))
     vertical = "up" if stop.depth < 0 else "down"
     turn = "counter-clockwise" if stop.heading < 0 else "clockwise"
     return (
@@ -274,7 +274,7 @@ def in_json(kind: str, answer: PilotAnswer) -> str:
             "kind": kind,
             "accepted": answer.accepted,
             "reason": answer.reason,
-            "note": answer.note,
+            "note": answer.note or "",
             "stop": stop,
         },
         allow_nan=False,

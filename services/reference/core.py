@@ -223,6 +223,7 @@ class ReferenceGenerator:
 
     def answer(self, request: PilotRequest, command: PilotCommand | None, now: Ns) -> PilotAnswer:
         """Grant or refuse a request."""
+        guidance = self._guidance
         reason = self.authority.refusal(request, now) or refusal(
             request,
             command,
@@ -241,7 +242,7 @@ class ReferenceGenerator:
             id=request.id,
             accepted=not reason,
             reason=reason,
-            note=requests.onto_the_bottom(self._guidance, request.depth) if not reason else "",
+            note=(not reason and requests.onto_the_bottom(guidance, request.depth)) or UNSET,
             stop=self._stop if request.kind == "stop" else None,
             epoch=self.authority.lease.epoch if takes and not reason else None,
             cause_ns=request.stamp_ns,

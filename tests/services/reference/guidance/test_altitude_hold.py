@@ -444,14 +444,14 @@ def test_the_answer_to_a_depth_at_the_bottom_says_what_comes_of_it() -> None:
     assert below.note == land
     near = dive.answer("goto", depth=flat(0.0) - 0.3)
     assert near.note == "the drone will come to rest 0.3 m above the bottom"
-    assert dive.answer("goto", depth=flat(0.0) - FLOOR - 0.1).note == ""
-    assert dive.answer("goto", heading=1.0).note == ""
+    assert dive.answer("goto", depth=flat(0.0) - FLOOR - 0.1).note is UNSET
+    assert dive.answer("goto", heading=1.0).note is UNSET
     refused = dive.answer("goto", depth=1e4)
     assert "deeper than the depth limit" in refused.reason
-    assert refused.note == ""
+    assert refused.note is UNSET
     dive.altimeter = False
     dive.fly(PATIENCE_S + 1.0)
-    assert dive.answer("goto", depth=30.0).note == ""
+    assert dive.answer("goto", depth=30.0).note is UNSET
 
 
 def test_without_a_fresh_altitude_it_is_the_stick_alone() -> None:
