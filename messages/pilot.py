@@ -3,6 +3,7 @@
 from typing import Annotated, Literal
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from messages.message import Answer, Message, Request
 from messages.units import Count, Finite, Name, NotNegative, Stamp, Stick, Text, Ttl
@@ -86,6 +87,7 @@ class PilotAnswer(Answer, frozen=True, kw_only=True):
     """The drone's answer to a request."""
 
     reason: Text = ""  # why the request was refused, in words for the pilot
+    note: Text | UnsetType = UNSET  # granted: what else will come of it, in words for him
     stop: StopDistance | None = None  # stop: how far the drone still goes
     epoch: Count | None = None  # lease, force: authority epoch that commands must carry from now on
     cause_ns: Stamp | None = None  # [ns] stamp of the request

@@ -1,7 +1,7 @@
 """The vehicle as a whole: its status, what its thrusters did, what its own autopilot estimates, and
 (in simulation) the truth."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -36,6 +36,16 @@ Returns = Literal["centre", "resume", "wait"]
 Reaction = Literal["notice", "limit", "stop", "ascend", "surface"]
 
 
+class PlaceAhead(msgspec.Struct, frozen=True):
+    """A way-point of the path that is followed."""
+
+    north: Finite  # [m]
+    east: Finite  # [m]
+
+
+PlacesAhead = Annotated[tuple[PlaceAhead, ...], msgspec.Meta(max_length=8)]
+
+
 class VehicleStatus(Message, frozen=True, kw_only=True):
     """From `reference`, five times a second and at every change."""
 
@@ -66,6 +76,7 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     altitude: Finite | UnsetType = UNSET  # [m] above the bottom; absent: not measured now
     altitude_wanted: Finite | UnsetType = UNSET  # [m] that is held; absent: none is
     goal: tuple[Finite, Finite] | UnsetType = UNSET  # [m] north, east it goes to; absent: to none
+    waypoints: PlacesAhead | UnsetType = UNSET  # the next ones of a path; absent: it follows none
 
 
 class Actuation(Message, frozen=True, kw_only=True):

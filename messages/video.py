@@ -38,6 +38,7 @@ class VideoPart(Message, frozen=True, kw_only=True):
     width: Pixels  # [px]
     height: Pixels  # [px]
     exact: bool = False  # the source says when the light arrived
+    stripe: bool = False  # the simulated camera has drawn that time into the picture
     captured_ns: Stamp  # [ns] the picture was in memory
     encoded_ns: Stamp  # [ns] its access unit was there
     budget_kbit: NotNegative  # [kbit/s] what the camera may send, when this was encoded
@@ -53,7 +54,7 @@ class PictureAge(Message, frozen=True, kw_only=True):
     exact: bool = False  # that is its age; False: at least that
     stages: Stages | None = None  # PICTURE_STAGES, in their order
     total: Stage | None = None  # "light to picture", measured end to end
-    checked: bool = False  # the time stripe in the picture says the same
+    checked: bool = False  # the simulated camera's time stripe in the picture says the same
     per_second: NotNegative = 0.0  # [1/s] pictures decoded
     heard_kbit: NotNegative = 0.0  # [kbit/s] that arrived, without headers
     room_kbit: NotNegative | None = None  # [kbit/s] at which its parts arrive, with headers

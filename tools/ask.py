@@ -17,7 +17,6 @@ from messages.pilot import (
     PilotCommand,
     PilotRequest,
     RequestKind,
-    StopDistance,
 )
 from services.gamepad.io.path_file import course_of
 from services.piloting.pilot_intents import FARTHEST, goto
@@ -122,7 +121,7 @@ def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
     if not answer.accepted:
         raise LindyError(f"{running.vehicle} refuses to {kind}: {answer.reason}")
     if not as_json:
-        print(f"{running.vehicle}: {in_words(kind, answer.stop)}")
+        print(f"{running.vehicle}: {in_words(kind, answer)}")
     return 0
 
 
@@ -249,10 +248,11 @@ def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, 
     return asking
 
 
-def in_words(kind: str, stop: StopDistance | None) -> str:
+def in_words(kind: str, answer: PilotAnswer) -> str:
     """The answer to a request that was accepted."""
+    stop = answer.stop
     if stop is None:
-        return f"{kind}: accepted"
+        return "; ".join(filter(None, (f"{kind}: accepted", answer.note or "")))
     vertical = "up" if stop.depth < 0 else "down"
     turn = "counter-clockwise" if stop.heading < 0 else "clockwise"
     return (
@@ -274,6 +274,7 @@ def in_json(kind: str, answer: PilotAnswer) -> str:
             "kind": kind,
             "accepted": answer.accepted,
             "reason": answer.reason,
+            "note": answer.note or "",
             "stop": stop,
         },
         allow_nan=False,

@@ -22,6 +22,7 @@ BEHIND_NS = 2_000_000_000
 class Light(NamedTuple):
     at_ns: Ns  # never after the arrival
     exact: bool  # the source has said so; False: the light is as old or older
+    stripe: bool = False  # we have drawn it into the picture, as `services.marine.time_stripe`
 
 
 @dataclass(slots=True)

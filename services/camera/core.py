@@ -208,6 +208,7 @@ class Camera:
             VideoPart(
                 stamp_ns=light.at_ns,
                 exact=light.exact,
+                stripe=light.stripe,
                 picture=self._pictures,
                 keyframe=order.keyframe,
                 part=number,

@@ -108,6 +108,7 @@ def _simulate(node: Node, stack: Stack, settings: OneCamera, film: Film, *, foll
     reference = node.latest(topics.REFERENCE)
     filmed: int | None = None  # [ns] stamp of the truth that was filmed last
     front = (vehicle.size[0] / 2.0, 0.0, 0.0)
+    stripe = time_stripe.fits(width, height)
 
     def tick(now: int) -> None:
         nonlocal filmed
@@ -128,11 +129,11 @@ def _simulate(node: Node, stack: Stack, settings: OneCamera, film: Film, *, foll
                 settings.yaw,
             )
             picture = sea.draw(view)
-            if time_stripe.fits(width, height):
+            if stripe:
                 time_stripe.write(picture.y, here.stamp_ns)
             return picture, node.now()
 
-        film(Light(here.stamp_ns, exact=True), here.stamp_ns, draw)
+        film(Light(here.stamp_ns, exact=True, stripe=stripe), here.stamp_ns, draw)
 
     node.every(settings.rate, tick)
 

@@ -89,7 +89,8 @@ def _watch(
         if luma is None:
             account.failed()
             return
-        said = time_stripe.read(luma, about.stamp_ns)
+        # A film of another dive shows that dive's time: only the camera that drew it is believed.
+        said = time_stripe.read(luma, about.stamp_ns) if about.stripe else None
         stripe = None if said is None else node.local_ns(video, said)
         account.decoded(unit, stripe, arrived, node.now())
 

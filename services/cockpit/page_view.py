@@ -80,6 +80,7 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     compass_deg: float | None = None  # heading from north, by the compass where there is one
     home: Pair | None = None  # [m] north, east of where it was first armed
     goal: Pair | None = None  # [m] north, east of where it goes
+    waypoints: tuple[Pair, ...] = ()  # [m] of the path that it follows: the next ones
     current: Pair | None = None  # [m/s] of the water, north and east
     turns: int | None = None  # of the tether: whole turns of the drone to starboard
 
@@ -126,11 +127,13 @@ def chart_view(
     """The fields of the map, from the newest state and status that are shown."""
     heading = None if state is None else from_north(state)
     goal = None if status is None or status.goal is UNSET else status.goal
+    ahead = () if status is None or status.waypoints is UNSET else status.waypoints
     return {
         "place": chart.place(),
         "compass_deg": None if heading is None else round(math.degrees(heading), 1) % 360.0,
         "home": chart.home(),
         "goal": goal,
+        "waypoints": tuple((round(each.north, 2), round(each.east, 2)) for each in ahead),
         "current": current(state),
     }
 

@@ -14,6 +14,7 @@ Luma = NDArray[np.uint8]  # [-] 16 black to 235 white, shape (height, width)
 ROWS, COLUMNS = 2, 32
 BLOCK_WIDTH, BLOCK_HEIGHT = 16, 8  # [px]
 WIDTH, HEIGHT = COLUMNS * BLOCK_WIDTH, ROWS * BLOCK_HEIGHT  # [px] of the whole stripe
+BELOW = HEIGHT + 2  # [px] the first row that is none of it: the codec blurs its edge
 BLACK, WHITE = 16, 235
 MIDDLE = (BLACK + WHITE) / 2
 TIME_BYTES, SUM_BYTES = 6, 2
@@ -48,6 +49,13 @@ def read(luma: Luma, near_ns: int) -> int | None:
         return None
     away = (int.from_bytes(time, "big") - near_ns // 1000 + WRAP_US // 2) % WRAP_US - WRAP_US // 2
     return (near_ns // 1000 + away) * 1000
+
+
+def paint_over(rgb: NDArray[np.uint8]) -> None:
+    """Put what is below a stripe in its place, mirrored: it is for machines. A picture of shape
+    (height, width, 3) is changed in place; one that has no stripe is not."""
+    if read(rgb[..., 1], 0) is not None:
+        rgb[:BELOW] = rgb[BELOW : 2 * BELOW][::-1]
 
 
 def _sum(time: bytes) -> bytes:

@@ -149,6 +149,8 @@ class Pilot:
                 out.requests.append(self._request("resume" if self.in_failsafe else "arm"))
         if not answer.accepted:
             self.outbox.tell(events.REFUSED(request.kind, detail=answer.reason))
+        elif answer.note:
+            self.outbox.say("warning", f"{request.kind}: {answer.note}")
         return out
 
     def overheard(self, request: PilotRequest, answer: PilotAnswer) -> Effects:

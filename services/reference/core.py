@@ -20,7 +20,7 @@ from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, 
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.units import Ns, Outputs
-from messages.vehicle import Activity, Failsafe, VehicleStatus
+from messages.vehicle import Activity, Failsafe, PlaceAhead, VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.sensor_time import SensorTime
 from services.reference.failsafe.machine import FailsafeMachine, Memory
@@ -223,6 +223,7 @@ class ReferenceGenerator:
 
     def answer(self, request: PilotRequest, command: PilotCommand | None, now: Ns) -> PilotAnswer:
         """Grant or refuse a request."""
+        guidance = self._guidance
         reason = self.authority.refusal(request, now) or refusal(
             request,
             command,
@@ -241,6 +242,7 @@ class ReferenceGenerator:
             id=request.id,
             accepted=not reason,
             reason=reason,
+            note=(not reason and requests.onto_the_bottom(guidance, request.depth)) or UNSET,
             stop=self._stop if request.kind == "stop" else None,
             epoch=self.authority.lease.epoch if takes and not reason else None,
             cause_ns=request.stamp_ns,
@@ -347,7 +349,14 @@ class ReferenceGenerator:
             altitude=self._guidance.altitude,
             altitude_wanted=_known(self._guidance.height.wanted),
             goal=_known(self._guidance.manoeuvre.goal),
+            waypoints=self._ahead or UNSET,
         )
+
+    @property
+    def _ahead(self) -> tuple[PlaceAhead, ...]:
+        """The next way-points of the path that is followed."""
+        found = self._guidance.manoeuvre.waypoints(self._guidance.t)
+        return tuple(PlaceAhead(north, east) for north, east in found)
 
     @property
     def _not_ready(self) -> str:

@@ -60,13 +60,13 @@ def armed(view: VehicleView) -> str:
 
 
 def failsafe(view: VehicleView) -> str:
-    """What acts, since when, and when it does more; empty: nothing."""
-    coming = "" if view.next_s is None else f"in {max(0.0, view.next_s):.0f} s"
+    """What acts, since when, and when the drone rises, as in every later stage; empty: nothing."""
+    coming = "" if view.next_s is None else f"rises in {max(0.0, view.next_s):.0f} s"
     if not view.acts:
         return f"FAILSAFE {coming}" if coming else ""
     since = "" if view.since_s is None else f" for {view.since_s:.0f} s"
     name = short(FAILSAFE_ACTED(view.failsafe).name)
-    return f"FAILSAFE {name}{since}" + (f", next {coming}" if coming else "")
+    return f"FAILSAFE {name}{since}" + (f", {coming}" if coming else "")
 
 
 def doing(view: VehicleView) -> str:

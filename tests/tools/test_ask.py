@@ -340,19 +340,23 @@ def test_on_the_drones_side_there_is_no_pilot(tmp_path: Path):
 
 def test_a_stop_tells_in_words_and_in_json_how_far_it_still_goes():
     stop = StopDistance(depth=-0.25, heading=math.pi / 2, seconds=1.5)
-    told = in_words("stop", stop)
-    assert told == (
+    answer = PilotAnswer(stamp_ns=0, id="i", accepted=True, stop=stop)
+    assert in_words("stop", answer) == (
         "stop: accepted; still goes 0.250 m up and 90.00 deg clockwise, at rest after 1.50 s"
     )
-    answer = PilotAnswer(stamp_ns=0, id="i", accepted=True, stop=stop)
     assert json.loads(in_json("stop", answer)) == {
         "id": "i",
         "kind": "stop",
         "accepted": True,
         "reason": "",
+        "note": "",
         "stop": {"depth_m": -0.25, "heading_deg": 90.0, "seconds": 1.5},
     }
-    assert in_words("arm", None) == "arm: accepted"
+    granted = PilotAnswer(stamp_ns=0, id="i", accepted=True)
+    assert in_words("arm", granted) == "arm: accepted"
+    noted = msgspec.structs.replace(granted, note="the drone will land")
+    assert in_words("goto", noted) == "goto: accepted; the drone will land"
+    assert json.loads(in_json("goto", noted))["note"] == "the drone will land"
 
 
 # All of it.

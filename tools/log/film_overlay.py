@@ -15,7 +15,7 @@ from services.marine.field_of_view import FieldOfView, lookout
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.log.film_file import TICKS, FilmClock
-from tools.log.film_scenes import FilmedPicture, FilmPlace
+from tools.log.film_scenes import DOT, FilmedPicture, FilmPlace
 
 try:
     from PIL import Image, ImageDraw, ImageFont
@@ -25,11 +25,12 @@ except ImportError:
     ) from None
 
 QUALITY = "20"  # of x264: no worse than what was sent
-Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 MARK_DEG, NAMED_DEG = 5, 15  # [°] of heading between two marks, and between two with a number
 TAPE = 0.36  # [-] of the width, to each side
 LADDER = (-60, -45, -30, -20, -10, 10, 20, 30, 45, 60)  # [°] above the horizon, as on the page
+SMALL = 28.0  # lines of small text would fill the height
+LEADING = 1.3  # [-] from line to line, of the font's size
 EDGE = 80.0  # [°] what lies further from the axis is not in any picture
 
 
@@ -57,8 +58,9 @@ class DrawnFilm:
         except FFmpegError:
             return False
         for frame in frames:
-            image = Image.fromarray(frame.to_ndarray(format="rgb24"))
-            _clear(image)
+            seen = np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+            time_stripe.paint_over(seen)
+            image = Image.fromarray(seen)
             draw(image, picture.drone, self._view)
             drawn = av.VideoFrame.from_ndarray(np.asarray(image), format="rgb24")
             drawn.pts, drawn.time_base = self._clock.ticks(picture.light_ns), Fraction(1, TICKS)
@@ -71,15 +73,14 @@ class DrawnFilm:
 
 
 @cache  # it is unpacked and read each time
-def _font(size: float) -> Font:
-    return ImageFont.load_default(size)
+def _font(size: float) -> ImageFont.FreeTypeFont:
+    font = ImageFont.load_default(size)
+    assert isinstance(font, ImageFont.FreeTypeFont)  # of a size that was asked for
+    return font
 
 
-def _clear(image: Image.Image) -> None:
-    """A simulated camera's time stripe is for machines."""
-    if time_stripe.read(np.asarray(image.convert("L")), 0) is not None:
-        stripe = time_stripe.HEIGHT
-        image.paste(image.crop((0, stripe, image.width, 2 * stripe)), (0, 0))
+def _drawable(text: str) -> str:
+    return text.replace("–", "-")  # the font has no dash
 
 
 class Pen:
@@ -93,11 +94,28 @@ class Pen:
         for colour, width in ((BLACK, 3 * self._thick), (WHITE, self._thick)):
             self._draw.line(points, colour, width)
 
-    def write(self, x: float, y: float, text: str, anchor: str, part: float = 28.0) -> None:
+    def write(self, x: float, y: float, text: str, anchor: str, part: float = SMALL) -> None:
         """`part`: as many lines of text would fill the height."""
-        text = text.replace("–", "-")  # the font has no dash
-        font, edge = _font(max(9.0, self.height / part)), self._thick
+        text, font, edge = _drawable(text), self._font(part), self._thick
         self._draw.text((x, y), text, WHITE, font, anchor, stroke_width=edge, stroke_fill=BLACK)
+
+    def footer(self, text: str, margin: float) -> float:
+        """Parts of a line with dots between them, at the bottom, in as many lines as it needs.
+        Returns the y of its top."""
+        font, room, lines = self._font(SMALL), self.width - 2.0 * margin, [""]
+        for part in text.split(DOT):
+            longer = DOT.join(filter(None, (lines[-1], part)))
+            if lines[-1] and self._draw.textlength(_drawable(longer), font) > room:
+                lines.append(part)
+            else:
+                lines[-1] = longer
+        bottom = self.height - margin
+        for number, line in enumerate(reversed(lines)):
+            self.write(margin, bottom - number * LEADING * font.size, line, "ls")
+        return bottom - (len(lines) * LEADING) * font.size
+
+    def _font(self, part: float) -> ImageFont.FreeTypeFont:
+        return _font(max(9.0, self.height / part))
 
 
 def draw(image: Image.Image, drone: FilmPlace, view: FieldOfView | None) -> None:
@@ -106,9 +124,9 @@ def draw(image: Image.Image, drone: FilmPlace, view: FieldOfView | None) -> None
     pen = Pen(image)
     width, height = pen.width, pen.height
     margin = height / 40.0
+    footer = pen.footer(drone.words, margin)
     if view is not None:
-        _horizon(pen, drone, view)
-    pen.write(margin, height - margin, drone.words, "ls")
+        _horizon(pen, drone, view, footer)
     depth = "–" if drone.depth is None else f"{drone.depth:.1f} m"
     pen.write(width - margin, height / 2.0, depth, "rm", 14.0)
     if drone.heading is None:
@@ -137,7 +155,7 @@ def _tape(pen: Pen, heading: float, view: FieldOfView, top: float) -> None:
             pen.write(x, end + 2.0, f"{mark % 360:03d}", "mt")
 
 
-def _horizon(pen: Pen, drone: FilmPlace, view: FieldOfView) -> None:
+def _horizon(pen: Pen, drone: FilmPlace, view: FieldOfView, footer: float) -> None:
     """The ladder of the page: what is drawn at an elevation is seen there in the picture."""
     if drone.roll is None or drone.pitch is None:
         return
@@ -153,8 +171,9 @@ def _horizon(pen: Pen, drone: FilmPlace, view: FieldOfView) -> None:
         below = seen.below(radians(elevation), focal)
         reach = 0.3 * pen.width if elevation == 0 else 2.2 * unit
         ends = at(-reach, below), at(reach, below)
-        if not 0.2 * pen.height < max(y for _, y in ends) < 0.9 * pen.height:
-            continue  # the heading is there, or the line
+        lowest = max(y for _, y in ends)
+        if not 0.2 * pen.height < lowest < min(0.9 * pen.height, footer):
+            continue  # the heading is there, or the words
         pen.line(*ends)
         if elevation:
             pen.write(*at(3.4 * unit, below), str(abs(elevation)), "mm")

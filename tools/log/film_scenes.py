@@ -17,6 +17,7 @@ from messages.video import Assembler, VideoPart
 from tools.recordings.recording import Recording
 
 KEYS = {t.key for t in (topics.STATE, topics.STATUS, topics.TEMPERATURE, topics.REFERENCE)}
+DOT = " · "  # between two parts of a line
 VIDEOS = (topics.VIDEO, topics.FURTHER_VIDEO)
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
 OLD_NS = 1_000_000_000  # [ns] before a picture: where the drone was then is not where it is
@@ -52,7 +53,7 @@ class FilmPlace(NamedTuple):
             self.flight_mode.replace("_", " "),
             "" if self.water is None else f"water {self.water:.1f} °C",
         )
-        return " · ".join(filter(None, said))
+        return DOT.join(filter(None, said))
 
 
 class FilmedPicture(NamedTuple):

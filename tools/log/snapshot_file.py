@@ -4,10 +4,12 @@ import io
 from collections.abc import Sequence
 
 import av
+import numpy as np
 from av.error import FFmpegError
 from PIL import Image
 from PIL.ExifTags import GPS, IFD, Base
 
+from services.marine import time_stripe
 from tools.log.film_scenes import FilmPlace
 
 QUALITY = 92  # of JPEG
@@ -17,7 +19,8 @@ ASCII = b"ASCII\0\0\0"  # of UserComment
 
 
 def last_of(units: Sequence[bytes]) -> Image.Image | None:
-    """The last of some access units, the first of which is a keyframe; None: it is damaged."""
+    """The last of some access units, the first of which is a keyframe, without a time stripe; None:
+    it is damaged."""
     codec, last = av.CodecContext.create("h264", "r"), None
     codec.thread_count = 1  # several would keep pictures back
     for data in units:
@@ -25,7 +28,11 @@ def last_of(units: Sequence[bytes]) -> Image.Image | None:
             last = next(iter(codec.decode(av.Packet(data))), None)
         except FFmpegError:
             last = None
-    return None if last is None else Image.fromarray(last.to_ndarray(format="rgb24"))
+    if last is None:
+        return None
+    seen = np.asarray(last.to_ndarray(format="rgb24"), np.uint8)
+    time_stripe.paint_over(seen)
+    return Image.fromarray(seen)
 
 
 def jpeg(image: Image.Image, drone: FilmPlace) -> bytes:

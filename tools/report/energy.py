@@ -8,7 +8,11 @@ from tools.report.columns import StreamColumns
 from tools.report.dive import RecordedDive
 
 FASTEST = 20.0  # [1/h] no battery of a drone gives its whole capacity in three minutes
-ROUGH = 1e-3  # [-] of the capacity: a gauge may count in steps as large as this
+ROUGH = 1e-3  # [-] of the capacity: a gauge may count in steps as large as this, so less used is
+# not measured
+# [h] Longer no battery of a drone lasts: a BlueROV2 whose thrusters stand still empties its own in
+# 18. The drone is fed from elsewhere, as Minerva from its ship, or the gauge does not count all.
+LONGEST_H = 24.0
 
 
 class Energy(msgspec.Struct, frozen=True):
@@ -32,17 +36,18 @@ def energy(dive: RecordedDive) -> Energy:
 
 
 def _battery(dive: RecordedDive) -> tuple[float | None, float | None]:
-    """[Wh] used and [h] of endurance, where the battery reports them and what it reports was used
-    in this dive."""
+    """[Wh] used and [h] of endurance, where the battery reports them, what it reports was used in
+    this dive, and it can be true."""
     battery = dive[topics.BATTERY]
     if battery.count < 2 or _jumped(battery):
         return None, None
     used = float(battery["used"][-1] - battery["used"][0])
     hours = float(battery["stamp"][-1] - battery["stamp"][0]) / 3.6e12
     capacity = float(battery["capacity"][-1])
-    if not used > 0.0 or not capacity >= battery["used"][-1]:  # or not known
+    if not used > ROUGH * capacity or not capacity >= battery["used"][-1]:  # or not known
         return used, None
-    return used, capacity * hours / used
+    lasts = capacity * hours / used
+    return used, lasts if lasts <= LONGEST_H else None
 
 
 def _jumped(battery: StreamColumns) -> bool:

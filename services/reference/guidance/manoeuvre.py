@@ -37,6 +37,11 @@ class Manoeuvre:
     def busy(self) -> bool:
         return self.going or self.on_a_path
 
+    def waypoints(self, t: float) -> tuple[Pair, ...]:
+        """[m] North, east of the next ones of a path; none of a line to a goal."""
+        following = self.following
+        return () if following is None or self.goal is not None else following.ahead(t)
+
     def go(self, depth: float | None, heading: float | None, t: float) -> None:
         """Go to a depth [m] and a control heading [rad], accumulated."""
         s, axes = self.axes.settings, self.axes

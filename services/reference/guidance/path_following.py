@@ -6,6 +6,7 @@ speed reference. The reference waits when the drone falls behind, and an emergen
 the path.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import hypot
@@ -25,6 +26,7 @@ WAIT, RESUME = 1.0, 0.5  # [-] of the tolerances below
 HEADING_TOLERANCE = 0.35  # [rad]
 DEPTH_TOLERANCE = 0.3  # [m]
 PLACE_TOLERANCE = 1.0  # [m]
+SHOWN = 8  # way-points, of a path of a thousand: they are sent five times a second
 WAITING = Limits(4.0, 2.0)  # of the clock's rate [1/s², 1/s]
 
 
@@ -38,6 +40,7 @@ class PathFollowing:
     along: Callable[[float], Sample]  # [m] distance along the path at a time
     ends: Callable[[float], bool]  # is it over at a time?
     clock: WaitingClock
+    corners: tuple[Pair, ...]  # [m] NED, of the way-points as given
     shift: Pair | None  # [m] NED, from the path as given to where it is run; None: dead reckoning
 
     def point(self, t: float) -> RoutePoint:
@@ -58,6 +61,14 @@ class PathFollowing:
             Sample(north, here.v_north, here.a_north, 0.0),
             Sample(east, here.v_east, here.a_east, 0.0),
         )
+
+    def ahead(self, t: float) -> tuple[Pair, ...]:
+        """[m] NED, of the next way-points, as far as they are shown; none in dead reckoning."""
+        if self.shift is None:
+            return ()
+        north, east = self.shift
+        passed = bisect_right(self.path.passes, self.along(t).position)
+        return tuple((n + north, e + east) for n, e in self.corners[passed : passed + SHOWN])
 
     def watch(self, state: VehicleState, ground: GroundMotion | None, t: float) -> None:
         """Wait while the drone is too far behind. Unknown errors are ignored."""
@@ -131,5 +142,6 @@ class PlannedPath:
             along,
             lambda now: clock.at(now).tau >= profile.duration,
             clock,
+            tuple((north, east) for north, east, *_ in c.waypoints),
             None if place is None else (place[0] - start.north, place[1] - start.east),
         )

@@ -36,6 +36,21 @@ def goto(guidance: Guidance, request: PilotRequest) -> str:
     return ""
 
 
+def onto_the_bottom(guidance: Guidance, depth: float | None) -> str:
+    """What comes of going to a depth [m] nearer to the measured bottom than the stick leads; empty:
+    it is not, or not known. Meant or not, it goes through: to land is to type a depth."""
+    bottom, floor = guidance.bottom, guidance.settings.failsafe.floor_distance
+    if depth is None or not bottom.known:
+        return ""
+    height = bottom.depth(guidance.t) - depth
+    if height <= 0.0:
+        return (
+            f"the bottom is at {bottom.depth(guidance.t):.1f} m here: the drone will land on it "
+            f"and press down"
+        )
+    return f"the drone will come to rest {height:.1f} m above the bottom" if height < floor else ""
+
+
 def follow(guidance: Guidance, course: Course | None) -> str:
     """Follow a path from where the drone is; by dead reckoning if the position is not measured."""
     if course is None:

@@ -137,7 +137,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             for part in parts:  # is it this one's mistake?
                 if said := getattr(read_part(part), name, {}):
                     convert(said, kind, name, part)
-            raise self._blamed(str(error)) from None
+            raise self._blamed(str(error), self._begun(name, kind)) from None
 
     def body_now(self) -> dict[str, Any]:
         """The table [vehicle] as a service that starts now reads it, whatever was read before.
@@ -200,8 +200,23 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         path = self.vehicle_path
         return self._blamed(f"{path}{line_of(path, key)}: {'.'.join(key)}: {why}")
 
-    def _blamed(self, sentence: str) -> LindyError:
-        """The error; about a key that came from `--set` it names that option, not the file."""
+    def _begun(self, name: str, kind: type) -> str:
+        """The `--set` from which on a table is wrong; empty: the file itself is."""
+        path, parts = self.vehicle_path, self._part_paths()
+        for number in range(len(self.overrides) + 1):
+            said = tuple(self.overrides[:number])
+            try:
+                convert(_with_parts(path, said, *_copied(path, *parts)).get(name, {}), kind, name)
+            except LindyError:
+                return said[-1] if said else ""
+        return ""
+
+    def _blamed(self, sentence: str, begun: str = "") -> LindyError:
+        """The error; about a key that came from `--set` it names that option, not the file.
+
+        Args:
+            begun: the option from which on the table is wrong, if it is known.
+        """
         about = re.fullmatch(
             rf"{re.escape(str(self.vehicle_path))}(:\d+)?: ([^:]+): (.*)", sentence
         )
@@ -213,8 +228,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if key == wrong:
                 return LindyError(f"--set {assignment}: {why}")
             inside = wrong.startswith((f"{key}.", f"{key} "))  # of the table or array it sets
-            begun = "is missing" in why or ("unknown" in why and not in_file)  # by this option
-            if inside or (key.startswith(f"{wrong}.") and begun):
+            its = assignment == begun or ("unknown" in why and not in_file)
+            if inside or (key.startswith(f"{wrong}.") and its):
                 return LindyError(f"--set {assignment}: {wrong}: {why}")
         return LindyError(sentence)
 

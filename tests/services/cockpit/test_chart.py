@@ -2,14 +2,17 @@
 
 from math import atan2, degrees, hypot, radians
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
+from msgspec.structs import replace
 
 from messages.control import Wrench
 from messages.message import Estimate
 from messages.state import VehicleState
+from messages.vehicle import PlaceAhead, VehicleStatus
 from services.cockpit.chart import (
     APART,
     BEGINS,
@@ -21,6 +24,7 @@ from services.cockpit.chart import (
     SHARE,
     Chart,
 )
+from services.cockpit.page_view import PageView, chart_view
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 
@@ -199,3 +203,16 @@ def test_the_track_is_bounded_keeps_its_ends_and_forgets_after_an_hour(
     watch.now += REMEMBERED_NS
     watch.go(seen((count + 1) * step + APART, 0.0))
     assert len(watch.points) == 1
+
+
+def test_the_page_is_told_the_goal_or_the_way_points_ahead() -> None:
+    watch = Watch()
+    status = VehicleStatus(stamp_ns=0, activity="follow", armed=True)
+    going = replace(status, goal=(1.0, 2.0))
+    following = replace(status, waypoints=(PlaceAhead(1.0 / 3.0, 2.0), PlaceAhead(30.0, -4.0)))
+    assert chart_view(watch.chart, None, None)["waypoints"] == ()
+    assert chart_view(watch.chart, None, going)["waypoints"] == ()
+    shown = chart_view(watch.chart, None, following)
+    assert shown["goal"] is None
+    view = msgspec.json.decode(msgspec.json.encode(PageView(**shown)))
+    assert view["waypoints"] == [[0.33, 2.0], [30.0, -4.0]]

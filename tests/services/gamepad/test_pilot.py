@@ -110,6 +110,13 @@ def test_a_starting_pilot_waits_while_another_has_control_and_takes_it_when_nobo
     assert kinds(pilot.status(status(3, armed=armed), NOBODY, 2)) == ["lease"]
 
 
+def test_what_comes_of_a_request_that_was_granted_is_said():
+    pilot = Pilot(Progress(epoch=1), outbox := Outbox(), arms=False)
+    request = PilotRequest(stamp_ns=0, id="1", kind="goto", depth=30.0)
+    pilot.answered(request, replace(answer(True), note="the drone will land"), 0)
+    assert ("warning", "goto: the drone will land", "") in outbox.said
+
+
 def test_refused_requests_for_control_come_later_and_later():
     pilot, now, asked = Pilot(Progress(), Outbox(), arms=False), 0, list[int]()
     while now < 60 * S:

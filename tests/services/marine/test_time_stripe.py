@@ -27,6 +27,18 @@ def test_what_is_written_is_read_to_the_microsecond(stamp: int, away: int) -> No
     assert time_stripe.read(luma, stamp + away) == stamp // 1000 * 1000
 
 
+@given(stamp=time, level=st.integers(0, 255))
+def test_it_is_painted_over_and_a_picture_without_one_is_left_as_it_is(
+    stamp: int, level: int
+) -> None:
+    luma = np.full((72, 512), level, np.uint8)
+    plain = np.stack([luma, luma, luma], -1)
+    time_stripe.write(luma, stamp)
+    for seen in (plain.copy(), np.stack([luma, luma, luma], -1)):
+        time_stripe.paint_over(seen)
+        assert np.array_equal(seen, plain)
+
+
 @given(stamp=time, block=st.integers(0, 63))
 def test_one_wrong_block_is_noticed(stamp: int, block: int) -> None:
     luma = blank()

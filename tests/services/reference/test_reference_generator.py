@@ -6,6 +6,7 @@ from math import dist, pi
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from messages.control import Wrench
@@ -14,6 +15,7 @@ from messages.message import Estimate
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
+from messages.vehicle import PlaceAhead
 from services.reference.core import ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
@@ -429,6 +431,48 @@ def test_the_camera_stops_smoothly_at_the_end_of_its_range() -> None:
         step = abs(after.tilt.acceleration - before.tilt.acceleration)
         assert step <= s.jerk * DT * 1e-9 + 1e-9
         assert s.lowest - 1e-9 <= after.tilt.position <= s.highest + 1e-9
+
+
+def places(ahead: tuple[PlaceAhead, ...]) -> list[tuple[float, float]]:
+    return [(each.north, each.east) for each in ahead]
+
+
+def test_of_a_path_the_next_way_points_are_said_until_each_is_passed() -> None:
+    """From where the drone is: the path is given from its own first way-point on."""
+    guidance = armed()
+    guidance.place = (20.0, -10.0)
+    guidance.fly(0.1, sticks(0))
+    corners = ((0.0, 0.0), (30.0, 0.0), (30.0, 30.0), (60.0, 30.0))
+    course = Course(waypoints=corners, min_radius=2.0, cruise=1.0)
+    assert guidance.ask("follow", course=course) == ""
+    guidance.fly(5.0, sticks(0))
+    there = [(n + 20.0, e - 10.0) for n, e in corners]
+    seen = list[object]()
+    for _ in range(80):
+        guidance.fly(2.0, sticks(0))
+        status = guidance.generator.status(0)
+        assert status.goal is UNSET
+        ahead = [] if status.waypoints is UNSET else places(status.waypoints)
+        assert [*map(pytest.approx, ahead)] == there[len(there) - len(ahead) :]
+        if not seen or seen[-1] != len(ahead):
+            seen.append(len(ahead))
+    assert seen == [3, 2, 1, 0]
+    assert guidance.generator.activity == "piloted"
+
+
+def test_of_a_long_path_a_few_way_points_are_said_and_of_a_blind_one_none() -> None:
+    corners = tuple((10.0 * k, 0.0) for k in range(40))
+    for place, number in ((0.0, 0.0), 8), (None, 0):
+        guidance = armed()
+        guidance.place = place
+        guidance.fly(0.1, sticks(0))
+        assert guidance.ask("follow", course=Course(waypoints=corners)) == ""
+        guidance.fly(5.0, sticks(0))
+        assert guidance.generator.activity == "follow"
+        ahead = guidance.generator.status(0).waypoints
+        assert (ahead is UNSET) == (number == 0)
+        if ahead is not UNSET:
+            assert [*map(pytest.approx, places(ahead))] == list(corners[1 : number + 1])
 
 
 def test_goto_a_place_needs_a_drone_that_knows_where_it_is() -> None:

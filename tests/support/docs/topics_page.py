@@ -13,6 +13,7 @@ from messages.pilot import Course, StopDistance
 from messages.prediction import Miss
 from messages.reference import Motion
 from messages.topic import AnyTopic
+from messages.vehicle import PlaceAhead
 
 HEADING = """# Topics
 
@@ -45,6 +46,7 @@ def page() -> str:
         Miss,
         Course,
         StopDistance,
+        PlaceAhead,
     ]  # parts of messages
     return "\n".join([HEADING, *rows, "", *map(_section, kinds)])
 

@@ -81,7 +81,7 @@ def test_every_value_is_shown_whole(width: int):
     text = "\n".join(text_of(FULL, width))
     for value in (
         "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 123456",
-        "01:23 of 01:35", "ARMED", "stopping", "FAILSAFE pilot lost for 17 s, next in 43 s",
+        "01:23 of 01:35", "ARMED", "stopping", "FAILSAFE pilot lost for 17 s, rises in 43 s",
         "+0.50", "-1.00", "-0.25",
         "visualizer gone", "1234567", FULL.alarm, "station keeping", "50 %", "15.9 V",
         "46 %", "late p99 [ms]", "CPU [%]", "SILENT link_monitor_drone +1",
@@ -192,7 +192,7 @@ def test_everything_at_once_is_shown_whole_on_80_by_24():
     assert len(lines) <= 23
     assert max(map(len, lines)) <= 80
     for whole in (
-        "last known: ARMED", "FAILSAFE IMU lost for 17 s, next in 43 s", WORST.words,
+        "last known: ARMED", "FAILSAFE IMU lost for 17 s, rises in 43 s", WORST.words,
         "no status from the drone for 1234 s",
         WORST.alarm, "SILENT recorder +2", "123.45 m", "123.46 m", "359.9°", "359.8°", "3.0 s old",
         "station keeping", "50 %", "15.9 V, 46 %", "+0.50", "lost 123456",

@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.film import FilmKind, FilmRequest
+from services.marine import time_stripe
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
@@ -133,6 +134,33 @@ def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
         assert max(like) > 0.95
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("melt") is None, reason="no MLT program (melt)")
+@pytest.mark.parametrize("overlay", [False, True])
+def test_an_editor_s_engine_opens_it_and_reads_all_of_its_pictures(
+    dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path, *, overlay: bool
+) -> None:
+    """MLT, the engine of Kdenlive and Shotcut, without either's window: it writes what it reads."""
+    film, read = tmp_path / "dive.mp4", tmp_path / "read.yuv"
+    filmed(open_recording(dive), film, overlay=overlay)
+    answer = subprocess.run(
+        ["melt", "-silent", str(film), "-consumer", f"avformat:{read}", "f=rawvideo",
+         "vcodec=rawvideo", "pix_fmt=gray", "an=1", "real_time=-1"],
+        capture_output=True, check=True, text=True, errors="replace", timeout=120,
+    )  # fmt: skip
+    assert not re.search("mp4|h264|Invalid", answer.stderr)
+    width, height = filmed_pictures[0].size
+    pictures_read = np.fromfile(read, np.uint8).reshape(-1, height, width).astype(np.float64)
+    with av.open(str(film)) as opened:
+        frames = [frame.to_ndarray(format="gray") for frame in opened.decode(video=0)]
+    assert len(pictures_read) == len(frames) == len(filmed_pictures)
+    # An editor's pictures are equally far apart, those of a film are where their light arrived.
+    for at in (0, len(frames) // 2, len(frames) - 1):
+        near = frames[max(0, at - 2) : at + 3]
+        like = [np.corrcoef(pictures_read[at].ravel(), each.ravel())[0, 1] for each in near]
+        assert max(like) > 0.99
+
+
 def test_subtitles_say_where_the_drone_was(
     dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:
@@ -158,6 +186,9 @@ def test_the_overlay_is_as_long_and_needs_no_other_names(
     with av.open(str(out)) as opened:
         frames = list(opened.decode(video=0))
     assert len(frames) == len(filmed_pictures)
+    for frame in (frames[0], frames[-1]):  # the time stripe is for machines
+        luma = np.asarray(frame.to_ndarray(format="gray"), np.uint8)
+        assert time_stripe.read(luma, 0) is None
     seconds = (filmed_pictures[-1].light_ns - filmed_pictures[0].light_ns) / 1e9
     assert float(frames[-1].time) == pytest.approx(seconds, abs=1e-3)
 

@@ -22,8 +22,8 @@ SKY = HEIGHT // 5 + 8  # [px] above it are heading and tape
 angles = st.floats(-0.35, 0.35)
 
 
-def drawn(drone: FilmPlace, view: FieldOfView | None) -> np.ndarray:
-    image = Image.new("RGB", SIZE, (90, 90, 90))
+def drawn(drone: FilmPlace, view: FieldOfView | None, size: tuple[int, int] = SIZE) -> np.ndarray:
+    image = Image.new("RGB", size, (90, 90, 90))
     draw(image, drone, view)
     return np.asarray(image.convert("L"))
 
@@ -90,3 +90,15 @@ def test_of_a_view_that_is_not_known_there_is_no_horizon() -> None:
     assert not is_white(drawn(drone, None), x, y)
     level = FilmPlace(0, 1.0, 100.0)
     assert not is_white(drawn(level, FieldOfView()), WIDTH * 0.3, HEIGHT / 2)
+
+
+@pytest.mark.parametrize("size", [(320, 180), (320, 240), (640, 360), (1920, 1080), (180, 320)])
+@pytest.mark.parametrize("far", [1.0, -1234.5])
+@pytest.mark.parametrize("mode", ["manual", "station_keeping"])
+def test_no_word_is_cut_off_at_the_edge(size: tuple[int, int], far: float, mode: str) -> None:
+    drone = FilmPlace(1_764_013_622 * 10**9, 112.3, 263.0, far, far, mode, 18.25)
+    seen = drawn(drone, None, size).copy()
+    seen[1:-1, 1:-1] = 90
+    assert (seen == 90).all()
+    without = drawn(drone._replace(water=None), None, size)
+    assert (without != drawn(drone, None, size)).any()  # the last one is there

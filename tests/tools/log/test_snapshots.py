@@ -7,6 +7,8 @@ import pytest
 pytest.importorskip("av")
 pytest.importorskip("PIL")
 
+import av
+import numpy as np
 from PIL import Image
 from PIL.ExifTags import GPS, IFD, Base
 
@@ -20,21 +22,32 @@ from tools.log.snapshots import taken
 from tools.recordings.recording import open_recording
 
 
+def luma_of_each(pictures: list[FilmedPicture]) -> list[np.ndarray]:
+    """The luma of each, as it was sent."""
+    decoder = av.CodecContext.create("h264", "r")
+    every = [frame for each in pictures for frame in decoder.decode(av.Packet(each.data))]
+    return [frame.to_ndarray(format="gray").astype(float) for frame in every]
+
+
 def test_a_snapshot_is_the_newest_picture_by_then_and_says_where(
     dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:
-    import numpy as np
-
+    frames = luma_of_each(filmed_pictures)
     seconds = (1.5, 5.0, 6.02)
     written = taken(open_recording(dive), tmp_path / "pictures", seconds)
     assert len(written) == len(seconds)
     for at, path in zip(seconds, written, strict=True):
         until = filmed_pictures[0].light_ns + round(1e9 * at)
-        shot = [each for each in filmed_pictures if each.light_ns <= until][-1]
+        number = len([each for each in filmed_pictures if each.light_ns <= until]) - 1
+        shot = filmed_pictures[number]
         with Image.open(path) as image:
             exif = image.getexif()
-            seen = time_stripe.read(np.asarray(image.convert("L")), shot.light_ns)
-        assert seen == shot.light_ns // 1000 * 1000  # the picture itself, by its own stripe
+            seen = np.asarray(image.convert("L"))
+        assert time_stripe.read(seen, 0) is None
+        away = [np.abs(frame - seen.astype(float))[time_stripe.BELOW :].mean() for frame in frames]
+        assert np.argmin(away) == number  # the picture itself, by its pixels
+        above, below = seen[: time_stripe.BELOW], seen[time_stripe.BELOW : 2 * time_stripe.BELOW]
+        assert above.mean() == pytest.approx(below.mean(), abs=2.0)
         assert exif[Base.DateTime] == f"{shot.drone.utc:%Y:%m:%d %H:%M:%S}"
         gps = exif.get_ifd(IFD.GPSInfo)
         if shot.drone.depth is not None:

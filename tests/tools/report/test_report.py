@@ -484,6 +484,13 @@ def test_a_failsafe_that_acts_later_is_said_to_have_been_noticed_before(tmp_path
     assert "the drone rose, noticed at 2.0 s, first at 12.0 s, 3.0 s in all" in row
 
 
+def battery(at_s: float, used: float, capacity: float) -> tuple[str, Message]:
+    return topics.BATTERY.key, BatterySample(
+        stamp_ns=START + round(at_s * 1e9), voltage=16.0, current=1.0, used_wh=used,
+        capacity_wh=capacity,
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("used", "hours"),
     [
@@ -493,24 +500,35 @@ def test_a_failsafe_that_acts_later_is_said_to_have_been_noticed_before(tmp_path
         ([0.0, 2.0, 2.0], None),
         ([150.0, 150.1, 150.2], None),  # more than there is
         ([1.0, 1.0, 1.0], None),
+        ([1.0, 1.05, 1.09], None),  # less than a gauge may count in
     ],
 )
 def test_a_full_battery_is_said_to_last_only_by_what_was_used_in_the_dive(
     tmp_path: Path, used: list[float], hours: float | None
 ):
-    samples: Said = [
-        (
-            topics.BATTERY.key,
-            BatterySample(
-                stamp_ns=START + n * 1800 * MS, voltage=16.0, current=1.0,
-                used_wh=wh, capacity_wh=100.0,
-            ),
-        )
-        for n, wh in enumerate(used)
-    ]  # fmt: skip
+    samples: Said = [battery(1.8 * n, wh, 100.0) for n, wh in enumerate(used)]
     report = report_of(tmp_path, [*CLEAN, *samples])
     assert report.energy.endurance_h == (None if hours is None else pytest.approx(hours))
     assert ("a full battery" in summary(report)) == (hours is not None)
+
+
+@pytest.mark.parametrize(
+    ("used", "capacity", "hours"),
+    [
+        (0.4, 266.0, 18.5),  # of a BlueROV2 at rest, in 100 s
+        (0.3, 266.0, None),  # more than a day
+        (28.0, 1e6, None),  # Minerva, fed from the ship
+        (1100.0, 1e6, None),  # … after a day
+    ],
+)
+def test_a_battery_that_would_last_longer_than_any_drone_s_is_not_said_to(
+    tmp_path: Path, used: float, capacity: float, hours: float | None
+):
+    seconds = 100.0 if used < 1000.0 else 86_400.0
+    said: Said = [battery(0.0, 0.0, capacity), battery(seconds, used, capacity)]
+    found = report_of(tmp_path, [*CLEAN, *said]).energy
+    assert found.battery_wh == pytest.approx(used)
+    assert found.endurance_h == (None if hours is None else pytest.approx(hours, abs=0.1))
 
 
 def test_figures_of_a_recording_that_the_disk_cut_short_are_said_to_be_those_of_its_part(

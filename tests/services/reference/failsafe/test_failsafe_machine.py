@@ -252,3 +252,9 @@ def test_a_condition_that_acts_at_once_is_not_said_twice():
     clocked = Clocked()
     clocked.hold("pilot_lost", seconds=1.0)
     assert told(clocked.machine.outbox) == ["failsafe:pilot_lost"]
+
+
+def test_every_later_stage_of_a_condition_is_an_ascent() -> None:
+    """So screens say of it: rises in 43 s."""
+    later = {stage.reaction for row in table(FailsafeSettings()) for stage in row.stages[1:]}
+    assert later == {"ascend"}

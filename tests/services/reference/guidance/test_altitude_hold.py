@@ -13,7 +13,7 @@ from msgspec import UNSET
 
 from messages.events import Outbox
 from messages.message import Estimate
-from messages.pilot import PilotCommand, PilotRequest
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import DvlSample
 from messages.state import VehicleState
@@ -68,8 +68,11 @@ class Dive:
         self.fly(1.0)
 
     def ask(self, kind: str, **more: object) -> str:
+        return self.answer(kind, **more).reason
+
+    def answer(self, kind: str, **more: object) -> PilotAnswer:
         request = PilotRequest(stamp_ns=self.ns, id=str(self.ns), kind=kind, **more)  # type: ignore[arg-type]
-        return self.generator.answer(request, self.sticks(0.0), self.ns).reason
+        return self.generator.answer(request, self.sticks(0.0), self.ns)
 
     def hold_height(self) -> str:
         return self.ask("mode", flight_mode="altitude_hold")
@@ -421,7 +424,7 @@ def test_the_pilot_is_told_once_and_up_is_free() -> None:
 
 
 @pytest.mark.parametrize("mode", ["stabilised", "altitude_hold"])
-def test_a_stick_held_down_at_the_floor_leads_no_deeper_once_the_altitude_is_lost(mode: str) -> None:
+def test_a_stick_held_down_at_the_floor_leads_no_deeper_without_an_altitude(mode: str) -> None:
     dive = held_at(2.0, mode)
     dive.fly(20.0, heave=1.0)
     dive.altimeter, before = False, dive.depth
@@ -446,6 +449,24 @@ def test_what_was_released_or_typed_or_set_goes_to_the_bottom() -> None:
     free = held_at(2.0, floor=0.0)
     free.fly(3.0, heave=1.0)
     assert free.seen[-1].depth.velocity == free.settings.heave.max_velocity
+
+
+def test_the_answer_to_a_depth_at_the_bottom_says_what_comes_of_it() -> None:
+    dive = Dive(flat, 4.0, noise=0.0)
+    below = dive.answer("goto", depth=30.0)
+    assert below.accepted
+    land = "the bottom is at 12.0 m here: the drone will land on it and press down"
+    assert below.note == land
+    near = dive.answer("goto", depth=flat(0.0) - 0.3)
+    assert near.note == "the drone will come to rest 0.3 m above the bottom"
+    assert dive.answer("goto", depth=flat(0.0) - FLOOR - 0.1).note is UNSET
+    assert dive.answer("goto", heading=1.0).note is UNSET
+    refused = dive.answer("goto", depth=1e4)
+    assert "deeper than the depth limit" in refused.reason
+    assert refused.note is UNSET
+    dive.altimeter = False
+    dive.fly(PATIENCE_S + 1.0)
+    assert dive.answer("goto", depth=30.0).note is UNSET
 
 
 def test_without_a_fresh_altitude_it_is_the_stick_alone() -> None:

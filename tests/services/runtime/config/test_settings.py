@@ -6,6 +6,7 @@ from typing import Annotated
 import msgspec
 import pytest
 
+from services.camera.core import Settings as Camera
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import convert, deploy_file, override, read, read_toml
 from services.runtime.config.stack import Stack
@@ -143,6 +144,29 @@ def test_an_unknown_table_is_refused() -> None:
 def test_a_table_that_is_no_vehicle_s_is_not_the_vehicle_file_s_fault() -> None:
     with pytest.raises(LindyError, match=r"^--set link\.down\.delay_ms=5: link: unknown table"):
         Stack(overrides=["link.down.delay_ms=5"]).check(known_tables(Registry.read()))
+
+
+@pytest.mark.parametrize(
+    ("assignments", "guilty", "why"),
+    [
+        (["more.Down.tilt=1"], 0, r"cannot be called 'Down'; allowed are a to z, 0 to 9 and _"),
+        (["width=320", "more.Down.tilt=1", "rate=10"], 1, "cannot be called 'Down'"),
+        (["least_kbit=900", "most_kbit=500"], 1, "least_kbit is 900, expected at most most_kbit"),
+    ],
+)
+def test_a_mistake_of_a_table_as_a_whole_is_of_the_option_from_which_on_it_is_wrong(
+    assignments: list[str], guilty: int, why: str
+) -> None:
+    overrides = [f"camera.{assignment}" for assignment in assignments]
+    with pytest.raises(LindyError, match=rf"^--set {overrides[guilty]}: camera: .*{why}"):
+        Stack(overrides=overrides).section("camera", Camera)
+
+
+def test_a_mistake_of_a_table_in_the_file_is_the_file_s(tmp_path: Path) -> None:
+    pioneer = deploy_file("vehicles", "pioneer").read_text()
+    path = file(tmp_path, f"{pioneer}\n[camera]\nleast_kbit = 900\nmost_kbit = 500\n")
+    with pytest.raises(LindyError, match=r"some.toml:\d+: camera: least_kbit is 900"):
+        Stack(vehicle=str(path), overrides=["camera.rate=10"]).section("camera", Camera)
 
 
 def test_an_unknown_table_or_key_in_the_file_has_its_line(tmp_path: Path) -> None:
