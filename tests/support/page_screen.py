@@ -14,7 +14,7 @@ from messages.events import Outbox
 from services.cockpit.core import Settings
 from services.cockpit.io.access import access_to
 from services.cockpit.io.server import PageServer
-from services.cockpit.page_messages import PageOpened, PageSaid, PageSticks, PageWish
+from services.cockpit.page_messages import PageAbsence, PageOpened, PageSaid, PageSticks, PageWish
 from services.cockpit.page_view import AGES_MS
 from tests.support.docs.chromium import Size
 
@@ -217,7 +217,7 @@ class Served:
             settings = Settings(port=free.getsockname()[1])
         self.url = f"http://127.0.0.1:{settings.port}/"
         self.you, self.view, self.wishes = dict(PILOT), dict[str, Any](FLOWN), list[PageWish]()
-        self.sticks = list[PageSticks]()
+        self.sticks, self.absences = list[PageSticks](), list[str]()
         self._server = PageServer(settings, access_to(settings), Outbox())
         self._pages, self._number, self._stop = set[int](), 0, threading.Event()
         self._server.start(lambda: None)
@@ -250,6 +250,8 @@ class Served:
                     self.wishes.append(event.message)
                 elif isinstance(event, PageSaid) and isinstance(event.message, PageSticks):
                     self.sticks.append(event.message)
+                elif isinstance(event, PageSaid) and isinstance(event.message, PageAbsence):
+                    self.absences.append(event.message.why)
             text = (
                 f'{{"n":{self._number},"t":{time.monotonic_ns() / 1e6},"ages":{AGES},'
                 f'"you":{json.dumps(self.you)},"view":{json.dumps(self.view)}}}'

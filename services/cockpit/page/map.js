@@ -201,6 +201,9 @@ export class SeaMap {
   marks(c) {
     const { g, u, view, here } = this;
     if (view.home) this.shape([[-0.6, 0.6], [-0.6, -0.1], [0, -0.7], [0.6, -0.1], [0.6, 0.6]], this.px(view.home), 0, c.ink, c.paper);
+    const ahead = (view.waypoints ?? []).map((each) => this.px(each));
+    if (here && ahead.length) this.line([this.px(here), ...ahead], c.bug);
+    for (const [x, y] of ahead) this.shape([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]], [x, y], 0, c.bug, c.paper);
     const goal = this.wanted ?? view.goal;
     if (goal) {
       const [x, y] = this.px(goal);

@@ -33,6 +33,15 @@ SAID = "document.getElementById('map-said').textContent"
 OPEN = "document.getElementById('map-open').click()"
 BOX = """(() => { const b = document.querySelector('#map canvas').getBoundingClientRect();
   return [b.left, b.top, b.width, b.height]; })()"""
+# Whether the map has the reference's colour so far [m] from the drone.
+PINK = """(() => {
+  const canvas = document.querySelector('#map canvas'), ratio = devicePixelRatio;
+  const metre = Math.min(canvas.clientWidth, canvas.clientHeight) / 30 * ratio;
+  const [x, y] = [canvas.width / 2 + EAST * metre, canvas.height / 2 - NORTH * metre];
+  const [r, g, b] = canvas.getContext('2d').getImageData(x, y, 1, 1).data;
+  return Number(r > 200 && g < 180 && b > 180);
+})()"""
+LEGS = (("3", "0"), ("5", "2.5"), ("3", "3"))  # on the first leg, on the second, on none
 PLACE: dict[str, object] = {
     "place": [3.0, 4.0, 0.4, True], "compass_deg": 10.0, "home": [0.0, 0.0], "goal": [9.0, 9.0],
     "current": [0.1, -0.1], "altitude_m": 2.1, "altitude_wanted_m": 2.0,
@@ -187,6 +196,18 @@ def test_home_is_one_more_place_to_go_to(browser: Browser, exits: ExitStack) -> 
     until(lambda: bool(served.wishes), lambda: "no wish")
     (wish,) = served.wishes
     assert (wish.what, wish.north, wish.east) == ("goto", 0.0, 0.0)
+    page.close()
+
+
+def test_the_next_way_points_of_a_path_are_on_the_map(browser: Browser, exits: ExitStack) -> None:
+    served = Served(exits)
+    page = served.open(browser, PHONE, before="localStorage.setItem('map', 'open');")
+    ahead = [[8.0, 4.0], [8.0, 9.0]]  # 5 m north of the drone, then 5 m east
+    shown = list[int]()
+    for places in (None, ahead):
+        served.becomes(page, **{**PLACE, "goal": None, "current": None, "waypoints": places})
+        shown += [page.look(PINK.replace("NORTH", n).replace("EAST", e)) for n, e in LEGS]
+    assert shown == [0, 0, 0, 1, 1, 0]
     page.close()
 
 

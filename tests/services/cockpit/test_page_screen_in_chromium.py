@@ -300,6 +300,26 @@ def test_an_alarm_is_heard_and_spoken_once_until_one_tap_ends_the_sound(
     page.close()
 
 
+def test_a_page_that_is_loaded_anew_says_that_it_was_closed(browser: Browser, served: Served):
+    page = served.open(browser, SIZES[5])
+    page.look("location.reload()")
+    until(lambda: bool(served.absences))
+    page.wait("document.getElementById('activity')?.textContent.length > 8")
+    assert served.absences == ["closed"]
+    page.close()
+
+
+def test_who_arms_by_key_steers_by_keyboard(browser: Browser, served: Served):
+    page = served.open(browser, SIZES[5])
+    served.becomes(page, **READY)
+    device = "document.getElementById('who').textContent"
+    assert page.look(device).endswith("touch")
+    for kind in ("keyDown", "keyUp"):
+        page.call("Input.dispatchKeyEvent", type=kind, code="Enter", key="Enter")
+    until(lambda: page.look(device).endswith("keyboard"))
+    page.close()
+
+
 def test_the_first_touch_shows_the_sticks_and_moves_none(browser: Browser, served: Served):
     page = served.open(browser, SIZES[0])
     assert page.look("document.getElementById('left').offsetParent === null")
