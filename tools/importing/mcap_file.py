@@ -18,7 +18,6 @@ from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
 Decode = Callable[[bytes], Any]
 ROS1, ROS2 = ("ros1", "ros1msg"), ("cdr", "ros2msg")  # encodings of messages and of their schema
 JSON = "json"
-MENDED_BY = "`mcap recover` mends what can be read"
 
 
 def is_mcap(path: Path) -> bool:
