@@ -25,7 +25,6 @@ from services.mavlink_io.numbers import (
 from services.mavlink_io.packet import MavlinkPacket
 
 INT16, INT32, UINT16 = 2**15 - 1, 2**31 - 1, 2**16 - 1
-UNKNOWN_HEADING = UINT16
 WATT_HOUR = 36.0  # [hJ], the unit of BATTERY_STATUS
 
 

@@ -11,7 +11,6 @@ from services.tether.delay import Delay, Milliseconds, Trace
 from services.tether.loss import Loss, Outages
 
 Kilobits = Annotated[float, msgspec.Meta(ge=0.0, le=1e7)]
-Bytes = Annotated[int, msgspec.Meta(ge=0, le=100_000_000)]
 NO_OUTAGES = Outages()
 
 

@@ -41,11 +41,11 @@ def fit_input(data: DiveData, found: Windows, vehicle: Vehicle, wake_share: floa
     return FitInput(found, thrust, wrench, means, data.wander, wake_share, fits_lag)
 
 
-def busiest(taken: FitInput, most: int = MOST_WINDOWS) -> FitInput:
+def busiest(taken: FitInput) -> FitInput:
     """Only the windows in which the wrench changes most."""
     spread = taken.wrench.std(axis=1)
     scale = np.maximum(spread.max(axis=0, initial=0.0), 1e-9)
-    order = np.argsort(-(spread / scale).max(axis=1, initial=0.0), kind="stable")[:most]
+    order = np.argsort(-(spread / scale).max(axis=1, initial=0.0), kind="stable")[:MOST_WINDOWS]
     keep = np.sort(order)
     return only(taken, [int(n) for n in keep])
 

@@ -14,7 +14,7 @@ from typing import Any
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from tools.importing.log_file import LogRow, LogSource, Wanted, began_by_file, getter
+from tools.importing.log_file import LogRow, LogSource, Wanted, began_by_file, getter, refuse_other
 
 HEAD = b"\xa3\x95"
 FMT = (128, "FMT", 89, "BBnNZ", "Type,Length,Name,Format,Columns")  # says what the others are
@@ -46,11 +46,7 @@ class DataflashFile:
         """
         self.remarks: list[str] = []
         self._path = path
-        with path.open("rb") as file:
-            beginning = file.read(len(HEAD))
-        if beginning != HEAD:
-            found = "it is empty" if not beginning else f"it begins with {beginning!r}"
-            raise LindyError(f"{path} is not a DataFlash log: {found}")
+        refuse_other(path, HEAD, "a DataFlash log")
         try:
             from pymavlink.DFReader import (  # pyright: ignore[reportMissingTypeStubs]
                 DFFormat,

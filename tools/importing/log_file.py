@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from messages.units import Ns
+from services.runtime.config.errors import LindyError
 from tools.importing.map_file import TakenMessage
 
 Wanted = Mapping[str, Sequence[TakenMessage]]  # what a map takes, by source
@@ -62,6 +63,18 @@ class LogFile(Protocol):
             LindyError: the log is damaged.
         """
         ...
+
+
+def refuse_other(path: Path, magic: bytes, kind: str) -> None:
+    """
+    Raises:
+        LindyError: the file does not begin as those of this kind do.
+    """
+    with path.open("rb") as file:
+        beginning = file.read(len(magic))
+    if beginning != magic:
+        found = "it is empty" if not beginning else f"it begins with {beginning!r}"
+        raise LindyError(f"{path} is not {kind}: {found}")
 
 
 def began_by_file(path: Path, last_ns: Ns) -> tuple[Ns, str]:

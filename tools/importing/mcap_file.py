@@ -12,13 +12,12 @@ from mcap.records import Channel, Metadata, Schema
 from services.recorder.io.open_chunk import MAGIC
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from tools.importing.log_file import LogRow, LogSource, Wanted, getter
+from tools.importing.log_file import LogRow, LogSource, Wanted, getter, refuse_other
 from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
 
 Decode = Callable[[bytes], Any]
 ROS1, ROS2 = ("ros1", "ros1msg"), ("cdr", "ros2msg")  # encodings of messages and of their schema
 JSON = "json"
-MENDED_BY = "`mcap recover` mends what can be read"
 
 
 def is_mcap(path: Path) -> bool:
@@ -38,11 +37,7 @@ class McapLog:
         """
         self.remarks: list[str] = []
         self._path = path
-        with path.open("rb") as file:
-            beginning = file.read(len(MAGIC))
-        if beginning != MAGIC:
-            found = "it is empty" if not beginning else f"it begins with {beginning!r}"
-            raise LindyError(f"{path} is not an MCAP file: {found}")
+        refuse_other(path, MAGIC, "an MCAP file")
 
     def sources(self) -> dict[str, LogSource]:
         counts: Counter[int] = Counter()

@@ -11,7 +11,7 @@ from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.importing.columns import cell, column_rows, named_columns
-from tools.importing.log_file import LogRow, LogSource, Wanted, began_by_file
+from tools.importing.log_file import LogRow, LogSource, Wanted, began_by_file, refuse_other
 
 SUBMARINE = 12  # MAV_TYPE
 MAGIC = b"ULog\x01\x12\x35"
@@ -35,11 +35,7 @@ class UlogFile:
         """
         self.remarks: list[str] = []
         self._path = path
-        with path.open("rb") as file:
-            beginning = file.read(len(MAGIC))
-        if beginning != MAGIC:
-            found = "it is empty" if not beginning else f"it begins with {beginning!r}"
-            raise LindyError(f"{path} is not a log of PX4: {found}")
+        refuse_other(path, MAGIC, "a log of PX4")
         try:
             from pyulog import ULog  # pyright: ignore[reportMissingTypeStubs]
         except ImportError:

@@ -140,14 +140,7 @@ def change(path: Path, to: Callable[[str], str]) -> bool:
     after = said(path, to, before)
     if after == before:
         return False
-    fresh = path.with_name(f".{path.name}-{os.getpid()}")
-    write_private(fresh, after.encode())
-    try:
-        fresh.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            fresh.unlink()
-        raise LindyError(f"cannot write {path}: {reason(error)}") from None
+    _replace(path, after.encode(), lambda _: None)
     return True
 
 
@@ -158,16 +151,25 @@ def supersede(path: Path, data: bytes) -> Path:
     Raises:
         LindyError: it cannot be written.
     """
+    return _replace(path, data, _kept)
+
+
+def _replace(path: Path, data: bytes, before: Callable[[Path], T]) -> T:
+    """Put a new file in the place of one; what `before` did with that is returned.
+
+    Raises:
+        LindyError: it cannot be written.
+    """
     fresh = path.with_name(f".{path.name}-{os.getpid()}")
     write_private(fresh, data)
     try:
-        kept = _kept(path)
+        done = before(path)
         fresh.replace(path)
     except OSError as error:
         with contextlib.suppress(OSError):
             fresh.unlink()
         raise LindyError(f"cannot write {path}: {reason(error)}") from None
-    return kept
+    return done
 
 
 def _kept(path: Path) -> Path:

@@ -105,7 +105,7 @@ def accounts(recording: Recording) -> Accounts:
     def noticing(key: str) -> Noticed:
         numbering = numbers.setdefault(key, Numbering())
 
-        def see(sequence: int, log_ns: int, publish_ns: int, _size: int) -> None:
+        def see(sequence: int, log_ns: int, publish_ns: int, _data: bytes) -> None:
             nonlocal backwards, newest
             numbering.see(sequence, publish_ns, log_ns)
             if log_ns < newest:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
-from mcap.records import Channel, Metadata
+from mcap.records import Channel, Metadata, Schema
 
 from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
@@ -112,7 +112,7 @@ def _add(
 ) -> None:
     begin, end = span
 
-    def readings(channel: Channel) -> Reading:
+    def readings(channel: Channel, _of: Schema | None) -> Reading:
         keys.add(channel.topic)
         return Reading(is_chosen(channel.topic, patterns))
 

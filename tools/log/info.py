@@ -97,10 +97,10 @@ class Gathered:
         seen = self.topics.setdefault(key, TopicInfo(type=name))
         origin_ns = self.origin_ns
 
-        def see(_sequence: int, log_ns: int, _publish_ns: int, size: int) -> None:
+        def see(_sequence: int, log_ns: int, _publish_ns: int, data: bytes) -> None:
             t = (log_ns - origin_ns) / 1e9
             seen.count += 1
-            seen.bytes += size
+            seen.bytes += len(data)
             if t < seen.first_s:
                 seen.first_s = t
             if t > seen.last_s:

@@ -168,7 +168,7 @@ def _fill_from(
     unread: Counter[str],
     patterns: Sequence[str],
 ) -> None:
-    def readings(channel: Channel) -> Reading:
+    def readings(channel: Channel, _of: Schema | None) -> Reading:
         key = channel.topic
         return Reading(not is_view(key) and is_chosen(key, patterns))
 

@@ -36,7 +36,7 @@ ZSTD_AT = 37  # [bytes] … behind its beginning
 CHUNK_NUMBERS = struct.Struct("<QQQI")  # first and last log time, size, checksum
 LETTERS, LENGTH = struct.Struct("<I"), struct.Struct("<Q")
 At = Callable[[int], None]
-Noticed = Callable[[int, int, int, int], None]  # sequence, log [ns], publish [ns], size [bytes]
+Noticed = Callable[[int, int, int, bytes], None]  # sequence, log [ns], publish [ns], data
 Span = tuple[float, float]  # [ns] UTC from, inclusive, and to, exclusive
 ALWAYS = (-inf, inf)
 
@@ -63,11 +63,15 @@ class Reading(NamedTuple):
     noticed: Noticed | None = None  # told of each in any case, before any of its chunk is given
 
 
-Readings = Callable[[Channel], Reading]
+Readings = Callable[[Channel, Schema | None], Reading]  # None: its schema is not in the file
 
 
-def everything(_: Channel) -> Reading:
+def everything(_: Channel, _of: Schema | None) -> Reading:
     return Reading()
+
+
+def no_message(_: Channel, _of: Schema | None) -> Reading:
+    return Reading(wanted=False)
 
 
 READ: dict[int, Callable[[ReadDataStream], Described]] = {
@@ -329,6 +333,9 @@ def _uncompressed(content: bytes) -> tuple[bytes, bool]:
 
 def _opened(data: bytes, most: int) -> tuple[bytes, bool]:
     """Of zstd: at most so many bytes, whatever a file may hold; and whether that was all."""
+    with suppress(zstandard.ZstdError):  # at once, where it is whole and says no other size
+        if zstandard.frame_content_size(data) in (-1, most):
+            return zstandard.ZstdDecompressor().decompress(data, max_output_size=most), True
     frame, parts, size = zstandard.ZstdDecompressor().decompressobj(), list[bytes](), 0
     for at in range(0, len(data), SLICE):
         if frame.eof or size >= most:
@@ -375,11 +382,14 @@ class _Splitting:
         self._readings = readings
         self._passed_over: set[int] = set()  # channels
         self._noticed: dict[int, Noticed] = {}  # by channel
+        self._schemas: dict[int, Schema] = {}
 
     def see(self, record: Described) -> None:
         """Before the first message of its channel."""
-        if isinstance(record, Channel):
-            wanted, noticed = self._readings(record)
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel):
+            wanted, noticed = self._readings(record, self._schemas.get(record.schema_id))
             self._passed_over.discard(record.id)
             self._noticed.pop(record.id, None)
             if not wanted:
@@ -404,7 +414,7 @@ class _Splitting:
             at += RECORD_HEAD.size + length
             messages += 1
             if channel in tell:
-                tell[channel](sequence, log_ns, publish_ns, at - begin)
+                tell[channel](sequence, log_ns, publish_ns, data[begin:at])
             if channel not in passed_over:
                 found.append(StoredMessage(channel, sequence, log_ns, publish_ns, data[begin:at]))
         self.messages += messages

@@ -9,7 +9,6 @@ arrival at the recorder, which is the order of `log_ns`.
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,6 +35,7 @@ from tools.recordings.mcap_records import (
     Span,
     StoredMessage,
     everything,
+    no_message,
     nowhere,
     records,
 )
@@ -53,6 +53,9 @@ class Raw(NamedTuple):
     log_ns: int  # [ns] UTC of arrival
     publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
     sequence: int = 0  # the publisher's count, modulo 2³²
+
+
+Decoding = Callable[[bytes], Message | None]
 
 
 def always(_: str) -> bool:
@@ -82,7 +85,7 @@ class Recording:
         self.verifies = False  # compare the checksum of each file that is read to its end
         self.altered: list[str] = []  # those that differ, one sentence each
         self._read: dict[Path, Damage] = {}  # of the files that were read to their ends
-        self._decoders: dict[str, msgspec.json.Decoder[Message] | None] = {}
+        self._decoding: dict[str, Decoding] = {}
 
     def __iter__(self) -> Iterator[RecordedMessage]:
         for raw in self.raw():
@@ -93,6 +96,7 @@ class Recording:
         self,
         wants: Callable[[str], bool] = always,
         noticing: Callable[[str], Noticed | None] = nobody,
+        within: Span = ALWAYS,
     ) -> Iterator[Raw]:
         """Every message, not decoded: for readers that need few of them. What is recorded for
         Foxglove is computed from these, and left out.
@@ -101,30 +105,30 @@ class Recording:
             wants: which keys; the messages of others are passed over.
             noticing: for a key, who is told of each of its messages, wanted or not: by the time
                 that one is given, of every message up to it and of some behind.
+            within: as `mcap_records.records` takes it.
         """
 
-        def readings(channel: Channel) -> Reading:
-            key = channel.topic
+        channels: dict[int, str] = {}
+        older: dict[int, Callable[[bytes], bytes]] = {}
+
+        def readings(channel: Channel, schema: Schema | None) -> Reading:
+            key = channels[channel.id] = channel.topic
             if is_view(key):
                 return Reading(wanted=False)
-            return Reading(wants(key), noticing(key))
+            noticed = noticing(key)
+            if rename := schema and as_today(schema):
+                older[channel.id] = rename
+                noticed = noticed and _renaming(rename, noticed)
+            return Reading(wants(key), noticed)
 
         for path in self.files:
-            channels: dict[int, str] = {}
-            renaming: dict[int, Callable[[bytes], bytes] | None] = {}  # by schema
-            older: dict[int, Callable[[bytes], bytes]] = {}  # by channel
-            for record in self.records(path, readings):
-                if isinstance(record, StoredMessage):
-                    if (key := channels.get(record.channel_id)) is not None:
-                        rename = older.get(record.channel_id)
-                        data = rename(record.data) if rename else record.data
-                        yield Raw(key, data, record.log_ns, record.publish_ns, record.sequence)
-                elif isinstance(record, Schema):
-                    renaming[record.id] = as_today(record)
-                elif isinstance(record, Channel) and not is_view(record.topic):
-                    channels[record.id] = record.topic
-                    if rename := renaming.get(record.schema_id):
-                        older[record.id] = rename
+            channels.clear()
+            older.clear()
+            for record in self.records(path, readings, within):
+                if isinstance(record, StoredMessage) and record.channel_id in channels:
+                    number, sequence, log_ns, publish_ns, data = record
+                    data = older[number](data) if number in older else data
+                    yield Raw(channels[number], data, log_ns, publish_ns, sequence)
 
     def records(
         self, path: Path, readings: Readings = everything, within: Span = ALWAYS
@@ -146,8 +150,8 @@ class Recording:
         contents, keys, passed_over = Contents(), dict[int, str](), set[int]()
         said = ""  # the checksum
 
-        def all_of_it(channel: Channel) -> Reading:
-            wanted = readings(channel)
+        def all_of_it(channel: Channel, schema: Schema | None) -> Reading:
+            wanted = readings(channel, schema)
             (passed_over.discard if wanted.wanted else passed_over.add)(channel.id)
             return Reading(noticed=wanted.noticed)
 
@@ -182,14 +186,29 @@ class Recording:
 
     def decode(self, raw: Raw) -> Message | None:
         """The typed message, or None, counted, when this version of Lindy cannot read it."""
-        if raw.key not in self._decoders:
+        if (decoding := self._decoding.get(raw.key)) is None:
             topic = topics.find(raw.key)
-            self._decoders[raw.key] = topic and msgspec.json.Decoder(topic.message)
-        if (decoder := self._decoders[raw.key]) is not None:
-            with suppress(msgspec.DecodeError, RecursionError):
-                return decoder.decode(raw.data)
-        self.unreadable[raw.key] += 1
-        return None
+            decoding = self._decoding[raw.key] = self.decoding(raw.key, topic and topic.message)
+        return decoding(raw.data)
+
+    def decoding(self, key: str, kind: type[Message] | None) -> "Decoding":
+        """What `decode` does with the messages of a key.
+
+        Args:
+            kind: what to make of them; None: this version of Lindy does not know the key.
+        """
+        decode, unreadable = kind and msgspec.json.Decoder(kind).decode, self.unreadable
+
+        def decoding(data: bytes) -> Message | None:
+            if decode is not None:
+                try:
+                    return decode(data)
+                except (msgspec.DecodeError, RecursionError):
+                    pass
+            unreadable[key] += 1
+            return None
+
+        return decoding
 
     def origin_ns(self) -> int | None:
         """[ns] UTC from which the seconds of a recording count: its first message, or, where it was
@@ -206,7 +225,7 @@ class Recording:
         for path in self.files:
             with path.open("rb") as stream:
                 described = index_of(stream, path.stat().st_size).described
-            for record in described or records(path, readings=lambda _: Reading(wanted=False)):
+            for record in described or records(path, readings=no_message):
                 if isinstance(record, Channel) and not is_view(record.topic):
                     found.add(record.topic)
         return found
@@ -243,6 +262,12 @@ class Recording:
             for record in records(path, open_chunks=False):
                 if isinstance(record, Metadata | Attachment):
                     yield record
+
+
+def _renaming(rename: Callable[[bytes], bytes], noticed: Noticed) -> Noticed:
+    return lambda sequence, log_ns, publish_ns, data: noticed(
+        sequence, log_ns, publish_ns, rename(data)
+    )
 
 
 def open_recording(path: Path) -> Recording:

@@ -5,7 +5,6 @@ order. A service is stepped where the file shows that it was: before its own nex
 the end of each instant.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 from messages.topic import Side
@@ -65,7 +64,7 @@ class OnBoard:
 
     def run(self, until_ns: int) -> None:
         """Replay up to `until_ns` [ns UTC], which is included."""
-        for raw in self._until(until_ns):
+        for raw in self._source.raw(until_ns=until_ns):
             at = raw.log_ns - self._source.utc_offset_ns
             self._first.setdefault(raw.key, raw.sequence)
             self._start(at)
@@ -91,9 +90,6 @@ class OnBoard:
             and self._is_wanted(key)
             and not self._is_own(key)
         }
-
-    def _until(self, until_ns: int) -> Iterator[Raw]:
-        return (raw for raw in self._source.raw() if raw.log_ns <= until_ns)
 
     # When.
 

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,8 +73,10 @@ class ReplaySource:
         lost = self.recording.losses()
         return sum(n for name, n in lost.items() if row_of(name) is MALFORMED)
 
-    def raw(self, wants: Callable[[str], bool] = always) -> Iterator[Raw]:
-        return self.recording.raw(wants)
+    def raw(self, wants: Callable[[str], bool] = always, until_ns: float = inf) -> Iterator[Raw]:
+        """Every message that arrived by `until_ns` [ns] UTC."""
+        within = (-inf, until_ns + 1)
+        return (raw for raw in self.recording.raw(wants, within=within) if raw.log_ns <= until_ns)
 
     @cached_property
     def span(self) -> tuple[int, int]:
@@ -85,7 +88,7 @@ class ReplaySource:
         first: int | None = None
         last = 0
 
-        def see(_sequence: int, log_ns: int, _publish_ns: int, _size: int) -> None:
+        def see(_sequence: int, log_ns: int, _publish_ns: int, _data: bytes) -> None:
             nonlocal first, last
             if first is None or log_ns < first:
                 first = log_ns

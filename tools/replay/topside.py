@@ -71,9 +71,7 @@ class Topside:
         above: list[Raw] = []
         below: list[Raw] = []
         lost = _Gaps()
-        for raw in self._source.raw():
-            if raw.log_ns > until_ns:
-                continue
+        for raw in self._source.raw(until_ns=until_ns):
             if raw.key in self._own:
                 self.recorded.append(told_of(raw, 0))
             elif (side := self._sent_from(raw.key)) == "topside":

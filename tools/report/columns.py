@@ -9,7 +9,7 @@ float64 for the first 104 days after the computer was started.
 
 import math
 import os
-from array import array
+import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from io import FileIO
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, UP_STAGES, Clock, LatencyBudget, Stage
+from messages.message import Message
 from messages.pilot import FlightMode, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import BatterySample
@@ -148,18 +149,19 @@ class Gathering:
         """
         self._names = names
         self._figures = figures
-        self._values = array("d")
-        self._full = block * len(names)
+        self._pack = struct.Struct(f"{len(names)}d").pack
+        self._rows = bytearray()
+        self._full = block * len(names) * FIGURE  # [bytes]
         self._blocks = RowBlocks(len(names))
 
-    def add(self, message: object) -> None:
+    def add(self, message: object, _log_ns: int = 0) -> None:
         figures = self._figures(message)
-        values = self._values
-        if None in figures:
-            values.extend(math.nan if figure is None else figure for figure in figures)
-        else:
-            values.extend(cast(tuple[float, ...], figures))
-        if len(values) >= self._full:
+        rows = self._rows
+        try:
+            rows += self._pack(*figures)
+        except struct.error:  # there is a None
+            rows += self._pack(*(math.nan if figure is None else figure for figure in figures))
+        if len(rows) >= self._full:
             self._put(on_disk=True)
 
     def columns(self) -> StreamColumns:
@@ -168,9 +170,9 @@ class Gathering:
         return StreamColumns(self._names, self._blocks)
 
     def _put(self, *, on_disk: bool) -> None:
-        rows = np.asarray(self._values).reshape(-1, len(self._names))
+        rows = np.frombuffer(self._rows).reshape(-1, len(self._names))
         self._blocks.add(rows, on_disk=on_disk)
-        self._values = array("d")
+        self._rows = bytearray()
 
 
 class StreamFigures(NamedTuple):
@@ -179,6 +181,21 @@ class StreamFigures(NamedTuple):
     topic: AnyTopic
     names: tuple[str, ...]
     figures: Callable[[Any], Figures]
+    fields: tuple[str, ...] = ()  # that `figures` reads, where the message has many more
+
+    @property
+    def message(self) -> type[Message]:
+        """As it is decoded from a recording: a number that nobody reads costs as much as others."""
+        kind = self.topic.message
+        if not self.fields:
+            return kind
+        read = [
+            (field.name, field.type, msgspec.field(default=field.default))
+            for field in msgspec.structs.fields(kind)
+            if field.name in self.fields
+        ]
+        base, name = (Message,), kind.__name__
+        return cast(type[Message], msgspec.defstruct(name, read, bases=base, kw_only=True))
 
 
 def _command(m: PilotCommand) -> Figures:
@@ -213,8 +230,12 @@ def _reference(m: Reference) -> Figures:
 
 
 def _thrusters(m: ThrusterCommand) -> Figures:
-    ahead = sum(1 << k for k, thrust in enumerate(m.thrust) if thrust > 0.0)
-    astern = sum(1 << k for k, thrust in enumerate(m.thrust) if thrust < 0.0)
+    ahead = astern = 0
+    for k, thrust in enumerate(m.thrust):
+        if thrust > 0.0:
+            ahead |= 1 << k
+        elif thrust < 0.0:
+            astern |= 1 << k
     return m.stamp_ns, m.sensor_ns, len(m.thrust), ahead, astern
 
 
@@ -287,8 +308,18 @@ WANTED = (
     StreamFigures(topics.PILOT_COMMAND, COMMAND, _command),
     StreamFigures(topics.PILOT_REQUEST, ("stamp", "stop"), _request),
     StreamFigures(topics.STATUS, STATUS, _status),
-    StreamFigures(topics.STATE, STATE, _state),
-    StreamFigures(topics.REFERENCE, REFERENCE, _reference),
+    StreamFigures(
+        topics.STATE,
+        STATE,
+        _state,
+        ("sensor_ns", "depth_moved", "depth", "depth_acceleration", "heading", "yaw_rate"),
+    ),
+    StreamFigures(
+        topics.REFERENCE,
+        REFERENCE,
+        _reference,
+        ("sensor_ns", "pilot_ns", "epoch", "armed", "depth", "heading"),
+    ),
     StreamFigures(topics.THRUSTERS, COMMANDED, _thrusters),
     StreamFigures(
         topics.ACTUATION,
@@ -299,6 +330,8 @@ WANTED = (
     StreamFigures(topics.LATENCY, LATENCY, _latency),
     StreamFigures(topics.PICTURE_AGE, PICTURE, _picture),
     StreamFigures(topics.CLOCK, ("stamp", "offset", "bound", "drift"), _clock),  # [ns ×3, ppm]
-    StreamFigures(topics.TRUTH, ("stamp", "heave", "yaw"), _truth),  # [ns, m, rad]
+    StreamFigures(
+        topics.TRUTH, ("stamp", "heave", "yaw"), _truth, ("position", "heading")
+    ),  # [ns, m, rad]
 )
 FURTHER_WANTED = StreamFigures(topics.FURTHER_AGE, PICTURE, _picture)  # of every member

@@ -1,13 +1,15 @@
 """A dive as the report needs it, read once from the recording."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from messages import events, topics
-from messages.health import Health, LogLine
+from messages.health import LogLine
 from messages.link import Clock
 from messages.message import Message
 from messages.reference import Reference
@@ -16,12 +18,21 @@ from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.mcap_records import Noticed
-from tools.recordings.recording import Raw, Recording
-from tools.report.columns import FURTHER_WANTED, WANTED, Array, Gathering, StreamColumns
+from tools.recordings.recording import Recording
+from tools.report.columns import (
+    FURTHER_WANTED,
+    WANTED,
+    Array,
+    Gathering,
+    StreamColumns,
+    StreamFigures,
+)
 from tools.report.holes import HOLE_NS, HoleFinder
 
 ENDING_NS = 6_000_000_000  # [ns] the recorder may be stopped so long after the vehicle
 
+Passing = Callable[[int], None]  # arrival [ns] UTC
+Adding = Callable[[Any, int], None]  # message, arrival [ns] UTC
 HEALTH, LOG = topics.HEALTH.key[:-1], topics.LOG.key[:-1]  # how the keys of the families begin
 
 
@@ -135,59 +146,84 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
     """
     topside_clock = _TopsideClock() if apart else None
     gathered = GatheredDive()
-    for raw in recording.raw(gathered.wants, gathered.noticing):
-        message = recording.decode(raw)
-        if message is not None and (topside_clock is None or topside_clock.convert(raw, message)):
-            gathered.add(raw.key, message, raw.log_ns)
+
+    def noticing(key: str) -> Noticed:
+        passing, adding = gathered.passing(key), gathered.adding(key)
+        if adding is None:
+            return lambda _sequence, log_ns, _publish_ns, _data: passing(log_ns)
+        decode = recording.decoding(key, gathered.kind(key))
+
+        def see(_sequence: int, log_ns: int, _publish_ns: int, data: bytes) -> None:
+            passing(log_ns)
+            message = decode(data)
+            if message is not None and (
+                topside_clock is None or topside_clock.convert(key, message, log_ns)
+            ):
+                adding(message, log_ns)
+
+        return see
+
+    for _ in recording.raw(lambda _: False, noticing):
+        pass  # all that is needed was noticed
     return gathered.dive(recording.metadata("dive"), recording.losses() + _unreadable(recording))
 
 
 class GatheredDive:
-    """Collects what a report needs, message by message in the order of their arrival."""
+    """Collects what a report needs, message by message in the order of their arrival. What is done
+    with those of a key is asked for once: there are a thousand a second."""
 
     def __init__(self) -> None:
         self._traffic: dict[str, Traffic] = {}
-        self._streams = {
-            wanted.topic.key: Gathering(wanted.names, wanted.figures) for wanted in WANTED
-        }
+        self._wanted = {wanted.topic.key: wanted for wanted in WANTED}
+        self._streams = {key: _gathering(wanted) for key, wanted in self._wanted.items()}
         self._health = HealthOfAll()
         self._holes, self._vehicle_holes = HoleFinder(), HoleFinder()
         self._errors = Counter[str]()
         self._armed_utc_ns: int | None = None
 
-    def pass_by(self, key: str, log_ns: int) -> None:
-        """Any message, with its arrival [ns] UTC."""
-        self._holes.see(log_ns)
-        if key == topics.ACTUATION.key:
-            self._vehicle_holes.see(log_ns)
-        if (seen := self._traffic.get(key)) is None:
-            seen = self._traffic[key] = Traffic(0, log_ns, log_ns)
-        seen.count += 1
-        seen.last_ns = log_ns
+    def passing(self, key: str) -> Passing:
+        """What is told the arrival [ns] UTC of each of its messages."""
+        see, see_vehicle = self._holes.see, self._vehicle_holes.see
+        of_the_vehicle, seen = key == topics.ACTUATION.key, self._traffic.get(key)
 
-    def noticing(self, key: str) -> Noticed:
-        """What `pass_by` is told by the reader of a recording."""
+        def pass_by(log_ns: int) -> None:
+            nonlocal seen
+            see(log_ns)
+            if of_the_vehicle:
+                see_vehicle(log_ns)
+            if seen is None:
+                seen = self._traffic.setdefault(key, Traffic(0, log_ns, log_ns))
+            seen.count += 1
+            seen.last_ns = log_ns
 
-        def see(_sequence: int, log_ns: int, _publish_ns: int, _size: int) -> None:
-            self.pass_by(key, log_ns)
+        return pass_by
 
-        return see
+    def kind(self, key: str) -> type[Message] | None:
+        """As what its messages are decoded; None: this version of Lindy does not know the key."""
+        if (wanted := self._wanted.get(key)) is not None:
+            return wanted.message
+        topic = topics.find(key)
+        return topic and topic.message
 
-    def wants(self, key: str) -> bool:
-        """Are the messages of this key to be added?"""
-        if key not in self._streams and FURTHER_WANTED.topic.covers(key):
-            self._streams[key] = Gathering(FURTHER_WANTED.names, FURTHER_WANTED.figures)
-        return key in self._streams or key.startswith((HEALTH, LOG))
-
-    def add(self, key: str, message: Message, log_ns: int) -> None:
+    def adding(self, key: str) -> Adding | None:
+        """What takes each of its messages, with its arrival; None: they are not needed."""
+        if FURTHER_WANTED.topic.covers(key):
+            self._streams.setdefault(key, _gathering(FURTHER_WANTED))
+        if key == topics.REFERENCE.key:
+            return self._reference
         if (stream := self._streams.get(key)) is not None:
-            stream.add(message)
-            if self._armed_utc_ns is None and isinstance(message, Reference) and message.armed:
-                self._armed_utc_ns = log_ns
-        elif isinstance(message, Health):
-            self._health.add(message)
-        elif isinstance(message, LogLine):
-            self._errors[message.service] += message.level == "error"
+            return stream.add
+        if key.startswith(HEALTH):
+            return lambda message, _: self._health.add(message)
+        return self._log_line if key.startswith(LOG) else None
+
+    def _reference(self, reference: Reference, log_ns: int) -> None:
+        self._streams[topics.REFERENCE.key].add(reference)
+        if self._armed_utc_ns is None and reference.armed:
+            self._armed_utc_ns = log_ns
+
+    def _log_line(self, line: LogLine, _log_ns: int) -> None:
+        self._errors[line.service] += line.level == "error"
 
     def dive(self, about: dict[str, str], losses: dict[str, int]) -> RecordedDive:
         """
@@ -208,17 +244,21 @@ class GatheredDive:
         )
 
 
+def _gathering(wanted: StreamFigures) -> Gathering:
+    return Gathering(wanted.names, wanted.figures)
+
+
 class _TopsideClock:
     """Converts stamps to the drone's clock, with the offset that the drone knew at the time."""
 
     def __init__(self) -> None:
         self._clock = ClockOffset("drone")
 
-    def convert(self, raw: Raw, message: Message) -> bool:
+    def convert(self, key: str, message: Message, log_ns: int) -> bool:
         """False: the offset was not known yet, and the message was not used on board."""
         if isinstance(message, Clock):
-            self._clock.learn(message, raw.log_ns)
-        topic = topics.find(raw.key)
+            self._clock.learn(message, log_ns)
+        topic = topics.find(key)
         if topic is None or not self._clock.concerns(topic):
             return True
         if self._clock.ahead_ns is None:

@@ -16,9 +16,10 @@ from messages.state import VehicleState
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
+from tools.recordings.mcap_records import nowhere
 from tools.recordings.progress import reading
 from tools.replay.on_board import OnBoard
-from tools.replay.source import open_source
+from tools.replay.source import ReplaySource
 from tools.report.columns import Array
 from tools.review.track import Track, TrackRows
 
@@ -77,7 +78,7 @@ class Estimated(NamedTuple):
 
 
 def estimate(
-    path: Path, what: str, overrides: Sequence[str] = (), until_s: float | None = None
+    source: ReplaySource, what: str, overrides: Sequence[str] = (), until_s: float | None = None
 ) -> Estimated:
     """
     Args:
@@ -88,7 +89,6 @@ def estimate(
     Raises:
         LindyError: settings that are refused, or nothing in the recording.
     """
-    source = open_source(path)
     origin, end = source.origin_ns, source.span[1]
     services = Registry.read()
     with TemporaryDirectory(prefix="lindy-") as folder, rare_collections():
@@ -101,6 +101,7 @@ def estimate(
             source.recording.advance = heard.draining(bar)
             replay.run(end if until_s is None else origin + round(until_s * 1e9))
         heard.drain(keep=0)
+        source.recording.advance = nowhere
     return heard.found()
 
 

@@ -91,9 +91,9 @@ def review(
     """
     recorded = read(path, overrides)
     missing: dict[str, list[str]] = {}
-    estimated = estimate(path, "estimating", overrides)
+    estimated = estimate(recorded.source, "estimating", overrides)
     shaken = _vibration(recorded, missing)
-    spreads = _spreads(recorded, path, overrides, shaken, estimated, missing)
+    spreads = _spreads(recorded, overrides, shaken, estimated, missing)
     motion = estimated.track if estimated.runs else recorded.own
     imu = recorded.sensors.get(topics.IMU.key)
     reference, begin = recorded.settings.reference, recorded.begin_ns
@@ -150,7 +150,6 @@ def _vibration(recorded: Recorded, missing: dict[str, list[str]]) -> ImuVibratio
 
 def _spreads(
     recorded: Recorded,
-    path: Path,
     overrides: tuple[str, ...],
     shaken: ImuVibration | None,
     estimated: Estimated,
@@ -182,7 +181,7 @@ def _spreads(
         shaken.down_density,
         noise,
         seconds,
-        lambda tried: estimate(path, "trying spreads", (*overrides, *tried), TRIAL_S),
+        lambda tried: estimate(recorded.source, "trying spreads", (*overrides, *tried), TRIAL_S),
     )
 
 

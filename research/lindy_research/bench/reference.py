@@ -13,7 +13,7 @@ import numpy as np
 
 from lindy_research.bench.table import Figure
 from lindy_research.bench.timing import race
-from lindy_research.laws import batch
+from lindy_research.laws import batch, thesis_steps
 from lindy_research.laws.stepping import stepper
 from services.reference.trajectory.minimum_jerk import Limits, reader, solve
 from tools.generators import thesis_rule
@@ -149,7 +149,7 @@ def _ruckig(a_max: float, targets: list[float]) -> Turn:
 def _closed_form() -> int:
     x = v = a = 0.0
     for _ in TIMES:
-        x, v, a, _ = thesis_rule.step(x, v, a, 1.0, 0.6, DT)
+        x, v, a, _ = thesis_steps.step(x, v, a, 1.0, 0.6, DT)
     return STEPS
 
 

@@ -6,6 +6,7 @@ from math import hypot, sqrt
 
 import numpy as np
 
+from lindy_research.laws import thesis_steps
 from lindy_research.papers.claims import Claim, judged
 from lindy_research.papers.claims_common import STATES, State, peak_jerk, random_states, total_time
 from lindy_research.papers.setups import CLAMPED, JERK
@@ -110,7 +111,7 @@ def _equations() -> Iterator[Claim]:
                  why="two are complex only while a² < 6 J Δv")  # fmt: skip
     before = x = v = a = 0.0
     while v != 1.0:
-        before, (x, v, a, _) = x, thesis_rule.step(x, v, a, 1.0, JERK, 0.01)
+        before, (x, v, a, _) = x, thesis_steps.step(x, v, a, 1.0, JERK, 0.01)
     yield judged("andren-5.2.3-last-step", "Andrén 2023, 5.2.3",
                  "position lost when the state is set to the target in the last step",
                  0, x - before, "m", 1e-9,

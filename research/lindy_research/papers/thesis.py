@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lindy_research.laws import thesis_steps
 from lindy_research.papers import style
 from lindy_research.papers.curves import MOTION, Curves, plan_curves, show, steered, stick_position
 from lindy_research.papers.setups import END_JERK, FIXED_TIME, JERK
@@ -153,7 +154,7 @@ def jumping_stick(figure: Figure) -> str:
     rows: list[tuple[float, ...]] = []
     for k in range(round(3.3 / dt)):
         rows.append((k * dt, x, v, a, j))
-        x, v, a, j = thesis_rule.step(x, v, a, stick_position(STICK, k * dt), JERK, dt)
+        x, v, a, j = thesis_steps.step(x, v, a, stick_position(STICK, k * dt), JERK, dt)
     thesis = Curves(*np.array(rows).T)
     bounded = steered(Ramp(Limits(JERK)), STICK, t)
     show(panels, thesis, "velocity", color=style.PAPER, label=f"thesis, every {dt * 1e3:g} ms")

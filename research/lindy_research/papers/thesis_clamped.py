@@ -7,12 +7,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lindy_research.laws import thesis_steps
+from lindy_research.laws.thesis_steps import State
 from lindy_research.papers import style
 from lindy_research.papers.curves import Curves, plan_curves, show
 from lindy_research.papers.setups import CLAMPED, CLAMPED_TARGETS
 from services.reference.trajectory import minimum_jerk
 from tools.generators import thesis_rule
-from tools.generators.thesis_rule import State
 
 Step = Callable[..., State]
 LABELS = ("velocity [m/s]", "acceleration [m/s²]", "jerk [m/s³]")
@@ -66,13 +67,13 @@ def _bounded(target: float) -> Curves:
 
 def cut_off(figure: Figure) -> str:
     panels = style.stacked(figure, *LABELS)
-    _show_runs(panels, thesis_rule.clamped_step)
+    _show_runs(panels, thesis_steps.clamped_step)
     largest = CLAMPED_TARGETS[-1]
     free = minimum_jerk.solve(0.0, 0.0, largest, CLAMPED._replace(acceleration=float("inf")))
     show(panels, plan_curves(free, largest, np.linspace(0.0, 5.3, 1500)), "velocity",
          color=style.LIMIT, ls="--", lw=1.2, label=f"{largest:g} m/s, no limit")  # fmt: skip
     style.legend(panels[0], 5)
-    time = run(thesis_rule.clamped_step, 0.0, 0.0, largest, 0.001).time
+    time = run(thesis_steps.clamped_step, 0.0, 0.0, largest, 0.001).time
     return (
         f"J = {CLAMPED.jerk:g} m/s³, limit {CLAMPED.acceleration:g} m/s² (dotted), targets and "
         f"limits not printed; dt = {DT * 1e3:g} ms. Cutting keeps the limit, but the jerk falls to "
@@ -83,11 +84,11 @@ def cut_off(figure: Figure) -> str:
 def planned_for(figure: Figure) -> str:
     chatter = "acceleration\nminus limit\n[mm/s²]"
     panels = style.above_each_other(figure, (*LABELS, chatter), (1, 1, 1, 0.8), "time [s]", below=1)
-    _show_runs(panels, thesis_rule.planned_clamp_step)
+    _show_runs(panels, thesis_steps.planned_clamp_step)
     largest = CLAMPED_TARGETS[-1]
     show(panels[:3], _bounded(largest), "velocity", label=f"Lindy, {largest:g} m/s", **style.OURS)
     style.legend(panels[0], 5)
-    coarse = run(thesis_rule.planned_clamp_step, 0.0, 0.0, largest, COARSE).curves
+    coarse = run(thesis_steps.planned_clamp_step, 0.0, 0.0, largest, COARSE).curves
     below = panels[3]
     looks: tuple[tuple[str, Curves, style.Look], ...] = (
         (f"thesis' recipe, dt = {COARSE * 1e3:g} ms", coarse, {"color": COLOURS[-1], "lw": 1.0}),

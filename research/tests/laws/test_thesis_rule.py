@@ -6,6 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from lindy_research.laws import thesis_steps
 from services.reference.trajectory.minimum_jerk import Limits, solve
 from tools.generators import thesis_rule
 
@@ -68,7 +69,7 @@ def test_a_step_follows_the_plan_and_its_exact_position(
     assume(part is not None and part.duration > 1e-6)
     assert part is not None
     t = share * part.duration
-    x, v1, a1, _ = thesis_rule.step(1.0, v, a, target, J, t)
+    x, v1, a1, _ = thesis_steps.step(1.0, v, a, target, J, t)
     here = part.at(min(t, part.duration))
     beyond = target * max(0.0, t - part.duration)
     assert x == pytest.approx(1.0 + here.position + beyond, rel=1e-9, abs=1e-9)
@@ -123,7 +124,7 @@ def test_the_rule_jumps_where_the_docstring_says() -> None:
 def test_clamping_afterwards_moves_the_arrival() -> None:
     """Fig. 5.8, 0 to 2 with J 1 and a_max 0.5: 4.6149 s where the planned clamp takes 4.6667 s."""
     arrivals: list[float] = []
-    for law in (thesis_rule.clamped_step, thesis_rule.planned_clamp_step):
+    for law in (thesis_steps.clamped_step, thesis_steps.planned_clamp_step):
         x = v = a = t = 0.0
         dt = 1e-3
         while (v, a) != (2.0, 0.0):
@@ -137,7 +138,7 @@ def test_clamping_afterwards_moves_the_arrival() -> None:
 
 def test_the_planned_clamp_has_no_answer_above_its_limit() -> None:
     with pytest.raises(ValueError, match="above a_max"):
-        thesis_rule.planned_clamp_step(0.0, 0.0, 0.6, 1.0, 1.0, 0.5, 0.01)
+        thesis_steps.planned_clamp_step(0.0, 0.0, 0.6, 1.0, 1.0, 0.5, 0.01)
 
 
 def test_a_denormal_change_is_no_change() -> None:

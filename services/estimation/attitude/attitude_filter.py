@@ -9,7 +9,7 @@ Andrén's eq. 5.24 has the same expressions with these two names exchanged.
 """
 
 from math import atan2, cos, sin, sqrt
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 
@@ -93,10 +93,15 @@ class AttitudeFilter:
 
 def turned(q: Quaternion, rate: Vec3, dt: float) -> Quaternion:
     """q_NB after turning at `rate` [rad/s], body, for `dt` [s] (Madgwick 2010, eq. 11 to 13)."""
+    return unit(*turned_longer(q, rate, dt))
+
+
+def turned_longer(q: Any, rate: Any, dt: Any) -> Any:
+    """The same before it is made a unit quaternion; numbers, or arrays of them."""
     w, x, y, z = q
     half = 0.5 * dt
     a, b, c = half * rate[0], half * rate[1], half * rate[2]
-    return unit(
+    return (
         w - x * a - y * b - z * c,
         x + w * a + y * c - z * b,
         y + w * b - x * c + z * a,

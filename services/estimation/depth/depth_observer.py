@@ -29,7 +29,6 @@ RESTING_RATE_STD = 0.05  # [m/s] when it starts at rest; some swell
 OUTLIER_RUN = 1.5  # [s] of outliers only, before they are believed
 ALONE_RUN = 0.25  # [s] the same, without the accelerometer to tell a jump from a motion
 GROWN = 0.6  # [σ] mean innovation before the first outlier: it has grown, and did not jump
-GROWN_RATE_STD = 0.3  # [m/s] error of the rate then
 DOUBTED_TILT = 0.1  # [rad] 1σ of an attitude that may be wrong
 DOUBTED_STD, DOUBTED_RATE_STD = 0.3, 1.0  # [m], [m/s] errors after two seconds of wrong attitude
 LEVEL_LINE = 0.05  # [m/s] slope of innovations that counts as none, and 3 σ

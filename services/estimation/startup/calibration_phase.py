@@ -52,7 +52,6 @@ class CalibrationPhase:
         self._arrivals = {allowed.key: ArrivalCheck(allowed) for allowed in limits.sensors}
         self._resting: Event | None = None  # what was wrong with the last rest
         self._finding: Event | None = None  # what blocks now
-        self._warned: set[str] = set()
         self._unrest_ns: int | None = None  # [ns] since when it has not been at rest
         self._used_ns: int | None = None  # [ns] when the newest usable IMU sample was judged
         self._now: int | None = None  # [ns]

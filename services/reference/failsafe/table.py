@@ -41,20 +41,6 @@ class FailsafeRow(NamedTuple):
         """Can it take the sticks from the pilot?"""
         return any(stage.reaction in ACTING for stage in self.stages)
 
-    @property
-    def ends_by(self) -> str:
-        if not self.acts:
-            return "the end of the condition"
-        if self.overrule:
-            return "resume, at any time"
-        ended = "once the condition has ended"
-        short = f"after less than {SHORT_NS / 1e9:g} s "
-        return (
-            f"{short}by centred sticks, else by resume, {ended}"
-            if self.brief
-            else f"resume, {ended}"
-        )
-
 
 NOTICE, LIMIT, STOP = (
     FailsafeStage(0.0, "notice"),

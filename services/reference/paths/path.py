@@ -22,6 +22,7 @@ from services.reference.paths.turn import STRAIGHT, Turn
 from services.reference.paths.waypoints import Waypoint, checked, distance
 
 Kind = Literal["approximating", "interpolating"]
+STEP = 0.1  # [m] between the points that are compared
 
 
 class PathPoint(NamedTuple):
@@ -153,14 +154,14 @@ class Path:
         )
 
 
-def furthest(path: Path, other: Path, step: float = 0.1) -> float:
-    """[m] Largest distance of `path` from `other`, sampled every `step` [m].
+def furthest(path: Path, other: Path) -> float:
+    """[m] Largest distance of `path` from `other`, sampled every `STEP`.
 
     Both must come from the same way-points: the search starts at the same point of the same leg.
     """
     most = 0.0
     for leg, (begin, end) in enumerate(pairwise(path.passes)):
-        count = max(2, min(10_000, int((end - begin) / step) + 1))
+        count = max(2, min(10_000, int((end - begin) / STEP) + 1))
         their_begin, their_end = other.passes[leg : leg + 2]
         for i in range(count + 1):
             here = path.at(begin + (end - begin) * i / count)

@@ -5,8 +5,8 @@ ends first. Here the limits apply to the norms of jerk and acceleration, and the
 depend on the frame's orientation. Any position unit, seconds; vectors are tuples of one float per
 axis, in one frame.
 
-Source: Andrén 2023 proposes the vector form in 7.2.4. `plan` is that rule: one cubic, end jerk of
-norm J, with the faults of the scalar rule (the jerk may reach 3.9 J). `bounded_plan` is ours.
+Source: Andrén 2023 proposes a vector form in 7.2.4: one cubic, end jerk of norm J, with the faults
+of the scalar rule (the jerk may reach 3.9 J). `bounded_plan` is ours.
 """
 
 from dataclasses import dataclass
@@ -20,54 +20,6 @@ Stage = tuple[Segment, ...]  # one segment per axis, all of the same duration
 SEARCHES = 44  # golden sections, each narrowing the turning time by 0.618
 SHORTEST = 1e-100  # lengths and times below this count as 0
 GOLDEN = (sqrt(5) - 1) / 2
-
-
-def plan(velocity: Vector, acceleration: Vector, target: Vector, jerk: float) -> Stage:
-    """The thesis' rule for vectors: one cubic per axis. Empty when already there.
-
-    Raises:
-        ValueError: lengths differ, a number is not finite, or jerk is not above 0.
-    """
-    _check(velocity, acceleration, target, Limits(jerk))
-    e = _minus(target, velocity)
-    T = duration(acceleration, e, jerk)
-    return _cubic(velocity, acceleration, e, T) if T > 0 else ()
-
-
-def duration(acceleration: Vector, e: Vector, jerk: float) -> float:
-    """[s] The largest real root T of J² T⁴ - 4 |a|² T² + 24 (a·e) T - 36 |e|² = 0, where the
-    jerk at arrival has norm J; `e` is the required change of velocity.
-
-    From the upper bound, Newton's method descends monotonically to the root while the quartic is
-    convex. If the convex part has no root, the only one lies on the concave part, and Newton's
-    method ascends to it from zero.
-    """
-    a, d = hypot(*acceleration), hypot(*e)
-    # In units of the upper bound, so that nothing overflows: T = bound u, 0 ≤ u ≤ 1.
-    bound = (a + sqrt(a * a + 6 * jerk * d)) / jerk
-    if bound < SHORTEST:
-        return 0.0
-    p, r = 2 * a / (jerk * bound), 6 * d / (jerk * bound * bound)
-    mixed = 24 * _dot(acceleration, e) / (jerk * bound) / (jerk * bound) / bound
-    root = _newton(1.0, p, r, mixed)
-    if root < p / sqrt(6):  # left of the inflection: fell past the convex part
-        root = _newton(0.0, p, r, mixed)
-    return bound * root
-
-
-def _newton(u: float, p: float, r: float, mixed: float) -> float:
-    """On u⁴ - p² u² + mixed u - r²; stops when the iteration is no longer monotonic."""
-    direction = -1.0 if u > 0 else 1.0
-    for _ in range(100):
-        value = u * (u * (u * u - p * p) + mixed) - r * r
-        slope = 2 * u * (2 * u * u - p * p) + mixed
-        if slope <= 0:
-            return 0.0  # past a minimum without a root
-        following = u - value / slope
-        if (following - u) * direction <= 0:
-            return u
-        u = following
-    return u
 
 
 def bounded_plan(
@@ -204,13 +156,6 @@ def _on_line(part: Segment, start: Vector, line: Vector) -> Stage:
     return tuple(
         Segment(part.duration, v, part.a0 * n, part.j0 * n, part.half_snap * n)
         for v, n in zip(start, line, strict=True)
-    )
-
-
-def _cubic(velocity: Vector, acceleration: Vector, e: Vector, T: float) -> Stage:
-    return tuple(
-        Segment(T, v, a, (6 * d / T - 4 * a) / T, 3 * (a - 2 * d / T) / T / T)
-        for v, a, d in zip(velocity, acceleration, e, strict=True)
     )
 
 

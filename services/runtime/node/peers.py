@@ -15,8 +15,6 @@ PATIENCE_NS = 3_000_000_000  # [ns] in which the other side says who it is
 VOICES = 8  # instances of one name that are told apart
 NAMES = 64  # services that are watched
 
-Key = tuple[str, str]  # side, service
-
 
 @dataclass(slots=True)
 class Voice:
@@ -29,12 +27,11 @@ class Voice:
 
 
 class Peers:
-    """What is heard of the others. Only services of `side` are looked at for doubles: two topsides
+    """What is heard of the others. Only services on board are looked at for doubles: two topsides
     are two pilots, who may take turns."""
 
-    def __init__(self, ours: SideIdentity, side: str = "drone") -> None:
+    def __init__(self, ours: SideIdentity) -> None:
         self._ours = ours
-        self._side = side
         self._others: dict[int, tuple[SideIdentity, Ns]] = {}  # by instance
         self._voices: dict[str, list[Voice]] = {}  # by service; the oldest first
         self._expected_ns: Ns | None = None
@@ -53,7 +50,7 @@ class Peers:
         self._forget(now)
 
     def health(self, health: Health, now: Ns) -> None:
-        if health.side == self._side and health.instance:
+        if health.side == "drone" and health.instance:
             self.speaks(health.service, health.instance, health.pid, now)
 
     def speaks(self, service: str, instance: int, pid: int, now: Ns) -> None:

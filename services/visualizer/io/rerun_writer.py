@@ -184,33 +184,33 @@ class RerunWriter:
     def _ghost(self, frames: list[Frame]) -> None:
         """The reference: at the vehicle's horizontal position, at the reference's depth and
         heading."""
-        times: list[int] = []
-        places: list[Vec3] = []
-        turns: list[Quaternion] = []
-        for frame in frames:
-            if frame.wanted_depth is not None and frame.wanted_heading is not None:
-                half = frame.wanted_heading / 2
-                times.append(frame.time)
-                places.append((frame.position[0], frame.position[1], frame.wanted_depth))
-                turns.append(_xyzw((cos(half), 0.0, 0.0, sin(half))))
-        if times:
-            pose = rr.Transform3D.columns(translation=places, quaternion=turns)
-            self._rec.send_columns("world/reference", [_index(times)], pose)
+        self._level(
+            "world/reference",
+            [
+                (frame.time, (*frame.position[:2], frame.wanted_depth), frame.wanted_heading)
+                for frame in frames
+                if frame.wanted_depth is not None and frame.wanted_heading is not None
+            ],
+        )
 
     def _predicted(self, frames: list[Frame]) -> None:
         """A second ghost: the predicted present pose, ahead of the delayed one."""
-        times: list[int] = []
-        places: list[Vec3] = []
-        turns: list[Quaternion] = []
-        for frame in frames:
-            if frame.now is not None:
-                half = frame.now_heading / 2
-                times.append(frame.time)
-                places.append(frame.now)
-                turns.append(_xyzw((cos(half), 0.0, 0.0, sin(half))))
-        if times:
+        self._level(
+            "world/predicted",
+            [
+                (frame.time, frame.now, frame.now_heading)
+                for frame in frames
+                if frame.now is not None
+            ],
+        )
+
+    def _level(self, entity: str, poses: list[tuple[int, Vec3, float]]) -> None:
+        """Poses without roll and pitch: time, place, heading [rad]."""
+        if poses:
+            times, places, headings = zip(*poses, strict=True)
+            turns = [_xyzw((cos(half), 0.0, 0.0, sin(half))) for half in (h / 2 for h in headings)]
             pose = rr.Transform3D.columns(translation=places, quaternion=turns)
-            self._rec.send_columns("world/predicted", [_index(times)], pose)
+            self._rec.send_columns(entity, [_index(list(times))], pose)
 
     def _film(self, video: list[VideoSample]) -> None:
         by_camera: dict[str, list[VideoSample]] = {}

@@ -67,7 +67,8 @@ def flown() -> Flown:
 
     for topic, message in said:
         collector.hear(topic, topic.key, message, message.stamp_ns)
-        gathered.add(topic.key, message, message.stamp_ns)
+        if (add := gathered.adding(topic.key)) is not None:
+            add(message, message.stamp_ns)
         if message.stamp_ns >= drain:
             draw(drain)
             drain += SECOND

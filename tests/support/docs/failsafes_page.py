@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from messages.vehicle import Reaction
-from services.reference.failsafe.table import FailsafeRow, FailsafeStage, table
+from services.reference.failsafe.table import SHORT_NS, FailsafeRow, FailsafeStage, table
 from services.reference.settings import FailsafeSettings
 
 HEADING = """# Failsafes
@@ -44,8 +44,18 @@ def page() -> str:
 def _line(row: FailsafeRow) -> str:
     stages = ", then ".join(map(_stage, row.stages))
     c = row.condition
-    cells = (f"`{c.name}`", c.sentence, row.measured, stages, row.ends_by, c.noticed.to_do)
+    cells = (f"`{c.name}`", c.sentence, row.measured, stages, _ends_by(row), c.noticed.to_do)
     return f"| {' | '.join(cells)} |".replace("|  |", "| |")
+
+
+def _ends_by(row: FailsafeRow) -> str:
+    if not row.acts:
+        return "the end of the condition"
+    if row.overrule:
+        return "resume, at any time"
+    ended = "once the condition has ended"
+    short = f"after less than {SHORT_NS / 1e9:g} s "
+    return f"{short}by centred sticks, else by resume, {ended}" if row.brief else f"resume, {ended}"
 
 
 def _stage(stage: FailsafeStage) -> str:

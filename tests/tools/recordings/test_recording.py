@@ -120,18 +120,18 @@ def test_messages_that_nobody_wants_are_passed_over_and_still_noticed(tmp_path: 
         if n % 11 == 10:
             file.metadata("here", {"a chunk": "ends"})
     file.finish()
-    noticed: list[tuple[str, int, int, int, int]] = []
+    noticed: list[tuple[str, int, int, int, bytes]] = []
 
     def noticing(key: str) -> Noticed:
-        def told(sequence: int, log_ns: int, publish_ns: int, size: int) -> None:
-            noticed.append((key, sequence, log_ns, publish_ns, size))
+        def told(sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None:
+            noticed.append((key, sequence, log_ns, publish_ns, data))
 
         return told
 
     recording = open_recording(path)
     everything = list(open_recording(path).raw())
     assert list(recording.raw(other.__eq__, noticing)) == [r for r in everything if r.key == other]
-    assert noticed == [(r.key, r.sequence, r.log_ns, r.publish_ns, len(r.data)) for r in everything]
+    assert noticed == [(r.key, r.sequence, r.log_ns, r.publish_ns, r.data) for r in everything]
     assert recording.damage == []
     assert recording.keys() == {KEY, other}
 

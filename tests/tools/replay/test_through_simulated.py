@@ -1,5 +1,6 @@
 """A dive of `lindy simulate`: today's code on its recorded inputs publishes the same bytes."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -82,8 +83,8 @@ def test_what_came_before_the_recording_is_counted_by_input(
     late = {"pilot/request": 1, "sensor/imu": 10, "state": 3, "health/estimation": 2}
     left = [raw for raw in whole if raw.sequence >= late.get(raw.key, 0)]
 
-    def recorded_late(_: ReplaySource) -> Iterator[Raw]:
-        return iter(left)
+    def recorded_late(_: ReplaySource, until_ns: float = math.inf) -> Iterator[Raw]:
+        return (raw for raw in left if raw.log_ns <= until_ns)
 
     monkeypatch.setattr(ReplaySource, "raw", recorded_late)
     assert through(good, ["reference"]).remarks == []  # what it lacks was lost on the link

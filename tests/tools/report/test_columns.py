@@ -3,13 +3,17 @@
 import errno
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages import topics
+from tests.golden.dives import golden
+from tools.recordings.recording import open_recording
 from tools.report import columns
-from tools.report.columns import Array, Gathering, StreamColumns
+from tools.report.columns import WANTED, Array, Gathering, StreamColumns
 
 NAMES = ("stamp", "value", "flag")
 ROWS = st.lists(
@@ -64,3 +68,13 @@ def test_where_the_disk_is_full_they_stay_in_memory(monkeypatch: pytest.MonkeyPa
     found = gathered(rows, 4)
     assert len(written) == 2
     assert np.array_equal(found["value"], in_memory(rows)[:, 1])
+
+
+@pytest.mark.parametrize("key", [topics.STATE.key, topics.REFERENCE.key])
+def test_of_a_message_that_is_decoded_in_part_the_figures_are_the_same(key: str) -> None:
+    (wanted,) = (each for each in WANTED if each.topic.key == key)
+    (raw, *_) = (raw for raw in open_recording(golden("pioneer")).raw() if raw.key == key)
+    part = msgspec.json.decode(raw.data, type=wanted.message)
+    whole = msgspec.json.decode(raw.data, type=wanted.topic.message)
+    assert wanted.figures(part) == wanted.figures(whole)
+    assert len(msgspec.structs.fields(part)) < len(msgspec.structs.fields(whole))

@@ -18,7 +18,7 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Truth, VehicleStatus
-from tools.recordings.mcap_records import Noticed
+from tools.recordings.mcap_records import ALWAYS, Noticed, Span
 from tools.recordings.recording import Raw, Recording, always, nobody
 from tools.report.columns import StreamColumns
 from tools.report.dive import RecordedDive, read_dive
@@ -44,13 +44,14 @@ class Memory(Recording):
         self,
         wants: Callable[[str], bool] = always,
         noticing: Callable[[str], Noticed | None] = nobody,
+        within: Span = ALWAYS,
     ) -> Iterator[Raw]:
         noticed = {topic.key: noticing(topic.key) for topic, _ in self._said}
         for topic, message in self._said:
             stamp, data = message.stamp_ns, msgspec.json.encode(message)
             if (tell := noticed[topic.key]) is not None:
-                tell(0, stamp, stamp, len(data))
-            if wants(topic.key):
+                tell(0, stamp, stamp, data)
+            if wants(topic.key) and within[0] <= stamp < within[1]:
                 yield Raw(topic.key, data, stamp, stamp)
 
 

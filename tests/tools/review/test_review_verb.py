@@ -16,6 +16,7 @@ from tests.golden.dives import OVERRIDES, SCRIPT
 from tests.tools.importing.logs import dataflash
 from tools.importing.command import import_log
 from tools.recordings.recording import open_recording
+from tools.replay.source import open_source
 from tools.review.command import review
 from tools.review.estimated import estimate
 from tools.review.page import SECTIONS
@@ -55,7 +56,7 @@ def test_the_estimator_runs_as_it_ran_in_the_dive(dive: Path) -> None:
     for each in open_recording(dive):
         if each.key == topics.STATE.key and isinstance(each.message, VehicleState):
             rows.add(each.message)
-    found, recorded = estimate(dive, "estimating").track, rows.track()
+    found, recorded = estimate(open_source(dive), "estimating").track, rows.track()
     assert found is not None
     for name in ("roll", "depth", "heading", "surge"):
         ours, theirs = found.known(name)[1], recorded.known(name)[1]

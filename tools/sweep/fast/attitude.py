@@ -9,7 +9,7 @@ import numpy as np
 from services.estimation.attitude import attitude_observer as observer
 from services.estimation.attitude import gyroscope
 from services.estimation.attitude import tilt_spread as spreads
-from services.estimation.attitude.attitude_filter import AttitudeSettings
+from services.estimation.attitude.attitude_filter import AttitudeSettings, turned_longer
 from services.estimation.attitude.heading import YAW_RATE_CUTOFF, down_along, horizontal
 from services.estimation.attitude_axes import AttitudeAxes
 from services.marine.attitude import down_in_body, to_world
@@ -126,7 +126,7 @@ class Attitudes:
 
     def _level(self, rate: Any, force: Lanes3, share: Lanes, most: Lanes) -> Lanes3:
         """Turn, and tilt towards the accelerometer (attitude_filter.py)."""
-        self.q = _turned(self.q, rate, self._dt)
+        self.q = unit(*turned_longer(self.q, rate, self._dt))
         fx, fy, fz = force
         size = np.sqrt(fx * fx + fy * fy + fz * fz)
         x, y, z = down_in_body(self.q)
@@ -135,7 +135,7 @@ class Attitudes:
         angle = np.arctan2(off, -(fx * x + fy * y + fz * z) / size)
         scale = np.minimum(angle, most) / where(off > 0.0, off, 1.0)
         ex, ey, ez = scale * ex, scale * ey, scale * ez
-        (a, b, c, d), self.q = self.q, _turned(self.q, (ex, ey, ez), share)
+        (a, b, c, d), self.q = self.q, unit(*turned_longer(self.q, (ex, ey, ez), share))
         w, x, y, z = self.q
         north, east = x * a - w * b + z * c - y * d, y * a - w * c + x * d - z * b
         self.levelled = 2.0 * north, 2.0 * east
@@ -214,18 +214,6 @@ def from_euler(roll: Lanes, pitch: Lanes, heading: Any) -> tuple[Lanes, Lanes, L
         sr * cp * ch - cr * sp * sh,
         cr * sp * ch + sr * cp * sh,
         cr * cp * sh - sr * sp * ch,
-    )
-
-
-def _turned(q: Any, rate: Any, dt: Any) -> Any:
-    w, x, y, z = q
-    half = 0.5 * dt
-    a, b, c = half * rate[0], half * rate[1], half * rate[2]
-    return unit(
-        w - x * a - y * b - z * c,
-        x + w * a + y * c - z * b,
-        y + w * b - x * c + z * a,
-        z + w * c + x * b - y * a,
     )
 
 
