@@ -7,6 +7,7 @@ from math import degrees
 from typing import Annotated, Any
 
 import msgspec
+from msgspec.structs import replace
 
 from messages import events, topics
 from messages.control import ThrusterCommand, Wrench
@@ -97,13 +98,15 @@ class Personal(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     watcher: bool = False  # it may not command
     has_sticks: bool = False
     in_control: bool = False  # of the drone, this cockpit
-    taken: bool = False  # another page of this cockpit has the sticks
+    taken: bool = False  # another page of this cockpit has the sticks, and keeps them
     who: str = ""  # whom the drone obeys, in words
     lost: str = ""  # why the pilot is lost
     wants_rest: bool = False  # its sticks move nothing until they were centred
     device: str = ""
     delay_ms: float | None = None  # [ms] there and back, between service and page
     pages: int = 0
+    stops: int = 0  # that were heard from it
+    stop_waits: bool = False  # for the drone's answer
 
 
 @dataclass(slots=True)
@@ -113,6 +116,7 @@ class Page:
     seen: int  # number of the newest that it has confirmed
     delay_ns: Ns | None = None
     listed_ns: Ns | None = None  # stamp of the newest list of drones that it was sent
+    stops: int = 0  # that were heard from it
 
 
 @dataclass(slots=True)
@@ -153,7 +157,7 @@ class Cockpit:
         self._outbox.also = self._overhear
         self._pilot = CockpitPilot(pilot, settings.pilot)
         self._order = DroneOrder()
-        self.filming = Filming(settings.pilot)
+        self.filming = Filming(settings.pilot, pilot.progress.filming_ns)
         self._limits, self._chart = limits, chart
         self._pages: dict[int, Page] = {}
         self.cameras = Cameras() if cameras is None else cameras
@@ -196,6 +200,7 @@ class Cockpit:
             case PageSticks():
                 out = self._pilot.steer(page, message, read_ns, waiting, now)
             case PageWish():
+                sender.stops += message.what == "stop"
                 out = self._wished(page, message, read_ns, waiting, now)
             case PageFly():
                 out = self._fly(page, message.drone, read_ns, now)
@@ -283,6 +288,8 @@ class Cockpit:
     def filmed(self, request: FilmRequest, answer: FilmAnswer, now: Ns) -> None:
         """The recorder on board has answered."""
         self.filming.answered(request, answer, now)
+        pilot = self._pilot.pilot  # whose checkpoint outlives this process
+        pilot.progress = replace(pilot.progress, filming_ns=self.filming.since_ns)
         if not answer.accepted:
             self._outbox.tell(events.REFUSED(f"film {request.kind}", detail=answer.reason))
 
@@ -312,6 +319,7 @@ class Cockpit:
         now: Ns,
         temperature: TemperatureSample | None = None,
         wrench: Wrench | None = None,
+        waiting: Waiting = frozenset(),
     ) -> dict[int, str]:
         """What each page is sent now. A page that has not seen the
         newest pictures gets none, so that none of them waits anywhere.
@@ -320,6 +328,7 @@ class Cockpit:
             drones: that can be reached; None: nobody says so now.
             temperature: in the enclosure and of the water; None: never said.
             wrench: control's newest.
+            waiting: kinds of requests that the drone has not answered yet.
         """
         self._order.look(drones, now)
         self._picture += 1
@@ -369,7 +378,7 @@ class Cockpit:
         listed = "" if drones is None else f',"fly":{self._encode(drones).decode()}'
         self._outbox.tell(events.DROPPED_PAGE(), len(self._pages) - len(ready))
         return {
-            n: f'{head}{self._personal(n, seen, newest, now)},"view":{shared}'
+            n: f'{head}{self._personal(n, seen, newest, waiting, now)},"view":{shared}'
             f"{listed if self._is_new(n, drones) else ''}}}"
             for n in ready
         }
@@ -394,11 +403,13 @@ class Cockpit:
         page.listed_ns = drones.stamp_ns
         return True
 
-    def _personal(self, number: int, view: VehicleView, newest: Newest, now: Ns) -> str:
+    def _personal(
+        self, number: int, view: VehicleView, newest: Newest, waiting: Waiting, now: Ns
+    ) -> str:
         page, holder, pilot = self._pages[number], self._pilot.holder, self._pilot.pilot
         given = None if newest.status is None else newest.status.epoch
         in_control = pilot.in_control and pilot.progress.epoch == given
-        has_sticks, taken = holder.page == number, holder.page not in (None, number)
+        has_sticks, taken = holder.page == number, not holder.may_take(number, now)
         told = Personal(
             watcher=page.watcher,
             has_sticks=has_sticks,
@@ -410,6 +421,8 @@ class Cockpit:
             device=holder.device,
             delay_ms=None if page.delay_ns is None else round(page.delay_ns / 1e6, 1),
             pages=len(self._pages),
+            stops=page.stops,
+            stop_waits="stop" in waiting,
         )
         return self._encode(told).decode()
 
@@ -431,7 +444,7 @@ class Cockpit:
         return f"{view.pilot} has control" if view.pilot else "asking for control"
 
     def _overhear(self, level: Level, text: str, name: str) -> None:
-        if name:  # what is no event, as that it was armed, a page shows elsewhere
+        if name or level != "info":  # as that it was armed: a page shows it elsewhere
             self._said.append((level, text, name))
 
     def _remember(self, line: LogLine, now: Ns) -> None:

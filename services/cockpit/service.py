@@ -126,7 +126,9 @@ class CockpitPages:
         newest, thrusters = self._vehicle.newest(now), self._thrusters.newest(now)
         drones, inside = self._drones.fresh(now), self._temperature.newest(now)
         wrench = self._wrench.newest(now)
-        self._pages.show(self._cockpit.pictures(newest, thrusters, drones, now, inside, wrench))
+        waiting = self._ports.waiting
+        shown = self._cockpit.pictures(newest, thrusters, drones, now, inside, wrench, waiting)
+        self._pages.show(shown)
 
     def _order(self, effects: Effects, now: int) -> None:
         if isinstance(effects, PageEffects):

@@ -46,6 +46,7 @@ class Progress(msgspec.Struct, frozen=True):
     epoch: int | None = None  # authority epoch granted to this pilot; None: none yet
     released: bool = False  # the pilot has given control up
     may_arm: bool = True  # False: a stop or a disarm has ended automatic arming
+    filming_ns: int | None = None  # [ns] when the film began that runs; None: none does
 
 
 @dataclass(slots=True)

@@ -373,7 +373,7 @@ class ReferenceGenerator:
             return f"not ready: {sentence(state.blocked_by)}; see the warning of estimation"
         left = None if state is None else state.calibration_left
         text = "calibrating: keep the drone still"
-        return text if left is None else f"{text} ({left:.0f} s)"
+        return text if left is None else f"{text}, {left:.0f} s to go"
 
     @property
     def activity(self) -> Activity:

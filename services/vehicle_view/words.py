@@ -65,6 +65,7 @@ def failsafe(view: VehicleView) -> str:
     if not view.acts:
         return f"FAILSAFE {coming}" if coming else ""
     since = "" if view.since_s is None else f" for {view.since_s:.0f} s"
+    since = " has ended" if view.resumable else since
     name = short(FAILSAFE_ACTED(view.failsafe).name)
     return f"FAILSAFE {name}{since}" + (f", {coming}" if coming else "")
 

@@ -8,6 +8,8 @@ const CONFIRM_EVERY = 5; // pictures
 const ON_THE_WAY = 300; // [B] about one message
 const OLD_PAGE = 4001; // close codes of the service
 const TOO_MANY = 4002;
+const STOP_MS = 10000; // so long a STOP is sent: later it may be meant for another pilot
+const SLOW_MS = 400; // of an answer that a person must know to be missing
 const LATER_MS = 5000; // until another attempt where there is no room
 
 export class Connection {
@@ -25,6 +27,9 @@ export class Connection {
     this.watching = location.pathname === "/watch";
     this.version = document.querySelector("meta[name=version]").content;
     this.opened = 0;
+    this.stop = null; // that was not confirmed: when it was pressed, and how many were heard then
+    this.waits = null; // [ms] since when the drone has not answered one
+    this.missed = -Infinity; // [ms] when one was given up
     this.open();
     setInterval(() => this.look(), 500);
   }
@@ -36,6 +41,8 @@ export class Connection {
     this.clock.forget(); // of a service that may have begun anew
     this.picture = null;
     this.confirmed = 0; // number of the picture that the service knows to have arrived
+    if (this.stop) this.stop.heard = 0;
+    socket.onopen = () => this.stop && this.wish("stop");
     socket.onmessage = (event) => this.hear(event.data);
     socket.onclose = (event) => {
       if (this.socket !== socket) return;
@@ -61,13 +68,35 @@ export class Connection {
     this.words = "";
     this.log = this.picture.log ?? this.log;
     this.track = this.picture.track ?? this.track;
+    const { stops = 0, stop_waits } = this.picture.you;
+    if (this.stop && stops > this.stop.heard) {
+      this.stop = null;
+      this.stopHeard?.();
+    }
+    this.waits = stop_waits ? (this.waits ?? this.arrived) : null;
     if (this.picture.fly) [this.drones, this.listed] = [this.picture.fly, this.arrived];
     if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
     this.heard?.();
   }
 
+  // STOP is sent until the service has confirmed it, also to one that was started again meanwhile.
+  halt() {
+    this.stop = { at: performance.now(), heard: this.picture?.you.stops ?? 0 };
+    this.wish("stop");
+  }
+
+  // What a person must read of it; empty: nothing.
+  stopSaid() {
+    const now = performance.now();
+    if (this.stop) return now - this.stop.at > SLOW_MS ? "stop.unheard" : "";
+    if (now - this.missed < LATER_MS) return "stop.missed";
+    return this.waits !== null && now - this.waits > SLOW_MS ? "stop.unanswered" : "";
+  }
+
   // Also while nothing arrives, a person must read that.
   look() {
+    if (this.stop && performance.now() - this.stop.at > STOP_MS) [this.stop, this.missed] = [null, performance.now()];
+    if (this.stop) this.wish("stop");
     const silent = performance.now() - Math.max(this.arrived, this.opened);
     if (silent > 1000 && !this.words) this.words = "nothing arrives from the cockpit";
     if (silent > DEAD_MS && this.socket.readyState < WebSocket.CLOSING) {

@@ -62,5 +62,5 @@ export class Goto {
 // undefined: empty; NaN: no number. A comma is a point: that is how half of the pilots write it.
 function number(input) {
   const text = input.value.trim().replace(",", ".");
-  return text === "" ? undefined : Number(text);
+  return text === "" ? undefined : /^-?\d+\.?\d*$/.test(text) ? Number(text) : NaN;
 }

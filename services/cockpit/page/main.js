@@ -51,9 +51,8 @@ let gone = false; // the device that steered is gone
 
 const you = () => connection.picture?.you ?? {};
 const view = () => connection.picture?.view ?? {};
-function wish(what, fields) {
-  if (connection.wish(what, fields) && what === "stop") say(words.t("stop.sent"));
-}
+const wish = (what, fields) => (what === "stop" ? connection.halt() : connection.wish(what, fields));
+connection.stopHeard = () => say(words.t("stop.sent"));
 $("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("stop"); });
 const goto = new Goto(view, wish, (key) => say(words.t(key)));
 
@@ -224,7 +223,7 @@ function told(now) {
 }
 
 // All words, and where they stand; then what moves.
-let wordsAt = 0, boxes = {};
+let wordsAt = 0, boxes = {}, heard = "";
 function draw() {
   const now = (wordsAt = performance.now()), seen = view();
   const found = show(connection, you(), seen, steering.device);
@@ -236,7 +235,10 @@ function draw() {
   map.draw();
   told(now);
   arming = buttons(you(), seen);
-  aids(seen, Number(settings.speed));
+  aids(seen, Number(settings.speed), you().delay_ms);
+  const newest = connection.log.at(-1)?.join();
+  if (menu.open && newest && newest !== heard) say(words.said(connection.log.at(-1)[3], connection.log.at(-1)[4])); // lies under it
+  heard = newest;
   tools.show(seen.tools ?? [], Boolean(you().has_sticks && you().in_control));
   // Whoever takes the sticks here is told what the pilot before may have left.
   if (you().has_sticks && !flew && !settings.shipped("speed")) say(words.t("speed.yours", { s: settings.speed }));

@@ -43,19 +43,22 @@ export function show(connection, you, view, steeredBy) {
   document.title = view.drone ? `${view.drone} · Lindy cockpit` : "Lindy cockpit";
   put("activity", `${plain(view.doing)} · ${plain(view.flight_mode)}`);
   const who = words.t(you.who ?? "");
-  put("who", you.watcher ? `${words.t("watching")} · ${who}` : who + (you.has_sticks ? ` · ${words.t(steeredBy)}` : ""));
+  put("who", silent + (you.watcher ? `${words.t("watching")} · ${who}` : who + (you.has_sticks ? ` · ${words.t(steeredBy)}` : "")));
   put("numbers", (view.numbers ?? []).map(([label, text]) => `${words.t(label)} ${units.said(text)}`).join(" · ") || UNKNOWN);
   const loss = view.loss === undefined ? "" : ` ${words.t("loss")} ${units.number(100 * view.loss)} %`;
-  put("link", view.link_up === false ? words.t("link_down") : `${words.t("link")} ${ms(view.rtt_ms)}${loss} · ${words.t("page")} ${ms(you.delay_ms)}`, view.link_up === false ? "old" : "");
+  put("link", view.link_up === false ? words.t("link_down") : `${words.t("link")} ${ms(view.rtt_ms)}${loss}`, view.link_up === false ? "old" : "");
   const old = age(you, view, connection.arrived);
   const grey = old > connection.ages.state[0];
   put("age", `${words.t("state")} ${old === undefined ? UNKNOWN : seconds(old / 1000)}`, grey ? "old" : "");
   const why = words.same(you.lost ?? ""); // of a lost pilot the drone knows less than the page's service
   const tells = why && view.failsafe === "pilot_lost" && !view.resumable;
   const apart = `${words.t(connection.words)}${connection.watching ? "" : `: ${words.t("pilot_lost")}`}`;
-  const lost = connection.words ? apart : tells ? "" : why;
+  const cut = silent && view.armed ? words.t("silent.armed", { s: units.number(view.silent_s) }) : "";
+  const own = connection.words ? apart : cut || (tells || !view.armed ? "" : why);
+  const lost = [words.t(connection.stopSaid()), own].filter(Boolean).join(" · ");
   alarm("lost", lost);
-  const acting = failsafe(view.acting ?? [], tells ? why : "", !view.resumable || you.in_control || you.watcher);
+  const mine = you.watcher || (you.has_sticks && you.in_control);
+  const acting = failsafe(view.acting ?? [], tells ? why : "", mine || !(view.resumable || view.returns === "centre"));
   const said = [...(you.wants_rest ? [[words.t("wants_rest"), "warning"]] : []), ...(view.said ?? [])];
   const of = (tone) => said.filter((each) => each[1] === tone).map((each) => words.same(each[0])).join(" · ");
   alarm("note", of("warning"));
@@ -132,10 +135,10 @@ export function buttons(you, view) {
   const acts = Boolean(view.armed && view.failsafe && view.failsafe !== "none");
   const resumes = acts && view.returns !== "centre"; // then centred sticks are enough
   // Arming and disarming have places of their own: what is under a finger never becomes the other.
-  deliberate("arm", words.t(acts ? "hold_resume" : "hold_arm"), resumes || !view.armed, you.taken);
+  deliberate("arm", words.t(acts ? "hold_resume" : "hold_arm"), view.activity && (resumes || !view.armed), you.taken);
   deliberate("disarm", words.t("hold_disarm"), view.armed, you.taken);
   $("take").hidden = mine;
-  $("take").disabled = Boolean(you.taken);
+  $("take").disabled = Boolean(you.taken || !view.activity);
   $("force").hidden = !(view.pilot && !you.in_control && !you.taken);
   for (const id of ["offer", "give_back"]) $(id).hidden = !mine;
   for (const id of ["flight_mode", "lamp", "go", "darker", "brighter"]) $(id).disabled = !mine;
@@ -151,7 +154,7 @@ function height(now, wanted) {
 }
 
 // Figures that help to fly: those that are known.
-export function aids(view, limit) {
+export function aids(view, limit, delay) {
   const degrees = (value) => (value === undefined ? undefined : `${value > 0 ? "+" : ""}${units.number(value)}°`);
   const climb = view.depth_rate === undefined ? undefined : -view.depth_rate;
   const all = [
@@ -164,6 +167,7 @@ export function aids(view, limit) {
     ["water", view.water_c === undefined ? undefined : units.temperature(view.water_c)],
     ["speed", limit < 100 ? `${units.number(limit)} %` : undefined],
     ["turns", view.turns || undefined],
+    ["page", delay === undefined ? undefined : ms(delay), "wide"],
     ["pitch", degrees(view.pitch_deg), "wide"],
     ["roll", degrees(view.roll_deg), "wide"],
     ["camera", degrees(view.tilt_deg === undefined ? undefined : (view.looks_deg ?? [view.tilt_deg])[0]), "wide"],

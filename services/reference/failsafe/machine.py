@@ -186,12 +186,13 @@ class FailsafeMachine:
 
     @property
     def acting(self) -> FailsafeRow | None:
-        """The row that acts: of those with the gravest reaction the first."""
-        gravest, most = None, -1
+        """The row that acts: of those with the gravest reaction the first, and before those that
+        have ended one that holds."""
+        gravest, most = None, (-1, False)
         for row in self._acting:
-            severity = SEVERITY.index(self._reaction(row) or "notice")
-            if severity > most:
-                gravest, most = row, severity
+            reaction = SEVERITY.index(self._reaction(row) or "notice")
+            if (reaction, self.memory[row.name].holds) > most:
+                gravest, most = row, (reaction, self.memory[row.name].holds)
         return gravest
 
     @property

@@ -313,6 +313,31 @@ def test_a_watcher_commands_nothing(dive: Dive):
     assert max(abs(c.surge) for c in dive.commands) == 0.0
 
 
+def test_a_page_that_is_hidden_with_the_sticks_keeps_them_for_two_seconds(dive: Dive):
+    dive.open(BOB).steer(0.1)
+    dive.say("absent", ANN, why="hidden")
+    dive.run(1.0)
+    assert dive.you(BOB)["taken"]
+    dive.run(1.5)
+    assert not dive.you(BOB).get("taken")
+    dive.wish("take", BOB)
+    dive.steer(0.5, BOB)
+    assert dive.you(BOB)["has_sticks"]
+
+
+def test_a_stop_is_confirmed_to_its_page_and_waits_for_the_drone(dive: Dive):
+    assert not dive.you().get("stops")
+    dive.wish("stop")
+    dive.steer(0.5)
+    assert dive.you()["stops"] == 1
+    assert not dive.you().get("stop_waits")  # the drone has answered
+    dive.host.kill("tether")
+    dive.wish("stop")
+    dive.steer(0.3)
+    assert dive.you()["stops"] == 2
+    assert dive.you()["stop_waits"]
+
+
 def test_a_second_page_waits_until_the_sticks_are_given_back_but_may_stop(dive: Dive):
     dive.open(BOB).steer(0.1)
     assert dive.you(BOB)["taken"]

@@ -56,3 +56,15 @@ def test_a_snapshot_counts_once_it_is_recorded() -> None:
 def test_a_late_wish_and_one_without_a_picture_say_why() -> None:
     assert Filming("me").wish(FILM, 0, 0) == "there is no picture"
     assert Filming("me", light_ns=5).wish(FILM, 0, PATIENCE_NS + 1) == "it came too late"
+
+
+def test_a_film_goes_on_in_the_next_process_of_the_service() -> None:
+    first = Filming("me", light_ns=5)
+    request = first.wish(FILM, 0, 0)
+    assert isinstance(request, FilmRequest)
+    first.answered(request, answer(request, accepted=True), S)
+    after = Filming("me", first.since_ns, light_ns=5)
+    assert after.seconds(4 * S) == 3.0
+    ends = after.wish(FILM, 4 * S, 4 * S)
+    assert isinstance(ends, FilmRequest)
+    assert ends.kind == "end"

@@ -20,6 +20,7 @@ from tests.support.page_screen import (
     REACHED,
     READY,
     SHARE,
+    SILENT,
     SIZES,
     STATES,
     UNPRESSED,
@@ -309,6 +310,51 @@ def test_a_page_that_is_loaded_anew_says_that_it_was_closed(browser: Browser, se
     page.close()
 
 
+def test_a_stop_that_does_not_arrive_is_said_and_sent_again(browser: Browser, served: Served):
+    deaf = """const send = WebSocket.prototype.send; window.deaf = true;
+      WebSocket.prototype.send = function (text) {
+        if (!(window.deaf && text.includes('"stop"'))) send.call(this, text); };"""
+    page = served.open(browser, SIZES[0], before=deaf)
+    page.look(FINGER)
+    page.touch("touchStart", page.middle("#stop"))
+    page.touch("touchEnd")
+    lost, own = (f"document.getElementById('{name}').textContent" for name in ("lost", "own"))
+    until(lambda: "STOP has not arrived yet" in page.look(lost))
+    assert page.look(own) != "STOP was sent"
+    page.look("window.deaf = false")
+    until(lambda: "stop" in [wish.what for wish in served.wishes])
+    served.you = {**PILOT, "stops": 1, "stop_waits": True}
+    until(lambda: page.look(own) == "STOP was sent")
+    until(lambda: "has not answered STOP" in page.look(lost))
+    served.you = {**PILOT, "stops": 1}
+    until(lambda: page.look(lost) == "")
+    page.close()
+
+
+def test_a_link_that_is_cut_is_red_and_says_what_the_drone_does(browser: Browser, served: Served):
+    page = served.open(browser, SIZES[5])
+    served.becomes(page, **SILENT)
+    said = "document.getElementById('lost').textContent"
+    assert page.look(said).startswith("nothing from the drone for 9 s: by itself it stops")
+    assert page.look("document.getElementById('who').textContent").startswith("last known: ")
+    served.becomes(page, **SILENT, armed=False)
+    assert page.look(said) == ""
+    page.close()
+
+
+def test_a_menu_does_not_move_when_a_notice_comes(browser: Browser, served: Served):
+    for size in SIZES[:4]:
+        page = served.open(browser, size)
+        page.look("document.getElementById('menu-open').click()")
+        row = "JSON.stringify(document.getElementById('goto').getBoundingClientRect())"
+        served.becomes(page)
+        before = page.look(row)
+        for state in (WATCHED, {**ACTING, **WATCHED}):
+            served.becomes(page, **state)
+            assert page.look(row) == before
+        page.close()
+
+
 def test_who_arms_by_key_steers_by_keyboard(browser: Browser, served: Served):
     page = served.open(browser, SIZES[5])
     served.becomes(page, **READY)
@@ -322,10 +368,14 @@ def test_who_arms_by_key_steers_by_keyboard(browser: Browser, served: Served):
 
 def test_the_first_touch_shows_the_sticks_and_moves_none(browser: Browser, served: Served):
     page = served.open(browser, SIZES[0])
-    assert page.look("document.getElementById('left').offsetParent === null")
+    left = "document.getElementById('left').checkVisibility({ visibilityProperty: true })"
+    stop = "document.getElementById('stop').getBoundingClientRect().left"
+    assert not page.look(left)
+    before = page.look(stop)
     page.touch("touchStart", page.middle("#film"))
     page.touch("touchEnd")
-    page.wait("document.getElementById('left').offsetParent !== null")
+    page.wait(left)
+    assert page.look(stop) == before  # nothing moves away under a finger
     until(lambda: [wish.what for wish in served.wishes] == ["film"])
     assert all(each.heave == each.surge == 0.0 for each in served.sticks)
     x, y = page.middle("#left")

@@ -121,7 +121,7 @@ def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
 
     calibrating = replace(state(DT, phase="calibrating"), calibration_left=7.0)
     assert note(None).startswith("not ready: no state of the drone: no usable samples of its IMU")
-    assert note(calibrating) == "calibrating: keep the drone still (7 s)"
+    assert note(calibrating) == "calibrating: keep the drone still, 7 s to go"
     blocked = replace(calibrating, calibration_left=None, blocked_by="upside_down:sensor/imu")
     assert note(blocked).startswith("not ready: the IMU reads as if the drone lay upside down")
     assert note(None).startswith("not ready: no state")

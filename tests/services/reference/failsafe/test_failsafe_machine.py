@@ -84,6 +84,30 @@ def test_the_gravest_reaction_acts_and_every_condition_is_listed(course: list[tu
         assert clocked.machine.reaction == max(acting, key=SEVERITY.index, default=None)
 
 
+@given(st.lists(st.tuples(conditions, pauses), min_size=1, max_size=6))
+def test_what_has_ended_is_never_named_while_as_grave_a_condition_holds(
+    course: list[tuple[set[str], float]],
+):
+    clocked = Clocked()
+    for names, seconds in course:
+        clocked.hold(*names, seconds=seconds)
+        machine = clocked.machine
+        if (named := machine.acting) is None:
+            continue
+        memory = machine.memory
+
+        def reaction(name: str, machine: FailsafeMachine = machine) -> str:
+            (row,) = [row for row in TABLE if row.name == name]
+            return row.stages[machine.memory[name].stage].reaction
+
+        as_grave = [
+            name
+            for name, each in memory.items()
+            if each.holds and each.overruled is None and reaction(name) == reaction(named.name)
+        ]
+        assert memory[named.name].holds or not as_grave
+
+
 @given(conditions, pauses, st.booleans())
 def test_after_a_resume_that_was_granted_nothing_acts(names: set[str], seconds: float, ended: bool):
     clocked = Clocked()
