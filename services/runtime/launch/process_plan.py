@@ -224,6 +224,6 @@ def unused_folder(wanted: Path) -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            raise LindyError(f"cannot make the folder {folder}: {error.strerror}") from None
+            raise LindyError(f"cannot make the folder {folder}: {reason(error)}") from None
         return folder
     raise AssertionError("numbers do not end")
