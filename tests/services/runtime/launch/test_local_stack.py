@@ -449,6 +449,27 @@ def test_what_is_killed_comes_again_when_the_sockets_were_removed(tmp_path: Path
     assert not folder.exists()
 
 
+def test_a_hub_that_cannot_listen_for_a_while_is_tried_again_and_ends_nothing(
+    tmp_path: Path,
+) -> None:
+    """As where the folder of its socket has become read-only."""
+    stack, services = made(tmp_path)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        alive(local)
+        lines = list[str]()
+        local.node.show = lambda line: lines.append(line.text)
+        socket = Path(local.plan.endpoints["drone"].partition("/")[2])
+        socket.unlink()
+        socket.mkdir()
+        os.kill(local.supervisor.pids["hub_drone"], signal.SIGKILL)
+        pump_until(local, lambda: local.supervisor.restarts["hub_drone"] >= 2)
+        assert any(line.startswith("hub_drone ended unexpectedly (status 1:") for line in lines)
+        socket.rmdir()
+        pump_until(local, lambda: not local.missing() and socket.is_socket())
+    assert local.supervisor.failure is None
+
+
 def test_a_mistake_in_what_listens_ends_nothing_and_is_printed_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
