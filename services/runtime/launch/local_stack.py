@@ -172,7 +172,7 @@ class LocalStack:
         if self.supervisor.failure is not None:
             raise LindyError(self.supervisor.failure)
         self._watch()
-        self.note.update(self._each(self.supervisor.pids))
+        self.note.update(self._each(self.supervisor.pids), time.monotonic_ns())
         if self._has_node:
             self._step_node()
         self._wait()
