@@ -183,8 +183,8 @@ def test_parts_for_whose_copy_there_is_no_room_stay_and_are_reported_on(
     assert sum(topic["count"] for topic in report["topics"].values()) == 39
 
 
-def test_a_report_for_which_there_is_no_room_leaves_no_half_of_one(
-    small_disk: Path,
+def test_a_report_for_which_there_is_no_room_leaves_no_half_of_one_and_is_summed_up(
+    small_disk: Path, capsys: pytest.CaptureFixture[str]
 ):
     record(small_disk / "dive.mcap", range(1, 40))
     with (small_disk / "theirs").open("wb", buffering=0) as file, suppress(OSError):
@@ -193,6 +193,9 @@ def test_a_report_for_which_there_is_no_room_leaves_no_half_of_one(
     with pytest.raises(LindyError, match=r"report\.json: the disk is full.*recording is kept"):
         Outcome(Stack(out=str(small_disk))).sum_up()
     assert {path.name for path in small_disk.iterdir()} == {"dive.mcap", "theirs"}
+    said = capsys.readouterr().out
+    assert said.startswith("Dive")
+    assert "report.json" not in said
 
 
 def test_room_is_what_the_disk_has(tmp_path: Path):
@@ -217,7 +220,10 @@ def test_a_disk_without_room_for_more_files_is_not_called_full(
         def f_favail(self) -> int:
             return left[0]
 
-    monkeypatch.setattr(os, "statvfs", lambda _: Inodes())
+    def found_now(_: Path) -> Inodes:
+        return Inodes()
+
+    monkeypatch.setattr(os, "statvfs", found_now)
     require_room(tmp_path, 1, FILES)
     full = OSError(errno.ENOSPC, "No space left on device", str(tmp_path / "dive.mcap"))
     assert reason(full) == "the disk is full"
