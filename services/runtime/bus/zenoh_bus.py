@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, Literal
 
 import zenoh
@@ -27,6 +28,7 @@ from services.runtime.bus.zenoh_threads import (
     keep_thread_state,
     use_one_thread,
 )
+from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 
 SessionMode = Literal["router", "client"]
@@ -93,9 +95,8 @@ def listening(
             settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
         return _open(settings)
     except zenoh.ZError as error:
-        folder = Path(endpoint.removeprefix(UNIX)).parent
-        if endpoint.startswith(UNIX) and not os.access(folder, os.W_OK):
-            raise LindyError(f"cannot write into {folder}, where the hub's socket is") from None
+        if endpoint.startswith(UNIX):
+            _require_writable(Path(endpoint.removeprefix(UNIX)).parent)
         taken = "in use" in str(error)
         reason = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
         reason = reason.removeprefix('Json5Err(Message { msg: "')
@@ -103,6 +104,19 @@ def listening(
         raise LindyError(
             f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:7447"
         ) from None
+
+
+def _require_writable(folder: Path) -> None:
+    """
+    Raises:
+        LindyError: it is not, so no socket can be made in it.
+    """
+    try:
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        where = f"cannot write into {folder}, where the hub's socket is"
+        raise LindyError(f"{where}: {reason(error)}") from None
 
 
 def connected(
