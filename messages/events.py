@@ -293,7 +293,7 @@ REFUSED_INCIDENT = row("refused:incident", PILOT, "an incident of the script was
 UNANSWERED = row("unanswered", PILOT, "the drone did not answer a request", said="warning")
 UNANSWERED_INCIDENT = row("unanswered:incident", PILOT, "nobody answered an incident of the script", said="warning")
 OVERTAKEN = row("overtaken", PILOT, "a disarm arrived after a later arm, and was not obeyed")
-OVERRULED_REFERENCE = row("overruled:reference", DANGER, "the pilot's disarm was obeyed by control; reference had not heard it")
+OVERRULED_REFERENCE = row("overruled:reference", DANGER, "the pilot's disarm was obeyed by control; reference had not heard it", said="info")
 NOT_THE_HOLDER = row("not_the_holder", PILOT, "another ground station has the sticks")
 NOT_THE_HOLDER_PAGE = row("not_the_holder:page", PILOT, "the page does not have the sticks", said="warning")
 EXPIRED_WISH = row("expired:wish", PILOT, "a request came too late from the page and was not done", said="warning")

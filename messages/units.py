@@ -40,7 +40,8 @@ Ns = int  # [ns] in code: of the process's own clock
 
 # Whatever counts, and whatever is written in words: far more than Lindy sends, and little enough
 # that no message fills the memory of a receiver or overflows its sums.
-Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]  # exact in every language's numbers
+MOST_COUNTED = 2**53  # exact in every language's numbers
+Count = Annotated[int, msgspec.Meta(ge=0, le=MOST_COUNTED)]
 Name = Annotated[str, msgspec.Meta(max_length=128)]  # of a service, a part, a file, a request
 Text = Annotated[str, msgspec.Meta(max_length=2000)]  # in words, for people
 Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=64)]

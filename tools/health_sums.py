@@ -1,17 +1,35 @@
 """What a report needs of the `Health` messages of each service, in a memory that does not grow.
 
 Health counts since the start of a process. Another instance, or a smaller `sent`, is a restart:
-what was counted before is added.
+what was counted before is added. Anybody who may report health can invent counts and names: no sum
+exceeds what a single count may be, and no more names are kept than one message may have.
 """
 
 from collections import Counter
+from collections.abc import Iterable, Mapping
 
 import msgspec
 
+from messages import events
 from messages.health import Health
+from messages.payload import MEMBERS
+from messages.units import MOST_COUNTED
 
 MOST = 2000  # values that are kept for a median: each second of the first half hour
 LATE_NS = 5_000_000_000  # [ns] a message that is older than the one before it was overtaken
+MOST_NAMES = 1000  # counts by name, of one service
+OTHERS = "others"  # services beyond those that a port takes
+UNCOUNTED = events.UNCOUNTED("others").name
+
+
+def summed(each: Iterable[Mapping[str, int]]) -> Counter[str]:
+    """Counts by name, added up within their bounds."""
+    total = Counter[str]()
+    for counts in each:
+        for name, count in counts.items():
+            kept = name if name in total or len(total) < MOST_NAMES else UNCOUNTED
+            total[kept] = min(MOST_COUNTED, total[kept] + count)
+    return total
 
 
 class Thinned(msgspec.Struct):
@@ -78,8 +96,8 @@ class HealthSums(msgspec.Struct):
             return
         if health.sent < life.last.sent:
             self.ended += 1
-            self.sent_before += life.last.sent
-            self.counts_before = dict(Counter(self.counts_before) + life.counts)
+            self.sent_before = min(MOST_COUNTED, self.sent_before + life.last.sent)
+            self.counts_before = dict(summed([self.counts_before, life.counts]))
             life.counted_before = {}
         life.last = health
 
@@ -103,15 +121,13 @@ class HealthSums(msgspec.Struct):
     @property
     def sent(self) -> int:
         """Messages."""
-        return self.sent_before + sum(life.last.sent for life in self.living.values())
+        sent = self.sent_before + sum(life.last.sent for life in self.living.values())
+        return min(MOST_COUNTED, sent)
 
     @property
     def counts(self) -> Counter[str]:
         """Everything that it counted, by name."""
-        counts = Counter(self.counts_before)
-        for life in self.living.values():
-            counts.update(life.counts)
-        return counts
+        return summed([self.counts_before, *(life.counts for life in self.living.values())])
 
     @property
     def mean_cpu_percent(self) -> float | None:
@@ -141,5 +157,8 @@ class HealthOfAll:
         self._joined = joined
 
     def add(self, health: Health) -> None:
-        sums = self.sums.setdefault(health.service, HealthSums(joined=self._joined))
+        # A port takes messages of so many names; what they say of their service may be invented.
+        known = health.service in self.sums or len(self.sums) < MEMBERS
+        name = health.service if known else OTHERS
+        sums = self.sums.setdefault(name, HealthSums(joined=self._joined))
         sums.add(health)

@@ -80,7 +80,6 @@ class CockpitPages:
         chart = Chart(vehicle, began)
         self._cockpit = Cockpit(settings, pilot, chart, limits, drone, cameras, vehicle.output)
         self._vehicle = VehiclePorts(node)
-        self._thrusters = node.latest(topics.THRUSTERS)
         self._temperature = node.latest(topics.TEMPERATURE)
         self._wrench = node.latest(topics.WRENCH)
         self._drones = node.latest(topics.FLY_DRONES)
@@ -123,7 +122,7 @@ class CockpitPages:
             self._choice.put(choice)
 
     def _show(self, now: int) -> None:
-        newest, thrusters = self._vehicle.newest(now), self._thrusters.newest(now)
+        newest, thrusters = self._vehicle.newest(now), self._vehicle.thrusters(now)
         drones, inside = self._drones.fresh(now), self._temperature.newest(now)
         wrench = self._wrench.newest(now)
         waiting = self._ports.waiting

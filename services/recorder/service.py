@@ -21,8 +21,8 @@ DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a d
 def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("recorder", Settings)
     views = Views(stack.section("vehicle", Vehicle)) if settings.foxglove else None
+    session = McapSession(node, stack, settings)  # knows by which time of day the dive counts
     intake = Intake(node.outbox, node.wall_offset_ns, node.local_ns, views)
-    session = McapSession(node, stack, settings)
     ring = Ring(0.0 if session.begun else settings.ring, settings.ring_size * 1e6)
     home = next(iter(node.sides))
 

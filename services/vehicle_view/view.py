@@ -7,6 +7,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from messages import topics
+from messages.control import ThrusterCommand
 from messages.link import Clock, LatencyBudget, LinkStatus
 from messages.message import Estimate
 from messages.reference import Reference
@@ -16,6 +17,9 @@ from messages.units import Ns
 from messages.vehicle import Reaction, Returns, VehicleStatus
 from services.vehicle_view import ages
 
+# [ns] `control` arms and disarms with `reference`, within a step or two of it. Where its commands
+# are disarmed for longer, it has obeyed a disarm that a hung `reference` has not heard.
+OVERRULED_NS = 100_000_000
 # What a failsafe makes the drone do once it is at rest, in a word or two.
 DOES: dict[Reaction, str] = {
     "stop": "holding",
@@ -34,6 +38,14 @@ class Newest(NamedTuple):
     link: LinkStatus | None = None
     clock: Clock | None = None
     latency: LatencyBudget | None = None
+
+
+def believed(status: VehicleStatus, thrusters: ThrusterCommand | None) -> VehicleStatus:
+    """The status from `reference`, disarmed where `control` has disarmed the drone since."""
+    if thrusters is None or thrusters.armed or not status.armed:
+        return status
+    overruled = thrusters.stamp_ns - status.stamp_ns > OVERRULED_NS
+    return msgspec.structs.replace(status, armed=False) if overruled else status
 
 
 class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

@@ -42,7 +42,7 @@ def acting(view: VehicleView) -> str:
 def notes(view: VehicleView) -> list[str]:
     """What the pilot has to know and what is no alarm."""
     stopping = view.activity == "stopping" and not view.acts
-    silence = "" if view.silent_s is None else f"no status from the drone ({view.silent_s:.0f} s)"
+    silence = "" if view.silent_s is None else f"no status from the drone for {view.silent_s:.0f} s"
     return [*filter(None, (STOPPING if stopping else "", silence, view.note))]
 
 

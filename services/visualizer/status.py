@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from messages.control import ThrusterCommand
 from messages.events import troubles
 from messages.film import FilmAnswer, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest
@@ -21,7 +22,7 @@ from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
 from messages.video import CameraChoice
 from services.vehicle_view import words
-from services.vehicle_view.view import Newest, VehicleView, vehicle_view
+from services.vehicle_view.view import Newest, VehicleView, believed, vehicle_view
 from services.visualizer.batch import Note
 
 SERVICES = 32  # services on the status page
@@ -172,8 +173,11 @@ class Status:
     def _view(self, now: int) -> VehicleView:
         """By the times of arrival: stamps may be of another machine's clock."""
         found: dict[str, Any] = {}
+        thrusters: Any = self._newest.get(ThrusterCommand)
         for kind, name in VIEWED.items():
             if (message := self._newest.get(kind)) is not None:
+                if isinstance(message, VehicleStatus):
+                    message = believed(message, thrusters)
                 found[name] = msgspec.structs.replace(message, stamp_ns=self._heard_ns[kind])
         return vehicle_view(Newest(**found), now)
 

@@ -17,6 +17,9 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.jitter import Jitter, Lateness
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
+from services.vehicle_view import words
+from services.vehicle_view.io.ports import VehiclePorts
+from services.vehicle_view.view import VehicleView, vehicle_view
 
 S, MS = 10**9, 10**6  # [ns]
 ON_BOARD = ("simulator", "estimation", "reference", "control")
@@ -61,6 +64,7 @@ class Dive:
         node.each(topics.THRUSTERS, lambda m, _: self.commands.append(m))
         node.each(topics.REFERENCE, self._see)
         node.every(topics.PILOT_COMMAND.hz, self._steer)
+        self._ports = VehiclePorts(self.host.node("screen", ["drone"]))
 
     def _see(self, reference: Reference, _: int) -> None:
         self.reference = reference
@@ -91,6 +95,11 @@ class Dive:
     @property
     def turning(self) -> bool:
         return turns(self.actuations[-1])
+
+    @property
+    def shown(self) -> VehicleView:
+        """What every screen says."""
+        return vehicle_view(self._ports.newest(self.host.now), self.host.now)
 
     def stop(self, name: str, seconds: float) -> None:
         self.processes[name].until = self.host.now + round(seconds * S)
@@ -156,6 +165,28 @@ def test_a_disarm_and_a_later_arm_in_one_silence(dive: Dive, stopped: str) -> No
     dive.heave = 0.8
     dive.run(1.0)
     assert dive.turning
+
+
+def test_screens_say_disarmed_while_the_reference_that_says_armed_hangs(dive: Dive) -> None:
+    assert dive.shown.armed
+    dive.stop("reference", 3.0)
+    dive.run(0.15)
+    dive.ask("disarm")
+    dive.run(1.0)
+    assert not dive.shown.armed
+    assert dive.shown.last_known
+    assert words.armed(dive.shown) == "DISARMED"
+    dive.run(4.0)
+    assert not dive.shown.armed
+    assert not dive.shown.last_known
+
+
+@pytest.mark.parametrize("stopped", ["reference", "control"])
+def test_what_hangs_without_a_disarm_is_shown_as_armed(dive: Dive, stopped: str) -> None:
+    dive.stop(stopped, 1.0)
+    for _ in range(20):
+        dive.run(0.1)
+        assert dive.shown.armed
 
 
 def test_a_reference_that_lost_the_request_is_told_of_it(dive: Dive) -> None:

@@ -155,11 +155,13 @@ class Outcome:
         # The recorder writes the hash last; merged parts have none.
         ended = merged or log_hash(folder) is not None
         report = report_on(dive, self._extras(finished=ended))
-        write_fresh(folder / "report.json", encode(report))
+        unwritten = _unwritten(folder / "report.json", encode(report))
         print(summary(report, dive.max_depth_m, written(folder)), flush=True)
         if other is not None:
             print(elsewhere(report, other), flush=True)
         self._tell_insecure()
+        if unwritten is not None:
+            raise unwritten
         if events.DISK_ERROR.name in report.losses or not ended:
             full = events.DISK_ERROR.name in report.losses
             why = "the disk was full or failed" if full else "it was not finished"
@@ -208,6 +210,15 @@ class Outcome:
         """The report of a dive without files."""
         extras = Extras(exit=self.exit, health=self._health.sums, log_hash=hashed)
         return report_on(dive, replace(extras, speedup=self.speedup or UNSET))
+
+
+def _unwritten(path: Path, data: bytes) -> LindyError | None:
+    """Write a new file. Why there is none: the summary is worth reading without it."""
+    try:
+        write_fresh(path, data)
+    except LindyError as error:
+        return error
+    return None
 
 
 def merge(folder: Path) -> bool:

@@ -10,8 +10,9 @@ float64 for the first 104 days after the computer was started.
 import math
 import os
 import struct
+import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from functools import cache
 from io import FileIO
 from tempfile import TemporaryFile
 from typing import Any, NamedTuple, cast, get_args
@@ -33,6 +34,7 @@ from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Failsafe, Reaction, Truth, VehicleStatus
 from messages.video import PICTURE_STAGES, PictureAge
 from services.recorder.io.open_chunk import write_at
+from services.runtime.config.disk import reason
 
 Array = NDArray[np.float64]
 Figures = tuple[float | None, ...]
@@ -67,8 +69,10 @@ class RowBlocks:
         columns = np.ascontiguousarray(rows.T)
         block: int | Array = columns
         if on_disk:
-            with suppress(OSError):  # full, or there is none: then they stay in memory
+            try:
                 block = self._write(columns)
+            except OSError as error:  # full, or there is none: then they stay in memory
+                _say_in_memory(reason(error))
         self._blocks.append(_Block(self.count, len(rows), block))
         self.count += len(rows)
 
@@ -102,6 +106,16 @@ class RowBlocks:
         at = self._file.seek(0, os.SEEK_END)
         write_at(self._file, at, columns.tobytes())
         return at
+
+
+@cache
+def _say_in_memory(why: str) -> None:
+    """Once for each reason: a long dive may need more memory than there is."""
+    print(
+        f"lindy: cannot write a temporary file: {why}; figures are kept in memory, "
+        f"and TMPDIR names another folder for them",
+        file=sys.stderr,
+    )
 
 
 class StreamColumns:

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from messages import events, topics
 from messages.events import Row
 from messages.topic import Direction
+from messages.units import MOST_COUNTED
 from tools.health_sums import HealthSums
 
 LINK = "tether"
@@ -55,7 +56,9 @@ def losses(
             by_name[name].append(count)
     return Counter(
         {
-            name: max(each) if name.partition(":")[0] in OF_ONE_MESSAGE else sum(each)
+            name: max(each)
+            if name.partition(":")[0] in OF_ONE_MESSAGE
+            else min(MOST_COUNTED, sum(each))
             for name, each in by_name.items()
         }
     )

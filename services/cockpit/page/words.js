@@ -30,7 +30,7 @@ class Words {
     const whole = this.keyOf(text);
     if (whole) return this.t(whole);
     return text.split("; ").map((part) => {
-      const [sentence] = part.split(/ \(|, \d/), key = this.keyOf(sentence);
+      const [sentence] = part.split(/ \(|, \d| for \d/), key = this.keyOf(sentence);
       return key ? this.t(key) + part.slice(sentence.length) : part;
     }).join("; ");
   }

@@ -46,6 +46,9 @@ class RecordingCheckpoint(msgspec.Struct):
 
     parts: int = 0
     begun: bool = False  # something triggered the recording
+    # [ns] UTC minus the clock of stamps when the dive began. All of its parts count by that, also
+    # where the computer has learnt the time of day meanwhile, as one without a clock battery does.
+    utc_minus_stamp_ns: int | None = None
 
 
 class SessionNode(Protocol):
@@ -96,6 +99,8 @@ class McapSession:
         self._rotated = 0  # parts that ended because they were large or long
         self._told: Counter[str] = Counter()  # losses that a part of this dive tells already
         self._opened = node.restore_checkpoint(RecordingCheckpoint) or RecordingCheckpoint()
+        if self._opened.utc_minus_stamp_ns is not None:
+            node.wall_offset_ns = self._opened.utc_minus_stamp_ns
         path = part_path(stack.out_dir, self._opened.parts + 1)
         try:
             stack.out_dir.mkdir(parents=True, exist_ok=True)
@@ -203,7 +208,7 @@ class McapSession:
             file.metadata("clock_offset", _clock_offset(self._clock))
 
     def _remember(self, parts: int, *, begun: bool) -> None:
-        self._opened = RecordingCheckpoint(parts, begun)
+        self._opened = RecordingCheckpoint(parts, begun, self._node.wall_offset_ns)
         self._node.save_checkpoint(self._opened)
 
     def _open(self) -> None:
@@ -243,7 +248,7 @@ class McapSession:
             file.abandon()
         else:  # nothing in it: the next attempt can use its name
             file.discard()
-            self._opened = RecordingCheckpoint(self._opened.parts - 1, self._opened.begun)
+            self._opened = msgspec.structs.replace(self._opened, parts=self._opened.parts - 1)
         self._file = None
         self._node.outbox.tell(events.NOT_RECORDED(), file.unflushed)
         self._stopped(file.path, error)

@@ -6,6 +6,8 @@ import os
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, Literal
 
 import zenoh
@@ -19,10 +21,18 @@ from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.tcp_links import Ends, ends_of
-from services.runtime.bus.zenoh_threads import QUEUES, VARIABLE, keep_thread_state, use_one_thread
+from services.runtime.bus.zenoh_threads import (
+    ONE_THREAD,
+    QUEUES,
+    VARIABLE,
+    keep_thread_state,
+    use_one_thread,
+)
+from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 
 SessionMode = Literal["router", "client"]
+UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
 HUB_PATIENCE_S = 10.0  # [s] a client waits for its hub to start
 
 
@@ -85,6 +95,8 @@ def listening(
             settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
         return _open(settings)
     except zenoh.ZError as error:
+        if endpoint.startswith(UNIX):
+            _require_writable(Path(endpoint.removeprefix(UNIX)).parent)
         taken = "in use" in str(error)
         reason = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
         reason = reason.removeprefix('Json5Err(Message { msg: "')
@@ -92,6 +104,19 @@ def listening(
         raise LindyError(
             f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:7447"
         ) from None
+
+
+def _require_writable(folder: Path) -> None:
+    """
+    Raises:
+        LindyError: it is not, so no socket can be made in it.
+    """
+    try:
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        where = f"cannot write into {folder}, where the hub's socket is"
+        raise LindyError(f"{where}: {reason(error)}") from None
 
 
 def connected(
@@ -127,7 +152,10 @@ def _open(settings: zenoh.Config) -> zenoh.Session:
     except BaseException as error:
         if type(error).__name__ != "PanicException":  # Zenoh gives it no other name
             raise
-        reason = f"{VARIABLE} is {os.environ[VARIABLE]!r}, and Zenoh does not start with it"
+        if (chosen := os.environ[VARIABLE]) == ONE_THREAD:
+            why = "this computer has no room for another thread, or no memory"
+            raise LindyError(f"Zenoh does not start: {why}") from None
+        reason = f"{VARIABLE} is {chosen!r}, and Zenoh does not start with it"
         raise LindyError(f"{reason}; without it, one thread is used") from None
 
 

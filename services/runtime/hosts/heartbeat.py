@@ -8,6 +8,8 @@ import mmap
 import struct
 from pathlib import Path
 
+from services.runtime.config.disk import reason
+
 STAMP = struct.Struct("<q")  # [ns] of the monotonic clock, which all processes of a machine share
 
 
@@ -28,9 +30,7 @@ class Heartbeat:
             with path.open("r+b") as file:
                 self._map = mmap.mmap(file.fileno(), STAMP.size)
         except OSError as error:
-            self.unwatched = (
-                f"nobody would notice if it hung: cannot write {path}: {error.strerror}"
-            )
+            self.unwatched = f"nobody would notice if it hung: cannot write {path}: {reason(error)}"
 
     def beat(self, now: int) -> None:
         """The loop goes round at `now` [ns]."""

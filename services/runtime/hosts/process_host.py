@@ -58,6 +58,7 @@ TOPSIDE_KILLED = (
     "drone stops and holds without its pilot, and rises later"
 )
 LEAVE_S = 0.1  # [s] for what says that a hub ends to reach others; nothing tells that it has
+EXIT_S = 5.0  # [s] for the interpreter, when everything is closed
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
 
@@ -210,6 +211,8 @@ def _stoppable(parent: int | None, parting: str = "") -> Generator[StopFlag]:
     finally:  # the process ends: a further signal must not change its status
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        # Zenoh waits for ever for a thread that it could not start, and so would the supervisor.
+        signal.setitimer(signal.ITIMER_REAL, EXIT_S)
 
 
 @contextmanager

@@ -80,6 +80,8 @@ class ServiceModule:
     def failure(self, error: BaseException) -> LindyError:
         """What a handler of the service raised in mid-dive, in one sentence: which service, which
         module, which line."""
+        if isinstance(error, MemoryError):  # of the computer, or of a limit: nobody's mistake
+            return LindyError(f"{self.service} has no memory left")
         line = _line_in(sys.modules.get(self.name), error)
         whose = f"{self.service} (module {self.name})"
         if self.users is None:

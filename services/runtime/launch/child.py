@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Protocol
 
+from services.runtime.config.disk import reason
+
 KILL_S = 0.5  # [s] in which a killed process is normally gone
 TAIL = 4096  # [bytes] of a log in which its last line is looked for
 
@@ -121,4 +123,4 @@ def _log_file(path: Path) -> tuple[IO[bytes], str]:
         path.touch(mode=0o600)
         return path.open("ab"), ""
     except OSError as error:
-        return Path(os.devnull).open("ab"), f"cannot write {path}: {error.strerror}"
+        return Path(os.devnull).open("ab"), f"cannot write {path}: {reason(error)}"

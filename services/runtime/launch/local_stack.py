@@ -97,6 +97,7 @@ class LocalStack:
                     continue
                 buses[side] = ZenohBus(exits.enter_context(session))
                 buses[side].watch(partial(self._token, side))
+                self.supervisor.seen(f"hub_{side}")  # one that cannot listen later is tried again
         here = None if plan.other_side is None else plan.other_side.side
         self.node = Node(
             supervisor_of(plan.other_side),
@@ -171,7 +172,7 @@ class LocalStack:
         if self.supervisor.failure is not None:
             raise LindyError(self.supervisor.failure)
         self._watch()
-        self.note.update(self._each(self.supervisor.pids))
+        self.note.update(self._each(self.supervisor.pids), time.monotonic_ns())
         if self._has_node:
             self._step_node()
         self._wait()
@@ -307,7 +308,9 @@ def local_stack(
         require_free(endpoint, stack, credentials)
     if not stack.watched:
         stack = msgspec.structs.replace(stack, watched=services.watched)
-    with tempfile.TemporaryDirectory(prefix="lindy-", dir=_socket_folder()) as folder:
+    with tempfile.TemporaryDirectory(  # whose disk may have become read-only meanwhile
+        prefix="lindy-", dir=_socket_folder(), ignore_cleanup_errors=True
+    ) as folder:
         plan = ProcessPlan(
             stack, services, Path(folder), listen, other_side, begin_with, credentials
         )

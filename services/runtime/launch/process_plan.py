@@ -13,6 +13,7 @@ from messages.topic import Side
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import here_key, namespace
+from services.runtime.bus.zenoh_bus import UNIX
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -28,7 +29,6 @@ from services.runtime.node.checkpoint import write_safely
 CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<service>.json
 HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
-UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
 
 
 class OtherSide(NamedTuple):
@@ -224,6 +224,6 @@ def unused_folder(wanted: Path) -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            raise LindyError(f"cannot make the folder {folder}: {error.strerror}") from None
+            raise LindyError(f"cannot make the folder {folder}: {reason(error)}") from None
         return folder
     raise AssertionError("numbers do not end")

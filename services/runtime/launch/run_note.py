@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -9,6 +10,8 @@ import msgspec
 from services.runtime.config.disk import reason
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.launch.process_plan import ProcessPlan
+
+RETRY_NS = 5_000_000_000  # [ns]
 
 
 class RunNote:
@@ -20,18 +23,21 @@ class RunNote:
         self._plan, self._warn = plan, warn
         self._path = plan.stack.out_dir / RUNNING
         self._pids: dict[str, int] = {}
+        self._again_ns: int | None = None  # [ns] when a write that failed is tried again
         self._left_for = ""
 
-    def update(self, pids: dict[str, int]) -> None:
-        """Written atomically: on a full disk the older one stays.
+    def update(self, pids: dict[str, int], now: int) -> None:
+        """Written atomically: on a full disk the older one stays, which is said once, and it is
+        tried again.
 
         Args:
             pids: of the processes, by the names of their services and of the hubs.
+            now: [ns] by any clock.
         """
-        if not self.shown or pids == self._pids:
-            return
-        self._pids = pids
-        self._write(pids)
+        due = self._again_ns is not None and now >= self._again_ns
+        if self.shown and (pids != self._pids or due):
+            self._pids = pids
+            self._again_ns = None if self._write(pids) else now + RETRY_NS
 
     def leave(self, folder: Path) -> None:
         """The pilot flies the dive in that folder now: this one leads there, also after `remove`,
@@ -41,9 +47,11 @@ class RunNote:
 
     def remove(self) -> None:
         if not self._left_for:
-            self._path.unlink(missing_ok=True)
+            with suppress(OSError):  # the disk may be read-only by now
+                self._path.unlink(missing_ok=True)
 
-    def _write(self, pids: dict[str, int]) -> None:
+    def _write(self, pids: dict[str, int]) -> bool:
+        """Whether the disk took it."""
         plan, own = self._plan, os.getpid()
         running = Running(
             vehicle=plan.stack.space,
@@ -59,5 +67,9 @@ class RunNote:
             fresh.write_bytes(msgspec.json.format(msgspec.json.encode(running)))
             fresh.replace(self._path)
         except OSError as error:
-            fresh.unlink(missing_ok=True)
-            self._warn(f"cannot write {self._path}: {reason(error)}")
+            with suppress(OSError):
+                fresh.unlink(missing_ok=True)
+            if self._again_ns is None:
+                self._warn(f"cannot write {self._path}: {reason(error)}")
+            return False
+        return True

@@ -115,10 +115,11 @@ class Supervisor:
     def _start(self, name: str) -> None:
         try:
             child = self._children[name] = self._spawn(self._tasks[name])
-        except OSError as error:  # no descriptors, no memory, no room for a process: for now
+        except (OSError, MemoryError) as error:  # no descriptors, memory, room for a process: now
             self.lives[name], _ = advance(self.lives[name], Ended(NOT_STARTED), self._clock())
-            who = self._tasks[name].in_words
-            self._tell("error", f"{who} could not be started: {reason(error)}; tried again")
+            who, why = self._tasks[name].in_words, "there is no memory"
+            why = reason(error) if isinstance(error, OSError) else why
+            self._tell("error", f"{who} could not be started: {why}; tried again")
             return
         if child.unlogged:
             self._tell("warning", f"{name} runs without a log: {child.unlogged}")

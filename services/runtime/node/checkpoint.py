@@ -87,7 +87,7 @@ class CheckpointFile:
         while (data := self._next()) is not None:
             try:
                 write_safely(self._path, data)
-            except OSError:
+            except (OSError, MemoryError):  # the thread goes on: later there may be room again
                 with self._changed:
                     self._failed += 1
 

@@ -11,7 +11,7 @@ NAME, NAMES = 128, 1000  # characters of a name, and names, that a health messag
 # 16 messages: the first of them is 0.15 s late, however much longer the stall was.
 STALLED_NS = 140_000_000
 UNCOUNTED = events.UNCOUNTED("others").name
-CALM_NS = 10_000_000_000  # [ns] a stall so soon after another one is not said again
+CALM_NS = 10_000_000_000  # [ns] the same so soon after the last time is not said again
 
 
 @dataclass(frozen=True, slots=True)

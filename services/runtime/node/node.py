@@ -25,7 +25,7 @@ from services.runtime.node.answers import AnswerBook
 from services.runtime.node.checkpoint import CheckpointStore
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
-from services.runtime.node.loop_stats import Instance, LoopStats, Usage
+from services.runtime.node.loop_stats import CALM_NS, Instance, LoopStats, Usage
 from services.runtime.node.ports import Alarm, Inbox, Latest, Now, Publisher, Tick
 from services.runtime.node.requests import A, Overrules, Q, Requester, Requests
 
@@ -33,6 +33,7 @@ from services.runtime.node.requests import A, Overrules, Q, Requester, Requests
 # stepped only at the end of a silence of 0.1 s, as control before its first reference, loses none.
 RING = 16
 BEHELD = 4096  # envelopes kept for an onlooker of everything: seconds of a dive
+FORGETS = "its checkpoint cannot be written to the disk: started again it would use an older one"
 EVENTS = 256  # envelopes kept between two steps of an every-message port
 S = TypeVar("S", bound=msgspec.Struct)
 
@@ -66,6 +67,7 @@ class Node:
         self.instance = Instance()  # the host's
         self.wall_offset_ns = 0  # the host's: UTC minus the node's clock; 0 on virtual time
         self.loop_stats = LoopStats()
+        self._forgot_ns: int | None = None  # [ns] newest report of a checkpoint that failed
         self._clock = clock
         self._checkpoint = checkpoint
         self._home = next(iter(sides))
@@ -469,11 +471,19 @@ class Node:
         if words:
             self.log("warning", words)
 
+    def _say_if_forgotten(self, now: int) -> None:
+        """A disk that takes no checkpoint: counted, and said once for as long as that lasts."""
+        if not (failures := self._checkpoint.failures()):
+            return
+        self.tell(events.NOT_REMEMBERED(), failures)
+        before, self._forgot_ns = self._forgot_ns, now
+        if before is None or now - before > CALM_NS:
+            self.log("warning", FORGETS)
+
     def _report(self, now: int) -> None:
         if self._visitor:
             return
-        if failures := self._checkpoint.failures():
-            self.tell(events.NOT_REMEMBERED(), failures)
+        self._say_if_forgotten(now)
         self._say_if_behind(now)
         sent = sum(publisher.sent for publisher in self._publishers)
         received = sum(inbox.stored for inbox in self._inboxes)

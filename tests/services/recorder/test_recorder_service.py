@@ -96,6 +96,27 @@ def test_a_foreign_reader_opens_the_file_and_finds_every_stream(tmp_path: Path):
     assert "arrival where" in about["clock"]["publish_time"]
 
 
+def test_the_parts_of_a_dive_count_by_one_time_of_day_although_the_clock_was_set(tmp_path: Path):
+    """A computer without a clock battery learns in mid-dive that it is not 1970."""
+    host, stamps = VirtualHost(), list[int]()
+    say = host.node("neighbour", ["drone"]).publisher(topics.PRESSURE)
+    for offset_s in (3600, 1_700_000_000, -50):  # each in a new process of the recorder
+        recorder = host.node("recorder", ["drone"])
+        recorder.wall_offset_ns = offset_s * SECOND
+        wire(recorder, Stack(out=str(tmp_path)))
+        for _ in range(3):
+            host.run(host.now + SECOND)
+            say.put(PressureSample(stamp_ns=host.now, pressure=1.0))
+            stamps.append(host.now)
+        host.run(host.now + SECOND)
+        host.kill("recorder")
+        recorder.close()
+    for name in ("dive.mcap", "dive.part2.mcap", "dive.part3.mcap"):
+        entries = [e for e in open_recording(tmp_path / name) if e.key == topics.PRESSURE.key]
+        assert [e.log_ns for e in entries] == [3600 * SECOND + ns for ns in stamps[:3]]
+        del stamps[:3]
+
+
 def test_log_time_is_utc(tmp_path: Path):
     host = VirtualHost()
     recorder = host.node("recorder", ["drone"])

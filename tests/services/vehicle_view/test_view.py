@@ -5,13 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.control import ThrusterCommand
 from messages.message import Estimate
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.vehicle_view import ages, words
 from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
-from services.vehicle_view.view import Newest, vehicle_view
+from services.vehicle_view.view import OVERRULED_NS, Newest, believed, vehicle_view
 
 S = 1_000_000_000
 FAILSAFES: list[Failsafe] = ["leak", "state_lost", "pilot_lost", "link_lost"]
@@ -69,6 +70,20 @@ def test_in_a_failsafe_nobody_is_told_that_he_has_the_sticks(
 def test_a_pilot_who_has_stopped_the_drone_is_told_to_centre_the_sticks():
     view = vehicle_view(Newest(status=status(activity="stopping")), 0)
     assert [each.text for each in words.said(view)] == [words.STOPPING]
+
+
+@given(st.booleans(), st.booleans(), st.integers(0, S), st.integers(0, S))
+def test_a_drone_that_control_has_disarmed_is_not_called_armed(
+    said: bool, armed: bool, status_ns: int, command_ns: int
+) -> None:
+    """A hung `reference` has not heard the disarm, and its last status says armed."""
+    command = ThrusterCommand(
+        stamp_ns=command_ns, sensor_ns=0, pilot_ns=None, thrust=(), armed=armed
+    )
+    told = status(armed=said, stamp_ns=status_ns)
+    overruled = not armed and command_ns - status_ns > OVERRULED_NS
+    assert believed(told, command) == status(armed=said and not overruled, stamp_ns=status_ns)
+    assert believed(told, None) == told
 
 
 @given(st.none() | st.floats(0.0, 1e4), st.floats(0.0, 1e4))

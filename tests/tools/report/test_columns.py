@@ -54,7 +54,9 @@ def test_the_parts_of_a_column_are_all_of_it(rows: list[Any], block: int) -> Non
     assert all(len(stamp) == len(value) <= block for stamp, value in parts)
 
 
-def test_where_the_disk_is_full_they_stay_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_the_disk_is_full_they_stay_in_memory_and_it_is_said_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     rows = [(k, k / 3.0, k % 2) for k in range(20)]
     whole, written = columns.write_at, list[int]()
 
@@ -65,8 +67,11 @@ def test_where_the_disk_is_full_they_stay_in_memory(monkeypatch: pytest.MonkeyPa
         whole(file, position, data)
 
     monkeypatch.setattr(columns, "write_at", full)
+    columns._say_in_memory.cache_clear()  # pyright: ignore[reportPrivateUsage]
     found = gathered(rows, 4)
     assert len(written) == 2
+    said = "lindy: cannot write a temporary file: the disk is full; figures are kept in memory, "
+    assert capsys.readouterr().err == f"{said}and TMPDIR names another folder for them\n"
     assert np.array_equal(found["value"], in_memory(rows)[:, 1])
 
 

@@ -15,7 +15,7 @@ from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
-from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
+from services.runtime.bus.zenoh_bus import UNIX, ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
 from tests.support.patience import PATIENCE_S, until
 
@@ -170,6 +170,12 @@ def test_an_endpoint_that_is_taken_is_one_sentence(tmp_path: Path, kind: str) ->
 def test_an_endpoint_that_is_none_is_one_sentence(endpoint: str) -> None:
     with pytest.raises(LindyError, match=r"^endpoint .* cannot be listened on \(.*\); choose"):
         listening(endpoint)
+
+
+def test_a_folder_that_takes_no_socket_is_one_sentence(tmp_path: Path) -> None:
+    folder = tmp_path / "missing"
+    with pytest.raises(LindyError, match=rf"^cannot write into {folder}, .*: no such file"):
+        listening(f"{UNIX}{folder}/hub.sock")
 
 
 def test_a_client_without_a_hub_gives_up_with_a_sentence(tmp_path: Path) -> None:

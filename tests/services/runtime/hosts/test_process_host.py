@@ -306,3 +306,19 @@ def test_a_hub_whose_endpoint_is_taken_says_so(bench: Bench) -> None:
     assert process.returncode == 1
     assert shown.startswith(f"lindy hub: endpoint {endpoint} ")
     assert len(shown.splitlines()) == 1
+
+
+def test_a_process_that_has_closed_everything_and_does_not_end_is_ended() -> None:
+    """As Zenoh's, where one of its threads could not be started."""
+    code = (
+        "import atexit, time\n"
+        "from services.runtime.hosts import process_host as host\n"
+        "host.EXIT_S = 0.01\n"
+        "atexit.register(time.sleep, 600.0)\n"
+        "with host._stoppable(None):\n"
+        "    print('works', flush=True)\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, timeout=PATIENCE_S, check=False
+    )
+    assert (ran.returncode, ran.stdout) == (-signal.SIGALRM, b"works\n")

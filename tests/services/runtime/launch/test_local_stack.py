@@ -75,6 +75,17 @@ def wire(node, stack):
     node.save_checkpoint(Memory(lives))
     node.every(20.0, lambda now: node.log("info", f"life {lives}"))
 """
+GREEDY = (
+    REMEMBERING
+    + """
+    import resource
+    def grow(now):
+        if lives == 1:
+            resource.setrlimit(resource.RLIMIT_AS, (2**33, resource.RLIM_INFINITY))
+            bytearray(2**34)
+    node.alarm(grow).set(node.now() + 200_000_000)
+"""
+)
 ONE_PROCESS = """
 [services.engine]
 sides = ["drone"]
@@ -447,6 +458,42 @@ def test_what_is_killed_comes_again_when_the_sockets_were_removed(tmp_path: Path
         pump_until(local, lambda: set(local.supervisor.pids) == set(before))
         assert sorted(path.suffix for path in folder.glob("*.sock")) == [".sock"] * 2
     assert not folder.exists()
+
+
+def test_a_service_without_memory_is_named_and_started_again(tmp_path: Path) -> None:
+    stack, services = made(tmp_path, engine=GREEDY)
+    with local_stack(stack, services) as local:
+        lines = list[LogLine]()
+        local.node.show = lines.append
+        local.node.each(topics.LOG, lambda line, _: lines.append(line))
+        local.start_services()
+        pump_until(local, lambda: local.supervisor.restarts["engine"] == 1)
+        alive(local)
+        log = stack.out_dir / "logs" / "engine.log"
+        pump_until(local, lambda: "life 2" in log.read_text())
+        said = [line.text for line in lines if line.text.startswith("engine ended unexpectedly")]
+        assert said == ["engine ended unexpectedly (status 1: engine has no memory left)"]
+
+
+def test_a_hub_that_cannot_listen_for_a_while_is_tried_again_and_ends_nothing(
+    tmp_path: Path,
+) -> None:
+    """As where the folder of its socket has become read-only."""
+    stack, services = made(tmp_path)
+    with local_stack(stack, services) as local:
+        local.start_services()
+        alive(local)
+        lines = list[str]()
+        local.node.show = lambda line: lines.append(line.text)
+        socket = Path(local.plan.endpoints["drone"].partition("/")[2])
+        socket.unlink()
+        socket.mkdir()
+        os.kill(local.supervisor.pids["hub_drone"], signal.SIGKILL)
+        pump_until(local, lambda: local.supervisor.restarts["hub_drone"] >= 2)
+        assert any(line.startswith("hub_drone ended unexpectedly (status 1:") for line in lines)
+        socket.rmdir()
+        pump_until(local, lambda: not local.missing() and socket.is_socket())
+    assert local.supervisor.failure is None
 
 
 def test_a_mistake_in_what_listens_ends_nothing_and_is_printed_once(

@@ -6,13 +6,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from messages import topics
-from messages.health import Health
+from messages import events, topics
+from messages.health import Health, LogLine
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.process_plan import unused_folder
 from services.runtime.node import checkpoint as checkpoints
-from services.runtime.node.checkpoint import CheckpointFile, write_safely
-from services.runtime.node.node import Node
+from services.runtime.node.checkpoint import CheckpointFile, VolatileCheckpoint, write_safely
+from services.runtime.node.node import FORGETS, Node
 from tests.support.patience import PATIENCE_S
 
 S = 1_000_000_000  # [ns]
@@ -97,6 +97,44 @@ def test_a_disk_that_takes_nothing_costs_the_checkpoints_and_is_counted_in_the_h
     node.step()
     assert told[-1].counts == {"not_remembered:disk": 1}
     assert node.restore_checkpoint(Note) is None
+
+
+@pytest.mark.parametrize("failure", [OSError(30, "Read-only file system"), MemoryError()])
+def test_after_a_checkpoint_that_failed_the_next_one_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception
+) -> None:
+    checkpoint, tried = CheckpointFile(tmp_path / "worker.json"), threading.Semaphore(0)
+
+    def refuse(_: Path, __: bytes) -> None:
+        tried.release()
+        raise failure
+
+    with monkeypatch.context() as full:
+        full.setattr(checkpoints, "write_safely", refuse)
+        checkpoint.save_checkpoint(b"first")
+        assert tried.acquire(timeout=PATIENCE_S)
+    checkpoint.save_checkpoint(b"second")
+    checkpoint.close()
+    assert checkpoint.failures() == 1
+    assert (tmp_path / "worker.json").read_bytes() == b"second"
+
+
+def test_checkpoints_that_fail_are_said_once_for_as_long_as_that_lasts() -> None:
+    """Seconds 1 to 20, and once more long after."""
+    now, lines = [0], list[LogLine]()
+
+    class Failing(VolatileCheckpoint):
+        def failures(self) -> int:
+            return 2 if now[0] <= 20 * S or now[0] == 40 * S else 0
+
+    node = Node("worker", {"drone": VirtualHost().side("drone")}, lambda: now[0], Failing())
+    node.show = lines.append
+    for second in range(1, 51):
+        now[0] = second * S
+        node.step()
+    said = [(line.level, line.text, line.stamp_ns // S) for line in lines]
+    assert said == [("warning", FORGETS, 1), ("warning", FORGETS, 40)]
+    assert node.counts[events.NOT_REMEMBERED.name] == 2 * 21
 
 
 def test_checkpoints_of_another_dive_are_neither_taken_over_nor_overwritten(tmp_path: Path):
