@@ -165,7 +165,7 @@ def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight
     flight.until("said[-1].surge == 0.0")
     page.look("void (virtualPad.axes[1] = -1, virtualPad.timestamp = 2)")
     flight.until("any(each.heave < -0.3 for each in said)")  # until the pad is found frozen
-    # It stays connected, deflected, and says nothing more. A busy computer may lose the page as well.
+    # It stays connected, deflected, and says nothing. A busy computer may lose the page as well.
     flight.until("self.dive.counts['lost:page_frozen'] >= 1 and said[-1].pilot == 'lost'")
     page.wait("document.getElementById('alarms').textContent.includes('pad holds a stick')")
     page.look("document.getElementById('arm').focus()")
