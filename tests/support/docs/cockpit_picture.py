@@ -15,7 +15,7 @@ from tests.support.docs.cockpit_dive import CockpitDive
 OUT = Path("docs/cockpit.png")
 PORT = 8797
 SCREEN = Size(1280, 800, touch=True)
-STICKS = "document.getElementById('left').offsetParent !== null"  # once the screen was touched
+STICKS = "document.getElementById('left').checkVisibility({ visibilityProperty: true })"
 FLOWN_S = 9.0  # [s]
 
 
