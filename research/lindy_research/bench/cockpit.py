@@ -19,12 +19,12 @@ from typing import Any
 import msgspec
 
 from lindy_research.bench.table import Figure
+from services.cockpit.io.files import PageFiles
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from tests.support.started_dives import StartedDive, started
 from tools.report.report import Report
 
-PAGE = Path(__file__).parents[3] / "services" / "cockpit" / "page"
 MOST_KB = 150.0  # goal
 STICK_MS = {"p50": 8.0, "p99": 20.0}  # goals on loopback
 WATCHERS = 10
@@ -91,8 +91,9 @@ def _figure(name: str, unit: str, ours: float | None, **more: Any) -> Figure:
 
 
 def _bytes() -> Figure:
-    """All that one page loads: of the languages the largest, and English, which fills its gaps."""
-    sizes = {path.name: path.stat().st_size for path in PAGE.iterdir() if path.is_file()}
+    """All that is sent of one page, compressed: of the languages the largest, and English, which
+    fills its gaps."""
+    sizes = {name: len(body) for name, body in PageFiles().packed.items()}
     own = [name for name in sizes if name.startswith("words_") and name != "words_en.json"]
     size = sum(sizes.values()) - sum(sorted(sizes[name] for name in own)[:-1])
     return _figure("page", "kB", size / 1e3, baseline_name="goal", baseline=MOST_KB, goal=1.0)

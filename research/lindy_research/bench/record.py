@@ -98,7 +98,8 @@ def compare(old: float, new: float, noise: float) -> Verdict:
 
 
 def worse(last: Iterable[KeptFigure], now: Iterable[KeptFigure]) -> list[tuple[KeptFigure, ...]]:
-    """(the last, this one) of every figure that is worse by more than the noise of both."""
+    """(the last, this one) of every figure that is worse by more than the noise of both. One run
+    knows no noise, and judges nothing."""
     before = {figure.key: figure for figure in last}
     found: list[tuple[KeptFigure, ...]] = []
     for new in now:
@@ -106,6 +107,7 @@ def worse(last: Iterable[KeptFigure], now: Iterable[KeptFigure]) -> list[tuple[K
         if old is None or old.ratio is None or new.ratio is None:
             continue
         judged = old.quiet and new.quiet and old.machine == new.machine
+        judged = judged and min(old.runs, new.runs) > 1
         if judged and compare(old.ratio, new.ratio, old.noise + new.noise) == "worse":
             found.append((old, new))
     return found
