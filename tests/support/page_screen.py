@@ -218,6 +218,7 @@ class Served:
         self.url = f"http://127.0.0.1:{settings.port}/"
         self.you, self.view, self.wishes = dict(PILOT), dict[str, Any](FLOWN), list[PageWish]()
         self.sticks, self.absences = list[PageSticks](), list[str]()
+        self.stops = 0  # of the newest page
         self._server = PageServer(settings, access_to(settings), Outbox())
         self._pages, self._number, self._stop = set[int](), 0, threading.Event()
         self._server.start(lambda: None)
@@ -246,15 +247,17 @@ class Served:
             for event in self._server.received():
                 if isinstance(event, PageOpened):
                     self._pages.add(event.page)
+                    self.stops = 0
                 elif isinstance(event, PageSaid) and isinstance(event.message, PageWish):
                     self.wishes.append(event.message)
+                    self.stops += event.message.what == "stop"
                 elif isinstance(event, PageSaid) and isinstance(event.message, PageSticks):
                     self.sticks.append(event.message)
                 elif isinstance(event, PageSaid) and isinstance(event.message, PageAbsence):
                     self.absences.append(event.message.why)
             text = (
                 f'{{"n":{self._number},"t":{time.monotonic_ns() / 1e6},"ages":{AGES},'
-                f'"you":{json.dumps(self.you)},"view":{json.dumps(self.view)}}}'
+                f'"you":{json.dumps({"stops": self.stops, **self.you})},"view":{json.dumps(self.view)}}}'
             )
             self._server.show(dict.fromkeys(self._pages, text))
 

@@ -156,7 +156,7 @@ def test_a_link_that_is_cut_is_told_from_a_pilot_who_is_silent(tmp_path: Path) -
     dive.host.add("tether", Registry.read()["tether"], dive.stack)
     dive.run(1.0)
     assert dive.status.conditions == ("pilot_lost",)
-    assert dive.status.failsafe == "link_lost"  # until the pilot resumes
+    assert dive.status.failsafe == "pilot_lost"  # the link is there again, he is not
     assert dive.ask("resume") == "pilot lost: no stick positions arrive, still"
 
 

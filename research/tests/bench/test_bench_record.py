@@ -79,9 +79,7 @@ def test_only_quiet_figures_of_the_same_machine_are_judged() -> None:
     assert worse(last, of(1.3, 1.4, others=2 * QUIET)) == []
     assert worse(of(1.0, 1.1, others=2 * QUIET), of(1.3, 1.4)) == []
     assert worse(last, of(1.3, 1.4, machine="other")) == []
-    assert (
-        worse(of(1.0), of(9.0)) == worse(last, of(9.0)) == []
-    )  # noise unknown
+    assert worse(of(1.0), of(9.0)) == worse(last, of(9.0)) == []  # noise unknown
     assert worse([], of(9.0)) == []
 
 

@@ -81,7 +81,7 @@ export class Connection {
 
   // STOP is sent until the service has confirmed it, also to one that was started again meanwhile.
   halt() {
-    this.stop = { at: performance.now(), heard: this.picture?.you.stops ?? 0 };
+    if (!this.watching) this.stop = { at: performance.now(), heard: this.picture?.you.stops ?? 0 };
     this.wish("stop");
   }
 
