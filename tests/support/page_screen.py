@@ -255,9 +255,10 @@ class Served:
                     self.sticks.append(event.message)
                 elif isinstance(event, PageSaid) and isinstance(event.message, PageAbsence):
                     self.absences.append(event.message.why)
+            you = {"stops": self.stops, **self.you}
             text = (
                 f'{{"n":{self._number},"t":{time.monotonic_ns() / 1e6},"ages":{AGES},'
-                f'"you":{json.dumps({"stops": self.stops, **self.you})},"view":{json.dumps(self.view)}}}'
+                f'"you":{json.dumps(you)},"view":{json.dumps(self.view)}}}'
             )
             self._server.show(dict.fromkeys(self._pages, text))
 
