@@ -52,6 +52,8 @@ def _page() -> list[Picture]:
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         page.call("Emulation.setEmulatedMedia", features=dark)
         arm(page)
+        if page.look("document.getElementById('lines').textContent"):
+            raise LindyError("a busy computer has put a warning on the page: film it once more")
         left, right = page.middle("#left"), page.middle("#right")
         page.touch("touchStart", left, right)
         began, taken, pictures = time.monotonic(), list[float](), list[Image.Image]()
