@@ -15,7 +15,7 @@ import msgspec
 from services.camera.core import FURTHER, SIMULATED
 from services.camera.core import Settings as CameraSettings
 from services.cockpit.core import Settings
-from services.cockpit.io.access import VARIABLE, access_to
+from services.cockpit.io.access import VARIABLE, access_to, listening
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -84,8 +84,13 @@ def with_further_cameras(services: Registry, choices: Choices) -> Registry:
 
 
 def announce(stack: Stack, *, browser: bool) -> None:
-    """Print where the page is, and open it once it is there."""
+    """Print where the page is, and open it once it is there.
+
+    Raises:
+        LindyError: it cannot be there.
+    """
     settings = stack.section(COCKPIT, Settings)
+    listening(settings).close()
     if not settings.local:  # the service gets it from here, so that the address can be printed
         os.environ.setdefault(VARIABLE, secrets.token_urlsafe(16))
     access = access_to(settings)

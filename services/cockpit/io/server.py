@@ -23,6 +23,7 @@ from messages.cameras import FIRST
 from messages.events import Outbox
 from services.cockpit.core import Settings
 from services.cockpit.handshake import SOCKETS, VIDEO, WATCH, Access
+from services.cockpit.io.access import listening
 from services.cockpit.io.files import PageFiles, plain
 from services.cockpit.io.message_rate import MessageRate
 from services.cockpit.io.video_server import VideoServer
@@ -75,7 +76,7 @@ class PageServer:
         self._open = 0  # connections
         self._notify: Callable[[], None] = lambda: None
         self._tls = _tls(settings)
-        self._socket = _listening(settings)
+        self._socket = listening(settings)
         self._loop = asyncio.new_event_loop()
         self._thread: threading.Thread | None = None
 
@@ -275,17 +276,6 @@ def _supersedes(newer: PageEvent, older: PageEvent | None) -> bool:
         and isinstance(newer.message, PageSticks)
         and isinstance(older.message, PageSticks)
     )
-
-
-def _listening(settings: Settings) -> socket.socket:
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    try:
-        return socket.create_server((settings.host, settings.port), family=family)
-    except OSError as error:
-        raise LindyError(
-            f"the cockpit cannot listen on {settings.host}:{settings.port}: {error.strerror}; "
-            f"another port is --set cockpit.port={settings.port % 65535 + 1}"
-        ) from None
 
 
 def _tls(settings: Settings) -> ssl.SSLContext | None:
