@@ -76,7 +76,14 @@ def test_the_picture_fills_the_screen_and_everything_can_be_pressed(
     page.close()
 
 
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
+@pytest.mark.parametrize(
+    "size",
+    [
+        pytest.param(size, marks=[] if size.width in (667, 360, 1280) else pytest.mark.slow)
+        for size in SIZES
+    ],
+    ids=lambda size: f"{size.width}x{size.height}",
+)
 def test_nothing_lies_over_anything_and_what_disarms_keeps_its_place(
     browser: Browser, served: Served, size: Size
 ):
