@@ -11,8 +11,8 @@ export function put(id, text, kind = "") {
   if (element.className !== kind) element.className = kind;
 }
 
-export function alarm(id, text) {
-  put(id, text ?? "");
+export function alarm(id, text, kind = "") {
+  put(id, text ?? "", kind);
   $(id).hidden = !text;
 }
 
@@ -93,10 +93,10 @@ function failsafe(acting, known, mine) {
 }
 
 function link(said) {
-  const words = said.filter((each) => each[1] === "alarm").map((each) => each[0]).join(" · ");
+  const grave = said.filter((each) => each[1] === "alarm").map((each) => words.same(each[0])).join(" · ");
   const note = $("note").textContent;
-  if (words) alarm("note", note ? `${words} · ${note}` : words);
-  return words;
+  if (grave) alarm("note", note ? `${grave} · ${note}` : grave, "grave");
+  return grave;
 }
 
 // The age of the picture, and what is wrong with it.

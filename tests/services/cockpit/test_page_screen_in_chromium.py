@@ -349,6 +349,17 @@ def test_a_link_that_is_cut_is_red_and_says_what_the_drone_does(browser: Browser
     page.close()
 
 
+def test_what_is_grave_is_red(browser: Browser, served: Served):
+    page = served.open(browser, SIZES[5])
+    colour = "getComputedStyle(document.getElementById('note')).backgroundColor"
+    served.becomes(page, said=[["the bottom is close", "warning"]])
+    before = page.look(colour)
+    served.becomes(page, said=[["water in the enclosure", "alarm"]])
+    assert page.look(colour) != before
+    assert page.look("document.getElementById('note').textContent") == "water in the enclosure"
+    page.close()
+
+
 def test_a_menu_does_not_move_when_a_notice_comes(browser: Browser, served: Served):
     for size in SIZES[:4]:
         page = served.open(browser, size)

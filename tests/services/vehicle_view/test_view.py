@@ -1,6 +1,7 @@
 """The vehicle as a pilot sees it: what is old is said so, what is gone is not shown, and in a
 failsafe nobody has the sticks."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,7 +13,7 @@ from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.vehicle_view import ages, words
 from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
-from services.vehicle_view.view import OVERRULED_NS, Newest, believed, vehicle_view
+from services.vehicle_view.view import OVERRULED_NS, Newest, VehicleView, believed, vehicle_view
 
 S = 1_000_000_000
 FAILSAFES: list[Failsafe] = ["leak", "state_lost", "pilot_lost", "link_lost"]
@@ -92,3 +93,14 @@ def test_charge_is_known_where_the_capacity_is(capacity: float | None, used: flo
     charge = vehicle_view(Newest(battery=sample), 0).charge
     assert (charge is None) == (not capacity)
     assert charge is None or 0.0 <= charge <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("note", "tone"),
+    [
+        ("the battery is low", "warning"),
+        ("water in the enclosure; the battery is low", "alarm"),
+    ],
+)
+def test_water_inside_is_an_alarm_also_where_the_pilot_flies_on(note: str, tone: str):
+    assert words.others(VehicleView(note=note)) == [(note, tone)]
