@@ -33,7 +33,7 @@ def point(hz: float, model: ScaleModel, payload: float = 300.0) -> ScalePoint:
 def test_a_straight_line_is_found_and_checks(
     idle: float, per_message: float, overhead: float, loads: list[float]
 ) -> None:
-    loads = [1_000.0 * n + hz for n, hz in enumerate(loads)]  # well apart
+    loads = [1_000.0 * n + hz for n, hz in enumerate(sorted(loads))]  # well apart
     planted = ScaleModel(idle, per_message, overhead)
     to_fit, to_check = halves([point(hz, planted) for hz in loads])
     assert len(to_fit) + len(to_check) == len(loads)
