@@ -143,7 +143,10 @@ def must_have_all(flown: Dive, running: Running, report: dict[str, Any]) -> None
     assert set(report) >= KEYS
     assert report["exit"] == "clean"
     assert set(report["services"]) >= SERVICES
-    assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"]
+    acted = report["failsafes"]
+    if acted and "the computer is too busy" in flown.said:
+        pytest.skip(f"this computer stood still for so long that failsafes acted: {acted}")
+    assert [stop["axis"] for stop in report["stops"]] == ["heave", "yaw"], (acted, flown.said)
     assert report["seconds"] > report["armed_seconds"] >= 6.0
     assert "Traceback" not in flown.said
 
