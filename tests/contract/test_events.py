@@ -73,6 +73,7 @@ def test_what_names_an_event(text: str, begins: bool, is_one: bool) -> None:
     assert names_an_event(text, begins) == is_one
 
 
+@pytest.mark.slow
 def test_no_event_is_named_by_a_literal() -> None:
     found = [
         f"{path}:{node.lineno}: {node.value!r}"

@@ -464,6 +464,7 @@ def test_thrust_is_held_to_the_limits(bench: Bench) -> None:
     assert sum(n for name, n in bench.counts.items() if name.startswith("saturated:")) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.system
 def test_a_process_stops_and_refuses_as_well(real_side: Side, tmp_path: Path) -> None:
     with real_bench(real_side, tmp_path) as bench:

@@ -234,6 +234,7 @@ def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
     assert (read_dive(open_recording(out)).max_depth_m or 0.0) > 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.system
 @pytest.mark.parametrize("wanted", ["disarm", "mode"])
 @pytest.mark.parametrize("kind", BOARDS)
@@ -257,6 +258,7 @@ def test_another_ground_station_is_obeyed(
     wire.links.close()
 
 
+@pytest.mark.slow
 @pytest.mark.system
 @pytest.mark.parametrize("kind", BOARDS)
 def test_a_board_with_a_wrong_parameter_is_not_armed(tmp_path: Path, kind: str, port: int) -> None:

@@ -219,6 +219,7 @@ def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_c
     assert not statuses[-1].armed
 
 
+@pytest.mark.slow
 def test_a_silent_pilot_goes_on_unless_another_one_has_taken_control(hand_over: Scene) -> None:
     host, statuses, first, second = hand_over
     second.speaks = False

@@ -91,6 +91,7 @@ def test_the_age_is_read_from_the_picture_itself(flown: Flown) -> None:
         assert age.total.p50_ms == pytest.approx(sum(s.p50_ms for s in age.stages), abs=1.0)
 
 
+@pytest.mark.slow
 def test_the_bitrate_follows_the_link_down_within_two_seconds_and_up_again(flown: Flown) -> None:
     before = kbit(flown.sent, WORSE - S, WORSE)
     after = kbit(flown.sent, WORSE + 2 * S, BETTER)

@@ -248,6 +248,7 @@ def test_a_topside_outlives_its_router(world: World) -> None:
     assert "error in Lindy itself" not in world.said
 
 
+@pytest.mark.slow
 def test_nothing_that_was_kept_ready_outlives_a_program_that_is_killed(world: World) -> None:
     world.until(lambda: world.a.heard_lately())
 

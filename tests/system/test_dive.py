@@ -307,6 +307,7 @@ def spoil(running: Running) -> None:
                 time.sleep(0.02)  # a stranger that talks slowly enough for all of it to be heard
 
 
+@pytest.mark.slow
 def test_a_killed_supervisor_takes_everybody_with_it(tmp_path: Path):
     with dive(tmp_path) as flown:
         running = flown.until_armed()

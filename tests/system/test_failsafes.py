@@ -125,6 +125,7 @@ def test_without_a_pilot_it_stops_holds_rises_and_stays_at_the_surface(tmp_path:
     dive.check()
 
 
+@pytest.mark.slow
 def test_moving_sticks_do_nothing_and_resume_hands_back(tmp_path: Path) -> None:
     dive = Dive(tmp_path).armed_at(2.0)
     dive.there = False
@@ -160,6 +161,7 @@ def test_a_link_that_is_cut_is_told_from_a_pilot_who_is_silent(tmp_path: Path) -
     assert dive.ask("resume") == "pilot lost: no stick positions arrive, still"
 
 
+@pytest.mark.slow
 def test_a_leak_is_said_at_once_and_acts_after_its_time(tmp_path: Path) -> None:
     dive = Dive(tmp_path).armed_at(2.0)
     dive.break_("leak", "wet")

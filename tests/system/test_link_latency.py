@@ -169,6 +169,7 @@ def test_a_delay_that_grows_is_told_within_a_second(
             assert (budget.sensor_to_screen_ms or 0.0) >= 300.0
 
 
+@pytest.mark.slow
 def test_a_link_that_is_gone_is_told_within_a_second_and_leaves_no_number(tmp_path: Path) -> None:
     flight = Flight(tmp_path, "wifi_buoy")
     flight.run(4.0)

@@ -339,6 +339,7 @@ flights = settings(
 )
 
 
+@pytest.mark.slow
 @flights
 @given(moves=sticks, first=profiles, then=changes, second=profiles)
 def test_only_fresh_whole_commands_in_order_move_anything(

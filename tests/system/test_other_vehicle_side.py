@@ -52,6 +52,7 @@ def lindy(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
 
+@pytest.mark.slow
 def test_the_example_dives_on_virtual_time_and_ends_cleanly(
     tmp_path: Path, pilot: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -64,6 +65,7 @@ def test_the_example_dives_on_virtual_time_and_ends_cleanly(
     assert "ended cleanly" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_driver_of_a_user_that_falls_silent_is_named_to_the_pilot() -> None:
     services = Registry.read(SIDE[1])
     choices = Choices(stack=SIDE[1], vehicle=SIDE[3], set_=QUICK[1:])

@@ -83,6 +83,7 @@ def cut() -> ToolDive:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_gripper_stands_still_at_most_one_life_of_its_commands_after_the_link_was_cut() -> None:
     dive = cut()
     opens = [at for at in dive.moves("gripper") if at < 9 * S]
@@ -110,6 +111,7 @@ def test_lasers_go_off_as_long_after_the_cut_as_the_file_says_and_the_light_stay
     assert dive.driven_at(25.0) == {"light": 0.5, "lasers": 0.0, "gripper": 0.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dies", ["reference", "control", "gamepad", "tether"])
 def test_a_gripper_stands_still_when_any_service_above_the_driver_dies(dies: str) -> None:
     """Nobody starts it again."""

@@ -192,6 +192,7 @@ def test_a_slower_or_faster_imu_is_as_good(hz: float) -> None:
     assert found.events["rate:sensor/imu"] == 2  # counted: it is not what the topic says
 
 
+@pytest.mark.slow
 def test_pressure_at_10_hz_is_worse_by_what_the_spread_says() -> None:
     found = row(3, pressure_rate=10.0)
     assert found.rms("depth") < 0.020
@@ -209,12 +210,14 @@ def test_a_wrong_latency_is_seen_in_the_innovations(late: float, worst: float) -
     assert found.nees("rate") < 1.5
 
 
+@pytest.mark.slow
 def test_a_noisier_accelerometer_is_seen_in_the_depth() -> None:
     found = row(3, accelerometer_noise=0.015)
     assert found.nees("depth") < 1.5  # 4.3 by the filter's own spread
     assert found.nees("rate") < 5.0  # 10 by the filter's own
 
 
+@pytest.mark.slow
 def test_an_accelerometer_with_three_times_the_bias_is_seen_in_the_depth() -> None:
     found = row(4, accelerometer_bias=0.294)
     assert found.nees("depth") < 1.5
@@ -239,6 +242,7 @@ def test_a_turned_imu_that_the_file_does_not_say_costs_the_compass_its_trust(
     assert found.nees("depth") < 1.5
 
 
+@pytest.mark.slow
 def test_waves_at_the_sensor_alone_are_in_the_spread_and_told() -> None:
     found = row(3, waves=Waves(height=0.3, period=4.0, lines=1, begins=12.0))
     assert 0.03 < found.rms("depth") < 0.07

@@ -2,6 +2,7 @@
 left to be judged."""
 
 import numpy as np
+import pytest
 
 from tests.support.sortie import DEEP, HANDS_OFF, Sortie, SortieRow
 
@@ -26,6 +27,7 @@ def comes_back(*overrides: str) -> float:
     return float(depth.max() - depth[-100:].mean())
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_dives_at_high_surge_does_not_come_back() -> None:
     assert comes_back() < 0.002
     assert comes_back("control.coupling.heave=false") > 0.004

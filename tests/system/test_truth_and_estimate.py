@@ -110,6 +110,7 @@ def compared(states: list[VehicleState], truth: dict[int, Truth]) -> dict[str, E
     return {name: Errors(*np.array(pairs).T) for name, pairs in rows.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_errors_are_small_and_no_larger_than_the_state_says(tmp_path: Path, seed: int) -> None:
     found = flown(tmp_path, seed)

@@ -109,6 +109,7 @@ def test_the_large_picture_keeps_its_part_and_the_small_one_is_there(flown: Flow
     assert sum(begin < at < end for at, _ in flown.arrived["down"]) >= 3  # slides
 
 
+@pytest.mark.slow
 def test_the_pilots_choice_turns_it_round_within_a_second(flown: Flown) -> None:
     begin, end = CHOSEN + S, NARROW
     front, down = (kbit(flown.arrived[name], begin, end) for name in ("front", "down"))
@@ -182,6 +183,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_the_report_says_how_old_the_picture_of_each_is(dive: Path) -> None:
     report = make_report(open_recording(dive), Extras())
     assert report.picture

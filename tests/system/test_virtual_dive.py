@@ -92,6 +92,7 @@ def test_the_drone_stops_where_the_stick_was_let_go(tmp_path: Path, seed: int) -
     assert max(abs(depth - final) for depth in depths[-500:]) <= 0.05
 
 
+@pytest.mark.slow
 def test_a_turn_ends_without_overshoot(tmp_path: Path) -> None:
     dive = Dive(tmp_path, "0,0,0,0,0\n1,0,0,0.6,1\n6,0,0,0,0\n30,0,0,0,0")
     dive.until_armed().run(6.0)
@@ -123,6 +124,7 @@ def test_any_sticks_give_a_continuous_reference_and_thrust_within_limits(
     assert dive.counts["from_future:pilot/command"] == 0
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
     def digest(seed: int) -> str:
         dive = Dive(tmp_path, "0,0,0,0,0\n1,0.5,0,1,0.3\n3,0,0,0,0", seed=seed)
@@ -166,6 +168,7 @@ def test_dead_control_means_thrusters_stop_within_their_time_to_live(tmp_path: P
     assert dive.host.nodes["simulator"].counts["stale:control/thrusters"] == 1
 
 
+@pytest.mark.slow
 def test_garbage_on_every_key_changes_no_byte_of_what_the_drone_does(tmp_path: Path) -> None:
     def thrusts(*, garbage: bool) -> list[tuple[float, ...]]:
         dive = Dive(tmp_path, "0,0,0,0,0\n1,0.5,0,1,0.3\n3,0,0,0,0")
@@ -186,6 +189,7 @@ def test_garbage_on_every_key_changes_no_byte_of_what_the_drone_does(tmp_path: P
     assert thrusts(garbage=True) == thrusts(garbage=False)
 
 
+@pytest.mark.slow
 def test_no_command_older_than_its_time_to_live_is_ever_actuated(tmp_path: Path) -> None:
     link = tmp_path / "slow.toml"
     link.write_text("[down]\ndelay_ms = 150.0\njitter_ms = 150.0\n")

@@ -158,6 +158,7 @@ def test_without_pressure_it_drifts_slowly_and_says_so() -> None:
     assert flight.sortie.status.note == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [20e3, -20e3])
 def test_a_jump_of_the_pressure_moves_the_held_depth_and_not_the_vehicle(step: float) -> None:
     flight = fly("sensor/pressure", "biased", step, 6.0)

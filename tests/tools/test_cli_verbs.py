@@ -289,6 +289,7 @@ def test_a_simulated_dive_writes_its_files_and_the_same_seed_gives_the_same_byte
     assert "report.json" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_dive_without_files_reports_and_writes_nothing(
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,

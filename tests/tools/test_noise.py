@@ -114,6 +114,7 @@ def test_noise_that_was_put_in_is_found(tmp_path: Path, capsys: pytest.CaptureFi
     )
 
 
+@pytest.mark.slow
 def test_a_random_walk_of_the_accelerometer_is_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -53,6 +53,7 @@ def test_what_is_no_whole_recording_is_refused_at_once_with_what_to_do(tmp_path:
         picture(tmp_path / "y.mcap", out=tmp_path / "dive.png")
 
 
+@pytest.mark.slow
 @needs_vulkan
 def test_a_recording_becomes_a_picture(tmp_path: Path) -> None:
     out = tmp_path / "pictures" / "dive.png"

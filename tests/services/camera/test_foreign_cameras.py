@@ -172,6 +172,7 @@ def require_whole(shots: list[Shot]) -> None:
     assert all(at < shot.arrived_ns for at, shot in zip(times, shots, strict=True))
 
 
+@pytest.mark.slow
 @gstreamer
 def test_a_camera_that_vanishes_is_one_sentence_and_comes_back() -> None:
     with served() as (server, port), watched(f"rtsp://127.0.0.1:{port}/stream") as seen:
@@ -299,6 +300,7 @@ def test_colours_of_another_format_are_converted(pixels: str) -> None:
     assert {shot.picture.u.shape for shot in seen.shots} == {(HEIGHT // 2, WIDTH // 2)}
 
 
+@pytest.mark.slow
 def test_a_camera_that_answers_and_sends_nothing_is_one_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         with watched(f"tcp://127.0.0.1:{server.getsockname()[1]}") as seen:

@@ -180,6 +180,7 @@ def test_each_camera_has_an_age_of_its_own(browser: Browser, exits: ExitStack) -
     page.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
 def test_every_camera_and_button_can_be_pressed_whatever_the_drone_does(
     browser: Browser, exits: ExitStack, size: Size

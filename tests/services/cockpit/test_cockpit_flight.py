@@ -182,6 +182,7 @@ def test_a_page_arms_dives_a_metre_and_sees_what_the_drone_does(dive: Dive):
     assert not dive.status.armed
 
 
+@pytest.mark.slow
 def test_a_page_goes_to_a_depth_and_a_heading_and_sets_the_light_in_steps(dive: Dive):
     dive.wish("goto", depth=1.5, heading_deg=40.0)
     assert dive.status.activity == "goto"
@@ -250,6 +251,7 @@ def test_after_a_short_loss_a_stick_that_is_still_deflected_moves_nothing(dive: 
     assert dive.commands[-1].surge > 0.0
 
 
+@pytest.mark.slow
 def test_after_a_loss_the_sticks_are_centred_first_and_holding_arm_resumes(dive: Dive):
     dive.steer(1.0, surge=0.6).run(2.5)  # longer than what ends by itself
     assert dive.status.failsafe == "pilot_lost"
@@ -452,6 +454,7 @@ def test_a_page_is_told_that_its_sticks_wait_for_being_centred(dive: Dive):
     assert "wants_rest" not in dive.you()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("service", "shown"), [("control", "thrust"), ("reference", "depth_wanted_m")]
 )
@@ -562,6 +565,7 @@ def test_while_another_page_has_the_sticks_no_drone_is_ordered(dive: Dive):
     assert program.ordered == ["rov2"]
 
 
+@pytest.mark.slow
 def test_without_a_list_no_drone_is_ordered_and_nothing_is_shown(tmp_path: Path):
     dive = Dive(tmp_path)
     program = FlyProgram(dive)

@@ -151,6 +151,7 @@ def test_a_phone_that_is_twenty_times_slower_still_lets_go_of_a_stick(flight: Fl
     flight.until("now[-1].activity == 'stopping' or now[-1].failsafe != 'none'")
 
 
+@pytest.mark.slow
 def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight: Flight):
     page = flight.page(Size(3840, 2160))
     page.look(PAD)
@@ -179,6 +180,7 @@ def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight
     page.close()
 
 
+@pytest.mark.slow
 def test_a_watcher_sees_the_same_numbers_and_has_no_button_to_command_with(flight: Flight):
     page = flight.page(Size(1280, 800), "watch")
     page.wait(CONNECTED)

@@ -154,6 +154,7 @@ def test_a_tap_and_a_held_button_send_the_drone_there(exits: ExitStack) -> None:
     page.wait("window.video && video.connection.track.length >= 9")
 
 
+@pytest.mark.slow
 def test_without_a_measured_position_it_says_why_it_cannot_go(exits: ExitStack) -> None:
     dive = MappedDive(exits)
     page = dive.page
@@ -165,6 +166,7 @@ def test_without_a_measured_position_it_says_why_it_cannot_go(exits: ExitStack) 
     assert dive.gone_to == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
 def test_what_is_on_the_map_can_be_pressed_and_read(
     browser: Browser, exits: ExitStack, size: Size

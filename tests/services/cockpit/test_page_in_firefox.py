@@ -26,6 +26,7 @@ def served() -> Iterator[Served]:
         yield Served(exits)
 
 
+@pytest.mark.slow
 def test_the_picture_fills_the_screen_and_everything_is_read_and_pressed(served: Served):
     assert PROGRAM is not None
     with Firefox(PROGRAM) as browser:

@@ -50,6 +50,7 @@ def served() -> Iterator[Served]:
         yield Served(exits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
 def test_the_picture_fills_the_screen_and_everything_can_be_pressed(
     browser: Browser, served: Served, size: Size
@@ -142,6 +143,7 @@ def test_in_every_language_nothing_is_cut(browser: Browser, served: Served, lang
         page.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theme", ["dark", "bright", "contrast"])
 def test_every_text_can_be_read_in_every_state(browser: Browser, served: Served, theme: str):
     page = served.open(browser, Size(844, 390, touch=True), theme)
@@ -360,6 +362,7 @@ def test_what_is_grave_is_red(browser: Browser, served: Served):
     page.close()
 
 
+@pytest.mark.slow
 def test_a_menu_does_not_move_when_a_notice_comes(browser: Browser, served: Served):
     for size in SIZES[:4]:
         page = served.open(browser, size)

@@ -55,6 +55,7 @@ def gripper(served: Served, moves: float) -> None:
     until(lambda: served.stick.gripper == moves)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
 def test_every_tool_can_be_pressed_on_every_screen(
     browser: Browser, served: Served, size: Size
@@ -202,6 +203,7 @@ def test_a_vehicle_with_its_light_alone_has_no_panel_of_tools(
     page.close()
 
 
+@pytest.mark.slow
 def test_the_speed_limit_scales_full_stick_is_always_said_and_is_remembered(
     browser: Browser, served: Served
 ) -> None:

@@ -169,6 +169,7 @@ def ages(page: BrowserPage) -> tuple[float, float, float]:
     return min(readings, key=lambda r: r[1] - r[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_ms", [0.0, 300.0])
 def test_the_shown_age_is_that_of_the_light_on_the_canvas(
     browser: Browser, film: Film, late_ms: float
@@ -192,6 +193,7 @@ def test_the_shown_age_is_that_of_the_light_on_the_canvas(
     page.close()
 
 
+@pytest.mark.slow
 def test_a_picture_that_stops_is_marked_then_vanishes_and_comes_back(browser: Browser, film: Film):
     film.roll()
     page = browser.open(film.url, SCREEN)

@@ -147,6 +147,7 @@ def test_a_place_is_held_in_a_current(pioneer: Vehicle, known: bool) -> None:
     assert max(away) < (0.01 if known else 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", [PLACE, msgspec.structs.replace(PLACE, observer=0.0)])
 def test_a_current_that_becomes_known_or_is_forgotten_makes_no_bump(
     pioneer: Vehicle, gains: Gains

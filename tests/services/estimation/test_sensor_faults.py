@@ -246,6 +246,7 @@ def test_a_pressure_sensor_that_boots_late_is_waited_for() -> None:
     assert state.depth.valid
 
 
+@pytest.mark.slow
 def test_a_minute_beside_steel_ends_the_validity_of_north() -> None:
     bench = Bench()
     bench.run(5.0)

@@ -32,6 +32,7 @@ def counted(dive: Path) -> Counter[str]:
         return Counter(channel.topic for _, channel, _ in make_reader(stream).iter_messages())
 
 
+@pytest.mark.slow
 def test_views_are_beside_the_messages_and_are_not_taken_for_messages(dive: Path):
     counts = counted(dive)
     ours = Counter(raw.key for raw in open_recording(dive).raw())

@@ -171,6 +171,7 @@ def test_sticks_at_any_usual_rate_are_one_pilot(tmp_path: Path, hz: float) -> No
     assert {status.failsafe for status in dive.statuses} == {"none"}
 
 
+@pytest.mark.slow
 def test_a_ground_station_that_falls_silent_is_a_lost_pilot_within_its_time_to_live(
     tmp_path: Path,
 ) -> None:
@@ -220,6 +221,7 @@ def test_beside_a_script_that_flies_the_ground_station_watches(tmp_path: Path) -
     assert dive.air.of("ATTITUDE", BOB.link)
 
 
+@pytest.mark.slow
 def test_a_second_ground_station_moves_nothing_until_the_first_is_silent_for_long(
     tmp_path: Path,
 ) -> None:

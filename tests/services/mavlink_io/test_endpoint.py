@@ -155,6 +155,7 @@ def test_more_ground_stations_than_there_is_room_for_are_counted() -> None:
             ground.close()
 
 
+@pytest.mark.slow
 def test_a_flood_of_rubbish_leaves_the_memory_and_the_others_alone() -> None:
     port = free_port(socket.SOCK_STREAM)
     with opened(f"tcpin:127.0.0.1:{port}") as links:

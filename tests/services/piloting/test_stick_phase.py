@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -53,6 +54,7 @@ def test_what_is_not_known_moves_nothing() -> None:
     assert [phase.shift(unknown) for _ in range(20)] == [0] * 20
 
 
+@pytest.mark.slow
 def test_in_a_dive_commands_come_just_before_the_next_state(tmp_path: Path) -> None:
     """And their rate stays what it is."""
     (tmp_path / "still.csv").write_text("t,surge,sway,heave,yaw\n0,0,0,0,0\n40,0,0,0,0\n")

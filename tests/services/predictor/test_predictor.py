@@ -154,6 +154,7 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
     assert judged, "the running error is shown"
 
 
+@pytest.mark.slow
 def test_a_prediction_has_one_clock_whoever_reads_it(tmp_path: Path) -> None:
     """The topside's, in which it is made and said; on board the gate has turned all of it."""
     ahead = 10**13

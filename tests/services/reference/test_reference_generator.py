@@ -319,6 +319,7 @@ def course(**more: object) -> Course:
     return Course(waypoints=points, min_radius=3.0, **more)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_path_is_followed_to_its_end_in_heading_depth_and_pace() -> None:
     guidance = armed()
     assert guidance.ask("follow", course=course()) == ""
@@ -437,6 +438,7 @@ def places(ahead: tuple[PlaceAhead, ...]) -> list[tuple[float, float]]:
     return [(each.north, each.east) for each in ahead]
 
 
+@pytest.mark.slow
 def test_of_a_path_the_next_way_points_are_said_until_each_is_passed() -> None:
     """From where the drone is: the path is given from its own first way-point on."""
     guidance = armed()

@@ -227,6 +227,7 @@ def test_integration_converges_with_second_order() -> None:
     assert 3.5 < coarse / fine < 4.5
 
 
+@pytest.mark.slow
 def test_a_minute_of_hard_driving_ends_within_a_millimetre_of_the_textbook() -> None:
     """The reference is the classic Runge-Kutta method at a millisecond, on textbook formulas."""
     vehicle = PIONEER

@@ -144,6 +144,7 @@ def blocks(
     return stds[:, :3].max(axis=1), stds[:, 3:].max(axis=1)
 
 
+@pytest.mark.slow
 def test_its_blocks_of_noise_are_those_of_real_dives() -> None:
     """The dives on record: median 1.3 to 1.6 m/s², 99th percentile 2.2 to 3.8; 0.05 to 0.06 and
     0.08 to 0.1 rad/s. Their hull and thrusters are others, so a quarter more or less is allowed."""

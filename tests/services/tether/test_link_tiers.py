@@ -181,6 +181,7 @@ def test_thinning_out_keeps_the_state_fresh_where_it_would_be_seconds_old(
     assert with_tiers.tether.counts["thinned:vehicle/status"] == 0
 
 
+@pytest.mark.slow
 def test_telemetry_comes_back_when_the_link_is_wide_again(tmp_path: Path) -> None:
     run = Overload(tmp_path, NARROW.format(thin="true")).run(5.0)
     assert run.statuses[-1].up_link.tiers

@@ -76,6 +76,7 @@ def flown() -> Flown:
     return Flown(curves, gathered.dive({}, {}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", ["heave", "yaw"])
 @pytest.mark.parametrize("who", ["felt", "reference"])
 def test_the_viewer_shows_the_jerk_of_the_report(axis: str, who: str) -> None:

@@ -113,6 +113,7 @@ def test_every_stream_of_both_realms_is_in_the_file(tmp_path: Path, sample: Samp
     assert shown <= found
 
 
+@pytest.mark.slow
 def test_each_sample_comes_back_with_its_own_time(tmp_path: Path, sample: Sample) -> None:
     def sinking(key: str, now: int) -> Message:
         message = sample(key, now)
@@ -223,6 +224,7 @@ class Heard:
         self.lines.append((level, text))
 
 
+@pytest.mark.slow
 def test_a_viewer_that_never_reads_costs_batches_but_no_time(
     tmp_path: Path, sample: Sample, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -201,6 +201,7 @@ def something_else() -> Generator[str]:
             thread.join()
 
 
+@pytest.mark.slow
 def test_a_fleet_is_shown_as_lines_and_as_json_until_its_time_is_over(
     network: Drones, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -131,6 +131,7 @@ def test_a_part_is_the_same_as_its_whole_where_both_are(dive: ShortDive, tmp_pat
     assert {each.topic for each in found.counts} >= {"state", "sensor/imu"}
 
 
+@pytest.mark.slow
 def test_both_dives_are_drawn_with_figures_side_by_side(
     dive: ShortDive, clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

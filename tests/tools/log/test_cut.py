@@ -51,6 +51,7 @@ def test_cut_and_cut_is_cut(
         assert once.read_bytes() == twice.read_bytes()
 
 
+@pytest.mark.slow
 @given(st.tuples(times, times))
 @settings(max_examples=6)
 def test_it_keeps_what_arrived_in_that_time_and_nothing_else(

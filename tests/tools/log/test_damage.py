@@ -77,6 +77,7 @@ def test_a_recording_that_ended_on_a_full_disk_was_not_finished(
     assert "dive.mcap was not finished" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_damaged_attachment_is_said(
     dive: ShortDive, tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]

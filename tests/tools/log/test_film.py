@@ -71,6 +71,7 @@ def probed(path: Path, *words: str) -> dict[str, Any]:
     return json.loads(answer.stdout)
 
 
+@pytest.mark.slow
 @ffprobe
 def test_every_picture_is_in_the_film_at_the_time_of_its_light(
     dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
@@ -177,6 +178,7 @@ def test_subtitles_say_where_the_drone_was(
     )
 
 
+@pytest.mark.slow
 def test_the_overlay_is_as_long_and_needs_no_other_names(
     dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:

@@ -89,6 +89,7 @@ def test_its_recording_carries_the_same_files_so_that_it_can_be_flown_once_more(
         assert after[name].create_time == before[name].create_time
 
 
+@pytest.mark.slow
 def test_another_gain_is_another_dive_and_that_is_said(dive: ShortDive, tmp_path: Path) -> None:
     about = json.loads(attached(dive.folder)[DIVE].data)
     lindy, stack = about["lindy"] | {"version": "0.0.9"}, about["stack"]
@@ -99,6 +100,7 @@ def test_another_gain_is_another_dive_and_that_is_said(dive: ShortDive, tmp_path
         fly_again(changed, Choices(), files=False)
 
 
+@pytest.mark.slow
 def test_without_the_script_the_recorded_sticks_are_flown(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,6 +29,7 @@ def luma_of_each(pictures: list[FilmedPicture]) -> list[np.ndarray]:
     return [frame.to_ndarray(format="gray").astype(float) for frame in every]
 
 
+@pytest.mark.slow
 def test_a_snapshot_is_the_newest_picture_by_then_and_says_where(
     dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:

@@ -90,6 +90,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Flown:
     return fly(tmp_path_factory.mktemp("alone"), [])
 
 
+@pytest.mark.slow
 def test_a_live_dive_accepts_nothing_of_a_replay(
     recorded: list[Raw], alone: Flown, tmp_path: Path
 ) -> None:
@@ -134,6 +135,7 @@ def test_no_vehicle_can_have_the_name_of_a_replay(tmp_path: Path) -> None:
     assert Stack().space == "pioneer"
 
 
+@pytest.mark.slow
 def test_a_vehicles_hub_lets_no_replay_through_and_another_does(tmp_path: Path) -> None:
     """The player comes over the private socket, as a service on board, and may say most there."""
     for side, passes in ((None, True), (HubSide("drone", VEHICLE), False)):

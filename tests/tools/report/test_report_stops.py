@@ -182,6 +182,7 @@ def dive_of(said: Said) -> RecordedDive:
     return read_dive(Memory(said))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", ["heave", "yaw"])
 @given(
     height=st.floats(min_value=-0.5, max_value=0.5),
@@ -239,6 +240,7 @@ def test_a_stop_cut_short_before_the_reference_rests_does_not_count():
     assert stops(dive_of(moving("heave", lambda _: 0.0) + sticks("heave", again))) == []
 
 
+@pytest.mark.slow
 def test_a_stop_broken_off_by_disarming_does_not_count_nor_one_before_arming():
     let_go = sticks("heave", held_until_release)
     broken_off = moving("heave", lambda _: 0.0, armed=lambda t: t < REST - 0.1)
@@ -247,6 +249,7 @@ def test_a_stop_broken_off_by_disarming_does_not_count_nor_one_before_arming():
     assert stops(dive_of(too_late + let_go)) == []
 
 
+@pytest.mark.slow
 def test_time_counts_from_arming():
     said = moving("heave", lambda _: 0.0, armed=lambda t: t >= 0.5)
     (stop,) = stops(dive_of(said + sticks("heave", held_until_release)))
@@ -296,6 +299,7 @@ def test_other_requests_stop_nothing():
     assert stops(dive_of(moving("heave", lambda _: 0.0) + said)) == []
 
 
+@pytest.mark.slow
 @given(ahead=st.integers(-START, 10**16))
 @settings(max_examples=10, deadline=None)
 def test_stops_do_not_depend_on_how_far_the_clock_of_the_topside_is_ahead(ahead: int):
@@ -360,6 +364,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("said", OTHERS.values(), ids=OTHERS)
 def test_a_stop_ends_where_something_else_moves_the_drone_and_counts_until_then(said: Said):
     (stop,) = stops(dive_of(moved_later() + sticks("heave", held_until_release) + said))

@@ -51,6 +51,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_estimator_runs_as_it_ran_in_the_dive(dive: Path) -> None:
     rows = TrackRows(0)
     for each in open_recording(dive):
@@ -82,6 +83,7 @@ def test_a_page_that_loads_nothing_and_overwrites_nothing(
         review(dive, out=dive / "review.html")
 
 
+@pytest.mark.slow
 def test_the_same_figures_as_json(dive: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pages = sorted(dive.glob("*.html"))
     assert review(dive, json=True) == 0
@@ -126,6 +128,7 @@ def test_the_short_version_is_in_words(tmp_path: Path, dive: Path) -> None:
         assert said.count("no sticks") <= 1
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_cut_off_is_reviewed_as_far_as_it_goes(
     dive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -68,6 +68,7 @@ def test_a_full_disk_ends_the_sweep_and_with_room_the_rest_is_flown(
     assert rows[1]["folder"].endswith("dive-000001-2")
 
 
+@pytest.mark.slow
 def test_an_empty_folder_that_was_there_stays(
     small_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

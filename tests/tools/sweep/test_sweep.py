@@ -94,6 +94,7 @@ def test_the_row_is_the_report(script: str, tmp_path: Path):
     assert json.loads(str(in_memory["losses"])) == report["losses"]
 
 
+@pytest.mark.slow
 def test_a_dive_in_memory_reports_what_its_recording_would(script: str, tmp_path: Path):
     import msgspec
 
@@ -202,6 +203,7 @@ def test_without_pyarrow_parquet_is_refused_with_what_installs_it(
     assert "uv sync --extra tables" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_is_finished(
     tmp_path: Path, script: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
@@ -264,6 +266,7 @@ def test_a_figure_that_no_dive_has_gets_no_panel():
     assert one == none < two < every
 
 
+@pytest.mark.slow
 def test_one_dive_on_one_core_is_written_so(
     tmp_path: Path, script: str, capsys: pytest.CaptureFixture[str]
 ):

@@ -164,6 +164,7 @@ def dive(folder: Path) -> Generator[Path]:
                 session.close()
 
 
+@pytest.mark.slow
 def test_streams_of_a_real_session_are_shown_timed_and_weighed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

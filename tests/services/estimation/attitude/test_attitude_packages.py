@@ -39,6 +39,7 @@ def package(name: str) -> Any:
     return import_module(name)
 
 
+@pytest.mark.slow
 def test_with_magnetometer_every_step_equals_that_of_ahrs(dive: runs.HeadingSamples) -> None:
     theirs = package("ahrs").filters.Madgwick(gain=BETA, Dt=runs.DT)
     ours: Quaternion = from_euler(0.02, -0.01, 0.1)
@@ -50,6 +51,7 @@ def test_with_magnetometer_every_step_equals_that_of_ahrs(dive: runs.HeadingSamp
         assert ours == pytest.approx(other.tolist(), abs=1e-11)
 
 
+@pytest.mark.slow
 def test_in_a_dive_roll_and_pitch_are_nearer_to_the_truth_than_those_of_ahrs() -> None:
     flight = runs.dive(30.0)
     samples = runs.measured(flight, 3, runs.TYPICAL)

@@ -173,6 +173,7 @@ def is_continuous(dive: Dive) -> bool:
 slopes = st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("heave", "nearer"), [(None, NEARER), (SLOWER, NEARER_SLOWER)])
 @settings(max_examples=25, deadline=None)
 @given(slopes, st.floats(0.1, 0.5), st.integers(0, 1000))
@@ -386,6 +387,7 @@ def test_where_a_depth_is_held_no_stick_leads_into_the_bottom(
     assert is_continuous(dive)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(slopes, st.floats(0.1, 0.5), st.integers(0, 1000))
 def test_a_stick_held_down_over_slopes_never_moves_the_depth_up(

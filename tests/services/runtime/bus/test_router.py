@@ -282,6 +282,7 @@ def test_a_loop_of_routers_carries_every_message_once(tmp_path: Path) -> None:
             ]
 
 
+@pytest.mark.slow
 def test_a_thin_link_thins_what_each_drone_says_and_never_a_command(tmp_path: Path) -> None:
     endpoint = free_endpoint()
     with ExitStack() as exits:

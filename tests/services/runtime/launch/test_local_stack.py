@@ -374,6 +374,7 @@ def test_a_computer_on_which_every_service_is_late_is_named_once(tmp_path: Path)
     ]
 
 
+@pytest.mark.slow
 def test_the_dive_goes_on_without_a_viewer_that_is_not_alive_in_time(tmp_path: Path) -> None:
     slow = STACK.replace("services.desk", "services.visualizer")
     stack, services = made(tmp_path, desk=WAITING, stack=slow)
@@ -441,6 +442,7 @@ def test_a_removed_folder_ends_nothing(tmp_path: Path) -> None:
         assert local.supervisor.restarts["engine"] == 1
 
 
+@pytest.mark.slow
 def test_what_is_killed_comes_again_when_the_sockets_were_removed(tmp_path: Path) -> None:
     """As when somebody clears /tmp."""
     stack, services = made(tmp_path)

@@ -49,6 +49,7 @@ def state_of(vessels: Vessels, lane: int) -> list[float]:
     return [float(np.broadcast_to(part, vessels.position[2].shape)[lane]) for part in numbers]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pioneer", "bluerov2_heavy", "minerva"])
 @settings(max_examples=2)
 @given(seed=SEEDS)
