@@ -29,6 +29,7 @@ explore: $(READY) ## search for minutes for new cases that break a law; prints w
 		-m "hypothesis and not system"
 	$(BIN)/python -m pytest -n 2 tests/long/identify_fit.py research/long/figures_of_dives.py
 	$(BIN)/python -m pytest -n 0 tests/long/fleet.py
+	$(BIN)/python -m tests.long.fuzz
 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
 	$(BIN)/python tests/long/mutants.py

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from io import TextIOWrapper
 from typing import Any, NamedTuple
 
-from services.runtime.config.errors import LindyError
+from services.runtime.config.errors import EndedByUserError, LindyError
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
 UNREAD = 141  # exit status: nobody reads the output any more; that of a program that SIGPIPE ends
@@ -126,7 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _nobody_reads():
             return UNREAD
-        return complain(_sentence(error, debug=debug))
+        complain(_sentence(error, debug=debug))
+        return INTERRUPTED if isinstance(error, EndedByUserError) else ERROR
     return status or 0
 
 
@@ -292,7 +293,9 @@ def _nobody_reads() -> bool:
 
 
 def complain(sentence: str) -> int:
-    print(f"lindy: {' '.join(sentence.split())}", file=sys.stderr, flush=True)
+    from tools.log.text_table import harmless
+
+    print(f"lindy: {harmless(' '.join(sentence.split()))}", file=sys.stderr, flush=True)
     return ERROR
 
 
