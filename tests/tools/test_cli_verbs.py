@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from inspect import getdoc
@@ -12,10 +13,13 @@ import pytest
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.running import RUNNING, Running
-from tools.__main__ import LOG, VERBS, function_of, main
+from tools.__main__ import ERROR, INTERRUPTED, LOG, UNREAD, VERBS, Verb, function_of, main
 from tools.live import pads
+from tools.live.outcome import DATA_LOST
+from tools.live.stop_signals import BROKEN_OFF, StopSignals
 
 GOOD = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
+ROOT = Path(__file__).parents[2]
 BOTH = pytest.mark.parametrize("verb", ["dive", "simulate"])
 
 
@@ -135,6 +139,37 @@ def test_other_verbs_explain_as_well(
     assert says in complaint(capsys, *arguments)
 
 
+@pytest.mark.parametrize("files", [(), ("--no-files",)], ids=["files", "no files"])
+@pytest.mark.parametrize("stack", ["ardusub", "mavlink", "cockpit", "foxglove"])
+def test_a_stack_that_needs_real_time_is_not_simulated(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    stack: str,
+    files: tuple[str, ...],
+):
+    monkeypatch.chdir(tmp_path)
+    out = () if files else ("--out", str(tmp_path / "dive"))
+    said = complaint(capsys, "simulate", "--stack", stack, *files, *out)
+    assert f"{stack} needs real time" in said
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_simulated_dive_that_ctrl_c_ends_is_summed_up_and_its_status_is_130(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, script: str
+):
+    class Pressed(StopSignals):
+        def __enter__(self) -> StopSignals:
+            self.asked = True
+            return super().__enter__()
+
+    monkeypatch.setattr("tools.simulate.StopSignals", Pressed)
+    assert main(["simulate", "--no-files", "--pilot", script]) == 130
+    out, err = capsys.readouterr()
+    assert "broke off: interrupted" in out
+    assert err == "lindy: interrupted\n"
+
+
 @pytest.mark.parametrize("arguments", [("--debug", "hub", "foo"), ("hub", "foo", "--debug")])
 def test_debug_shows_where_an_error_came_from(
     capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
@@ -211,6 +246,10 @@ ALONE = [name for name in VERBS if name not in WITH_VERBS_OF_THEIR_OWN | {"log"}
 WORDS = [(name,) for name in ALONE] + [("log", name) for name in LOG]
 
 
+def verb_of(words: tuple[str, ...]) -> Verb:
+    return VERBS[words[0]] if len(words) == 1 else LOG[words[1]]
+
+
 @pytest.mark.parametrize("words", WORDS)
 def test_every_verb_has_help_with_an_example(
     capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
@@ -232,9 +271,27 @@ def test_every_verb_of_a_verb_has_help_with_an_example(
         assert f"lindy {name} {word}" in capsys.readouterr().out.partition("Example: ")[2]
 
 
+EXIT_STATUS = re.compile(r"^\| (\d+) \| (.*) \|$", re.MULTILINE)
+
+
+def test_the_page_has_every_exit_status_and_names_every_verb_that_loses_data():
+    page = (ROOT / "docs" / "flying.md").read_text(encoding="utf-8")
+    rows = dict(EXIT_STATUS.findall(page.partition("## Exit statuses")[2]))
+    assert {*map(int, rows)} == {0, ERROR, DATA_LOST, INTERRUPTED, BROKEN_OFF, UNREAD}
+    helps = {
+        " ".join(words): getdoc(function_of(words[-1], verb_of(words).place)) for words in WORDS
+    }
+    told = {
+        name
+        for name, said in helps.items()
+        if said and re.search(r"xit status (1.*; )?3:", " ".join(said.split()))
+    }
+    assert told == {*re.findall(r"`([a-z ]+)`", rows[str(DATA_LOST)])}
+
+
 @pytest.mark.parametrize("words", WORDS)
 def test_the_list_of_verbs_says_of_each_what_its_own_help_says(words: tuple[str, ...]):
-    verb = VERBS[words[0]] if len(words) == 1 else LOG[words[1]]
+    verb = verb_of(words)
     docstring = getdoc(function_of(words[-1], verb.place))
     assert docstring is not None
     assert docstring.splitlines()[0] == verb.help
