@@ -9,7 +9,7 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from io import TextIOWrapper
 from typing import Any, NamedTuple
 
@@ -181,11 +181,7 @@ def _loaded(program: str, name: str, verbs: Mapping[str, Verb]) -> Any:
         LindyError: there is no such verb.
     """
     if name not in verbs:
-        from difflib import get_close_matches
-
-        near = get_close_matches(name, verbs, 1)
-        meant = f'Did you mean "{near[0]}"? ' if near else ""
-        raise LindyError(f'Unknown command "{name}". {meant}Available: {", ".join(verbs)}.')
+        raise LindyError(f"unknown command {name!r}{_meant(name, verbs)} known: {', '.join(verbs)}")
     waiting = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else it is ignored
     if waiting:
         signal.signal(signal.SIGINT, _leave)
@@ -243,6 +239,14 @@ def _leave(*_: object) -> None:
     os._exit(INTERRUPTED)
 
 
+def _meant(word: str, verbs: Collection[str]) -> str:
+    """`; did you mean 'x'?`, or `;` where nothing is near."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(word, verbs, 1)
+    return f"; did you mean {near[0]!r}?" if near else ";"
+
+
 def _mistyped(error: Any) -> str:
     """What is wrong with a command line, by the error of cyclopts."""
     verb = " ".join(("lindy", *(error.command_chain or ())))
@@ -250,7 +254,10 @@ def _mistyped(error: Any) -> str:
         verb = verb.replace("lindy", "lindy log", 1)
     kind, argument = type(error).__name__, error.argument
     if kind == "UnusedCliTokensError":
-        return f"{verb}: {error.unused_tokens[0]!r} is not expected; `{verb} --help` shows what is"
+        word, verbs = error.unused_tokens[0], [name for name in error.app or () if name[0] != "-"]
+        return (
+            f"{verb}: {word!r} is not expected{_meant(word, verbs)} `{verb} --help` shows what is"
+        )
     if kind == "MissingArgumentError" and error.keyword is not None:
         return f"{verb}: {error.keyword} needs a value; `{verb} --help` shows which"
     if kind == "MissingArgumentError":

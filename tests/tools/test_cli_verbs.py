@@ -51,6 +51,12 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--set", "control.depht.kp=3"], "did you mean 'depth'?"),
         (["--set", "control.depth.kp=-3"], "control.depth.kp=-3: expected float >= 0.0, found -3"),
         (["--set", "contrl.depth.kp=3"], "did you mean 'control'?"),
+        (
+            ["--set", "link.up.delay_ms=3"],
+            "--set link.up.delay_ms=3: link: unknown table of a "
+            "vehicle file; the link is in the file of --link",
+        ),
+        (["--set", "vehicle.mass=11500"], "--set vehicle.mass=11500: is 11500 kg, which thrusters"),
         (["--set", "control.depth.kp"], "expected key.path=value"),
         (["--seconds", "-3"], "--seconds is -3, expected more than 0"),
         (["--seconds", "nan"], "--seconds is nan"),
@@ -111,7 +117,7 @@ def test_a_malformed_vehicle_file_is_named_with_its_line(
 
 
 def test_an_unknown_verb_is_met_with_the_nearest_one(capsys: pytest.CaptureFixture[str]):
-    assert 'Did you mean "dive"?' in complaint(capsys, "diev")
+    assert "unknown command 'diev'; did you mean 'dive'? known: dive, " in complaint(capsys, "diev")
 
 
 @pytest.mark.parametrize(
@@ -423,7 +429,8 @@ def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("link prfile", "lindy link: 'prfile' is not expected; `lindy link --help` shows what is"),
+        ("link prfile", "lindy link: 'prfile' is not expected; did you mean 'profile'? `lindy"),
+        ("dive left", "lindy dive: 'left' is not expected; `lindy dive --help` shows what is"),
         ("log compare base", "lindy log compare: B is missing; `lindy log compare --help`"),
         ("simulate --out", "lindy simulate: --out needs a value; `lindy simulate --help`"),
         ("simulate --seconds 30s", "--seconds is '30s', expected a number, such as 1.5"),
