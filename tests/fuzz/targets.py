@@ -377,7 +377,7 @@ TARGETS: dict[str, Target] = {
     "review": Target("recording", verb("review", "FILE", out="page.html")),
     "replay": Target("recording", verb("replay", "FILE", "--through", "control", "--diff")),
     "identify": Target("recording", verb("identify", "FILE")),
-    "calibrate": Target("recording", verb("calibrate", "pressure", "FILE")),
+    "calibrate": Target("recording", verb("calibrate", "gyroscope", "FILE")),
     "vehicle": Target("vehicle", text(vehicle), "vehicles"),
     "stack": Target("stack", text(stack), "stacks"),
     "link": Target("link", text(lambda path: named(str(path))), "links"),
