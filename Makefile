@@ -9,7 +9,7 @@ VERSION = $(shell $(UV) version --short)
 # Where compiled modules may not be written, each of some hundred processes would compile them anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: dive test slow research explore mutants bench check format laws stops headings real soak faults picture film site docs release clean
+.PHONY: dive test slow research explore mutants bench check format laws stops headings real soak faults picture film site docs release audit clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -29,6 +29,7 @@ explore: $(READY) ## search for minutes for new cases that break a law; prints w
 		-m "hypothesis and not system"
 	$(BIN)/python -m pytest -n 2 tests/long/identify_fit.py research/long/figures_of_dives.py
 	$(BIN)/python -m pytest -n 0 tests/long/fleet.py
+	$(BIN)/python -m tests.long.fuzz
 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
 	$(BIN)/python tests/long/mutants.py
@@ -88,10 +89,17 @@ docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tests.support.docs.import_picture
 	$(BIN)/python -m lindy_research.scale --write
 
-release: $(READY) ## wheel and sdist in dist/, checked and flown; `uv publish` would upload them
+release: $(READY) audit ## wheel, sdist and SBOM in dist/, checked and flown; `uv publish` would upload the first two
 	$(UV) build --quiet --out-dir dist
+	$(UV) export --quiet --frozen --no-dev --all-extras --no-emit-project --format cyclonedx1.5 \
+		--output-file dist/sbom-$(VERSION).cdx.json
 	$(UV) tool run twine check --strict dist/lindy-$(VERSION)*
 	PYTHONHASHSEED=0 $(BIN)/pytest -n 2 -m slow tests/wheel
+
+# 1: something is known; 2: nobody could be asked.
+audit: $(READY) ## is a vulnerability known of any locked package? asks osv.dev
+	@$(UV) audit --quiet --frozen --preview-features audit-command 2> /dev/null || \
+		{ test $$? -eq 2 && echo "not audited: uv could not ask osv.dev for known vulnerabilities"; }
 
 $(READY): pyproject.toml research/pyproject.toml uv.lock
 	test -d .venv || $(PYTHON) -m venv .venv

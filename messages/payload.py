@@ -9,6 +9,8 @@ from messages import events
 from messages.events import Row
 from messages.topic import M, Topic
 
+# What msgspec raises for bytes of any kind; ValueError: text that is not UTF-8.
+UNDECODABLE = (msgspec.MsgspecError, ValueError, RecursionError)
 LONGEST = 1_000_000  # [bytes] a longer payload is not even kept
 MEMBERS = 64  # of one family, such as health/*, that one receiver takes: anybody can invent some
 
@@ -29,5 +31,5 @@ class PayloadDecoder(Generic[M]):
             return events.REPLAYED if encoding == self._replayed else events.WRONG_TYPE
         try:
             return self._decode(payload)
-        except (msgspec.MsgspecError, ValueError, RecursionError):  # ValueError: text not in UTF-8
+        except UNDECODABLE:
             return events.MALFORMED

@@ -1,6 +1,10 @@
 """The project as it is installed and shipped."""
 
+import json
 import re
+import subprocess
+import sys
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -25,6 +29,35 @@ def test_no_other_distribution_shadows_our_folders(name: str) -> None:
 def test_the_lock_file_names_only_the_public_index() -> None:
     hosts = re.findall(r"https?://[^/\"]+", (ROOT / "uv.lock").read_text(encoding="utf-8"))
     assert set(hosts) <= PUBLIC
+
+
+def test_the_bill_of_materials_is_of_exactly_what_can_be_installed(tmp_path: Path) -> None:
+    made = re.search(r"\$\(UV\) (export .*) \\\n", (ROOT / "Makefile").read_text(encoding="utf-8"))
+    assert made is not None
+    out = tmp_path / "sbom.json"
+    command = [sys.executable, "-m", "uv", *made[1].split(), "--output-file", str(out)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    listed = json.loads(out.read_text(encoding="utf-8"))["components"]
+    assert all(file["hashes"] for each in listed for file in each["externalReferences"])
+    assert {(each["name"], each["version"]) for each in listed} == installable()
+
+
+def installable() -> set[tuple[str, str]]:
+    """What Lindy and its extras need, and what these need."""
+    lock = tomllib.loads((ROOT / "uv.lock").read_text(encoding="utf-8"))["package"]
+    found, wanted = set[tuple[str, str]](), [("lindy", "all")]
+    seen = set[tuple[str, str]]()
+    while wanted:
+        if (one := wanted.pop()) in seen:
+            continue
+        seen.add(one)
+        name, extra = one
+        for package in (each for each in lock if each["name"] == name):
+            found.add((name, package["version"]))
+            needs = [*package.get("dependencies", [])]
+            needs += package.get("optional-dependencies", {}).get(extra, [])
+            wanted += [(n["name"], e) for n in needs for e in ("", *n.get("extra", []))]
+    return {each for each in found if each[0] != "lindy"}
 
 
 def test_every_service_of_the_dive_can_be_wired() -> None:

@@ -9,11 +9,11 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from io import TextIOWrapper
 from typing import Any, NamedTuple
 
-from services.runtime.config.errors import LindyError
+from services.runtime.config.errors import EndedByUserError, LindyError
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
 UNREAD = 141  # exit status: nobody reads the output any more; that of a program that SIGPIPE ends
@@ -126,7 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _nobody_reads():
             return UNREAD
-        return complain(_sentence(error, debug=debug))
+        complain(_sentence(error, debug=debug))
+        return INTERRUPTED if isinstance(error, EndedByUserError) else ERROR
     return status or 0
 
 
@@ -180,11 +181,7 @@ def _loaded(program: str, name: str, verbs: Mapping[str, Verb]) -> Any:
         LindyError: there is no such verb.
     """
     if name not in verbs:
-        from difflib import get_close_matches
-
-        near = get_close_matches(name, verbs, 1)
-        meant = f'Did you mean "{near[0]}"? ' if near else ""
-        raise LindyError(f'Unknown command "{name}". {meant}Available: {", ".join(verbs)}.')
+        raise LindyError(f"unknown command {name!r}{_meant(name, verbs)} known: {', '.join(verbs)}")
     waiting = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else it is ignored
     if waiting:
         signal.signal(signal.SIGINT, _leave)
@@ -242,6 +239,14 @@ def _leave(*_: object) -> None:
     os._exit(INTERRUPTED)
 
 
+def _meant(word: str, verbs: Collection[str]) -> str:
+    """`; did you mean 'x'?`, or `;` where nothing is near."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(word, verbs, 1)
+    return f"; did you mean {near[0]!r}?" if near else ";"
+
+
 def _mistyped(error: Any) -> str:
     """What is wrong with a command line, by the error of cyclopts."""
     verb = " ".join(("lindy", *(error.command_chain or ())))
@@ -249,7 +254,10 @@ def _mistyped(error: Any) -> str:
         verb = verb.replace("lindy", "lindy log", 1)
     kind, argument = type(error).__name__, error.argument
     if kind == "UnusedCliTokensError":
-        return f"{verb}: {error.unused_tokens[0]!r} is not expected; `{verb} --help` shows what is"
+        word, verbs = error.unused_tokens[0], [name for name in error.app or () if name[0] != "-"]
+        return (
+            f"{verb}: {word!r} is not expected{_meant(word, verbs)} `{verb} --help` shows what is"
+        )
     if kind == "MissingArgumentError" and error.keyword is not None:
         return f"{verb}: {error.keyword} needs a value; `{verb} --help` shows which"
     if kind == "MissingArgumentError":
@@ -292,7 +300,9 @@ def _nobody_reads() -> bool:
 
 
 def complain(sentence: str) -> int:
-    print(f"lindy: {' '.join(sentence.split())}", file=sys.stderr, flush=True)
+    from tools.log.text_table import harmless
+
+    print(f"lindy: {harmless(' '.join(sentence.split()))}", file=sys.stderr, flush=True)
     return ERROR
 
 

@@ -29,6 +29,7 @@ from tools.link_fit import check_can_be_flown
 
 DEFAULT_PILOT = "script:first_dive"
 LONGEST_S = 86_400.0  # [s] a day
+LEAST_ACCELERATION = 0.05  # [m/s²] all thrusters at their limits; those shipped have 2.3 and more
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,8 +135,16 @@ def _controllable(stack: Stack) -> None:
 
 
 def _submergible(stack: Stack) -> None:
-    """Check that the thrusters can hold the vehicle under water, and keep it from sinking."""
+    """Check that the thrusters can hold the vehicle under water, keep it from sinking and move it:
+    in grams its mass would be a thousand times as large."""
     vehicle = stack.section(BODY, Vehicle)
+    push = sum(max(map(abs, thruster.limits)) for thruster in vehicle.thruster)
+    if push < vehicle.mass * LEAST_ACCELERATION:
+        raise stack.mistake(
+            (BODY, "mass"),
+            f"is {vehicle.mass:g} kg, which thrusters of {push:.0f} N in all hardly move; expected "
+            f"less than {push / LEAST_ACCELERATION:.0f} kg",
+        )
     up, down = vehicle.vertical_thrust
     most, way = (down, "down") if vehicle.net_buoyancy > 0.0 else (up, "up")
     if abs(vehicle.net_buoyancy) >= most and vehicle.net_buoyancy:

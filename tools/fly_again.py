@@ -15,6 +15,7 @@ from tools.choices import Choices
 from tools.live.cockpit import COCKPIT
 from tools.live.piloted_dive import GAMEPAD
 from tools.log.sticks import as_csv, sticks_of
+from tools.log.text_table import harmless
 from tools.recordings.dive_file import FlownDive, FlownStack, flown_dive, unpacked
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import Simulated, simulated
@@ -102,9 +103,8 @@ def _pilot(dive: FlownDive, recording: Recording, folder: Path) -> str:
         Path(name).write_text(text)
     path = folder / STICKS
     path.write_text(as_csv(sticks, f"the sticks of {sticks.source}"))
-    print(f"no script in the recording: its sticks, of {sticks.source}, are flown", flush=True)
-    for remark in sticks.remarks:
-        print(remark, flush=True)
+    said = f"no script in the recording: its sticks, of {sticks.source}, are flown"
+    print(harmless("\n".join([said, *sticks.remarks])), flush=True)
     return f"{SCRIPT}{path}"
 
 

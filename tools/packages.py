@@ -11,6 +11,7 @@ PACKAGES = {
     "ardusub": ("pymavlink", "mavlink"),
     "mavlink": ("pymavlink", "mavlink"),
     "cockpit": ("websockets", "cockpit"),
+    "foxglove": ("foxglove", "foxglove"),
     "camera": ("av", "camera"),
     "camera_monitor": ("av", "camera"),
 }  # service → what it imports, and the extra that installs it

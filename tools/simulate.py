@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable, Collection, Generator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, NamedTuple
@@ -12,7 +11,7 @@ from cyclopts import Parameter
 from rich.progress import BarColumn, Progress, TextColumn
 
 from messages.health import LogLine
-from services.runtime.config.errors import LindyError
+from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.vehicle_view.log_lines import when
@@ -20,7 +19,7 @@ from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import DEFAULT, Choices, named
 from tools.live.cockpit import with_further_cameras
 from tools.live.display import LineDisplay
-from tools.live.dive_folder import point_latest
+from tools.live.dive_folder import dive_files, point_latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import CLEAN, Outcome, title
@@ -100,13 +99,11 @@ def simulated(choices: Choices, *, files: bool = True, running: Collection[str] 
         services = without_files(services)
     if files:
         stack = settled(choices, pilot, services, name=as_given, virtual=True)
-        print(f"{title(stack)} → {stack.out_dir}", flush=True)
         return _recorded(stack, services, pilot)
     if choices.out is not None:
         raise LindyError("--out names a folder for files, and --no-files writes none; drop one")
     with TemporaryDirectory(prefix="lindy-") as folder:  # for a user's service that writes files
         stack = settled(choices, pilot, services, name=as_given, virtual=True, out=folder)
-        print(f"{title(stack)}, without files", flush=True)
         return _in_memory(stack, services, pilot)
 
 
@@ -123,10 +120,20 @@ def scripted(choices: Choices) -> PilotChoice:
 
 def _recorded(stack: Stack, services: Registry, pilot: PilotChoice) -> Simulated:
     outcome = Outcome(stack)
-    begun = partial(point_latest, stack.out_dir)
     timeline = DiveTimeline(pilot.script_s, stack.seconds)
+
+    def begun() -> None:
+        print(f"{title(stack)} → {stack.out_dir}", flush=True)
+        point_latest(stack.out_dir)
+
     with StopSignals() as stop:
-        _fly_and_show(stack, services, timeline, outcome, stop, begun)
+        try:
+            _fly_and_show(stack, services, timeline, outcome, stop, begun)
+        except NeedsRealTimeError:
+            for kind in ("mcap", "rrd"):  # empty: a recorder began before it was known
+                for path in dive_files(stack.out_dir, kind):
+                    path.unlink()
+            raise
         status = stop.report(outcome.sum_up)
     return Simulated(status, log_hash(stack.out_dir), stack.out_dir)
 
@@ -134,8 +141,12 @@ def _recorded(stack: Stack, services: Registry, pilot: PilotChoice) -> Simulated
 def _in_memory(stack: Stack, services: Registry, pilot: PilotChoice) -> Simulated:
     memory, outcome = MemoryRecorder(), Outcome(stack)
     timeline = DiveTimeline(pilot.script_s, stack.seconds)
+
+    def begun() -> None:
+        print(f"{title(stack)}, without files", flush=True)
+
     with StopSignals() as stop:
-        _fly_and_show(stack, services, timeline, outcome, stop, memory=memory)
+        _fly_and_show(stack, services, timeline, outcome, stop, begun, memory)
         status = stop.report(lambda: _sum_up_memory(outcome, memory), "nothing was recorded")
     return Simulated(status, memory.log_hash(), None)
 
@@ -154,7 +165,7 @@ def _fly_and_show(
     timeline: DiveTimeline,
     outcome: Outcome,
     stop: StopSignals,
-    begun: Callable[[], None] = lambda: None,
+    begun: Callable[[], None],
     memory: MemoryRecorder | None = None,
 ) -> None:
     shown = LineDisplay()

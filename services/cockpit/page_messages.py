@@ -9,6 +9,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 
+from messages.payload import UNDECODABLE
 from messages.pilot import FlightMode
 from messages.units import Count, Name, NotNegative, Share, Stick
 from services.piloting.pilot_intents import DEEPEST, FARTHEST, TURN
@@ -87,7 +88,7 @@ def parsed(raw: str | bytes) -> AnyPageMessage | None:
         return None
     try:
         return _DECODER.decode(raw)
-    except (msgspec.DecodeError, msgspec.ValidationError, UnicodeError, RecursionError):
+    except UNDECODABLE:
         return None
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from inspect import getdoc
@@ -12,10 +13,13 @@ import pytest
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.running import RUNNING, Running
-from tools.__main__ import LOG, VERBS, function_of, main
+from tools.__main__ import ERROR, INTERRUPTED, LOG, UNREAD, VERBS, Verb, function_of, main
 from tools.live import pads
+from tools.live.outcome import DATA_LOST
+from tools.live.stop_signals import BROKEN_OFF, StopSignals
 
 GOOD = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
+ROOT = Path(__file__).parents[2]
 BOTH = pytest.mark.parametrize("verb", ["dive", "simulate"])
 
 
@@ -47,6 +51,12 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--set", "control.depht.kp=3"], "did you mean 'depth'?"),
         (["--set", "control.depth.kp=-3"], "control.depth.kp=-3: expected float >= 0.0, found -3"),
         (["--set", "contrl.depth.kp=3"], "did you mean 'control'?"),
+        (
+            ["--set", "link.up.delay_ms=3"],
+            "--set link.up.delay_ms=3: link: unknown table of a "
+            "vehicle file; the link is in the file of --link",
+        ),
+        (["--set", "vehicle.mass=11500"], "--set vehicle.mass=11500: is 11500 kg, which thrusters"),
         (["--set", "control.depth.kp"], "expected key.path=value"),
         (["--seconds", "-3"], "--seconds is -3, expected more than 0"),
         (["--seconds", "nan"], "--seconds is nan"),
@@ -107,7 +117,7 @@ def test_a_malformed_vehicle_file_is_named_with_its_line(
 
 
 def test_an_unknown_verb_is_met_with_the_nearest_one(capsys: pytest.CaptureFixture[str]):
-    assert 'Did you mean "dive"?' in complaint(capsys, "diev")
+    assert "unknown command 'diev'; did you mean 'dive'? known: dive, " in complaint(capsys, "diev")
 
 
 @pytest.mark.parametrize(
@@ -133,6 +143,37 @@ def test_other_verbs_explain_as_well(
     capsys: pytest.CaptureFixture[str], arguments: list[str], says: str
 ):
     assert says in complaint(capsys, *arguments)
+
+
+@pytest.mark.parametrize("files", [(), ("--no-files",)], ids=["files", "no files"])
+@pytest.mark.parametrize("stack", ["ardusub", "mavlink", "cockpit", "foxglove"])
+def test_a_stack_that_needs_real_time_is_not_simulated(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    stack: str,
+    files: tuple[str, ...],
+):
+    monkeypatch.chdir(tmp_path)
+    out = () if files else ("--out", str(tmp_path / "dive"))
+    said = complaint(capsys, "simulate", "--stack", stack, *files, *out)
+    assert f"{stack} needs real time" in said
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_simulated_dive_that_ctrl_c_ends_is_summed_up_and_its_status_is_130(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, script: str
+):
+    class Pressed(StopSignals):
+        def __enter__(self) -> StopSignals:
+            self.asked = True
+            return super().__enter__()
+
+    monkeypatch.setattr("tools.simulate.StopSignals", Pressed)
+    assert main(["simulate", "--no-files", "--pilot", script]) == 130
+    out, err = capsys.readouterr()
+    assert "broke off: interrupted" in out
+    assert err == "lindy: interrupted\n"
 
 
 @pytest.mark.parametrize("arguments", [("--debug", "hub", "foo"), ("hub", "foo", "--debug")])
@@ -211,6 +252,10 @@ ALONE = [name for name in VERBS if name not in WITH_VERBS_OF_THEIR_OWN | {"log"}
 WORDS = [(name,) for name in ALONE] + [("log", name) for name in LOG]
 
 
+def verb_of(words: tuple[str, ...]) -> Verb:
+    return VERBS[words[0]] if len(words) == 1 else LOG[words[1]]
+
+
 @pytest.mark.parametrize("words", WORDS)
 def test_every_verb_has_help_with_an_example(
     capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
@@ -232,9 +277,27 @@ def test_every_verb_of_a_verb_has_help_with_an_example(
         assert f"lindy {name} {word}" in capsys.readouterr().out.partition("Example: ")[2]
 
 
+EXIT_STATUS = re.compile(r"^\| (\d+) \| (.*) \|$", re.MULTILINE)
+
+
+def test_the_page_has_every_exit_status_and_names_every_verb_that_loses_data():
+    page = (ROOT / "docs" / "flying.md").read_text(encoding="utf-8")
+    rows = dict(EXIT_STATUS.findall(page.partition("## Exit statuses")[2]))
+    assert {*map(int, rows)} == {0, ERROR, DATA_LOST, INTERRUPTED, BROKEN_OFF, UNREAD}
+    helps = {
+        " ".join(words): getdoc(function_of(words[-1], verb_of(words).place)) for words in WORDS
+    }
+    told = {
+        name
+        for name, said in helps.items()
+        if said and re.search(r"xit status (1.*; )?3:", " ".join(said.split()))
+    }
+    assert told == {*re.findall(r"`([a-z ]+)`", rows[str(DATA_LOST)])}
+
+
 @pytest.mark.parametrize("words", WORDS)
 def test_the_list_of_verbs_says_of_each_what_its_own_help_says(words: tuple[str, ...]):
-    verb = VERBS[words[0]] if len(words) == 1 else LOG[words[1]]
+    verb = verb_of(words)
     docstring = getdoc(function_of(words[-1], verb.place))
     assert docstring is not None
     assert docstring.splitlines()[0] == verb.help
@@ -367,7 +430,8 @@ def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("link prfile", "lindy link: 'prfile' is not expected; `lindy link --help` shows what is"),
+        ("link prfile", "lindy link: 'prfile' is not expected; did you mean 'profile'? `lindy"),
+        ("dive left", "lindy dive: 'left' is not expected; `lindy dive --help` shows what is"),
         ("log compare base", "lindy log compare: B is missing; `lindy log compare --help`"),
         ("simulate --out", "lindy simulate: --out needs a value; `lindy simulate --help`"),
         ("simulate --seconds 30s", "--seconds is '30s', expected a number, such as 1.5"),

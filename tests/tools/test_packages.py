@@ -16,6 +16,7 @@ def nothing(_: str) -> None:
     [
         (("--cockpit", "--pilot", "script:first_dive"), "cockpit needs websockets"),
         (("--stack", "camera", "--pilot", "script:first_dive"), "camera needs av"),
+        (("--stack", "foxglove", "--pilot", "script:first_dive"), "foxglove needs foxglove"),
         (("--pilot", "keyboard"), "pads and the keyboard need pygame"),
         (("--pilot", "gamepad"), "pads and the keyboard need pygame"),
     ],

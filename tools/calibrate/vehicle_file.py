@@ -11,7 +11,7 @@ from mcap.records import Attachment
 from services.marine.calibration import SensorCalibration
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import convert, deploy_file, read_text
+from services.runtime.config.settings import convert, deploy_file, parsed_toml, read_text
 from tools.calibrate.results import Setting
 from tools.recordings.recording import Recording
 
@@ -86,7 +86,7 @@ def read_vehicle(name: str, text: str) -> Vehicle:
         LindyError: it is no vehicle file.
     """
     try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        tree = parsed_toml(text)
+    except ValueError as error:
         raise LindyError(f"{name}: {error}") from None
     return convert(tree.get("vehicle", {}), Vehicle, f"{name}: vehicle")

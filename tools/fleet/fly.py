@@ -32,7 +32,7 @@ def fly(
 
     DRONE is its name, which `lindy drones` lists. As `lindy up topside --router ENDPOINT --name
     DRONE`, which also waits for the drone; and `lindy ask fly ANOTHER` leaves the drone, which
-    holds, and flies another one.
+    holds, and flies another one. Exit status 3: done, but data or a service was lost.
 
     Example: lindy fly rov2 --router tls/192.168.2.1:7447
     """

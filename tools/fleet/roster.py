@@ -12,6 +12,7 @@ import msgspec
 
 from messages import topics
 from messages.identity import SideIdentity
+from messages.payload import UNDECODABLE
 from messages.sensors import BatterySample
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
@@ -96,7 +97,7 @@ class Roster:
             return
         try:
             message = decoder.decode(payload)
-        except msgspec.DecodeError:  # also a field that is out of its range
+        except UNDECODABLE:  # also a field that is out of its range
             self.counts[UNREADABLE] += 1
             return
         match message:

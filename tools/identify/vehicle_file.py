@@ -1,19 +1,20 @@
 """The vehicle file of a recording, and the same file with fitted numbers in it."""
 
-import json
 import re
 import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 from mcap.records import Attachment
 from msgspec.structs import replace
 
+from messages.payload import UNDECODABLE
 from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
 from services.marine.water import Density
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import convert, deploy_file, override, read_text
+from services.runtime.config.settings import convert, deploy_file, override, parsed_toml, read_text
 from services.simulator.settings import Settings as SimulatorSettings
 from tools.recordings.recording import Recording
 
@@ -43,12 +44,20 @@ def of_recording(recording: Recording, chosen: str | None, where: Path) -> Vehic
     for record in recording.described():
         if isinstance(record, Attachment) and record.media_type == "application/toml":
             settings = recording.metadata("dive").get("overrides", "[]")
-            return _parsed(record.name, record.data.decode(), json.loads(settings))
+            try:
+                overrides = msgspec.json.decode(settings, type=list[str])
+                text = record.data.decode()
+            except UNDECODABLE as error:
+                raise LindyError(f"{where}: {record.name} or its settings: {error}") from None
+            return _parsed(record.name, text, overrides)
     raise LindyError(f"{where} holds no vehicle file; name one with --vehicle")
 
 
 def _parsed(name: str, text: str, overrides: list[str]) -> VehicleFile:
-    tree = tomllib.loads(text)
+    try:
+        tree = parsed_toml(text)
+    except ValueError as error:
+        raise LindyError(f"{name}: not valid TOML: {error}") from None
     override(tree, overrides)
     where = f"{name}: estimation"
     return VehicleFile(

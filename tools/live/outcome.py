@@ -12,11 +12,12 @@ from msgspec.structs import replace
 from messages import events, topics
 from messages.vehicle import VehicleStatus
 from services.recorder.io.parts import parts_in
-from services.runtime.config.errors import LindyError
+from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from tools.fresh import write_fresh
 from tools.health_sums import HealthOfAll, HealthSums
+from tools.log.text_table import harmless
 from tools.recordings.progress import reading
 from tools.recordings.recording import log_hash, merge_parts, open_recording
 from tools.report import (
@@ -72,9 +73,15 @@ class Outcome:
 
     @contextmanager
     def of_the_dive(self) -> Generator[None]:
-        """An aborted dive is still summed up, as far as it was recorded."""
+        """An aborted dive is still summed up, as far as it was recorded.
+
+        Raises:
+            NeedsRealTimeError: it cannot be flown on virtual time: there was no dive.
+        """
         try:
             yield
+        except NeedsRealTimeError:
+            raise
         except LindyError as error:
             self._error = error
             self.exit = str(error)
@@ -251,4 +258,4 @@ def title(stack: Stack) -> str:
     """Title of a dive on the screen."""
     pilot = stack.pilot.replace(":", " ").rpartition("/")[2]
     first = "INSECURE, no keys · " if stack.insecure else ""
-    return f"{first}{stack.drone_name} · {stack.link} · {pilot}"
+    return harmless(f"{first}{stack.drone_name} · {stack.link} · {pilot}")

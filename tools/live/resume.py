@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from messages.identity import SideIdentity
+from messages.payload import UNDECODABLE
 from services.estimation.initialisation import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.launch.process_plan import CHECKPOINTS
@@ -38,7 +39,7 @@ def resumed(dive: Path, identity: SideIdentity, clock_ns: int, utc_s: float) -> 
         raise LindyError(f"--resume: cannot read {path}: {error.strerror}") from None
     try:
         checkpoint = msgspec.json.decode(data, type=EstimationCheckpoint)
-    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+    except UNDECODABLE as error:
         raise LindyError(
             f"--resume: {path} is not a checkpoint of the estimator: {error}"
         ) from None

@@ -6,6 +6,7 @@ from contextlib import closing
 
 from messages import topics
 from messages.health import LogLine
+from services.runtime.config.errors import EndedByUserError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
@@ -54,6 +55,8 @@ def fly(
         with rare_collections():
             outcome.exit = _to_the_end(host, timeline, stop, advance)
         outcome.speedup = host.now / 1e9 / (time.perf_counter() - began)
+        if outcome.exit == INTERRUPTED:
+            raise EndedByUserError(INTERRUPTED)
 
 
 def without_files(services: Registry) -> Registry:

@@ -14,6 +14,7 @@ from messages.events import known, sentence
 from messages.health import LogLine
 from messages.link import Clock
 from messages.message import Message
+from messages.payload import UNDECODABLE
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from tools.choices import Json
@@ -229,7 +230,7 @@ def _rows(found: Info) -> Iterator[tuple[str, str]]:
         yield "dive", named
         yield "seed", found.about.get("seed", "")
         if changed != "[]":
-            with suppress(msgspec.DecodeError):
+            with suppress(*UNDECODABLE):
                 yield "set", ", ".join(msgspec.json.decode(changed, type=list[str]))
     if found.dive is not None:
         lindy = found.dive.lindy

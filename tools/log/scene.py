@@ -10,6 +10,7 @@ from services.visualizer.fleet_scene import FlownTrack, track
 from services.visualizer.scene import SCENE_KINDS
 from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
+from tools.log.text_table import harmless
 from tools.recordings.dive_file import flown_section
 from tools.recordings.recording import Recording, open_recording
 
@@ -37,7 +38,7 @@ def scene(recordings: tuple[Path, ...], /, *, out: NewFile) -> int:
     write_fresh(out, encoded(tracks))
     damage = [words for recording in opened for words in recording.damage]
     lines = [f"{each.name}: {len(each.poses)} poses" for each in tracks]
-    print("\n".join([*lines, f"{len(tracks)} drones in {out}", *damage]), flush=True)
+    print(harmless("\n".join([*lines, f"{len(tracks)} drones in {out}", *damage])), flush=True)
     return INCOMPLETE if damage else COMPLETE
 
 

@@ -22,6 +22,7 @@ from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
+from tools.log.text_table import harmless
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -104,7 +105,7 @@ def sticks(recording: Path, *, out: NewFile) -> int:
     files = ", ".join([str(out), *found.paths])
     print(f"{len(found.rows)} rows, {seconds:.1f} s, written to {files}", flush=True)
     for remark in [*found.remarks, *opened.damage]:
-        print(remark, flush=True)
+        print(harmless(remark), flush=True)
     print(f"to fly them: lindy simulate --pilot script:{out}", flush=True)
     return INCOMPLETE if opened.damage else COMPLETE
 
@@ -145,7 +146,7 @@ def as_csv(sticks: RecordedSticks, heading: str) -> str:
     """The text of a stick log; `heading` is a comment in its first line."""
     grips = any(row.sticks.gripper for row in sticks.rows)  # else there is no column of it
     names = ("tilt", "gripper") if grips else ("tilt",)
-    lines = [f"# {heading}", ",".join((*COLUMNS, *names, "event"))]
+    lines = [f"# {harmless(' '.join(heading.split()))}", ",".join((*COLUMNS, *names, "event"))]
     for row in sticks.rows:
         numbers = row.sticks if grips else row.sticks[:-1]
         cells = [_seconds(row.at_ns), *map(_number, numbers), row.event]
@@ -162,6 +163,12 @@ class RequestEvents:
 
     def of(self, request: Request) -> str:
         """Empty: a script does this by itself, or cannot."""
+        event = self._event(request)
+        # A name of a stranger's could hold further rows of the script.
+        sayable = event.isprintable() and not {",", "#"} & {*event}
+        return event if sayable else self._unsaid(event)
+
+    def _event(self, request: Request) -> str:
         match request:
             case PilotRequest():
                 return self._of_pilot(request)

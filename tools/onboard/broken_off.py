@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from messages.payload import UNDECODABLE
 from services.estimation.initialisation import EstimationCheckpoint
 from services.runtime.config.running import running_in
 from services.runtime.launch.process_plan import CHECKPOINTS
@@ -58,5 +59,5 @@ def _learnt(checkpoints: Path) -> EstimationCheckpoint | None:
     try:
         data = (checkpoints / f"{ESTIMATION}.json").read_bytes()
         return msgspec.json.decode(data, type=EstimationCheckpoint)
-    except (OSError, msgspec.DecodeError, msgspec.ValidationError):
+    except (OSError, *UNDECODABLE):
         return None

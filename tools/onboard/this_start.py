@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from messages.identity import SideIdentity
+from messages.payload import UNDECODABLE
 from services.runtime.node.checkpoint import write_safely
 
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # Linux only
@@ -34,7 +35,7 @@ def read(path: Path) -> Start | None:
     """None: there is no such note, or not a whole one."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Start)
-    except (OSError, msgspec.DecodeError, msgspec.ValidationError):
+    except (OSError, *UNDECODABLE):
         return None
 
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from messages.payload import UNDECODABLE
 from services.recorder.io.attachments import DIVE
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY, reading_copies
@@ -121,6 +122,6 @@ def unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> di
 def _decoded(data: bytes, recording: Recording) -> FlownDive:
     try:
         found: Any = msgspec.json.decode(data, type=FlownDive)
-    except (msgspec.DecodeError, RecursionError) as error:
+    except UNDECODABLE as error:
         raise LindyError(f"{recording.files[0]}: the attachment {DIVE}: {error}") from None
     return found

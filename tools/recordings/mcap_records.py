@@ -13,13 +13,13 @@ from io import BytesIO
 from math import inf
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import zstandard
+from lz4.frame import LZ4FrameDecompressor  # pyright: ignore[reportMissingTypeStubs]
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
 
 from services.recorder.io.open_chunk import CHUNK_HEAD, MAGIC
 from tools.recordings.mcap_index import DAMAGE, RECORD_HEAD, FileIndex, index_of
@@ -322,10 +322,16 @@ def _uncompressed(content: bytes) -> tuple[bytes, bool]:
     if chunk.uncompressed_size > LARGEST_CHUNK:
         size = f"{chunk.uncompressed_size / 1e6:.0f} MB in one chunk"
         raise ValueError(f"{size}, allowed is {LARGEST_CHUNK // 1_000_000}")
-    if chunk.compression != "zstd":
-        opened, size = get_chunk_data_stream(chunk, validate_crc=True)
-        return opened.read(size), True
-    data, whole = _opened(chunk.data, chunk.uncompressed_size)
+    whole = True
+    match chunk.compression:
+        case "zstd":
+            data, whole = _opened(chunk.data, chunk.uncompressed_size)
+        case "lz4":
+            data = _opened_lz4(chunk.data, chunk.uncompressed_size)
+        case "":
+            data = chunk.data
+        case other:
+            raise ValueError(f"compressed by {other!r}")
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise ValueError("a damaged chunk")
     return data, whole
@@ -343,6 +349,19 @@ def _opened(data: bytes, most: int) -> tuple[bytes, bool]:
         parts.append(frame.decompress(data[at : at + SLICE]))
         size += len(parts[-1])
     return b"".join(parts)[:most], frame.eof
+
+
+def _opened_lz4(data: bytes, most: int) -> bytes:
+    """As others write it: at most so many bytes.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    frame: Any = LZ4FrameDecompressor()
+    try:
+        return frame.decompress(data, max_length=most)
+    except RuntimeError as error:
+        raise ValueError(error) from None
 
 
 def _beginning(chunk: bytes) -> bytes:

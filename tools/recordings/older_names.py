@@ -6,6 +6,8 @@ from typing import Any, cast
 import msgspec
 from mcap.records import Schema
 
+from messages.payload import UNDECODABLE
+
 RENAMED: dict[str, dict[str, str]] = {
     "VehicleStatus": {"mode": "activity", "hold": "flight_mode"},
     "PilotRequest": {"hold": "flight_mode"},
@@ -26,7 +28,7 @@ def as_today(schema: Schema) -> Callable[[bytes], bytes] | None:
     def renamed(data: bytes) -> bytes:
         try:
             return msgspec.json.encode(_renamed(msgspec.json.decode(data), names))
-        except (msgspec.DecodeError, RecursionError):
+        except UNDECODABLE:
             return data  # whoever decodes it counts it
 
     return renamed

@@ -17,6 +17,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from messages import topics
 from messages.message import Message
+from messages.payload import UNDECODABLE
 from services.recorder.foxglove.channel import is_view
 from services.recorder.io.contents import CONTENTS, OF_THE_WHOLE, Contents
 from services.recorder.io.mcap_file import McapFile
@@ -203,7 +204,7 @@ class Recording:
             if decode is not None:
                 try:
                     return decode(data)
-                except (msgspec.DecodeError, RecursionError):
+                except UNDECODABLE:
                     pass
             unreadable[key] += 1
             return None

@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from services.runtime.config.errors import LindyError
+from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.hosts.registry import Registry
 from services.tether.io.profile_file import named
@@ -70,7 +70,7 @@ def sweep(axes: SweepAxes, wanted: Wanted) -> int:
                     _write_table(axes, wanted, finished)
             raise LindyError(f"{error}; {_kept(len(finished.rows), axes, wanted)}") from error
         if stopped and not finished.rows:
-            raise LindyError(_interrupted(finished.rows, axes, wanted))
+            raise EndedByUserError(_interrupted(finished.rows, axes, wanted))
         rows = _write_table(axes, wanted, finished)
     _show(rows, axes, wanted)
     return _ending(rows, axes, wanted, stopped=stopped)
@@ -233,7 +233,7 @@ def _show(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted) -> None:
 
 def _ending(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted, *, stopped: bool) -> int:
     if stopped and len(rows) < axes.count:
-        raise LindyError(_interrupted(rows, axes, wanted))
+        raise EndedByUserError(_interrupted(rows, axes, wanted))
     failed = [row for row in rows if row["end"] != CLEAN]
     if failed:
         raise LindyError(

@@ -8,6 +8,7 @@ from cyclopts import App, Parameter
 
 from messages import topics
 from messages.link import Clock
+from messages.payload import UNDECODABLE
 from messages.topic import AnyTopic, Side
 from services.runtime.config.errors import LindyError
 from tools.choices import RunningDive, UntilCtrlC, Whole
@@ -65,7 +66,7 @@ def echo(
         nonlocal unread
         try:
             message = decode(payload)
-        except msgspec.DecodeError:
+        except UNDECODABLE:
             unread += 1
             return
         print(msgspec.json.encode({"topic": key, "message": message}).decode(), flush=True)

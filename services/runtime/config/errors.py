@@ -8,6 +8,10 @@ class LindyError(Exception):
     """
 
 
+class EndedByUserError(LindyError):
+    """The user has ended something before its end, as by Ctrl-C: the exit status is 130."""
+
+
 class NeedsRealTimeError(LindyError):
     """Raised by the `wire` of a driver that cannot run on virtual time, when `stack.virtual`."""
 

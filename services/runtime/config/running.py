@@ -5,6 +5,8 @@ from pathlib import Path
 
 import msgspec
 
+from messages.payload import UNDECODABLE
+
 RUNNING = "run.json"
 
 
@@ -39,7 +41,7 @@ def _noted(folder: Path) -> Running | None:
     """What a folder says of a program that is there."""
     try:
         running = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running)
-    except (FileNotFoundError, msgspec.DecodeError):
+    except (FileNotFoundError, *UNDECODABLE):
         return None
     try:
         os.kill(running.supervisor, 0)  # signal 0 only asks whether it exists

@@ -34,6 +34,7 @@ NO_SETTINGS = (
     "the module of this service has no settings; declare them in it as "
     "class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)"
 )
+LINK = "; the link is in the file of --link, and `lindy link set` changes it while a dive goes on"
 SCRIPT = "script:"  # of a pilot: then comes its name
 # A replay's own part of the keys. Wildcards do not match a chunk that begins with @, and no vehicle
 # can have such a name: docs/decisions/0018-replay.md.
@@ -167,9 +168,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 if name in known:
                     raise self._blamed(f"{where}: {NO_SETTINGS}")
                 allowed = sorted(name for name, kind in known.items() if kind is not None)
-                raise self._blamed(
-                    f"{where}: unknown table of a vehicle file{nearest(name, allowed)}"
-                )
+                hint = LINK if name == "link" else nearest(name, allowed)
+                raise self._blamed(f"{where}: unknown table of a vehicle file{hint}")
         for name, kind in known.items():
             if kind is not None:
                 self.section(name, kind)

@@ -19,6 +19,7 @@ from messages.events import Event, Level, Outbox
 from messages.health import LogLine
 from messages.link import Clock
 from messages.message import Message
+from messages.payload import UNDECODABLE
 from messages.topic import AnyTopic, Direction, M, Topic
 from services.runtime.bus.envelope import Bus, Envelope
 from services.runtime.node.answers import AnswerBook
@@ -372,7 +373,7 @@ class Node:
         try:
             data = self._checkpoint.restore_checkpoint()
             return None if data is None else msgspec.json.decode(data, type=kind)
-        except (OSError, msgspec.DecodeError, msgspec.ValidationError):
+        except (OSError, *UNDECODABLE):
             self.tell(events.MALFORMED_CHECKPOINT())
             return None
 

@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 import msgspec
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -134,9 +135,10 @@ def test_whatever_a_row_carries_the_list_goes_on(topic: AnyTopic, payload: bytes
     table(roster, "E", "same")
 
 
-def test_what_cannot_be_read_is_counted() -> None:
+@pytest.mark.parametrize("payload", [b"\xc1", b"\x81\xa4note\xa1\xff", b"\x91" * 100_000])
+def test_what_cannot_be_read_is_counted(payload: bytes) -> None:
     roster = whole()
-    roster.row(f"{namespace('rov1')}/{topics.STATUS.key}", b"\xc1")
+    roster.row(f"{namespace('rov1')}/{topics.STATUS.key}", payload)
     assert roster.counts == {UNREADABLE: 1}
     assert roster.remarks == ["1 unreadable messages from drones"]
 

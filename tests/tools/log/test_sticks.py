@@ -4,14 +4,16 @@ from math import radians
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from messages.link import LinkRequest
 from messages.pilot import Course, PilotRequest, RequestKind
+from messages.simulator import FaultRequest
 from services.gamepad.io.path_file import course_named, course_of
 from services.gamepad.stick_log import StickLogRow, parse
 from services.piloting.pilot_intents import OutputIntent
-from services.piloting.sticks import Sticks
+from services.piloting.sticks import CENTRED, Sticks
 from tools.__main__ import main
 from tools.log.sticks import RecordedSticks, RequestEvents, SticksRow, as_csv, in_degrees, sticks_of
 from tools.recordings.recording import open_recording
@@ -91,3 +93,22 @@ def test_a_request_for_an_output_is_an_event() -> None:
     assert event("output", 1.0, "lasers") == "output lasers 1.0"
     assert event("light", 0.25) == "output light 0.25"
     assert event("light", 1.0) == "light"
+
+
+@given(name=st.text(max_size=60), settings=st.lists(st.text(max_size=60), max_size=3))
+@example(name="lights\n2,1,1,1,1,0,", settings=[])
+@example(name="x\x85y", settings=["up.delay_ms=1,2"])
+def test_no_name_of_a_stranger_becomes_a_row_of_the_script(name: str, settings: list[str]) -> None:
+    remarks: list[str] = []
+    events = RequestEvents("", remarks)
+    requests = (
+        PilotRequest(stamp_ns=0, id="", kind="output", output=name, value=1.0),
+        FaultRequest(stamp_ns=0, id="", part=name, fault="dead"),
+        LinkRequest(stamp_ns=0, id="", kind="profile", profile=name),
+        LinkRequest(stamp_ns=0, id="", kind="set", settings=tuple(settings)),
+    )
+    said = [events.of(request) for request in requests]
+    csv = [SticksRow(n, CENTRED, event) for n, event in enumerate([*said, ""])]
+    text = as_csv(RecordedSticks(csv, {}, name, remarks), f"the sticks of {name}")
+    times = ["0", *(f"0.00000000{n}" for n in range(1, 5))]
+    assert [line.partition(",")[0] for line in text.splitlines()[2:]] == times

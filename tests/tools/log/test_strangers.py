@@ -9,7 +9,7 @@ import pytest
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import Writer
 
-from tools.__main__ import main
+from tools.__main__ import GROUPS, LOG, main
 from tools.log.account import Account, unrecorded_in
 from tools.recordings.mcap_records import StoredMessage, records
 
@@ -31,12 +31,14 @@ def forged(
     *,
     metadata: dict[str, Tree] | None = None,
     leave: tuple[str, ...] = (),
+    named: str = "",
 ) -> Path:
     """A copy by the library for such files, with the metadata of the recording.
 
     Args:
         metadata: more of it, by the name.
         leave: metadata that is left out.
+        named: stands behind the names of attachments and in that of one more topic.
     """
     schemas, channels, keys = dict[int, int](), dict[int, int](), dict[int, str]()
     with out.open("wb") as stream:
@@ -63,9 +65,13 @@ def forged(
                 writer.add_metadata(record.name, record.metadata)
             elif isinstance(record, Attachment):
                 times = record.create_time, record.log_time
-                writer.add_attachment(*times, record.name, record.media_type, record.data)
+                name = f"{record.name}{named}"
+                writer.add_attachment(*times, name, record.media_type, record.data)
         for name, entries in (metadata or {}).items():
             writer.add_metadata(name, entries)
+        if named:
+            schema = writer.register_schema(named, "jsonschema", b"{}")
+            writer.add_message(writer.register_channel(named, "json", schema), 1, b"{}", 1)
         writer.finish()
     return out
 
@@ -125,22 +131,60 @@ def test_a_part_that_was_cut_out_or_recovered_has_no_checksum_of_the_whole(
         assert "checksum" not in checked(part, capsys)[1]
 
 
-def orders(key: str, tree: Tree) -> Tree:
-    return {**tree, "text": f"{CLEAR}gone", "level": "error"} if key.startswith("log/") else tree
+def orders(_: str, tree: Tree) -> Tree:
+    """In every field whose words the sender chooses."""
+    free = {"text", "source", "note", "words", "reason", "name", "version", "vehicle", "commit"}
+    return {
+        key: f"{said}{CLEAR}" if key in free and isinstance(said, str) else said
+        for key, said in tree.items()
+    }
 
 
-@pytest.mark.parametrize("verb", ["info", "check", "csv"])
+VERBS_OF_A_FILE: dict[tuple[str, ...], tuple[str, ...]] = {  # what each needs besides
+    ("log", "info"): (), ("log", "check"): (), ("log", "jerk"): (), ("log", "noise"): (),
+    ("log", "csv"): ("--out", "csv"), ("log", "parquet"): ("--out", "parquet"),
+    ("log", "cut"): ("--out", "cut.mcap", "--from", "0.2"),
+    ("log", "recover"): ("--out", "whole.mcap"), ("log", "sticks"): ("--out", "sticks.csv"),
+    ("log", "film"): ("--out", "film.mp4"), ("log", "snapshots"): ("--out", "pictures"),
+    ("log", "scene"): ("--out", "scene.rrd"), ("log", "compare"): ("FORGED",),
+    ("review",): ("--out", "page.html"), ("replay",): ("--through", "control", "--diff"),
+    ("import",): ("--out", "imported"), ("link", "trace"): ("--out", "trace.csv"),
+    ("calibrate", "gyroscope"): ("--vehicle", "pioneer"), ("picture",): ("--out", "picture.png"),
+    ("identify",): ("--vehicle", "pioneer"), ("simulate", "--from"): ("--no-files",),
+}  # fmt: skip
+
+
+def test_every_verb_of_recordings_is_among_them() -> None:
+    assert {words[1] for words in VERBS_OF_A_FILE if words[0] == "log"} == {*LOG}
+    assert {words[0] for words in VERBS_OF_A_FILE} >= {*GROUPS["Recordings"]}
+
+
+# Also in what makes a verb refuse the file; or only where each goes on.
+@pytest.mark.parametrize("name", [CLEAR, ""], ids=["names too", "not in names"])
+@pytest.mark.parametrize("words", VERBS_OF_A_FILE, ids=" ".join)
 def test_no_verb_prints_what_a_terminal_would_obey(
-    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+    clean_dive: ShortDive,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    name: str,
 ) -> None:
-    about = {"dive": {"vehicle": f"pioneer{CLEAR}", "drone": f"x{CLEAR}", "side": "drone"}}
-    about |= {"recovered": {"found": CLEAR}}
+    monkeypatch.chdir(tmp_path)
+    dive = {"vehicle": f"pioneer{name}", "drone": f"x{CLEAR}", "side": "drone"}
+    dive |= dict.fromkeys(("pilot", "link", "seed", "overrides"), CLEAR)
+    about = {"dive": dict[str, Any](dive)}
+    about |= {"recovered": {"found": CLEAR}, "losses": {CLEAR: "3"}, "cut": {"topics": CLEAR}}
     source = clean_dive.folder / "dive.mcap"
-    path = forged(source, tmp_path / "forged.mcap", orders, metadata=about)
-    assert main(["log", verb, str(path)]) in (0, 3)
+    path = forged(source, tmp_path / "forged.mcap", orders, metadata=about, named=name)
+    more = [str(path) if word == "FORGED" else word for word in VERBS_OF_A_FILE[words]]
+    status = main([*words, str(path), *more])
     said = capsys.readouterr()
-    assert "\x1b" not in said.out + said.err
-    assert "\x07" not in said.out + said.err
+    assert status in (0, 1, 3), said.err
+    assert "in Lindy itself" not in said.err
+    assert "is not expected" not in said.err
+    assert "needs a value" not in said.err
+    assert not {"\x1b", "\x07"} & {*said.out, *said.err}
 
 
 @pytest.mark.parametrize(

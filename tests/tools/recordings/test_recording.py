@@ -4,15 +4,18 @@ import tracemalloc
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import msgspec
 import pytest
 import zstandard
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from lz4.frame import LZ4FrameCompressor  # pyright: ignore[reportMissingTypeStubs]
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk
+from mcap.writer import CompressionType, Writer
 
 from messages import topics
 from messages.sensors import PressureSample
@@ -164,14 +167,24 @@ def test_a_file_that_is_no_recording_is_one_sentence(tmp_path: Path, data: bytes
         open_recording(tmp_path)
 
 
+def zstd_bomb() -> bytes:
+    zeros = zstandard.ZstdCompressor().compressobj()
+    return b"".join([*(zeros.compress(bytes(1_000_000)) for _ in range(400)), zeros.flush()])
+
+
+def lz4_bomb() -> bytes:
+    zeros: Any = LZ4FrameCompressor()
+    begin: bytes = zeros.begin()
+    return b"".join([begin, *(zeros.compress(bytes(1_000_000)) for _ in range(400)), zeros.flush()])
+
+
 @pytest.mark.parametrize("told", [100, 400_000_000, 2**63])
-def test_a_chunk_that_would_fill_the_memory_is_damage(tmp_path: Path, told: int):
-    """However many bytes it says that it holds."""
-    path, zeros = tmp_path / "bomb.mcap", zstandard.ZstdCompressor().compressobj()
-    parts = [zeros.compress(bytes(1_000_000)) for _ in range(400)]
-    bomb = b"".join([*parts, zeros.flush()])
+@pytest.mark.parametrize("kind", ["zstd", "lz4", "brotli"])
+def test_a_chunk_that_would_fill_the_memory_is_damage(tmp_path: Path, kind: str, told: int):
+    """However many bytes it says that it holds, and however it is compressed."""
+    path, bomb = tmp_path / "bomb.mcap", zstd_bomb() if kind == "zstd" else lz4_bomb()
     builder = RecordBuilder()
-    Chunk("zstd", bomb, 0, 0, 0, told).write(builder)
+    Chunk(kind, bomb, 0, 0, 0, told).write(builder)
     write(path)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(MAGIC)] + builder.end() + whole[len(MAGIC) :])
@@ -185,6 +198,26 @@ def test_a_chunk_that_would_fill_the_memory_is_damage(tmp_path: Path, told: int)
     assert recording.damage
     assert len(read) in (0, PER_CHUNK * CHUNKS)
     assert peak < 200_000_000
+
+
+def test_what_others_compress_by_lz4_is_read_and_a_damaged_chunk_of_it_is_damage(tmp_path: Path):
+    path = tmp_path / "lz4.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.LZ4, enable_crcs=False)
+        writer.start()
+        schema = writer.register_schema("PressureSample", "jsonschema", b"{}")
+        channel = writer.register_channel(KEY, "json", schema)
+        for n in range(PER_CHUNK):
+            sample = PressureSample(stamp_ns=n, pressure=1e5 + n)
+            writer.add_message(channel, n, msgspec.json.encode(sample), n)
+        writer.finish()
+    assert stamps(path) == list(range(PER_CHUNK))
+    data = path.read_bytes()
+    at = data.index(b"\x04\x22\x4d\x18")  # how a frame of LZ4 begins
+    path.write_bytes(data[: at + 4] + bytes(20) + data[at + 24 :])
+    recording = open_recording(path)
+    assert list(recording) == []
+    assert recording.damage
 
 
 def test_a_missing_recording_is_one_sentence(tmp_path: Path):

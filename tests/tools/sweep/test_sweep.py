@@ -218,7 +218,7 @@ def test_ctrl_c_keeps_what_is_finished(
 
     monkeypatch.setattr(module, "_fly", interrupted)
     words = ["sweep", "--pilot", script, "--set", QUICK, "--seed", "1..3", "--out", str(out)]
-    assert main(words) == 1
+    assert main(words) == 130
     assert "interrupted; 1 of 3 dives are kept" in capsys.readouterr().err
     assert len(table_of(out)) == 1
 
@@ -231,7 +231,7 @@ def test_ctrl_c_before_the_first_row_is_one_sentence(
 
     monkeypatch.setattr(module, "_fly", interrupted)
     out = tmp_path / "x.csv"
-    assert main(["sweep", "--pilot", script, "--seed", "1..3", "--out", str(out)]) == 1
+    assert main(["sweep", "--pilot", script, "--seed", "1..3", "--out", str(out)]) == 130
     said, sentence = capsys.readouterr()
     assert said == ""
     assert "interrupted; 0 of 3 dives are kept" in sentence

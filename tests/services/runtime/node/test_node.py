@@ -226,6 +226,20 @@ def test_a_damaged_memory_is_counted_and_treated_as_none() -> None:
     assert again.counts == {"malformed:memory": 1}
 
 
+def test_a_memory_that_is_no_text_is_treated_as_none() -> None:
+    class Torn:
+        def restore_checkpoint(self) -> bytes:
+            return b'{"depth": "\xff"}'
+
+        def save_checkpoint(self, data: bytes) -> None: ...
+
+    node = VirtualHost().node("worker", DRONE)
+    node._checkpoint = Torn()  # pyright: ignore[reportPrivateUsage, reportAttributeAccessIssue]
+    kind = msgspec.defstruct("Words", [("depth", str)])
+    assert node.restore_checkpoint(kind) is None
+    assert node.counts == {"malformed:memory": 1}
+
+
 def test_two_services_that_answer_each_other_for_ever_are_found_out() -> None:
     host = VirtualHost()
     ping, pong = host.node("ping", DRONE), host.node("pong", DRONE)
