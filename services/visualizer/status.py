@@ -96,7 +96,7 @@ class Status:
     def _changes(self, message: Message, time: int) -> list[Note]:
         notes: list[Note] = []
         shown = self._believed if isinstance(message, STATUS_PARTS) else message
-        for lane, say in LANES.get(type(shown), ()):
+        for lane, say in () if shown is None else LANES.get(type(shown), ()):
             text = say(shown)
             if self._lanes.get(lane) != text:
                 self._lanes[lane] = text

@@ -28,7 +28,7 @@ from services.runtime.hosts.process_host import instance, usage
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.aliveness import Aliveness
 from services.runtime.launch.busy import Busyness
-from services.runtime.launch.child import Child, Task
+from services.runtime.launch.child import Child, Task, is_stuck
 from services.runtime.launch.hang_detector import HangDetector
 from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
 from services.runtime.launch.process_pool import ProcessPool
@@ -246,7 +246,7 @@ class LocalStack:
             self._spares.keep(self._spared)
         self._restore_sockets(now)
         beats = {name: last_beat(self.plan.heartbeat(name)) for name in self.supervisor.lives}
-        for name, what in self.hang_detector.look(beats, self.supervisor.lives, now):
+        for name, what in self.hang_detector.look(beats, self.supervisor.lives, now, self._stuck):
             if what == "silent":
                 self._tell("error", f"{name} does not answer any more")
             elif what == "again":
@@ -258,6 +258,11 @@ class LocalStack:
             set(self.plan.processes.get(name, ())) & set(LAST) for name in self.hang_detector.silent
         ):
             self._systemd.works(now)
+
+    def _stuck(self, process: str) -> bool:
+        """One on the way of the pilot's disarm, where a spare waits to take over."""
+        pid = self.supervisor.pids.get(process)
+        return process in self._spares.ready and pid is not None and is_stuck(pid)
 
     def _restore_sockets(self, now: int) -> None:
         """A hub whose socket was removed is started again: no service that ends could come back."""
