@@ -125,7 +125,8 @@ class Guarded:
 
     def caller(self, said: str = "") -> socket.socket:
         called = socket.create_connection(("127.0.0.1", self.port), PATIENCE_S)
-        called.sendall(said.encode())
+        with suppress(ConnectionError):  # it was ended before
+            called.sendall(said.encode())
         return self._exits.enter_context(called)
 
     def viewer(self) -> socket.socket:
@@ -134,14 +135,14 @@ class Guarded:
 
 def is_closed(called: socket.socket) -> bool:
     """Waits for it, and for nothing else where nothing is sent."""
-    with suppress(ConnectionResetError):
+    with suppress(ConnectionError):
         while called.recv(1_000_000):
             pass
     return True
 
 
 def is_shown(viewer: socket.socket) -> bool:
-    with suppress(ConnectionResetError):
+    with suppress(ConnectionError):
         return bool(viewer.recv(1000))
     return False
 
