@@ -162,13 +162,13 @@ def _idle(dive: VirtualDive) -> None:
 
 def _older_pilot(dive: VirtualDive) -> None:
     """A gamepad of a version that knew no epochs takes the place of the pilot's."""
-    dive.stop("gamepad")
+    dive.hush("gamepad")
     dive.stranger(source="older")
 
 
 def _newer_pilot(dive: VirtualDive) -> None:
     dive.leave("stranger")
-    dive.go_on("gamepad")
+    dive.speak("gamepad")
 
 
 def _silent_pilot(dive: VirtualDive) -> None:

@@ -7,7 +7,7 @@ takes to start; that was measured in real dives.
 """
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -85,8 +85,11 @@ class VirtualProcess:
 class VirtualDive:
     """Armed and settled in a mode when the constructor returns."""
 
-    def __init__(self, mode: FlownMode, seed: int = 0) -> None:
+    def __init__(self, mode: FlownMode, seed: int = 0, settings: Sequence[str] = ()) -> None:
         """
+        Args:
+            settings: more than those of every such dive.
+
         Raises:
             RuntimeError: the drone does not arm.
         """
@@ -108,7 +111,9 @@ class VirtualDive:
         script.write_text(mode.script)
         self._stack = Stack(
             pilot=f"script:{script}", out=self._folder.name, vehicle=mode.vehicle, seed=seed,
-            overrides=[*SETTINGS, f"reference.failsafe.depth_limit={mode.depth_limit}"],
+            overrides=[
+                *SETTINGS, f"reference.failsafe.depth_limit={mode.depth_limit}", *settings
+            ],
         )  # fmt: skip
         self._begin(mode)
 
@@ -143,6 +148,11 @@ class VirtualDive:
     @property
     def _armed(self) -> bool:
         return bool(self.seen.statuses) and self.seen.statuses[-1].armed
+
+    @property
+    def restarts(self) -> dict[str, int]:
+        """How often each process was started again."""
+        return self._supervisor.restarts
 
     # Time.
 
