@@ -242,10 +242,8 @@ class LocalStack:
         if now < self._watch_at:
             return  # messages wake this process more often than a look is of use
         self._watch_at = now + WATCH_NS
-        if self._spared is not None and set(self.missing()) <= set(
-            SLOW
-        ):  # else they need the processor
-            self._spares.keep(self._spared)
+        if self._spared is not None and set(self.missing()) <= set(SLOW):
+            self._spares.keep(self._spared)  # earlier the others need the processor
         self._restore_sockets(now)
         beats = {name: last_beat(self.plan.heartbeat(name)) for name in self.supervisor.lives}
         for name, what in self.hang_detector.look(beats, self.supervisor.lives, now, self._stuck):
