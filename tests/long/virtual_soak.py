@@ -34,9 +34,10 @@ HOURS, NUMBER, SEED = 8.0, 1000, 1
 RANDOM = tuple(fault for fault in FAULTS if fault.virtual is not None and fault is not NONE)
 MODES = ("manual", "depth_hold", "stabilised")
 STICKS_S, DEPTH_S, MODE_S = 3, 60, 600  # [s] between two stick positions, depths, modes
+CENTRED_S = 12  # [s] between two times with centred sticks, without which nothing arms
 LOOK_S = 0.5  # [s] between two looks for who is in control, and for which he must be
 LONGEST_BACK_S = 60.0  # [s] after the end of a fault, for the pilot to be in control again
-ARM_S = 3.0  # [s] between two requests to arm, of a drone that a fault has disarmed
+ARM_S = 1.0  # [s] between two requests to arm, of a drone that a fault has disarmed
 LEAST_H = 0.5  # [h] of a dive that tell whether memory grows
 MEMORY_MB_H = 8.0  # [MB/h] that a process with all services may grow, in an hour of virtual time
 MOST_COUNTS = 500  # names that a service may count
@@ -72,10 +73,11 @@ def sticks(seconds: float, chance: random.Random) -> Iterator[str]:
     for second in range(5, round(seconds), STICKS_S):
         surge, sway, yaw = (chance.choice([0.0, chance.uniform(-1, 1)]) for _ in range(3))
         event = ""
+        if second % CENTRED_S < STICKS_S:
+            surge = sway = yaw = 0.0
         if second % MODE_S < STICKS_S:
             event = f"mode {chance.choice(MODES)}"
         elif second % DEPTH_S < STICKS_S:
-            surge = sway = yaw = 0.0  # which would end it
             event = f"goto depth={chance.uniform(1.0, 4.0):.1f}"
         yield f"{second},{surge:.2f},{sway:.2f},0,{yaw:.2f},,{event}"
 
