@@ -9,7 +9,7 @@ VERSION = $(shell $(UV) version --short)
 # Where compiled modules may not be written, each of some hundred processes would compile them anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: dive test slow research explore mutants bench check format laws stops headings real soak faults picture film site docs release audit clean
+.PHONY: dive test slow research explore mutants bench check format laws stops headings real soak soak-virtual faults picture film site docs release audit clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -72,6 +72,9 @@ real: $(READY) ## the estimator over real dives on record, which LINDY_REAL= is 
 soak: $(READY) ## half an hour of faults, in a real dive and in a fleet of four. MINUTES=, SEED=
 	$(BIN)/python -m tests.long.soak $(or $(MINUTES),30) $(or $(SEED),1)
 	$(BIN)/python -m tests.long.fleet_soak $(or $(MINUTES),30) $(or $(SEED),1)
+
+soak-virtual: $(READY) ## eight hours and a thousand faults on virtual time. HOURS=, FAULTS=, SEED=
+	$(BIN)/python -m tests.long.virtual_soak $(or $(HOURS),8) $(or $(FAULTS),1000) $(or $(SEED),1)
 
 faults: $(READY) ## every fault in every mode, and again in real processes, into docs/faults.md
 	$(BIN)/python -m tests.support.faults

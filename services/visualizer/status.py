@@ -44,6 +44,7 @@ LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
 }
 
 
+STATUS_PARTS = VehicleStatus | ThrusterCommand  # which say together whether it is armed
 REQUESTS = PilotRequest | LinkRequest | FaultRequest | FlyRequest | FilmRequest
 ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer | FlyAnswer | FilmAnswer
 VIEWED: dict[type[Message], str] = {
@@ -94,8 +95,9 @@ class Status:
 
     def _changes(self, message: Message, time: int) -> list[Note]:
         notes: list[Note] = []
-        for lane, say in LANES.get(type(message), ()):
-            text = say(message)
+        shown = self._believed if isinstance(message, STATUS_PARTS) else message
+        for lane, say in () if shown is None else LANES.get(type(shown), ()):
+            text = say(shown)
             if self._lanes.get(lane) != text:
                 self._lanes[lane] = text
                 notes.append(Note(f"state/{lane}", time, "state", text))
@@ -173,13 +175,17 @@ class Status:
     def _view(self, now: int) -> VehicleView:
         """By the times of arrival: stamps may be of another machine's clock."""
         found: dict[str, Any] = {}
-        thrusters: Any = self._newest.get(ThrusterCommand)
         for kind, name in VIEWED.items():
-            if (message := self._newest.get(kind)) is not None:
-                if isinstance(message, VehicleStatus):
-                    message = believed(message, thrusters)
+            message = self._believed if kind is VehicleStatus else self._newest.get(kind)
+            if message is not None:
                 found[name] = msgspec.structs.replace(message, stamp_ns=self._heard_ns[kind])
         return vehicle_view(Newest(**found), now)
+
+    @property
+    def _believed(self) -> VehicleStatus | None:
+        status: Any = self._newest.get(VehicleStatus)
+        thrusters: Any = self._newest.get(ThrusterCommand)
+        return None if status is None else believed(status, thrusters)
 
     def _services(self) -> str:
         head = [

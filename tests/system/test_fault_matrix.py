@@ -30,6 +30,9 @@ CELLS = (
     "stabilised/kill -9 estimation",
     "stabilised/SIGSTOP estimation 2 s",
     "stabilised/kill -9 hub_topside",
+    "stabilised/SIGSTOP tether 2 s",
+    "stabilised/SIGSTOP hub_topside 2 s",
+    "stabilised/SIGSTOP hub_drone 2 s",
     "stabilised/cable out 3 s",
     "stabilised/pressure biased 20000",
     "stabilised/pilot of an older version",
@@ -92,6 +95,15 @@ def test_a_stopped_service_is_ended_and_started_again_by_the_supervisor(
     assert figures.restarted == ("estimation",)
     assert "supervisor: estimation does not answer any more" in figures.texts
     assert figures.failsafes == ("state_lost",)
+
+
+@pytest.mark.parametrize("name", ["tether", "hub_topside", "hub_drone"])
+def test_a_disarm_stops_the_thrusters_within_a_second_while_the_way_to_them_hangs(
+    rows: dict[str, CellRow], name: str
+) -> None:
+    figures = rows[f"stabilised/SIGSTOP {name} 2 s"].figures
+    assert figures.disarmed is not None
+    assert figures.disarmed <= 1.0
 
 
 def test_a_pilot_who_stays_silent_is_waited_for_then_the_drone_rises_and_resumes(

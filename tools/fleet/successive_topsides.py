@@ -312,9 +312,7 @@ class SuccessiveTopsides:
         return None if known is None else known.identity
 
     def _open(self, plan: Planned, *, announced: bool) -> FlownTopside:
-        return opened(
-            plan, self._stop, self._shown, self._pool.child, self._hear, announced=announced
-        )
+        return opened(plan, self._stop, self._shown, self._pool, self._hear, announced=announced)
 
     def _end(self, flight: FlownTopside) -> None:
         self._endings.append(self._background.submit(flight.end))

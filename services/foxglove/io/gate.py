@@ -13,7 +13,9 @@ from services.foxglove.handshake import refusal
 LONGEST_HEAD = 16_384  # [bytes]
 HEAD_S = 5.0  # [s] for the head of a request
 AT_ONCE = 65_536  # [bytes]
-MOST = 32  # connections
+UNREAD_S = 10.0  # [s] in which a viewer takes what is sent at once
+MOST = 32  # viewers
+MOST_CONNECTIONS = 192  # with those that have not said yet what they are
 CLOSE_S = 2.0  # [s]
 
 
@@ -50,7 +52,7 @@ class FrontGate:
         self._socket = socket.create_server((host, port), family=family)
         self._port, self._behind, self._local = port, behind, local
         self._refused = refused
-        self._open = 0  # connections
+        self._open = self._viewers = 0  # connections; those of them that were let in
         self._loop = asyncio.new_event_loop()
         self._stop = asyncio.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -78,6 +80,10 @@ class FrontGate:
     async def _met(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._open += 1
         try:
+            if self._open > MOST_CONNECTIONS:
+                self._refused("too many connections")
+                writer.transport.abort()
+                return
             with suppress(OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
                 await self._let_in(reader, writer)
         finally:
@@ -85,9 +91,13 @@ class FrontGate:
             writer.close()
 
     async def _let_in(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), HEAD_S)
+        try:
+            head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), HEAD_S)
+        except TimeoutError:
+            self._refused("a connection on which nothing was said")
+            return
         why = refusal(head, self._port, local=self._local)
-        why = "too many connections" if not why and self._open > MOST else why
+        why = "too many viewers" if not why and self._viewers >= MOST else why
         if why:
             self._refused(why)
             body = f"{why}\n".encode()
@@ -95,23 +105,28 @@ class FrontGate:
             writer.write(status + f"{len(body)}\r\n\r\n".encode() + body)
             await writer.drain()
             return
-        inner, outer = await asyncio.open_connection(*self._behind, limit=AT_ONCE)
+        self._viewers += 1
         try:
+            inner, outer = await asyncio.open_connection(*self._behind, limit=AT_ONCE)
             outer.write(head)
             ways = [_pass_on(reader, outer), _pass_on(inner, writer)]
             tasks = [asyncio.ensure_future(way) for way in ways]
             try:
-                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+                done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+                if any(isinstance(task.exception(), TimeoutError) for task in done):
+                    self._refused("a viewer that does not read")
+                    writer.transport.abort()  # what it has not read is not waited for
             finally:
                 for task in tasks:
                     task.cancel()
                 await asyncio.gather(*tasks, return_exceptions=True)
+                outer.close()
         finally:
-            outer.close()
+            self._viewers -= 1
 
 
 async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     """A reader that is slow makes the server wait, which then drops its oldest messages."""
     while data := await reader.read(AT_ONCE):
         writer.write(data)
-        await writer.drain()
+        await asyncio.wait_for(writer.drain(), UNREAD_S)

@@ -12,6 +12,7 @@ from typing import IO, Protocol
 from services.runtime.config.disk import reason
 
 KILL_S = 0.5  # [s] in which a killed process is normally gone
+IDLE = "STt"  # states of a thread: asleep, stopped, stopped by a debugger
 TAIL = 4096  # [bytes] of a log in which its last line is looked for
 
 
@@ -112,6 +113,16 @@ class OsChild:
     def _signal_group(self, number: signal.Signals) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):  # nobody is left in it
             os.killpg(self._process.pid, number)
+
+
+def is_stuck(pid: int) -> bool:
+    """Does a process do nothing, nor wait for a processor or a disk? False also where nobody can
+    tell, as on another system than Linux."""
+    try:
+        stats = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/stat")]
+    except OSError:  # a thread has just ended
+        return False
+    return bool(stats) and all(stat.rpartition(")")[2].split()[0] in IDLE for stat in stats)
 
 
 def _log_file(path: Path) -> tuple[IO[bytes], str]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Literal
 
-BACK_OFF_S = (0.25, 0.5, 1.0, 2.0, 4.0)  # [s] before each restart in a row; the last one repeats
+BACK_OFF_S = (0.0, 0.5, 1.0, 2.0, 4.0)  # [s] before each restart in a row; the last one repeats
 STEADY_S = 10.0  # [s] after running this long the back-off starts again from the shortest pause
 MISTAKE = 1  # exit status for a wrong setting, with one sentence on stderr
 

@@ -28,7 +28,7 @@ from services.runtime.hosts.process_host import instance, usage
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.aliveness import Aliveness
 from services.runtime.launch.busy import Busyness
-from services.runtime.launch.child import Child, Task
+from services.runtime.launch.child import is_stuck
 from services.runtime.launch.hang_detector import HangDetector
 from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
 from services.runtime.launch.process_pool import ProcessPool
@@ -51,18 +51,18 @@ LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
 class LocalStack:
     """The processes of a plan, kept running; made by `local_stack`, which also ends it."""
 
-    def __init__(self, plan: ProcessPlan, spawn: Callable[[Task], Child] | None = None) -> None:
+    def __init__(self, plan: ProcessPlan, pool: ProcessPool | None = None) -> None:
         """
         Args:
-            spawn: starts a process; default: this stack keeps spare ones for its pilots.
+            pool: whose processes are used, kept by the caller; default: this stack keeps spares.
         """
         self.plan = plan
-        self._spares = ProcessPool()
-        self._spared = plan.spares if spawn is None else {}
+        self._spares = pool or ProcessPool()
+        self._spared = plan.spares if pool is None else None
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.aliveness = Aliveness(plan.services, plan.endpoints)
         self.note = RunNote(plan, partial(self._tell, "warning"))
-        self.supervisor = Supervisor(self._tell, spawn or self._spares.child)
+        self.supervisor = Supervisor(self._tell, self._spares.child)
         self.hang_detector = HangDetector(dict.fromkeys(LAST, DISK_PATIENCE_S))
         self._busyness = Busyness()
         self.replaced = False  # by another one of this program, which goes on
@@ -242,11 +242,11 @@ class LocalStack:
         if now < self._watch_at:
             return  # messages wake this process more often than a look is of use
         self._watch_at = now + WATCH_NS
-        if set(self.missing()) <= set(SLOW):  # else they need the processor
-            self._spares.keep(self._spared)
+        if self._spared is not None and set(self.missing()) <= set(SLOW):
+            self._spares.keep(self._spared)  # earlier the others need the processor
         self._restore_sockets(now)
         beats = {name: last_beat(self.plan.heartbeat(name)) for name in self.supervisor.lives}
-        for name, what in self.hang_detector.look(beats, self.supervisor.lives, now):
+        for name, what in self.hang_detector.look(beats, self.supervisor.lives, now, self._stuck):
             if what == "silent":
                 self._tell("error", f"{name} does not answer any more")
             elif what == "again":
@@ -258,6 +258,12 @@ class LocalStack:
             set(self.plan.processes.get(name, ())) & set(LAST) for name in self.hang_detector.silent
         ):
             self._systemd.works(now)
+
+    def _stuck(self, process: str) -> bool:
+        """One on the way of the pilot's disarm, where a spare waits to take over."""
+        pid = self.supervisor.pids.get(process)
+        spared = process in self.plan.spares and self._spares.has(process)
+        return spared and pid is not None and is_stuck(pid)
 
     def _restore_sockets(self, now: int) -> None:
         """A hub whose socket was removed is started again: no service that ends could come back."""
@@ -273,7 +279,8 @@ class LocalStack:
         """End all processes."""
         if not self.replaced:
             self._systemd.stopping()
-        self._spares.end()
+        if self._spared is not None:
+            self._spares.end()
         self.supervisor.stop()
 
     def _tell(self, level: Literal["info", "warning", "error"], text: str) -> None:
@@ -289,7 +296,7 @@ def local_stack(
     other_side: OtherSide | None = None,
     begin_with: Mapping[str, bytes] | None = None,
     credentials: Credentials | None = None,
-    spawn: Callable[[Task], Child] | None = None,
+    pool: ProcessPool | None = None,
 ) -> Generator[LocalStack]:
     """Running hubs, without services yet; everything is ended when the block is left.
 
@@ -299,7 +306,7 @@ def local_stack(
         other_side: where it is another machine; `services` are then those of this one.
         begin_with: checkpoints by service, of an earlier start.
         credentials: for endpoints of and for other machines.
-        spawn: starts a process; default: as `LocalStack`.
+        pool: as `LocalStack` has it.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
@@ -314,7 +321,7 @@ def local_stack(
         plan = ProcessPlan(
             stack, services, Path(folder), listen, other_side, begin_with, credentials
         )
-        local = LocalStack(plan, spawn)
+        local = LocalStack(plan, pool)
         with ExitStack() as exits:
             exits.callback(local.note.remove)
             exits.callback(local.supervisor.stop)

@@ -199,11 +199,13 @@ class ProcessPlan:
 
     @property
     def spares(self) -> dict[str, Prewarming]:
-        """Of the processes in which a pilot has his stop button: it must be there again at once."""
+        """Of the processes in which a pilot has his stop button, and of those through which what
+        it says goes: they must be there again at once."""
         return {
-            process: self.prewarming[process]
-            for process, names in self.processes.items()
-            if any(code_of(name, self.services[name]) in PILOTS for name in names)
+            process: prewarming
+            for process, prewarming in self.prewarming.items()
+            if process not in self.processes
+            or any(s.gateway or code_of(n, s) in PILOTS for n, s in prewarming.services.items())
         }
 
     def _log(self, name: str) -> Path:

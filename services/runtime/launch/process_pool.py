@@ -44,10 +44,10 @@ class ProcessPool:
                     self._waiting[name] = _started(prewarming)
                 return
 
-    @property
-    def ready(self) -> set[str]:
-        """Names of those that have imported everything."""
-        return {name for name, process in self._waiting.items() if _has_imported(process)}
+    def has(self, name: str) -> bool:
+        """Has one for this task imported everything?"""
+        process = self._waiting.get(name)
+        return process is not None and _has_imported(process)
 
     @property
     def pids(self) -> dict[str, int]:

@@ -4,6 +4,9 @@ import base64
 import importlib.util
 import os
 import socket
+from collections.abc import Generator
+from contextlib import ExitStack, closing, suppress
+from threading import Thread
 
 import pytest
 from hypothesis import given
@@ -11,8 +14,10 @@ from hypothesis import strategies as st
 
 from services.foxglove.core import parameters
 from services.foxglove.handshake import refusal
+from services.foxglove.io import gate
+from tests.support.patience import PATIENCE_S, until
 
-from .test_live_server import Watched
+from .test_live_server import Watched, free_port
 
 needs_sdk = pytest.mark.skipif(
     importlib.util.find_spec("foxglove") is None, reason="the foxglove extra is not installed"
@@ -93,3 +98,96 @@ def test_the_server_upgrades_for_a_viewer_and_for_no_foreign_page() -> None:
     assert said == [
         "somebody was not let in: wrong Origin: only Foxglove and Lichtblick may connect"
     ]
+
+
+class Guarded:
+    """A gate before a server that sends for ever."""
+
+    def __init__(self, exits: ExitStack) -> None:
+        self.port, self.refused = free_port(), list[str]()
+        self._server = exits.enter_context(socket.create_server(("127.0.0.1", 0)))
+        self._exits = exits
+        behind = self._server.getsockname()
+        Thread(target=self._send, daemon=True).start()
+        front = gate.FrontGate("127.0.0.1", self.port, behind, self.refused.append, local=True)
+        exits.enter_context(closing(front))
+
+    def _send(self) -> None:
+        with suppress(OSError):
+            while True:
+                viewer, _ = self._server.accept()
+                Thread(target=self._flood, args=(viewer,), daemon=True).start()
+
+    def _flood(self, viewer: socket.socket) -> None:
+        with suppress(OSError), viewer:
+            while True:
+                viewer.sendall(bytes(100_000))
+
+    def caller(self, said: str = "") -> socket.socket:
+        called = socket.create_connection(("127.0.0.1", self.port), PATIENCE_S)
+        with suppress(ConnectionError):  # it was ended before
+            called.sendall(said.encode())
+        return self._exits.enter_context(called)
+
+    def viewer(self) -> socket.socket:
+        return self.caller(HEAD.format(host=f"localhost:{self.port}", more=""))
+
+
+def is_closed(called: socket.socket) -> bool:
+    """Waits for it, and for nothing else where nothing is sent."""
+    with suppress(ConnectionError):
+        while called.recv(1_000_000):
+            pass
+    return True
+
+
+def is_shown(viewer: socket.socket) -> bool:
+    with suppress(ConnectionError):
+        return bool(viewer.recv(1000))
+    return False
+
+
+@pytest.fixture
+def guarded() -> Generator[Guarded]:
+    with ExitStack() as exits:
+        yield Guarded(exits)
+
+
+def test_a_caller_who_says_nothing_is_ended_and_counted(
+    guarded: Guarded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gate, "HEAD_S", 0.05)
+    assert is_closed(guarded.caller("GET / HTTP"))
+    until(lambda: guarded.refused == ["a connection on which nothing was said"])
+
+
+def test_a_viewer_who_reads_nothing_is_ended_and_counted(
+    guarded: Guarded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gate, "UNREAD_S", 0.05)
+    viewer = guarded.viewer()
+    until(lambda: guarded.refused == ["a viewer that does not read"])
+    assert is_closed(viewer)
+
+
+def test_of_too_many_silent_callers_each_is_counted_and_a_viewer_comes_in_when_they_went(
+    guarded: Guarded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gate, "MOST_CONNECTIONS", 4)
+    callers = [guarded.caller() for _ in range(4)]
+    further = [guarded.caller() for _ in range(3)]
+    assert all(is_closed(caller) for caller in further)
+    until(lambda: guarded.refused == ["too many connections"] * 3)
+    for caller in callers:
+        caller.close()
+    until(lambda: is_shown(guarded.viewer()))
+
+
+def test_more_viewers_than_there_is_room_for_are_refused_and_told_why(
+    guarded: Guarded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gate, "MOST", 2)
+    for _ in range(2):
+        assert guarded.viewer().recv(1000)
+    assert guarded.viewer().recv(1000).startswith(b"HTTP/1.1 403")
+    assert guarded.refused == ["too many viewers"]

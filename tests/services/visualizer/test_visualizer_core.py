@@ -131,6 +131,20 @@ def test_a_state_is_noted_only_when_it_changes(sample: Sample) -> None:
     assert [n.time for n in armed] == [0, 2, 4]
 
 
+def test_a_disarm_by_control_is_seen_while_the_reference_that_says_armed_hangs(
+    sample: Sample,
+) -> None:
+    collector = Collector(VEHICLE)
+    collector.hear(topics.STATUS, "vehicle/status", sample("vehicle/status", 0), 0)
+    collector.drain(0)
+    for time, armed in [(SECOND, True), (2 * SECOND, False)]:
+        command = sample("control/thrusters", time)
+        command = msgspec.structs.replace(command, armed=armed)  # type: ignore[call-arg]
+        collector.hear(topics.THRUSTERS, "control/thrusters", command, time)
+        lanes = [n.text for n in collector.drain(time).notes if n.path == "state/armed"]
+        assert lanes == ([] if armed else ["disarmed"])
+
+
 @given(norths=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=60))
 @settings(max_examples=50, deadline=None)
 def test_the_path_flown_is_thinned_and_never_interrupted(norths: list[float]) -> None:

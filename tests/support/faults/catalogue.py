@@ -16,8 +16,8 @@ from tests.support.faults.virtual_dive import VirtualDive
 ON_BOARD = ("simulator", "estimation", "reference", "control")
 PROCESSES = (*ON_BOARD, "tether", "gamepad", "link_monitor", "hub_drone", "hub_topside")
 ONLOOKERS = ("recorder", "visualizer")  # in real dives alone
-# Between the pilot and the reference. Without its hub the drone hears nobody either, but then
-# nobody hears when it notices.
+# Between the pilot and the reference, each with a spare that takes over before the sticks expire.
+# Without its hub the drone hears nobody either, but then nobody hears when it notices.
 BETWEEN = ("tether", "gamepad", "hub_topside")
 DEAF = ("simulator", "hub_drone")  # without it no sample arrives
 KILL_S, HANG_S, RESUME_S = 1.5, 3.0, 2.0  # [s] goals
@@ -36,7 +36,6 @@ def _of_process(name: str) -> list[FaultCase]:
             both=None if name in ONLOOKERS else killed,
             only_real=killed,
             lives=name not in DEAF,
-            no_pilot=name in BETWEEN,
             no_control=name == "control",
             back=KILL_S,
         )
@@ -81,7 +80,6 @@ def _exception(name: str) -> FaultCase:
         after=3.5,
         back=KILL_S,
         lives=name not in DEAF,
-        no_pilot=name in BETWEEN,
         no_control=name == "control",
         only_virtual=VirtualDeeds(lambda dive: dive.fail(name)),
     )
@@ -164,13 +162,13 @@ def _idle(dive: VirtualDive) -> None:
 
 def _older_pilot(dive: VirtualDive) -> None:
     """A gamepad of a version that knew no epochs takes the place of the pilot's."""
-    dive.stop("gamepad")
+    dive.hush("gamepad")
     dive.stranger(source="older")
 
 
 def _newer_pilot(dive: VirtualDive) -> None:
     dive.leave("stranger")
-    dive.go_on("gamepad")
+    dive.speak("gamepad")
 
 
 def _silent_pilot(dive: VirtualDive) -> None:

@@ -15,10 +15,11 @@ class FlownMode(NamedTuple):
     holds_depth: bool = True
     vertical: str = "vertical"  # name of a vertical thruster
     depth_limit: float = 6.0  # [m] of the failsafe, within reach of the sticks
+    lasts: float = 7200.0  # [s] until its last row
 
     @property
     def script(self) -> str:
-        return "\n".join([HEADING, *self.rows, "7200,0,0,0,0,,", ""])
+        return "\n".join([HEADING, *self.rows, f"{self.lasts:.0f},0,0,0,0,,", ""])
 
 
 # Two metres down with the stick, then rest; a stick that stays deflected shows a lost pilot.

@@ -48,6 +48,12 @@ class Observed:
         node.each(topics.LOG, self._read)
         node.each(topics.PILOT_ANSWER, lambda m, _: self.answers.append(m))
 
+    def forget(self) -> None:
+        """What was seen is judged; only what is shown goes on to be."""
+        for seen in (self.truth, self.references, self.actuations, self.said, self.answers):
+            seen.clear()
+        del self.statuses[:-1]
+
     def tell(self, at_ns: int, text: str) -> None:
         self.said.append(ReadText(at_ns, text))
 

@@ -7,7 +7,7 @@ takes to start; that was measured in real dives.
 """
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -37,6 +37,9 @@ SECOND = 1_000_000_000  # [ns]
 STEP_NS = 40_000_000  # [ns] between two steps of the supervisor, at most as in a real dive
 WATCH_NS = 100_000_000  # [ns] between two looks at who answers
 START_NS = 350_000_000  # [ns] from a start to the first message of a service, measured
+SPARE_NS = 100_000_000  # [ns] the same where a spare has waited, measured
+REFILL_NS = 5_000_000_000  # [ns] until the next spare waits
+SPARED = ("hub_drone", "hub_topside", "tether", "gamepad")  # as `ProcessPlan.spares` has it
 LONGEST_START_S = 60.0  # [s] until the drone is armed
 SERVICES = (
     "simulator", "estimation", "reference", "control", "tether", "gamepad", "link_monitor",
@@ -82,8 +85,11 @@ class VirtualProcess:
 class VirtualDive:
     """Armed and settled in a mode when the constructor returns."""
 
-    def __init__(self, mode: FlownMode, seed: int = 0) -> None:
+    def __init__(self, mode: FlownMode, seed: int = 0, settings: Sequence[str] = ()) -> None:
         """
+        Args:
+            settings: more than those of every such dive.
+
         Raises:
             RuntimeError: the drone does not arm.
         """
@@ -95,6 +101,7 @@ class VirtualDive:
         self._processes: dict[str, VirtualProcess] = {}
         self._stopped: dict[str, int] = {}  # [ns] last sign of life of those that are stopped
         self._watched_ns = 0
+        self._refilled = dict.fromkeys(SPARED, 0)  # [ns] when a spare waits
         self._asked = 0
         self._instances = 0  # processes that have begun
         self._answering = HangDetector()
@@ -104,7 +111,9 @@ class VirtualDive:
         script.write_text(mode.script)
         self._stack = Stack(
             pilot=f"script:{script}", out=self._folder.name, vehicle=mode.vehicle, seed=seed,
-            overrides=[*SETTINGS, f"reference.failsafe.depth_limit={mode.depth_limit}"],
+            overrides=[
+                *SETTINGS, f"reference.failsafe.depth_limit={mode.depth_limit}", *settings
+            ],
         )  # fmt: skip
         self._begin(mode)
 
@@ -140,6 +149,11 @@ class VirtualDive:
     def _armed(self) -> bool:
         return bool(self.seen.statuses) and self.seen.statuses[-1].armed
 
+    @property
+    def restarts(self) -> dict[str, int]:
+        """How often each process was started again."""
+        return self._supervisor.restarts
+
     # Time.
 
     @property
@@ -163,13 +177,19 @@ class VirtualDive:
             return
         self._watched_ns = now
         beats = {name: self._stopped.get(name, now) for name in self._processes}
-        for name, what in self._answering.look(beats, self._supervisor.lives, now):
+        for name, what in self._answering.look(beats, self._supervisor.lives, now, self._stuck):
             if what == "silent":
                 self._tell("error", f"{name} does not answer any more")
             elif what == "again":
                 self._tell("warning", f"{name} answers again")
             else:
                 self._supervisor.kill(name)
+
+    def _stuck(self, name: str) -> bool:
+        return name in self._stopped and self._has_spare(name)
+
+    def _has_spare(self, name: str) -> bool:
+        return name in SPARED and self.host.now >= self._refilled[name]
 
     def _tell(self, _level: str, text: str) -> None:
         self.seen.tell(self.host.now, f"supervisor: {text}")
@@ -179,7 +199,11 @@ class VirtualDive:
     def _spawn(self, task: Task) -> VirtualProcess:
         name = task.name
         self._stopped.pop(name, None)
-        takes = START_NS if self._supervisor.lives[name].restarts else 0
+        takes = 0
+        if self._supervisor.lives[name].restarts:
+            takes = SPARE_NS if self._has_spare(name) else START_NS
+            if name in SPARED:
+                self._refilled[name] = self.host.now + REFILL_NS
         self._later.append((self.host.now + takes, name))
         process = self._processes[name] = VirtualProcess(lambda: self._drop(name))
         if not takes:

@@ -3,35 +3,46 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.runtime.launch.hang_detector import LATE_S, SILENT_S, HangDetector, SilenceChange
+from services.runtime.launch.hang_detector import (
+    LATE_S,
+    PUNCTUAL_S,
+    SILENT_S,
+    STUCK_S,
+    HangDetector,
+    SilenceChange,
+)
 from services.runtime.launch.lifecycle import Life, Phase
 
 STEP_NS = 100_000_000  # [ns] between two looks
 PATIENCE_S = 3.0
 PHASES: tuple[Phase, ...] = ("waiting", "running", "stopping", "ended")
 STORIES = st.lists(
-    st.tuples(st.booleans(), st.sampled_from(PHASES), st.booleans(), st.integers(1, 60)),
+    st.tuples(
+        st.booleans(), st.sampled_from(PHASES), st.booleans(), st.booleans(), st.integers(1, 60)
+    ),
     max_size=10,
-)  # does its loop go round, in which phase, was it started again, for how many looks
+)  # does its loop go round, in which phase, was it started again, is it stuck, for how many looks
 
 
 @settings(max_examples=300, deadline=None)
 @given(STORIES, st.sampled_from([SILENT_S, PATIENCE_S]))
 def test_only_a_life_that_has_beaten_and_then_stopped_is_named(
-    story: list[tuple[bool, Phase, bool, int]], patience_s: float
+    story: list[tuple[bool, Phase, bool, bool, int]], patience_s: float
 ) -> None:
     answering = HangDetector({"control": patience_s})
     now, life, beat, named, given_up = 0, Life(lives=1), None, False, False
-    for beats, phase, again, looks in story:
+    for beats, phase, again, is_stuck, looks in story:
+        named, given_up = named and not again, given_up and not again
         life = Life(phase=phase, lives=life.lives + again, at=now if again else life.at)
         for _ in range(looks):
             now += STEP_NS
             beat = now if beats else beat
-            changes = answering.look({"control": beat}, {"control": life}, now)
+            changes = answering.look({"control": beat}, {"control": life}, now, lambda _: is_stuck)  # noqa: B023
             judged = phase == "running" and beat is not None and beat >= life.at
             silence_s = 0.0 if beat is None else (now - max(beat, STEP_NS)) / 1e9
-            silent = judged and silence_s > SILENT_S
-            hopeless = judged and silence_s > max(SILENT_S, patience_s)
+            stuck = judged and is_stuck and silence_s > STUCK_S
+            silent = stuck or (judged and silence_s > (STUCK_S if named else SILENT_S))
+            hopeless = stuck or (judged and silence_s > max(SILENT_S, patience_s))
             expected = [
                 *([SilenceChange("control", "silent")] if silent and not named else []),
                 *([SilenceChange("control", "hopeless")] if hopeless and not given_up else []),
@@ -39,7 +50,7 @@ def test_only_a_life_that_has_beaten_and_then_stopped_is_named(
             ]
             assert changes == expected
             assert ("control" in answering.silent) == silent
-            named, given_up = silent, hopeless
+            named, given_up = silent, silent and (hopeless or given_up)
 
 
 def test_a_computer_that_was_asleep_is_nobodys_fault() -> None:
@@ -56,6 +67,18 @@ def test_a_computer_that_was_asleep_is_nobodys_fault() -> None:
         for change in answering.look({"control": 0}, life, now)
     ]
     assert [change.what for change in late] == ["silent", "hopeless"]
+
+
+def test_who_is_stuck_is_not_waited_for_but_by_a_supervisor_that_is_late_itself() -> None:
+    """After a pause of the whole computer a process had no time to beat."""
+    for gap_s, what in [(PUNCTUAL_S, ["silent", "hopeless"]), (1.1 * PUNCTUAL_S, list[str]())]:
+        answering, life = HangDetector(), {"tether": Life(phase="running", lives=1)}
+        before = round(0.9 * STUCK_S * 1e9)
+        assert answering.look({"tether": 0}, life, before - STEP_NS, lambda _: True) == []
+        assert answering.look({"tether": 0}, life, before, lambda _: True) == []
+        late = before + round(gap_s * 1e9)
+        changes = answering.look({"tether": 0}, life, late, lambda _: True)
+        assert [change.what for change in changes] == what
 
 
 def test_each_time_is_counted() -> None:

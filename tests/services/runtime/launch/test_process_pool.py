@@ -25,7 +25,7 @@ def pool() -> Generator[ProcessPool]:
 
 def ready(pool: ProcessPool) -> int:
     """Pid of a prewarmed hub that has imported everything."""
-    until(lambda: pool.keep({"hub": Prewarming()}) or pool.ready == {"hub"})
+    until(lambda: pool.keep({"hub": Prewarming()}) or pool.has("hub"))
     return pool.pids["hub"]
 
 
@@ -74,7 +74,7 @@ def test_one_imports_after_the_other_and_all_end(pool: ProcessPool):
     pool.keep(wanted)
     pool.keep(wanted)
     assert len(pool.pids) == 1
-    until(lambda: pool.keep(wanted) or len(pool.ready) == 2)
+    until(lambda: pool.keep(wanted) or all(map(pool.has, wanted)))
     pids = [*pool.pids.values()]
     pool.end()
     assert not any(Path(f"/proc/{pid}").exists() for pid in pids)
