@@ -1,12 +1,18 @@
 """What a board with ArduSub adds: latency, the wrench it gives, rates, and the end of silence.
 
 On the double of tests/support/ardusub_double, packet by packet on virtual time: nothing here
-depends on the machine, but for the cost of the mixer.
+depends on the machine, but for the cost of the mixer, and of the service in a real dive with the
+double as a process.
 """
 
+import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from statistics import median
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +25,7 @@ from services.ardusub.mixer import MixedSticks, Mixer, RcChannel
 from services.control.allocation.allocation import Allocation
 from services.marine.vehicle import total_wrench, wrench_per_newton
 from tests.support.ardusub_double.cable import DOWN, MS, VEHICLE, Cable, S
+from tests.support.started_dives import PILOT, started, watched
 
 SECTION = "ardusub"
 SCALE = np.array([30.0, 30.0, 40.0, 3.0, 3.0, 6.0])  # [N, N m] a wrench that the vehicle can give
@@ -26,10 +33,11 @@ SHARES = (0.1, 0.3, 0.6, 1.0)  # of it
 WRENCHES = 300  # per share
 STEPS = 60  # of the stick
 COMMAND_NS = 9 * MS  # [ns] between two commands: at every phase of the board's clock
+PROCESSOR = 5.0  # [%] of a core, goal
 
 
 def figures() -> list[Figure]:
-    return [*_wrenches(), *_latencies(), *_rates(), *_silence(), _cost()]
+    return [*_wrenches(), *_latencies(), *_rates(), *_silence(), _cost(), _service()]
 
 
 def _figure(name: str, unit: str, ours: float, **more: object) -> Figure:
@@ -175,3 +183,28 @@ def _seconds(work: Callable[[], object]) -> float:
     began = time.perf_counter()
     work()
     return time.perf_counter() - began
+
+
+def _service() -> Figure:
+    """Of a dive as a process each; in steady flight."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    board = "tests.support.ardusub_double.udp"
+    said = [sys.executable, "-P", "-m", board, "--to", str(port), "--version", "4.8"]
+    words = ("--stack", "ardusub", "--vehicle", "bluerov2_heavy", "--headless", *PILOT)
+    where = ("--set", f"ardusub.url=udpin:127.0.0.1:{port}")
+    double = subprocess.Popen(said, cwd=Path(__file__).parents[3], stdout=subprocess.DEVNULL)
+    try:
+        with (
+            TemporaryDirectory(prefix="lindy-bench-") as folder,
+            started(Path(folder) / "dive", "dive", *words, *where) as dive,
+        ):
+            cost = watched([dive], [dive])["0/ardusub"]
+    finally:
+        double.terminate()
+        double.wait()
+    return _figure(
+        "processor of the service in a dive", "%", cost.cpu,
+        baseline_name="goal", baseline=PROCESSOR, goal=1.0,
+    )  # fmt: skip
