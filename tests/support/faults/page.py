@@ -52,6 +52,14 @@ NOT_COVERED = """
   depth without it.
 - A hub that hangs for 0.3 s delays messages, and nothing expires that matters: no service is late.
 
+## Not mended
+
+- Two processes that both call themselves `reference` answer the pilot by turns, each in the name of
+  an epoch of its own. A disarm has the epoch of one of them: it is refused as that of another pilot
+  where the other is the one that is heard. The screens say that there are two, and nothing arms
+  then; ending either of them ends it. A supervisor never starts a second one.
+- A disarm does not get through a cable that is out. The drone stops by itself.
+
 ## Not covered
 
 - A jump of the computer's clock: every service runs on the monotonic clock, and a test must not set
