@@ -127,13 +127,13 @@ def _calibrate(
         refuse_existing(out)
     if recording is not None:
         opened = open_recording(recording)
-        name, text = vehicle_in(opened, vehicle, recording)
+        name, text = vehicle_in(opened, vehicle)
         guide = guide_of(read_vehicle(name, text))
         replay(opened, guide)
         source = recording.resolve().name
     else:
         running = dive_in(dive)
-        name, text = vehicle_in(None, vehicle or running.vehicle, Path())
+        name, text = vehicle_in(None, vehicle or running.vehicle)
         guide = guide_of(read_vehicle(name, text))
         guide_live(running, guide, lambda line: print(line, flush=True))
         source = "the running vehicle"

@@ -3,23 +3,22 @@
 import re
 import tomllib
 from collections.abc import Sequence
-from pathlib import Path
 
 import msgspec
-from mcap.records import Attachment
 
 from services.marine.calibration import SensorCalibration
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import convert, deploy_file, parsed_toml, read_text
 from tools.calibrate.results import Setting
+from tools.recordings.dive_file import vehicle_attached
 from tools.recordings.recording import Recording
 
 TABLE = "vehicle.calibration"
 HEADING = re.compile(r"\s*\[+\s*([\w.]+)\s*\]+")
 
 
-def vehicle_in(recording: Recording | None, chosen: str | None, where: Path) -> tuple[str, str]:
+def vehicle_in(recording: Recording | None, chosen: str | None) -> tuple[str, str]:
     """Name and text of the chosen vehicle file, or of that in the recording.
 
     Raises:
@@ -28,10 +27,7 @@ def vehicle_in(recording: Recording | None, chosen: str | None, where: Path) -> 
     if chosen is not None or recording is None:
         path = deploy_file("vehicles", chosen or "")
         return path.name, read_text(path)
-    for record in recording.described():
-        if isinstance(record, Attachment) and record.media_type == "application/toml":
-            return record.name, record.data.decode()
-    raise LindyError(f"{where} holds no vehicle file; name one with --vehicle")
+    return vehicle_attached(recording)
 
 
 def table(settings: Sequence[Setting]) -> str:

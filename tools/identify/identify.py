@@ -35,7 +35,7 @@ def identify_dive(
         LindyError: there is no such recording, or it does not tell enough of any axis.
     """
     opened = open_recording(recording)
-    file = of_recording(opened, vehicle, recording)
+    file = of_recording(opened, vehicle)
     data = read(opened, file.vehicle, file.water, recording)
     start = start_of(file.vehicle)
     return Identified(file, start, fitted(data, file, recording, axes))

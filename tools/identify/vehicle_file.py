@@ -2,11 +2,9 @@
 
 import re
 import tomllib
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-from mcap.records import Attachment
 from msgspec.structs import replace
 
 from messages.payload import UNDECODABLE
@@ -16,6 +14,7 @@ from services.marine.water import Density
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import convert, deploy_file, override, parsed_toml, read_text
 from services.simulator.settings import Settings as SimulatorSettings
+from tools.recordings.dive_file import vehicle_attached
 from tools.recordings.recording import Recording
 
 HEADING = re.compile(r"\s*\[+\s*([\w.]+)\s*\]+")
@@ -32,7 +31,7 @@ class VehicleFile(NamedTuple):
     water: Density
 
 
-def of_recording(recording: Recording, chosen: str | None, where: Path) -> VehicleFile:
+def of_recording(recording: Recording, chosen: str | None) -> VehicleFile:
     """The file that is in the recording, with the dive's `--set`; or the chosen one.
 
     Raises:
@@ -41,16 +40,13 @@ def of_recording(recording: Recording, chosen: str | None, where: Path) -> Vehic
     if chosen is not None:
         path = deploy_file("vehicles", chosen)
         return _parsed(path.name, read_text(path), [])
-    for record in recording.described():
-        if isinstance(record, Attachment) and record.media_type == "application/toml":
-            settings = recording.metadata("dive").get("overrides", "[]")
-            try:
-                overrides = msgspec.json.decode(settings, type=list[str])
-                text = record.data.decode()
-            except UNDECODABLE as error:
-                raise LindyError(f"{where}: {record.name} or its settings: {error}") from None
-            return _parsed(record.name, text, overrides)
-    raise LindyError(f"{where} holds no vehicle file; name one with --vehicle")
+    name, text = vehicle_attached(recording)
+    try:
+        settings = recording.metadata("dive").get("overrides", "[]")
+        overrides = msgspec.json.decode(settings, type=list[str])
+    except UNDECODABLE as error:
+        raise LindyError(f"{recording.files[0]}: its settings: {error}") from None
+    return _parsed(name, text, overrides)
 
 
 def _parsed(name: str, text: str, overrides: list[str]) -> VehicleFile:

@@ -21,6 +21,7 @@ from tools.recordings.recording import Recording, open_recording
 
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 CUT = "cut"  # name of metadata
+LONGEST_S = 1e9  # [s] no recording is longer
 
 
 class WantedPart(NamedTuple):
@@ -89,8 +90,8 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     origin = recording.origin_ns()
     if origin is None:
         raise LindyError(f"{recording.files[0]} holds no messages")
-    begin = origin + round(wanted.from_s * 1e9)
-    end = inf if wanted.to_s == inf else origin + round(wanted.to_s * 1e9)
+    begin = origin + round(min(wanted.from_s, LONGEST_S) * 1e9)
+    end = inf if wanted.to_s > LONGEST_S else origin + round(wanted.to_s * 1e9)
     keys = set[str]()
     with reading("cutting", recording.size) as recording.advance, new_mcap(out) as copy:
         for file in recording.files:

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import msgspec
+from mcap.records import Attachment
 
 from messages.payload import UNDECODABLE
 from services.recorder.io.attachments import DIVE
@@ -101,12 +102,12 @@ def unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> di
     """Copies of the files, by the path that each was read from.
 
     Raises:
-        LindyError: one is not what it was when it was recorded.
+        LindyError: one is not what it was when it was recorded, or was lost with a damaged part.
     """
     copies: dict[str, str] = {}
     wanted = {file.attachment: file for file in used if file.attachment is not None}
     for attachment in recording.attachments():
-        if (file := wanted.get(attachment.name)) is None:
+        if (file := wanted.pop(attachment.name, None)) is None:
             continue
         if file.sha256 and hashlib.sha256(attachment.data).hexdigest() != file.sha256:
             raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged")
@@ -116,7 +117,30 @@ def unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> di
             os.utime(copy, ns=(attachment.create_time, attachment.create_time))
         path = DEPLOY / file.path if file.shipped else Path(file.path)
         copies[str(path)] = str(copy)
+    for file in wanted.values():  # one of this computer by that name may be another one
+        raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged, or left out")
     return copies
+
+
+def vehicle_attached(recording: Recording) -> tuple[str, str]:
+    """Name and text of the vehicle file that the dive was flown with.
+
+    Raises:
+        LindyError: the recording does not carry it, or it is damaged.
+    """
+    where, dive = recording.files[0], flown_dive(recording)
+    used = dive and dive.named("vehicles", dive.stack.vehicle, ".toml")
+    for record in recording.described():
+        if isinstance(record, Attachment) and record.media_type == "application/toml":
+            if used is not None and record.name != used.attachment:
+                continue
+            try:
+                return record.name, record.data.decode()
+            except UnicodeDecodeError as error:
+                raise LindyError(f"{where}: {record.name}: {error}") from None
+    if used is not None and used.attachment is not None:
+        raise LindyError(f"{where}: the attached {used.path} is damaged; name one with --vehicle")
+    raise LindyError(f"{where} holds no vehicle file; name one with --vehicle")
 
 
 def _decoded(data: bytes, recording: Recording) -> FlownDive:

@@ -155,6 +155,7 @@ def span_of(source: ReplaySource, begin_s: float | None, end_s: float | None) ->
         raise LindyError(f"--from {begin:g} is not before --to {end:g}")
     if begin > length:
         raise LindyError(f"--from is {begin:g} s, but the recording ends after {length:.1f} s")
+    end = min(end, length)
     if origin + round(end * 1e9) < first:
         begins = (first - origin) / 1e9
         raise LindyError(f"--to is {end:g} s, but the recording begins at {begins:.1f} s")

@@ -101,6 +101,7 @@ def test_from_beginning_to_end_is_everything(dive: ShortDive, tmp_path: Path) ->
         (["--from", "-5"], "--from is -5, expected seconds from 0"),
         (["--from", "nan"], "--from is nan, expected seconds from 0"),
         (["--to", "nan"], "--to is nan, expected seconds from 0"),
+        (["--from", "1e308"], "holds no such message from 1e+308 s to its end"),
         (["--from", "900"], "holds no such message from 900 s to its end"),
         (["--topics", "sensor/imus"], "did you mean 'sensor/imu'?"),
     ],

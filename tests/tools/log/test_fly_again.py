@@ -28,13 +28,19 @@ def attached(folder: Path) -> dict[str, Attachment]:
 
 
 def with_dive_file(
-    dive: ShortDive, out: Path, other: str = "", times: int = 0, **changes: object
+    dive: ShortDive,
+    out: Path,
+    other: str = "",
+    times: int = 0,
+    without: str = "",
+    **changes: object,
 ) -> Path:
     """The same recording, whose attachment `dive.json` says something else.
 
     Args:
         other: attachment that says something else, too.
         times: [ns] of that.
+        without: attachment that is left out.
     """
     with new_mcap(out) as copy:
         copy.next_file()
@@ -44,7 +50,8 @@ def with_dive_file(
                 record.data = json.dumps(about).encode()
             if isinstance(record, Attachment) and record.name == other:
                 record.data, record.create_time = record.data + b"\n", times
-            copy.add(record)
+            if not (isinstance(record, Attachment) and record.name == without):
+                copy.add(record)
     return out
 
 
@@ -160,6 +167,25 @@ def test_a_damaged_attachment_is_one_sentence(dive: ShortDive, tmp_path: Path) -
     path = with_dive_file(dive, tmp_path / "wrong.mcap", "script.csv", 2**64 - 1)
     with pytest.raises(LindyError, match=r"wrong\.mcap: the attached .*script\.csv is damaged"):
         fly_again(path, Choices())
+
+
+@pytest.mark.parametrize("name", ["my_drone.toml", "script.csv"])
+def test_a_file_that_was_lost_is_not_taken_from_this_computer(
+    dive: ShortDive, tmp_path: Path, name: str
+) -> None:
+    path = with_dive_file(dive, tmp_path / "wrong.mcap", without=name)
+    with pytest.raises(LindyError, match=rf"wrong\.mcap: the attached .*{name} is damaged"):
+        fly_again(path, Choices())
+
+
+def test_no_other_file_is_taken_for_the_vehicle(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = with_dive_file(dive, tmp_path / "wrong.mcap", without="my_drone.toml")
+    for verb in (["identify"], ["calibrate", "gyroscope"]):
+        assert main([*verb, str(path)]) == 1
+        said = capsys.readouterr().err
+        assert "my_drone.toml is damaged; name one with --vehicle" in said
 
 
 def test_a_damaged_dive_json_is_one_sentence(dive: ShortDive, tmp_path: Path) -> None:
