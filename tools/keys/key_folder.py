@@ -1,4 +1,5 @@
-"""The folder of the keys, on disk. Keys and certificates are never overwritten or deleted.
+"""The folder of the keys, on disk. Keys and certificates are never overwritten, and no whole
+set of them is deleted.
 
 KEYS/authority/        ca.pem, ca.key and the names it has signed: stays at home
 KEYS/drone-pioneer/    ca.pem, certificate.pem, key.pem, admitted.txt: goes to the drone
@@ -70,11 +71,20 @@ def bundles(keys: Path) -> list[Path]:
 def make_bundle(folder: Path, files: dict[str, bytes]) -> None:
     """
     Raises:
-        LindyError: the folder is there already, or cannot be written.
+        LindyError: the folder is there already, or cannot be written; nothing is left of it then.
     """
     make_folder(folder)
-    for name, data in files.items():
-        write_private(folder / name, data)
+    written: list[Path] = []
+    try:
+        for name, data in files.items():
+            write_private(folder / name, data)
+            written.append(folder / name)
+    except LindyError:  # no whole set of keys, and the command can be repeated without it
+        with contextlib.suppress(OSError):
+            for path in written:
+                path.unlink()
+            folder.rmdir()
+        raise
 
 
 def make_folder(folder: Path) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
-from tools.keys import authority, credentials
+from tools.keys import authority, credentials, key_folder
 from tools.keys.credentials import guard, is_local
 from tools.keys.key_folder import own_keys
 from tools.keys.roles import parse
@@ -84,6 +84,27 @@ def test_nothing_that_is_there_is_ever_overwritten(
     assert {path: after[path] for path in before if path.name != "signed.txt"} == {
         path: data for path, data in before.items() if path.name != "signed.txt"
     }
+
+
+@pytest.mark.parametrize("whole", [0, 1, 2])
+def test_keys_that_could_not_be_written_whole_can_be_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: int
+) -> None:
+    written = list[str]()
+
+    def full(path: Path, data: bytes) -> None:
+        if len(written) == whole:
+            raise LindyError(f"cannot write {path}: no space is left")
+        written.append(path.name)
+        path.write_bytes(data)
+
+    files = {"ca.pem": b"1", "ca.key": b"2", "signed.txt": b"3"}
+    with monkeypatch.context() as patched:
+        patched.setattr(key_folder, "write_fresh", full)
+        with pytest.raises(LindyError, match="no space"):
+            key_folder.make_bundle(tmp_path / "authority", files)
+    assert not [*tmp_path.iterdir()]
+    key_folder.make_bundle(tmp_path / "authority", files)
 
 
 def test_who_is_added_is_named_to_those_who_have_a_use_for_it(place: Path) -> None:
