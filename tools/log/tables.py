@@ -134,8 +134,10 @@ def write_tables(
             f"cannot write {error.filename or wanted}: {EXISTS.format('--out')}"
         ) from None
     except OSError as error:
-        where = error.filename or wanted
-        raise LindyError(f"cannot write {where}: {reason(error)}") from None
+        said = f"cannot write {error.filename or wanted}: {reason(error)}"
+        if any(wanted.glob(f"*.{kind}")):
+            said += f"; the tables in {wanted} are not whole"
+        raise LindyError(said) from None
     print(f"{sum(rows.values())} messages of {len(rows)} topics written to {folder}", flush=True)
     for why, count in unread.items():
         print(harmless(f"{count} messages left out: {why}"), flush=True)

@@ -1,6 +1,7 @@
 """A table holds every message of its topic, to the last digit, in named columns."""
 
 import csv
+import errno
 import io
 import json
 import tomllib
@@ -17,10 +18,12 @@ from mcap.writer import Writer
 from messages import topics
 from messages.components import COMPONENTS
 from services.recorder.foxglove.channel import is_view
+from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY
 from tools.__main__ import main
-from tools.log.csv_table import line_of
-from tools.log.tables import thruster_names
+from tools.log.csv_table import csv_table, line_of
+from tools.log.flatten import TableColumn
+from tools.log.tables import RowTable, thruster_names, write_tables
 from tools.recordings.recording import open_recording
 
 from .conftest import ShortDive
@@ -191,6 +194,19 @@ def foreign(path: Path, payloads: list[bytes], encoding: str = "json") -> Path:
             writer.add_message(channel, n, payload, n)
         writer.finish()
     return path
+
+
+def test_tables_on_a_full_disk_are_said_not_to_be_whole(dive: ShortDive, tmp_path: Path) -> None:
+    made = list[Path]()
+
+    def new(path: Path, columns: list[TableColumn]) -> RowTable:
+        made.append(path)
+        if len(made) == 3:
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        return csv_table(path, columns)
+
+    with pytest.raises(LindyError, match=r"the disk is full; the tables in .* are not whole"):
+        write_tables(dive.folder, tmp_path / "tables", "csv", new)
 
 
 def test_an_older_or_a_foreign_schema_becomes_a_table_and_what_does_not_fit_is_counted(
