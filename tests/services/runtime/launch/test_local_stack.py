@@ -181,7 +181,10 @@ def test_a_pilot_who_is_killed_is_followed_by_a_process_that_has_waited(tmp_path
             waiting, before = spares(), local.supervisor.pids
             os.kill(before["gamepad"], signal.SIGKILL)
             pump_until(
-                local, lambda old=before: local.supervisor.pids.get("gamepad") != old["gamepad"]
+                local,
+                lambda old=before: (
+                    local.supervisor.pids.get("gamepad") not in (None, old["gamepad"])
+                ),
             )
             alive(local)
             assert local.supervisor.pids["gamepad"] in waiting
