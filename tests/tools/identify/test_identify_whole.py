@@ -83,7 +83,11 @@ def test_a_dive_that_does_not_tell_is_refused_in_a_sentence(
 
 @pytest.mark.parametrize(
     ("share", "sentence"),
-    [(0.001, "no vehicle file"), (0.05, "too few samples"), (0.25, "stretches of 10 s")],
+    [
+        (0.001, "pioneer.toml is damaged; name one with --vehicle"),
+        (0.05, "too few samples"),
+        (0.25, "stretches of 10 s"),
+    ],
 )
 def test_a_recording_that_was_cut_off_too_early_is_refused(
     dive: Path, tmp_path: Path, share: float, sentence: str, capsys: pytest.CaptureFixture[str]
