@@ -91,8 +91,9 @@ def flown_section(recording: Recording, name: str, kind: type[S]) -> S | None:
     dive = flown_dive(recording)
     if dive is None or dive.named("vehicles", dive.stack.vehicle, ".toml") is None:
         return None
+    settings = [file for file in dive.files if file.path.endswith(".toml")]  # not scripts
     with TemporaryDirectory(prefix="lindy-") as folder:
-        copies = unpacked(recording, dive.files, Path(folder))
+        copies = unpacked(recording, settings, Path(folder))
         with reading_copies(copies):
             stack = Stack(vehicle=dive.stack.vehicle, overrides=dive.stack.overrides)
             return stack.section(name, kind)

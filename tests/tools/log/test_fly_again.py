@@ -9,14 +9,17 @@ from mcap.reader import make_reader
 from mcap.records import Attachment
 from mcap.writer import Writer
 
+from services.marine.vehicle import Vehicle
 from services.recorder.io.attachments import DIVE
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
 from tools.__main__ import main
 from tools.choices import Choices
 from tools.fly_again import fly_again
+from tools.recordings.dive_file import flown_section
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import Damage, salvaged
+from tools.recordings.recording import open_recording
 
 from .conftest import ShortDive
 
@@ -176,6 +179,13 @@ def test_a_file_that_was_lost_is_not_taken_from_this_computer(
     path = with_dive_file(dive, tmp_path / "wrong.mcap", without=name)
     with pytest.raises(LindyError, match=rf"wrong\.mcap: the attached .*{name} is damaged"):
         fly_again(path, Choices())
+
+
+def test_a_lost_script_keeps_nobody_from_the_vehicle(dive: ShortDive, tmp_path: Path) -> None:
+    path = with_dive_file(dive, tmp_path / "part.mcap", without="script.csv")
+    found = flown_section(open_recording(path), "vehicle", Vehicle)
+    assert found is not None
+    assert found == flown_section(open_recording(dive.folder), "vehicle", Vehicle)
 
 
 def test_no_other_file_is_taken_for_the_vehicle(
