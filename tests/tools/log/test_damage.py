@@ -152,6 +152,7 @@ def test_a_part_keeps_the_seconds_of_the_whole_in_a_replay(dive: ShortDive, tmp_
     assert end - begin == 500_000_000
     assert begin - open_source(dive.folder).span[0] == 2_000_000_000
     assert span_of(source, None, None) == (first, last)
+    assert span_of(source, None, 1e308) == (first, last)
     with pytest.raises(LindyError, match=r"begins at 1\.5 s"):
         span_of(source, None, 1.0)
 
