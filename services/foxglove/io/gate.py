@@ -108,19 +108,19 @@ class FrontGate:
         self._viewers += 1
         try:
             inner, outer = await asyncio.open_connection(*self._behind, limit=AT_ONCE)
-            outer.write(head)
             ways = [_pass_on(reader, outer), _pass_on(inner, writer)]
             tasks = [asyncio.ensure_future(way) for way in ways]
             try:
+                outer.write(head)
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
                 if any(isinstance(task.exception(), TimeoutError) for task in done):
                     self._refused("a viewer that does not read")
                     writer.transport.abort()  # what it has not read is not waited for
             finally:
+                outer.close()  # first: what follows may be cancelled, as when the server ends
                 for task in tasks:
                     task.cancel()
                 await asyncio.gather(*tasks, return_exceptions=True)
-                outer.close()
         finally:
             self._viewers -= 1
 
