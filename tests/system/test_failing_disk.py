@@ -13,6 +13,7 @@ import msgspec
 import pytest
 
 from services.runtime.config.running import RUNNING, Running
+from services.runtime.launch.process_plan import CHECKPOINTS
 from tests.support.patience import PATIENCE_S, until
 from tools.recordings.recording import open_recording
 
@@ -62,6 +63,8 @@ def test_a_dive_outlives_its_disk_and_the_death_of_control(mortal_disk: Path, tm
     try:
         wait_for("has the sticks", "armed piloted  depth")
         running = msgspec.json.decode((out / RUNNING).read_bytes(), type=Running)
+        kept = out / CHECKPOINTS / "estimation.json"
+        until(kept.exists, screen.read_text)  # a disk may take seconds for it
         mount = shutil.which("mount")
         assert mount is not None
         subprocess.run([mount, "-o", "remount,abort", str(mortal_disk)], check=True)

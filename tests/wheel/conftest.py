@@ -38,7 +38,9 @@ class Installed:
 
     @property
     def environment(self) -> dict[str, str]:
-        kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL_ENV"))}
+        # What a test in this process has set for pygame is not the user's.
+        ours = ("PYTHON", "VIRTUAL_ENV", "SDL_", "PYGAME_")
+        kept = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
         # Keys, notes and caches of whoever runs the tests stay out of it.
         own = {"HOME": str(self.folder), "PATH": f"{self.programs}:{os.environ['PATH']}"}
         return kept | own

@@ -35,6 +35,7 @@ pytestmark = [
 ]
 WIDTH, HEIGHT, HZ = 640, 360, 25.0
 FRAME_MS = 1000.0 / HZ
+AGAIN = 500  # pictures from one keyframe to the next: a page that was held up waits for it
 AGES = msgspec.json.encode(AGES_MS).decode()
 SCREEN = Size(800, 600)
 
@@ -92,7 +93,7 @@ class Film:
         self._thread.start()
 
     def roll(self, late_ms: float = 0.0) -> None:
-        """From a keyframe on, which is the only one."""
+        """From a keyframe on; 20 s until the next."""
         self.late_ms, self._wanted, self.running = late_ms, True, True
 
     def _run(self) -> None:
@@ -118,7 +119,7 @@ class Film:
         luma[:, : self._number * 5 % WIDTH] = 160
         time_stripe.write(luma, light)
         grey = np.full((HEIGHT // 2, WIDTH // 2), 128, np.uint8)
-        keyframe, self._wanted = self._wanted, False
+        keyframe, self._wanted = self._wanted or self._number % AGAIN == 0, False
         order = Order(1500.0, HZ, keyframe)
         data = self._encoder.encode(Picture(luma, grey, grey), light, order)
         if self.broken:
