@@ -17,6 +17,7 @@ from services.runtime.config.errors import EndedByUserError, LindyError
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
 UNREAD = 141  # exit status: nobody reads the output any more; that of a program that SIGPIPE ends
+LONGEST = 2000  # letters of a complaint: it repeats what was given, which may have any length
 DEBUG = "--debug"
 HELP = ("--help", "-h")
 NUMBERS = {float: "a number, such as 1.5", int: "a whole number"}  # as options are said to be
@@ -300,9 +301,12 @@ def _nobody_reads() -> bool:
 
 
 def complain(sentence: str) -> int:
-    from tools.log.text_table import harmless
+    from services.vehicle_view.log_lines import harmless
 
-    print(f"lindy: {harmless(' '.join(sentence.split()))}", file=sys.stderr, flush=True)
+    words = " ".join(sentence.split())
+    if len(words) > LONGEST:
+        words = f"{words[: LONGEST // 2]} […] {words[-LONGEST // 2 :]}"
+    print(f"lindy: {harmless(words)}", file=sys.stderr, flush=True)
     return ERROR
 
 

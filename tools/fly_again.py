@@ -11,11 +11,11 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import SCRIPT
 from services.runtime.hosts.registry import Registry
+from services.vehicle_view.log_lines import harmless
 from tools.choices import Choices
 from tools.live.cockpit import COCKPIT
 from tools.live.piloted_dive import GAMEPAD
 from tools.log.sticks import as_csv, sticks_of
-from tools.log.text_table import harmless
 from tools.recordings.dive_file import FlownDive, FlownStack, flown_dive, unpacked
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import Simulated, simulated

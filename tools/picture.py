@@ -18,6 +18,7 @@ from services.recorder.io.open_chunk import MAGIC as MCAP
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import nearest
+from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.drawn import draw
 from tools.fresh import refuse_existing, write_fresh
@@ -71,19 +72,19 @@ def picture(
     except OSError as error:
         raise LindyError(f"cannot write {out}: {error.strerror}") from None
     write_fresh(out, png)
-    print(f"written {out}", flush=True)
+    print(harmless(f"written {out}"), flush=True)
     return 0
 
 
 def _picture(program: Path, rrd: Path, page: str, at: float | None) -> bytes:
     print("starting the viewer …", flush=True)
     with viewer(program, rrd) as client:
-        print(f"reading {rrd} ({rrd.stat().st_size / 1e6:.1f} MB) …", flush=True)
+        print(harmless(f"reading {rrd} ({rrd.stat().st_size / 1e6:.1f} MB) …"), flush=True)
         begin, end = loaded(client, rrd)
         at = end if at is None else at
         if not begin <= at <= end:
             raise LindyError(f"--at {at:g}: the dive in {rrd} is from {begin:.1f} to {end:.1f} s")
-        print(f"drawing the page {page} at {at:.1f} s …", flush=True)
+        print(harmless(f"drawing the page {page} at {at:.1f} s …"), flush=True)
         if page != FIRST:
             _turn_to(client, page, rrd)
         return shot(client, at, DRAW_S)
@@ -103,7 +104,7 @@ def _drawn(recording: Path) -> Generator[Path]:
         return
     with TemporaryDirectory(prefix="lindy-") as folder:
         rrd = Path(folder) / NAME
-        print(f"drawing {mcap} …", flush=True)
+        print(harmless(f"drawing {mcap} …"), flush=True)
         draw(open_source(mcap), rrd)
         yield rrd
 

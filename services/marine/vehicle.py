@@ -32,12 +32,15 @@ Diagonal = tuple[
     NotNegativeSetting,
 ]
 ComplexVec6 = tuple[complex, complex, complex, complex, complex, complex]
+LagSetting = Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]  # [s]
 Coefficient = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 SAME_POLE = 1e-6  # [-] poles closer than this share of their size count as one
 GRAVITY = 9.81  # [m/s²]
 SEA_WATER = 1025.0  # [kg/m³]
 LIGHTEST = 1e-3  # [-] mass over that of as much water as the box around the hull has room for
+GYRATION = (0.02, 1.0)  # [-] least and most radius of gyration over the box's diagonal
 FARTHEST = 2.0  # [-] of the box's diagonal: a thruster on an outrigger
+LONGEST_NAME = 40  # letters of a thruster's name, which stands in messages and on screens
 ATMOSPHERE = 101_325.0  # [Pa] standard
 
 
@@ -117,11 +120,16 @@ class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_thrust: Positive  # [N] of a positive command
     max_reverse: Positive | None = None  # [N] of a negative command; None: the same
     dead_band: NotNegativeSetting = 0.0  # [N] commands smaller than this produce nothing
-    time_constant: Positive = 0.08  # [s] first-order lag of the thrust …
+    time_constant: LagSetting = 0.08  # [s] first-order lag of the thrust …
     lag: Lag | None = None  # … unless a transfer function is given
     curve: str = LINEAR  # thrust over voltage, see thrust_curve.py
 
     def __post_init__(self) -> None:
+        if not self.name.isprintable() or len(self.name) > LONGEST_NAME:
+            raise ValueError(
+                f"thruster {self.name[:LONGEST_NAME]!r}: expected a name of at most {LONGEST_NAME} "
+                "printable letters"
+            )
         reverse, forward = self.limits
         if self.dead_band >= min(-reverse, forward):
             raise ValueError(
@@ -161,8 +169,9 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Mass properties, hydrodynamics and thrusters (Fossen 2011, ch. 6 to 8; SI units).
 
     Raises:
-        ValueError: two thrusters of the same name, a thruster far outside of the hull, or a hull
-            that is far too large for its mass: most likely millimetres; or outputs that cannot be.
+        ValueError: two thrusters of the same name, a thruster far outside of the hull, a hull that
+            is far too large for its mass: most likely millimetres; an inertia that no hull of that
+            mass and size has; or outputs that cannot be.
     """
 
     name: str
@@ -193,7 +202,16 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 f"a hull of {length:g} m × {width:g} m × {height:g} m (size) with a mass of "
                 f"{self.mass:g} kg is lighter than any; sizes are in metres"
             )
-        farthest = FARTHEST * hypot(length, width, height)
+        diagonal = hypot(length, width, height)
+        least, most = (self.mass * (share * diagonal) ** 2 for share in GYRATION)
+        for axis, inertia in zip(("roll", "pitch", "yaw"), self.inertia, strict=True):
+            if not least <= inertia <= most:
+                raise ValueError(
+                    f"inertia about {axis} is {inertia:g} kg m², expected {least:.3g} to "
+                    f"{most:.3g} of {self.mass:g} kg in a hull of {length:g} m × {width:g} m × "
+                    f"{height:g} m"
+                )
+        farthest = FARTHEST * diagonal
         for thruster in self.thruster:
             if (away := hypot(*thruster.position)) > farthest:
                 raise ValueError(

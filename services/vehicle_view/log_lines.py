@@ -114,10 +114,14 @@ def brief(entry: LogEntry) -> str:
 
 
 def printable(line: LogLine) -> str:
-    """Service and text without control characters: anybody on the bus may have sent them, and a
-    terminal would obey them."""
-    text = f"{line.service}: {line.text}"
-    return "".join(sign if sign.isprintable() else "�" for sign in text)
+    """Service and text, in one line: anybody on the bus may have sent them."""
+    return harmless(f"{line.service}: {line.text}").replace("\n", "�")
+
+
+def harmless(text: str) -> str:
+    """Without control characters, which a terminal would obey: whoever sent a message, made a
+    recording or named a file may have put them into it."""
+    return "".join(sign if sign.isprintable() or sign == "\n" else "�" for sign in text)
 
 
 def when(at_s: float | None) -> str:

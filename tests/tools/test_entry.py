@@ -66,6 +66,13 @@ def test_where_stdout_or_stderr_are_closed_what_is_printed_goes_nowhere(
     getattr(sys, name).close()
 
 
+def test_of_a_long_argument_the_ends_are_repeated(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--link", "x" * 100_000]) == 1
+    said = capsys.readouterr().err
+    assert len(said) < 2100
+    assert "tether" in said  # what is allowed
+
+
 def test_what_a_terminal_has_no_letter_for_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     written = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="ascii"))

@@ -20,6 +20,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import override, read_toml
 from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
+from services.vehicle_view.log_lines import harmless
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices, Json, Overrides, VehicleName
 from tools.doctor.board_checks import of_board
@@ -77,7 +78,7 @@ def doctor(
         found.append(VehicleFinding("missing", "board", f"not asked: {why}"))
     elif asked:
         found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)
-    print(as_json(found) if json else as_lines(found))
+    print(as_json(found) if json else harmless(as_lines(found)))
     return 0 if fit(found) else 1
 
 

@@ -15,9 +15,9 @@ from services.recorder.io.parts import parts_in
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
+from services.vehicle_view.log_lines import harmless
 from tools.fresh import write_fresh
 from tools.health_sums import HealthOfAll, HealthSums
-from tools.log.text_table import harmless
 from tools.recordings.progress import reading
 from tools.recordings.recording import log_hash, merge_parts, open_recording
 from tools.report import (

@@ -5,9 +5,10 @@ from pathlib import Path
 import msgspec
 
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.log_lines import harmless
 from tools.choices import Json
 from tools.log.account import Account, Accounts, accounts
-from tools.log.text_table import harmless, table
+from tools.log.text_table import table
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -35,7 +36,7 @@ def check(recording: Path, *, json: Json = False) -> int:
     with reading("checking", opened.size) as opened.advance:
         found = accounts(opened)
     if not found.topics:
-        raise LindyError(f"{recording} holds no messages")
+        raise opened.empty(recording)
     wrong = [*incomplete(opened), *opened.altered, *in_words(found)]
     wrong += [] if wrong else found.unrecorded
     if json:

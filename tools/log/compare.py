@@ -7,6 +7,7 @@ import msgspec
 from cyclopts import Parameter
 
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.log_lines import harmless
 from tools.choices import Json, NewPicture
 from tools.fresh import write_fresh
 from tools.log.compare_picture import check_picture, drawn
@@ -51,9 +52,9 @@ def compare(
         series_a = DiveSeries(left, words)
         right.advance = lambda at: advance(left.size + at)
         series_b = DiveSeries(right, words)
-    for path, series in ((a, series_a), (b, series_b)):
+    for path, recording, series in ((a, left, series_a), (b, right, series_b)):
         if not series.topics:
-            raise LindyError(f"{path} holds no messages that can be compared")
+            raise recording.empty(path)
     damage = [f"{a}: {said}" for said in left.damage] + [f"{b}: {said}" for said in right.damage]
     found, side_by_side = differences(series_a, series_b, tolerance), figures(left, right)
     if out is not None:
@@ -68,10 +69,10 @@ def compare(
         }
         print(msgspec.json.format(msgspec.json.encode(whole)).decode())
     else:
-        print(as_text(found, side_by_side))
+        print(harmless(as_text(found, side_by_side)))
         if out is not None:
             print(f"written {out}")
-        print("".join(f"{said}\n" for said in damage), end="")
+        print(harmless("".join(f"{said}\n" for said in damage)), end="")
     if damage:
         return INCOMPLETE
     return SAME if found.none else DIFFERENT

@@ -10,6 +10,7 @@ from mcap.records import Channel, Metadata, Schema
 
 from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
@@ -70,7 +71,9 @@ def cut(
             raise LindyError(f"--dive {dive} says from when to when; leave out --from and --to")
         from_, to = around(armed_spans(opened), dive, str(recording))
     messages = cut_out(opened, out, WantedPart(from_, to, topics))
-    print("\n".join([f"{messages} messages written to {out}", *opened.damage]), flush=True)
+    print(
+        harmless("\n".join([f"{messages} messages written to {out}", *opened.damage])), flush=True
+    )
     return INCOMPLETE if opened.damage else COMPLETE
 
 
@@ -89,7 +92,7 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
         )
     origin = recording.origin_ns()
     if origin is None:
-        raise LindyError(f"{recording.files[0]} holds no messages")
+        raise recording.empty(recording.files[0])
     begin = origin + round(min(wanted.from_s, LONGEST_S) * 1e9)
     end = inf if wanted.to_s > LONGEST_S else origin + round(wanted.to_s * 1e9)
     keys = set[str]()

@@ -13,6 +13,7 @@ from services.marine.field_of_view import CameraViews, FieldOfView
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
+from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.fresh import EXISTS, refuse_existing, write_fresh
 from tools.log.film_cameras import Camera, chosen
@@ -65,7 +66,7 @@ def film(
     opened = open_recording(recording)
     with reading("filming", opened.size) as opened.advance:
         made = filmed(opened, out, overlay=overlay, marked=marked, camera=camera)
-    print("\n".join([*made, *opened.damage]), flush=True)
+    print(harmless("\n".join([*made, *opened.damage])), flush=True)
     return INCOMPLETE if opened.damage else COMPLETE
 
 

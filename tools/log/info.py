@@ -17,9 +17,10 @@ from messages.message import Message
 from messages.payload import UNDECODABLE
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.log_lines import harmless
 from tools.choices import Json
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
-from tools.log.text_table import harmless, table
+from tools.log.text_table import table
 from tools.recordings.dive_file import FlownDive, flown_dive
 from tools.recordings.mcap_records import Noticed
 from tools.recordings.progress import reading

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.log_lines import harmless
 from tools.choices import NewPicture
 from tools.fresh import write_fresh
 from tools.log.compare_picture import check_picture
@@ -45,7 +46,7 @@ def jerk(recording: tuple[Path, ...], *, out: NewPicture = None) -> int:
             NamedDive(str(path), read_dive(one))
             for path, one in zip(recording, opened, strict=True)
         ]
-    print(as_text(dives))
+    print(harmless(as_text(dives)))
     if out is not None:
         write_fresh(out, drawn(dives))
         print(f"written {out}")

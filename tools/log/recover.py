@@ -7,6 +7,7 @@ from mcap.records import Metadata
 
 from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.recordings.mcap_copy import McapCopy, new_mcap
@@ -34,7 +35,8 @@ def recover(recording: Path, *, out: NewFile) -> int:
     refuse_existing(out)
     found = recovered(recording, out)
     files = f" and {found.attachments} attached files" if found.attachments else ""
-    print(f"{found.messages} messages{files} written to {out}: {found.words}", flush=True)
+    said = f"{found.messages} messages{files} written to {out}: {found.words}"
+    print(harmless(said), flush=True)
     return 0
 
 
@@ -68,10 +70,10 @@ def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
     words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
     if damage.places:
         words.append(_of_parts(file.name, damage))
-    elif damage.index.damaged_at is not None:
+    elif damage.joined_at is None and damage.index.damaged_at is not None:
         words.append(f"{file.name} had a damaged summary")
     elif not words and damage.in_words(file.name):
-        words.append(damage.in_words(file.name)[0])
+        words.append(damage.in_words(file.name)[-1])
     return words
 
 

@@ -6,11 +6,11 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import BODY, Stack
+from services.vehicle_view.log_lines import harmless
 from services.visualizer.fleet_scene import FlownTrack, track
 from services.visualizer.scene import SCENE_KINDS
 from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
-from tools.log.text_table import harmless
 from tools.recordings.dive_file import flown_section
 from tools.recordings.recording import Recording, open_recording
 

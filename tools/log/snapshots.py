@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from messages import cameras
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
+from services.vehicle_view.log_lines import harmless
 from tools.choices import named
 from tools.fresh import write_fresh
 from tools.log.film_cameras import Camera, chosen
@@ -44,7 +45,7 @@ def snapshots(
     opened = open_recording(recording)
     with reading("reading", 2 * opened.size) as opened.advance:
         written = taken(opened, out, at, camera)
-    print("\n".join([*map(str, written), *opened.damage]), flush=True)
+    print(harmless("\n".join([*map(str, written), *opened.damage])), flush=True)
     return INCOMPLETE if opened.damage else COMPLETE
 
 

@@ -20,9 +20,9 @@ from services.gamepad.stick_log import COLUMNS
 from services.gamepad.stick_log_player import QUIET_NS
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
-from tools.log.text_table import harmless
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 

@@ -14,10 +14,10 @@ from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import parsed_toml
+from services.vehicle_view.log_lines import harmless
 from tools.choices import named
 from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import Flattening, Row, TableColumn
-from tools.log.text_table import harmless
 from tools.log.topic_patterns import is_chosen, require_known
 from tools.recordings.dive_file import flown_dive
 from tools.recordings.mcap_records import Reading, StoredMessage
@@ -121,7 +121,7 @@ def write_tables(
     recording = open_recording(path)
     origin = recording.origin_ns()
     if origin is None:
-        raise LindyError(f"{path} holds no messages")
+        raise recording.empty(path)
     require_known(patterns, recording.keys() if patterns else (), recording.files[0])
     wanted = out or (path / kind if path.is_dir() else path.with_name(f"{path.stem}-{kind}"))
     try:

@@ -1,4 +1,4 @@
-"""Rows of text as a table, and text of strangers that a terminal may show."""
+"""Rows of text as a table."""
 
 from collections.abc import Sequence
 
@@ -15,9 +15,3 @@ def _line(row: Sequence[str], widths: Sequence[int], left: int) -> str:
         for column, (cell, width) in enumerate(zip(row, widths, strict=True))
     ]
     return "  ".join(cells).rstrip()
-
-
-def harmless(text: str) -> str:
-    """Without control characters, which a terminal would obey: whoever made a recording may have
-    put them into any name and any line of it."""
-    return "".join(sign if sign.isprintable() or sign == "\n" else "�" for sign in text)

@@ -90,6 +90,7 @@ class Damage:
         self.cut_off = False  # the file ends in the middle of a record, or before its end
         self.messages = 0  # that were read, or passed over in a sound chunk
         self.passed_over = False  # chunks were: what is in them is not known
+        self.joined_at: int | None = None  # [bytes] where another recording begins, not read
         self.metadata: set[str] = set()  # names of those that were read
         self.index = FileIndex()
 
@@ -101,7 +102,8 @@ class Damage:
         """
         named = self.index.messages
         lost = None if named is None or self.passed_over else named - self.messages
-        places = [*self.places, *filter(None, [self.index.damaged_at])]
+        summary = self.index.damaged_at if self.joined_at is None else None
+        places = [*self.places, *filter(None, [summary])]
         found: list[str] = []
         if places:
             more = f" and at {len(places) - 1} more places" if len(places) > 1 else ""
@@ -111,6 +113,10 @@ class Damage:
             found.append(
                 f"{name} is damaged: {self.messages} messages can be read where it says that it "
                 f"has {named}; {MENDED_BY}"
+            )
+        if self.joined_at is not None:
+            found.append(
+                f"another recording is joined to {name} at byte {self.joined_at}; it is not read"
             )
         if self.cut_off or not self.index.ended or self._recorder_failed:
             found.append(f"{name} was not finished: what was recorded last may be missing")
@@ -178,6 +184,7 @@ def records(
                 position = beyond
                 continue
             if opcode == Opcode.DATA_END:
+                damage.joined_at = reader.joined(position)
                 return
             if damage.passed_over and not described:
                 described = True
@@ -275,6 +282,14 @@ class _RecordReader:
             if after <= (known or self._size):
                 return after
         return known
+
+    def joined(self, end: int) -> int | None:
+        """[bytes] Where another file begins behind the end of the data, as `cat` joins them."""
+        if self.index.damaged_at is None:
+            return None
+        with mmap(self._stream.fileno(), 0, access=ACCESS_READ) as whole:
+            at = whole.find(MAGIC + MAGIC, end)
+        return None if at < 0 else at + len(MAGIC)
 
     def _next_chunk(self, position: int) -> int | None:
         """[bytes] Where the next chunk begins as Lindy writes them, known by its head."""

@@ -176,6 +176,14 @@ class Recording:
         """What is wrong with the files that were read to their ends, one sentence each."""
         return [said for path, found in self._read.items() for said in found.in_words(path.name)]
 
+    def empty(self, path: Path) -> LindyError:
+        """That it holds no messages, and what is wrong with it.
+
+        Args:
+            path: as the user has named it.
+        """
+        return LindyError("; ".join([f"{path} holds no messages", *self.damage]))
+
     @property
     def size(self) -> int:
         """[bytes] of all files."""

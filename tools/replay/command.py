@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.errors import LindyError
+from services.vehicle_view.log_lines import harmless
 from tools.choices import named
 from tools.keys.credentials import is_local
 from tools.replay.differences import in_words
@@ -123,7 +124,7 @@ def _compared(
         tolerances=allowed,
         overrides=overrides,
     )
-    print(told(services, source, found), flush=True)
+    print(harmless(told(services, source, found)), flush=True)
     return 1 if found.differences else 0
 
 
@@ -135,7 +136,7 @@ def opened(path: Path) -> ReplaySource:
     """
     source = open_source(path)
     for remark in remarks(source):
-        print(f"{source.path}: {remark}", flush=True)
+        print(harmless(f"{source.path}: {remark}"), flush=True)
     return source
 
 

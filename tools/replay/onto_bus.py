@@ -14,6 +14,7 @@ from services.runtime.bus.envelope import Bus
 from services.runtime.bus.zenoh_bus import listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
+from services.vehicle_view.log_lines import harmless
 from tools.live.stop_signals import StopSignals
 from tools.recordings.recording import Raw
 from tools.replay.play_clock import PlayClock
@@ -90,12 +91,12 @@ class Replay:
         """
         if self._next is None:
             raise LindyError(f"{self._source.path}: nothing of what is asked for is in it")
-        print(self._beginning(), flush=True)
+        print(harmless(self._beginning()), flush=True)
         self._clock.jump(self._clock.begin, time.monotonic_ns())
         while not stopped() and not self._quit and self._turn():
             pass
         self._shown.end()
-        print(self._end(), flush=True)
+        print(harmless(self._end()), flush=True)
         return 0
 
     def _turn(self) -> bool:

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
+from services.vehicle_view.log_lines import harmless
 from tools.choices import Json, Overrides, named
 from tools.fresh import refuse_existing, write_fresh
 from tools.importing.command import import_log
@@ -81,13 +82,13 @@ def review(
 
         place = out or _free(recording if recording.is_dir() else recording.parent)
         write_fresh(place, page(found, drawn).encode())
-        print(f"written {place}", file=sys.stderr if json else sys.stdout, flush=True)
+        print(harmless(f"written {place}"), file=sys.stderr if json else sys.stdout, flush=True)
     if json:
         print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())
     else:
         from tools.review.words import in_short
 
-        print("\n".join([*found.remarks, *in_short(found)]), flush=True)
+        print(harmless("\n".join([*found.remarks, *in_short(found)])), flush=True)
     return 0
 
 

@@ -125,7 +125,8 @@ def read_text(path: Path) -> str:
         if (size := place.stat().st_size) > LARGEST_FILE:
             most = LARGEST_FILE // 10**6
             raise LindyError(f"cannot read {path}: {size // 10**6} MB, at most {most} are allowed")
-        return place.read_text(encoding="utf-8")
+        # Editors on Windows begin a file with a mark.
+        return place.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise LindyError(f"cannot read {path}: it is not text") from None
     except OSError as error:

@@ -58,6 +58,23 @@ def test_millimetres_and_centimetres_in_place_of_metres_are_refused(
         replace(about, size=(length, width, height))
 
 
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_an_inertia_that_no_hull_of_that_mass_has_is_refused(name: str, factor: float) -> None:
+    about = vehicle(name)
+    roll, pitch, yaw = about.inertia
+    with pytest.raises(ValueError, match=r"inertia about pitch is .* kg m², expected"):
+        msgspec.structs.replace(about, inertia=(roll, factor * pitch, yaw))
+
+
+@pytest.mark.parametrize("called", ["x" * 41, "up\x1b[2J"])
+def test_a_thruster_has_a_name_that_can_be_shown(called: str) -> None:
+    thruster = vehicle("pioneer").thruster[0]
+    with pytest.raises(ValueError, match="expected a name of at most 40 printable letters") as told:
+        msgspec.structs.replace(thruster, name=called)
+    assert str(told.value).isprintable()
+
+
 def test_minerva_has_the_thrust_of_table_5() -> None:
     """Fernandes et al. 2015. Sway is that of the lateral thruster: the mains turn it as well."""
     minerva = vehicle("minerva")

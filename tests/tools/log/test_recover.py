@@ -161,6 +161,35 @@ def test_a_file_of_another_program_is_mended_too(
     assert found == whole[: len(found)]
 
 
+def test_a_recording_that_is_joined_to_another_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "both.mcap", tmp_path / "mended.mcap"
+    data = whole_file()[0]
+    path.write_bytes(data + data)
+    named = f"another recording is joined to both.mcap at byte {len(data)}; it is not read"
+    assert recovered(path, out).words == named
+    assert foreign(out) == recorded()
+    main(["log", "csv", str(path), "--out", str(tmp_path / "csv")])
+    said = capsys.readouterr()
+    assert named in said.out + said.err
+
+
+def test_where_no_message_can_be_read_the_damage_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, ends = whole_file()
+    broken = bytearray(data)
+    for end in ends:
+        broken[end - 20] ^= 0xFF
+    path = tmp_path / "dive.mcap"
+    path.write_bytes(broken)
+    assert main(["log", "csv", str(path), "--out", str(tmp_path / "csv")]) == 1
+    said = capsys.readouterr().err
+    assert "holds no messages; dive.mcap is damaged at byte" in said
+    assert "120 of its 120 messages cannot be read" in said
+
+
 def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path: Path) -> None:
     folder = tmp_path / "dive"
     folder.mkdir()

@@ -176,7 +176,7 @@ def test_no_verb_prints_what_a_terminal_would_obey(
     about = {"dive": dict[str, Any](dive)}
     about |= {"recovered": {"found": CLEAR}, "losses": {CLEAR: "3"}, "cut": {"topics": CLEAR}}
     source = clean_dive.folder / "dive.mcap"
-    path = forged(source, tmp_path / "forged.mcap", orders, metadata=about, named=name)
+    path = forged(source, tmp_path / f"forged{name}.mcap", orders, metadata=about, named=name)
     more = [str(path) if word == "FORGED" else word for word in VERBS_OF_A_FILE[words]]
     status = main([*words, str(path), *more])
     said = capsys.readouterr()

@@ -224,6 +224,12 @@ def test_a_file_that_was_made_to_take_minutes_is_refused(
     assert str(refused.value) == f"{path}: not valid TOML: {said}"
 
 
+def test_a_file_may_begin_with_the_mark_of_an_editor_on_windows(tmp_path: Path) -> None:
+    path = tmp_path / "marked.toml"
+    path.write_bytes(b"\xef\xbb\xbfkp = 3\r\n")
+    assert read_toml(path) == {"kp": 3}
+
+
 def test_long_lines_of_numbers_and_words_are_no_deep_keys(tmp_path: Path) -> None:
     path = tmp_path / "long.toml"
     numbers, dots = ", ".join(["1.5"] * 500), "." * 500
