@@ -283,6 +283,10 @@ def _sentence(error: Exception, *, debug: bool) -> str:
         return str(error)
     if isinstance(error, OSError):
         return f"{error.filename or 'operating system'}: {error.strerror or error}"
+    if isinstance(error, ImportError) and not isinstance(error, ModuleNotFoundError):
+        return f"a library cannot be loaded: {error}; it is damaged, or there is too little memory"
+    if isinstance(error, MemoryError):
+        return "there is not enough memory for this"
     where = traceback.extract_tb(error.__traceback__)[-1]
     name = where.filename.rpartition("/")[2]
     what = f"{type(error).__name__}: {error}"

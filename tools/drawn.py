@@ -28,7 +28,7 @@ def draw(source: ReplaySource, rrd: Path) -> None:
     try:
         from services.visualizer.io.rerun_writer import RerunWriter
         from services.visualizer.io.rrd_file import RrdFile
-    except ImportError:
+    except ModuleNotFoundError:
         raise LindyError(
             f"a picture needs rerun, which is not installed; {how_to_install('viewer')}"
         ) from None

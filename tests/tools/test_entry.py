@@ -79,3 +79,24 @@ def test_what_a_terminal_has_no_letter_for_ends_nothing(monkeypatch: pytest.Monk
     assert main(["--version"]) == 0
     print("pioneer → dives/mine", flush=True)
     assert written.getvalue().endswith(b"pioneer ? dives/mine\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (MemoryError(), "there is not enough memory for this"),
+        (ImportError("libarrow.so: failed to map"), "a library cannot be loaded: libarrow.so: "),
+    ],
+)
+def test_too_little_memory_is_no_error_of_lindy(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    error: Exception,
+    sentence: str,
+) -> None:
+    def fails(*_: object) -> int:
+        raise error
+
+    monkeypatch.setattr("tools.__main__._run", fails)
+    assert main(["simulate"]) == 1
+    assert f"lindy: {sentence}" in capsys.readouterr().err

@@ -52,7 +52,7 @@ class DataflashFile:
                 DFFormat,
                 DFMessage,
             )
-        except ImportError:
+        except ModuleNotFoundError:
             raise LindyError(
                 f"logs of ArduSub need pymavlink, which is missing: {how_to_install('import')}"
             ) from None

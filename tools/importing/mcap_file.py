@@ -106,7 +106,7 @@ class McapLog:
             )
         try:
             from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-        except ImportError:
+        except ModuleNotFoundError:
             raise LindyError(
                 f"messages of ROS need rosbags, which is missing: {how_to_install('import')}"
             ) from None

@@ -71,7 +71,7 @@ class RosbagFile:
         try:
             from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
-        except ImportError:
+        except ModuleNotFoundError:
             raise LindyError(
                 f"bags need rosbags, which is missing: {how_to_install('import')}"
             ) from None

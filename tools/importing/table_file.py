@@ -43,7 +43,7 @@ class TableFile:
             pa: Any = import_module("pyarrow")  # without types
             csv: Any = import_module("pyarrow.csv")
             parquet: Any = import_module("pyarrow.parquet")
-        except ImportError:
+        except ModuleNotFoundError:
             raise LindyError(
                 f"tables need pyarrow, which is missing: {how_to_install('import')}"
             ) from None

@@ -53,7 +53,7 @@ class TlogFile:
             from pymavlink.dialects.v20 import (  # pyright: ignore[reportMissingTypeStubs]
                 ardupilotmega,
             )
-        except ImportError:
+        except ModuleNotFoundError:
             raise LindyError(
                 f"telemetry logs need pymavlink, which is missing: {how_to_install('import')}"
             ) from None

@@ -38,7 +38,7 @@ class UlogFile:
         refuse_other(path, MAGIC, "a log of PX4")
         try:
             from pyulog import ULog  # pyright: ignore[reportMissingTypeStubs]
-        except ImportError:
+        except ModuleNotFoundError:
             raise LindyError(
                 f"logs of PX4 need pyulog, which is missing: {how_to_install('import')}"
             ) from None

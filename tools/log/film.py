@@ -152,7 +152,7 @@ class _Writing:
     ) -> None:
         try:
             from tools.log.film_file import CopiedFilm, new_file
-        except ImportError:
+        except ModuleNotFoundError:
             raise LindyError(
                 f"a film needs PyAV, which is not installed; {how_to_install('camera')}"
             ) from None

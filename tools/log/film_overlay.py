@@ -19,7 +19,7 @@ from tools.log.film_scenes import DOT, FilmedPicture, FilmPlace
 
 try:
     from PIL import Image, ImageDraw, ImageFont
-except ImportError:
+except ModuleNotFoundError:
     raise LindyError(
         f"--overlay needs Pillow, which is not installed; {how_to_install('camera')}"
     ) from None

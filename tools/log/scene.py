@@ -29,7 +29,7 @@ def scene(recordings: tuple[Path, ...], /, *, out: NewFile) -> int:
     refuse_existing(out)
     try:
         from services.visualizer.io.fleet_writer import encoded
-    except ImportError:
+    except ModuleNotFoundError:
         raise LindyError(
             f"a scene needs rerun, which is not installed; {how_to_install('viewer')}"
         ) from None

@@ -59,7 +59,7 @@ def taken(
     """
     try:
         from tools.log.snapshot_file import jpeg, last_of
-    except ImportError:
+    except ModuleNotFoundError:
         raise LindyError(
             f"a snapshot needs PyAV and Pillow, which are not installed; {how_to_install('camera')}"
         ) from None

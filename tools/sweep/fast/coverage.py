@@ -108,7 +108,9 @@ def _require_delay(name: str, side: str, leg: DirectionProfile) -> None:
 
 
 def _named(event: object) -> str:
-    return event if isinstance(event, str) else type(event).__name__.removesuffix("Intent").lower()
+    if isinstance(event, str):
+        return event
+    return type(event).__name__.removesuffix("Intent").removesuffix("Request").lower()
 
 
 def _refuse(what: str, known: str) -> NoReturn:
