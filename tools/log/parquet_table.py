@@ -1,5 +1,6 @@
 """Tables as Parquet, with the types of the messages' schemas."""
 
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -52,6 +53,11 @@ class ParquetTable:
         self._write()
         self._writer.close()
         self._file.close()
+
+    def __del__(self) -> None:
+        """What could not be written is not tried again, with a traceback, as it is thrown away."""
+        with suppress(AttributeError):  # no file could be opened
+            self._writer.is_open = False
 
     def _write(self) -> None:
         if not self._rows:
