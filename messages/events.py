@@ -431,6 +431,7 @@ CLAMPED_HEADING = row("clamped:reference.heading", LIMIT, f"the wanted heading {
 CLAMPED_PLACE = row("clamped:reference.place", LIMIT, f"the wanted position {_HELD_BACK}", said="warning")
 CLAMPED_HORIZONTAL = row("clamped:reference.horizontal", LIMIT, "the drone tilts too far: less surge and sway than asked for", said="warning")
 SATURATED = row("saturated", LIMIT, "a thruster reached its limit")
+LAW_REFUSED = row("law_refused", DANGER, "a plan of the user's reference law cannot be flown, and Lindy's own flies in its place", "look at the law, or take it out of the stack file", said="warning")
 DISTRUSTED = row("distrusted", DANGER, THRUSTER_TROUBLE.sentence)
 LOST_AXIS = row("lost_axis", DANGER, "the thrusters can no longer move the drone along an axis")
 UNDRIVEN = row("undriven", LIMIT, "a motion was asked for that the thrusters cannot produce")

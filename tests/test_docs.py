@@ -33,6 +33,8 @@ WHOLE = {  # shown from the first line to the last
     ],
     "library": [
         "examples/library/ramp_plot.py",
+        "examples/library/own_law.py",
+        "examples/library/own_estimator.py",
         "examples/library/pd_control.py",
         "examples/library/link_monte_carlo.py",
         "examples/library/virtual_dive.py",

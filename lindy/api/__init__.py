@@ -6,6 +6,7 @@ Each module is imported for itself, so that a driver loads no more than it needs
 - `service`: to write a service or a driver: its node, its stack, its settings
 - `vehicle`: vehicle files, thrust allocation, rigid-body physics
 - `references`: reference generators; they need no bus and no clock
+- `laws`: to fly a reference law of your own
 - `links`: the model of a tether and its profiles
 - `recordings`: to read what a dive recorded
 - `dives`: any set of services on virtual time

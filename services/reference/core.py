@@ -36,6 +36,7 @@ from services.reference.guidance.modes import lacking
 from services.reference.guidance.pilot_outputs import PilotOutputs
 from services.reference.guidance.refusals import refusal
 from services.reference.settings import Settings as Settings
+from services.reference.trajectory.own_law import Law
 
 AT_REST = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
 
@@ -73,6 +74,7 @@ class ReferenceGenerator:
     started_ns: Ns = 0  # [ns] now
     watched: Mapping[str, str] = field(default_factory=dict[str, str])  # service → its role
     has: tuple[Output, ...] = OUTPUTS  # outputs of the vehicle
+    law: Law | None = None  # of the user's, for depth and heading
     armed: bool = field(init=False)
     outputs: PilotOutputs = field(init=False)
     requested: FlightMode = field(init=False)  # by the pilot; in force again after a disarm
@@ -97,7 +99,7 @@ class ReferenceGenerator:
         self.outputs = PilotOutputs(self.has, b.outputs, self.started_ns)
         self._armed_ns, self._disarmed_ns = b.armed_ns, b.disarmed_ns
         self.authority = ControlAuthority(b.lease, self.started_ns)
-        self._guidance = Guidance(self.settings, self.outbox, b.flight_mode)
+        self._guidance = Guidance(self.settings, self.outbox, b.flight_mode, self.law)
         rows, memory = table(self.settings.failsafe), dict(b.failsafes)
         self._failsafes = FailsafeMachine(rows, self.outbox, memory, b.armed, b.surfaced)
         self.conditions = ConditionWatch(self.settings.failsafe, self.watched, self.started_ns)

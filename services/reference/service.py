@@ -9,6 +9,7 @@ from services.marine.vehicle import Vehicle
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.refusals import refused
+from services.reference.trajectory.own_law import Law
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
@@ -17,12 +18,16 @@ from services.runtime.node.peers import Peers
 SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
 
-def wire(node: Node, stack: Stack) -> None:
+def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
+    """
+    Args:
+        law: of the user's, by which depth and heading go to the velocity of the stick.
+    """
     before = node.restore_checkpoint(GuidanceCheckpoint) or GuidanceCheckpoint()
     settings = stack.section("reference", Settings)
     outputs = stack.section("vehicle", Vehicle).output
     generator = ReferenceGenerator(
-        settings, node.outbox, before, node.now(), stack.watched, outputs
+        settings, node.outbox, before, node.now(), stack.watched, outputs, law
     )
     commands = node.latest(topics.PILOT_COMMAND)
     commands.obey(generator.authority)

@@ -123,6 +123,7 @@ def test_a_dive_of_real_processes_is_flown(installed: Installed) -> None:
     [
         ("examples/depth_alarm/stack.toml --set depth_alarm.deepest=1", "depth_alarm"),
         ("examples/library/pd_stack.toml", "pd_control"),
+        ("examples/library/own_law_stack.toml", "reference"),
         (
             "examples/point_vehicle/stack.toml --vehicle examples/point_vehicle/vehicle.toml",
             "driver",

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from messages import topics
+from messages.events import Outbox
 from messages.pilot import PilotCommand
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.modes import HELD_AXES
@@ -40,7 +41,7 @@ def asked(dive: RecordedDive, settings: Settings, begin_ns: int, depth: float) -
     command = dive[topics.PILOT_COMMAND]
     stamps = (command["stamp"] - begin_ns) / 1e9
     sticks = np.column_stack([command[name] for name in STICKS])
-    axes, held = Axes.of(settings), HELD_AXES["stabilised"]
+    axes, held = Axes.of(settings, Outbox()), HELD_AXES["stabilised"]
     axes.rest(depth, 0.0, float(stamps[0]))
     grid = np.arange(stamps[0], stamps[-1], 1.0 / RATE)
     rows: list[tuple[float, ...]] = []

@@ -3,13 +3,15 @@
 from dataclasses import dataclass, field
 from typing import Self
 
+from messages.events import Outbox
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from services.reference.guidance.ground_motion import GroundMotion
 from services.reference.guidance.modes import HeldAxes
 from services.reference.guidance.station_keeping import STILL, StationKeeping
-from services.reference.settings import Settings
+from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
+from services.reference.trajectory.own_law import AxisLaw, Law, LawRamp
 from services.reference.trajectory.position import pair, travelled
 from services.reference.trajectory.vector import VectorRamp
 
@@ -48,11 +50,21 @@ class Axes:
         self._zone = 2.0 * travelled(there_and_back) + fast * LOOK_AHEAD_S
 
     @classmethod
-    def of(cls, settings: Settings) -> Self:
+    def of(cls, settings: Settings, outbox: Outbox, law: Law | None = None) -> Self:
+        """
+        Args:
+            law: of the user's, by which depth and heading go to the velocity of the stick.
+        """
+
+        def held(axis: str, to: VelocityAxis) -> Ramp:
+            if law is None:
+                return Ramp(to.limits)
+            return LawRamp(to.limits, law=AxisLaw(axis, law, to.max_velocity, to.stop, outbox))
+
         return cls(
             settings,
-            Ramp(settings.heave.limits),
-            Ramp(settings.yaw.limits),
+            held("heave", settings.heave),
+            held("yaw", settings.yaw),
             StationKeeping(settings.place.limits),
             Ramp(settings.tilt.limits),
             Ramp(settings.place.limits),

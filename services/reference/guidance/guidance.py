@@ -32,6 +32,7 @@ from services.reference.guidance.manoeuvre import Manoeuvre
 from services.reference.guidance.modes import HELD_AXES, HeldAxes, safe
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
+from services.reference.trajectory.own_law import Law
 
 RISEN = 0.01  # [m] an ascent that ends this close to its depth has reached it
 TURN_SHORT = 0.04  # [rad] largest error of a heading for which there is not enough thrust
@@ -45,6 +46,7 @@ class Guidance:
     settings: Settings
     outbox: Outbox
     flight_mode: FlightMode = "stabilised"
+    law: Law | None = None  # of the user's
     axes: Axes = field(init=False)
     manoeuvre: Manoeuvre = field(init=False)
     state: VehicleState | None = None  # newest received
@@ -65,7 +67,8 @@ class Guidance:
 
     def __post_init__(self) -> None:
         s = self.settings
-        self.axes, self.standstill = Axes.of(s), Standstill(s.standstill)
+        self.axes = Axes.of(s, self.outbox, self.law)
+        self.standstill = Standstill(s.standstill)
         self._tilt_limit = TiltLimit(s.most_tilt)
         self.height = HeightHold(s.heave.max_velocity, s.failsafe.floor_distance)
         self.manoeuvre = Manoeuvre(self.axes)
