@@ -14,10 +14,11 @@ from services.reference.settings import Settings as ReferenceSettings
 from services.runtime.config.stack import BODY, Stack
 from services.simulator.settings import Settings as SimulatorSettings
 from services.tether.profile import LinkProfile
+from tools.sweep.fast.allocation import LaneAllocated
 from tools.sweep.fast.control import Controllers
 from tools.sweep.fast.estimation import Estimators
 from tools.sweep.fast.lanes import Lanes, Mask
-from tools.sweep.fast.reference import References
+from tools.sweep.fast.reference import LaneReference, References
 from tools.sweep.fast.sensors import LaneSensors
 from tools.sweep.fast.thrusters import LaneBattery
 from tools.sweep.fast.timeline import DiveTimes, SampleTimes, delays_of
@@ -91,23 +92,28 @@ class Dives:
         self._lost = np.zeros(count, bool)
 
     def to_the_end(self, go_on: Callable[[float], bool]) -> Tracks | None:
+        if (times := self.calibrated(go_on)) is None:
+            return None
+        running, s = self._now, self._settings
+        heading, hotel = s.simulator.start_heading, self._battery.power
+        tracks = Tracks(times, self._times.imu, running, s.reference, heading, hotel)
+        self._control(times, tracks)
+        while not self.over(times):
+            self.move()
+            self._control(times, tracks)
+            if not go_on((self._now - running) / (times.end_ns - running)):
+                return None
+        tracks.lost = self.lost() | ~tracks.sound
+        return tracks
+
+    def calibrated(self, go_on: Callable[[float], bool]) -> DiveTimes | None:
+        """Float at rest until the estimators run; None: it was to stop."""
         while not self._estimators.running:
             self._measure()
             if not go_on(0.0):
                 return None
-        running, s = self._now, self._settings
-        times = DiveTimes(s.script, delays_of(s.link), running, s.seconds)
-        heading, hotel = s.simulator.start_heading, self._battery.power
-        tracks = Tracks(times, self._times.imu, running, s.reference, heading, hotel)
-        self._control(times, tracks)
-        while self._now + self._times.imu <= times.end_ns:
-            self._move()
-            self._measure()
-            self._control(times, tracks)
-            if not go_on((self._now - running) / (times.end_ns - running)):
-                return None
-        tracks.lost = self._all_lost() | ~tracks.sound
-        return tracks
+        s = self._settings
+        return DiveTimes(s.script, delays_of(s.link), self._now, s.seconds)
 
     def _measure(self) -> None:
         """The IMU sample of the next instant, and the pressure samples up to it."""
@@ -123,8 +129,8 @@ class Dives:
         dt = self._times.imu * 1e-9 if before else 0.0
         self._estimators.imu(force, rate, self._now, dt)
 
-    def _move(self) -> None:
-        """The vehicles, to the next instant, and the pressure samples on the way."""
+    def move(self) -> None:
+        """The vehicles, to the next instant, and all samples up to it."""
         self._estimators.actuation(self._vessels.thrusters.produced)  # it is heard an instant later
         since, until = self._now, self._now + self._times.imu
         for at in self._times.pressures(since, until):
@@ -132,14 +138,19 @@ class Dives:
             since = at
             self._estimators.pressure(self._sensors.pressure(self._vessels.position[2]), at)
         self._advance((until - since) * 1e-9)
+        self._measure()
 
     def _advance(self, seconds: float) -> None:
         if seconds > 0.0:
             self._vessels.advance(seconds)
             self._battery.feed(self._vessels.thrusters.produced, seconds)
 
-    def _control(self, times: DiveTimes, tracks: Tracks) -> None:
-        """Reference, control and thrusters at this instant, from the newest state."""
+    def over(self, times: DiveTimes) -> bool:
+        """Is this its last instant?"""
+        return self._now + self._times.imu > times.end_ns
+
+    def wanted(self, times: DiveTimes) -> tuple[LaneState, LaneReference, bool]:
+        """The newest state, the reference at this instant, and whether the vehicles are armed."""
         attitude, depth = self._estimators.attitude, self._estimators.depth
         state = LaneState(
             depth.depth, depth.rate, attitude.heading, attitude.yaw_rate, attitude.roll,
@@ -150,18 +161,28 @@ class Dives:
         reference = self._references.step(
             state, sticks, self._controllers.turn_short, self._now / 1e9, armed=armed
         )
+        self._lost |= np.abs(attitude.pitch) > STEEP
+        return state, reference, armed
+
+    def _control(self, times: DiveTimes, tracks: Tracks) -> None:
+        """Reference, control and thrusters at this instant, from the newest state."""
+        state, reference, armed = self.wanted(times)
         vessels = self._vessels
         produced = vessels.thrusters.produced
         truth, drawn = (vessels.position[2], vessels.attitude), (produced, self._battery.power)
         tracks.add(self._now, reference, state, truth, drawn, armed)
-        self._lost |= np.abs(attitude.pitch) > STEEP
-        if armed:
-            done = self._controllers.step(reference, state, self._times.imu * 1e-9)
-            vessels.thrusters.drive(done.thrust)
-        else:
-            vessels.thrusters.drive(np.zeros_like(produced))
+        done = self.controlled(reference, state).thrust if armed else np.zeros_like(produced)
+        vessels.thrusters.drive(done)
 
-    def _all_lost(self) -> Mask:
+    def controlled(self, reference: LaneReference, state: LaneState) -> LaneAllocated:
+        """What Lindy's own control commands."""
+        return self._controllers.step(reference, state, self._times.imu * 1e-9)
+
+    def drive(self, thrust: Lanes) -> None:
+        """Command thrusters [N] (thrusters, lanes)."""
+        self._vessels.thrusters.drive(thrust)
+
+    def lost(self) -> Mask:
         critical = self._settings.reference.failsafe.battery_critical
         empty = self._battery.share_left <= critical
         return self._lost | self._estimators.lost | self._references.lost | empty
