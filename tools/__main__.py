@@ -38,6 +38,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "up": Verb("up:up", "Start one SIDE of a dive, topside or drone, on this machine."),
         "fly": Verb("fleet.fly:fly", "Start the topside for one of several drones."),
         "ask": Verb("ask:ask", "Send a request to a running dive, and print the answer."),
+        "ros2": Verb("ros2:ros2", "Show a running dive in ROS 2, and have it flown from there."),
         "pad": Verb("pad.command:pad", "Show what a pad sends, and write a profile for it."),
     },
     "Drones and links": {
