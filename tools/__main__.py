@@ -98,6 +98,9 @@ LOG: dict[str, Verb] = {
     "parquet": Verb(
         "log.parquet_table:parquet", "Write every topic as a table: one Parquet file each."
     ),
+    "rosbag": Verb(
+        "log.rosbag:rosbag", "As a bag of ROS 2 (rosbag2, MCAP), with standard messages."
+    ),
     "compare": Verb("log.compare:compare", "What differs between two recordings, when first."),
     "jerk": Verb("log.jerk:jerk", "The jerk that was felt, beside the jerk that was asked for."),
     "sticks": Verb("log.sticks:sticks", "The pilot's sticks, as a stick log to fly again."),

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from messages import cameras, events, topics
-from messages.health import LATE_MS, Health
+from messages.health import LATE_MS, Health, LogLine
 from messages.message import Estimate, Message
 from messages.pilot import PilotCommand
 from messages.sensors import (
@@ -47,6 +47,7 @@ UNKNOWN = 1e6  # a variance that says that the value means nothing
 STEEPEST = 0.2  # [-] cosine of a tilt beyond which depth rate says nothing of heave
 HALF = sqrt(0.5)
 OK, WARN, ERROR = 0, 1, 2  # of diagnostic_msgs/DiagnosticStatus
+LEVELS = {"info": 20, "warning": 30, "error": 40}  # of rcl_interfaces/Log
 
 JOY, TWIST = "sensor_msgs/msg/Joy", "geometry_msgs/msg/Twist"
 
@@ -74,9 +75,12 @@ def enu_from_flu(q_NB: Quaternion) -> Quaternion:
 # Parts of messages.
 
 
+def _stamp(utc_ns: int) -> Any:
+    return ros.builtin_interfaces__msg__Time(sec=utc_ns // 10**9, nanosec=utc_ns % 10**9)
+
+
 def _header(utc_ns: int, frame: str) -> Any:
-    stamp = ros.builtin_interfaces__msg__Time(sec=utc_ns // 10**9, nanosec=utc_ns % 10**9)
-    return ros.std_msgs__msg__Header(stamp=stamp, frame_id=frame)
+    return ros.std_msgs__msg__Header(stamp=_stamp(utc_ns), frame_id=frame)
 
 
 def _vector(v: Vec3) -> Any:
@@ -325,6 +329,19 @@ def service_health(frame: Frame, health: Health, utc_ns: int) -> Any:
     )
 
 
+def log_line(frame: Frame, line: LogLine, utc_ns: int) -> Any:
+    """ROS names what a node logs by that node; file and line are nobody's business."""
+    return ros.rcl_interfaces__msg__Log(
+        stamp=_stamp(utc_ns),
+        level=LEVELS[line.level],
+        name=f"{frame.base.partition('/')[0]}.{line.service}",
+        msg=line.text,
+        file="",
+        function="",
+        line=0,
+    )
+
+
 # Sticks. `sensor_msgs/Joy` as joy's game_controller_node lays it out, and the sticks of Lindy's own
 # pads: right hand surge and sway, left hand heave and yaw. ROS counts up and left as positive.
 LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y = range(4)
@@ -419,6 +436,7 @@ ROWS = (
     Row(topics.PILOT_COMMAND, "sticks", JOY, joy),
     Row(topics.STATUS, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", vehicle_status),
     Row(topics.HEALTH, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", service_health),
+    Row(topics.LOG, "/rosout", "rcl_interfaces/msg/Log", log_line),
 )
 MADE = defaultdict[str, list[Row]](list)
 for _row in ROWS:
@@ -444,12 +462,13 @@ class RosTopic(NamedTuple):
 class RosMessages:
     """Of one drone. Pictures come in parts, so it has a memory of each camera's newest."""
 
-    def __init__(self, name: str, namespace: str, mounting: Mounting) -> None:
+    def __init__(self, name: str, namespace: str, mounting: Mounting | None) -> None:
         """
         Args:
             namespace: empty, or from a / on.
+            mounting: of the sensors; None: not known, as if they had the body's axes.
         """
-        self._frame, self._namespace = frame_of(name, mounting), namespace
+        self._frame, self._namespace = frame_of(name, mounting or Mounting()), namespace
         self._pictures = defaultdict[str, Assembler](Assembler)
 
     def whole(self, name: str) -> str:
@@ -461,11 +480,9 @@ class RosMessages:
         pictures = [RosTopic(self._camera(camera), PICTURE) for camera in of_cameras]
         return list(dict.fromkeys(found + pictures))
 
-    def topics_of(self, topic: AnyTopic, key: str) -> list[RosTopic]:
-        """Those that a message of this key becomes; none: it has no place in ROS 2."""
-        if topic.message is VideoPart:
-            return [RosTopic(self._camera(cameras.camera_of(key) or cameras.FIRST), PICTURE)]
-        return [RosTopic(self.whole(row.name), row.kind) for row in MADE[topic.key]]
+    def has(self, topic: AnyTopic) -> bool:
+        """Do its messages become anything in ROS 2?"""
+        return topic.message is VideoPart or topic.key in MADE
 
     def of(
         self,
@@ -478,14 +495,14 @@ class RosMessages:
         """What one message of the bus is in ROS 2.
 
         Args:
-            topic, key: its row, and its own key.
+            topic, key: its row of the topic table, and its own key.
             utc_ns: [ns] UTC of its stamp.
             wanted: does anybody hear a topic of ROS 2 by this name?
         """
         if isinstance(message, VideoPart):
             yield from self._picture(key, message, utc_ns, wanted)
             return
-        for row in MADE[topic.key]:
+        for row in MADE.get(topic.key, ()):
             name = self.whole(row.name)
             if wanted(name) and (made := row.make(self._frame, message, utc_ns)) is not None:
                 yield RosMessage(name, row.kind, made)

@@ -1,7 +1,6 @@
 """ROS 2 service: the drone as a node of ROS 2, and a node of ROS 2 as its pilot where that is
 allowed. It is on Lindy's bus like any service, and in the ROS network by a session of its own."""
 
-import re
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Protocol
 
@@ -14,6 +13,7 @@ from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
 from services.ros2.core import Arrivals, Arrived, Heard, RosPilot, Settings
+from services.ros2.names import namespace_of, ros_name
 from services.ros2.rmw_zenoh import Attachment, Kind, RosNode, id_of, key_of
 from services.runtime.bus.other_network import OtherNetwork, OtherPublisher
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
@@ -72,7 +72,7 @@ def connected(node: Node, stack: Stack, settings: Settings, network: RosNetwork)
             f"ros2 needs rosbags, which is not installed; {how_to_install('ros2')}"
         ) from None
     name = ros_name(stack.drone_name)
-    namespace = f"/{name}" if settings.namespace is None else settings.namespace
+    namespace = namespace_of(settings, name)
     vehicle = stack.section("vehicle", Vehicle)
     messages = RosMessages(name, namespace, vehicle.mounting)
     of_cameras = stack.section("camera", CameraViews).by_name
@@ -81,12 +81,6 @@ def connected(node: Node, stack: Stack, settings: Settings, network: RosNetwork)
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         SticksFromRos(node, drone, RosPilot(pilot))
     return drone
-
-
-def ros_name(drone: str) -> str:
-    """A drone's name as ROS allows it."""
-    name = re.sub(r"[^A-Za-z0-9_]", "_", drone)
-    return name if name[:1].isalpha() else f"drone_{name}"
 
 
 class DroneInRos:

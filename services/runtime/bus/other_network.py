@@ -9,6 +9,7 @@ import json
 import secrets
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import zenoh
 
@@ -42,7 +43,8 @@ class OtherPublisher:
         self._publisher = session.declare_publisher(key, congestion_control=drop)
         handler = zenoh.handlers.Callback(changed, indirect=False)
         self._listener = self._publisher.declare_matching_listener(handler)
-        self.heard = self._publisher.matching_status
+        now: Any = self._publisher.matching_status  # which is no bool, as its stub has it
+        self.heard = bool(now.matching)
 
 
 class OtherNetwork:

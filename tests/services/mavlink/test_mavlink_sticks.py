@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from messages.pilot import TTL_MS
 from services.mavlink.packets import GroundStation
-from services.piloting.stick_holder import KEPT_NS, StickHolder
 from services.mavlink.stick_packets import manual_control, rc_override
 from services.mavlink_io.numbers import NO_AXIS, NO_CHANNEL
+from services.piloting.stick_holder import KEPT_NS, StickHolder
 from services.piloting.sticks import CENTRED, Sticks
 
 MS = 1_000_000
