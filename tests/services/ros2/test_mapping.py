@@ -1,8 +1,9 @@
 """What each message is in ROS 2: frames, units, and that readers of others understand it."""
 
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass, make_dataclass
 from math import cos, isnan, pi, sin
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pycdr2
@@ -282,8 +283,9 @@ def plain(message: Any) -> dict[str, Any]:
 
     def walk(where: str, value: Any) -> None:
         if isinstance(value, np.ndarray | list | tuple | bytes):
-            found[where] = len(value)
-            for number, each in enumerate(value):
+            parts = list(cast(Iterable[Any], value))
+            found[where] = len(parts)
+            for number, each in enumerate(parts):
                 walk(f"{where}.{number}", each)
         elif is_dataclass(value):
             for each in fields(value):

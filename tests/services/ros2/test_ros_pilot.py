@@ -99,11 +99,15 @@ class Dive:
         return self
 
     def joy(
-        self, sender: bytes = ANN, *buttons: int, sent_ns: int | None = None, **axes: float
+        self,
+        sender: bytes = ANN,
+        *buttons: int,
+        sent_ns: int | None = None,
+        lefty: float = 0.0,
     ) -> None:
-        """`lefty`: as of game_controller_node, up is positive."""
+        """Axes as of game_controller_node: up is positive."""
         values, down = np.zeros(6, np.float32), np.zeros(15, np.int32)
-        values[LEFT_Y] = axes.get("lefty", 0.0)
+        values[LEFT_Y] = lefty
         down[list(buttons)] = 1
         header = ros.std_msgs__msg__Header(ros.builtin_interfaces__msg__Time(0, 0), "")
         said: Any = ros.sensor_msgs__msg__Joy(header, values, down)
@@ -111,10 +115,12 @@ class Dive:
         sent = self.host.now if sent_ns is None else sent_ns
         self.air.say(JOY, RosMessage("", JOY, said).cdr(), attachment(self.count, sent, sender))
 
-    def steer(self, seconds: float, sender: bytes = ANN, *buttons: int, **axes: float) -> "Dive":
+    def steer(
+        self, seconds: float, sender: bytes = ANN, *buttons: int, lefty: float = 0.0
+    ) -> "Dive":
         """At 20 Hz, as game_controller_node repeats itself."""
         for _ in range(round(seconds * 20)):
-            self.joy(sender, *buttons, **axes)
+            self.joy(sender, *buttons, lefty=lefty)
             self.run(0.05)
         return self
 

@@ -8,6 +8,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from messages import topics
+from messages.vehicle import Truth
 from services.ros2.mapping import MADE, STORE
 from tools.__main__ import main
 from tools.recordings.recording import open_recording
@@ -47,14 +48,15 @@ def test_rosbags_reads_every_message_back_in_its_order(dive: ShortDive, bag: Pat
 
 
 def test_the_depth_of_the_bag_is_that_of_the_recording(dive: ShortDive, bag: Path) -> None:
-    depths = [r.message for r in open_recording(dive.folder) if r.key == "simulator/truth"]
+    recorded = (each.message for each in open_recording(dive.folder))
+    truths = [message for message in recorded if isinstance(message, Truth)]
     with AnyReader([bag], default_typestore=STORE) as reader:
         (truth,) = (each for each in reader.connections if each.topic == "/my_drone/truth")
-        heights = [
-            reader.deserialize(data, truth.msgtype).pose.pose.position.z  # type: ignore[attr-defined]
-            for _, _, data in reader.messages([truth])
+        odometry: list[Any] = [
+            reader.deserialize(data, truth.msgtype) for _, _, data in reader.messages([truth])
         ]
-    assert heights == [-message.position[2] for message in depths]
+    heights = [each.pose.pose.position.z for each in odometry]
+    assert heights == [-message.position[2] for message in truths]
 
 
 def test_what_is_there_already_is_not_touched(

@@ -34,7 +34,7 @@ def test_what_was_declared_is_there_once_the_router_is_and_again_after_it_was_go
     network = OtherNetwork(f"tcp/127.0.0.1:{port}", "ros2.router")
     got: list[tuple[str, bytes, bytes]] = []
     publisher = network.publisher("0/out")
-    network.hear("0/in", lambda *arrived: got.append(arrived))
+    network.hear("0/in", lambda key, payload, attached: got.append((key, payload, attached)))
     token = f"@ros2_lv/0/{network.session_id}/0/0/NN/%/%/lindy"
     network.announce(token)
     network.start()
