@@ -8,7 +8,7 @@ import re
 import threading
 import urllib.request
 from collections.abc import Generator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -86,18 +86,18 @@ def proxy(name: str, behind: int) -> Generator[int]:
     prefix = f"/extensionv2/{name}/".encode()
 
     async def met(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        with suppress(OSError, asyncio.IncompleteReadError):
+        with suppress(OSError, asyncio.IncompleteReadError), closing(writer):
             head = await reader.readuntil(b"\r\n\r\n")
             method, path, rest = head.split(b" ", 2)
             if not path.startswith(prefix):
                 writer.write(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n")
-                writer.close()
                 return
             inner, outer = await asyncio.open_connection("127.0.0.1", behind)
             rest = re.sub(rb"(?mi)^connection: .*\r\n", b"", rest)
             line = b" ".join((method, b"/" + path.removeprefix(prefix), rest))
-            outer.write(line.removesuffix(b"\r\n") + b"Connection: Upgrade\r\n\r\n")
-            await asyncio.gather(passed(reader, outer), passed(inner, writer))
+            with closing(outer):
+                outer.write(line.removesuffix(b"\r\n") + b"Connection: Upgrade\r\n\r\n")
+                await asyncio.gather(passed(reader, outer), passed(inner, writer))
 
     async def passed(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(OSError):
