@@ -22,10 +22,11 @@ LOOK_S = 0.5  # [s] between two looks whether the dive goes on
 
 
 def ros2(*, dive: RunningDive = None, choices: Choices = DEFAULT) -> int:
-    """Show a running dive in ROS 2, and have it flown from there with --set ros2.sticks=true.
+    """Show a running dive in ROS 2, and have it flown from there.
 
     It reaches the ROS network by the router of rmw_zenoh, which --set ros2.router=tcp/HOST:7447
-    names. It ends with the dive, or with Ctrl-C.
+    names. It takes sticks only with --set ros2.sticks=true: whoever reaches that router may then
+    fly. It ends with the dive, or with Ctrl-C.
 
     Example: lindy ros2 --set ros2.domain=3
     """

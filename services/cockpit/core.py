@@ -72,7 +72,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pilot: Annotated[Name, msgspec.Meta(min_length=1)] = "cockpit"  # name, for other pilots
     certificate: str = ""  # PEM file, for https where other machines reach it
     key: str = ""  # PEM file of its private key
-    insecure: bool = False  # other machines too, without https and token: whoever reaches it may fly
+    insecure: bool = (
+        False  # other machines too, without https and token: whoever reaches it may fly
+    )
 
     def __post_init__(self) -> None:
         if bool(self.certificate) != bool(self.key):

@@ -1,7 +1,6 @@
 """The settings, and a node of ROS 2 that has the sticks: a pilot like any other."""
 
 import re
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
 
@@ -40,7 +39,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
 
 
-class Heard(NamedTuple):
+class RosSticks(NamedTuple):
     """Sticks of a node of ROS 2."""
 
     sender: bytes  # gid of the publisher
@@ -60,14 +59,14 @@ class RosPilot:
 
     def __post_init__(self) -> None:
         self.pilot.source = "ROS 2"
-        silent, other = events.LOST_ROS2, events.NOT_THE_HOLDER_ROS2()
+        silent, other = events.LOST_ROS, events.NOT_THE_HOLDER_ROS()
         self.guest = GuestPilot(self.pilot, silent, other)
 
     @property
     def outbox(self) -> Outbox:
         return self.pilot.outbox
 
-    def heard(self, said: Heard, waiting: Waiting, now: Ns) -> Effects:
+    def heard(self, said: RosSticks, waiting: Waiting, now: Ns) -> Effects:
         """Sticks have arrived. What a button asks for happens once, when it goes down; one that was
         down when a node took the sticks was not pressed."""
         out, lag = Effects(), now - said.sent_ns
@@ -78,7 +77,7 @@ class RosPilot:
                 self._fastest_ns = lag
             self._fastest_ns = min(self._fastest_ns, lag)
             if lag - self._fastest_ns > TTL_NS:
-                self.outbox.tell(events.STALE("ros2"))
+                self.outbox.tell(events.STALE("ros"))
                 return out
         if not self.guest.steer(said.sender, said.sticks, waiting, now, out):
             return out
@@ -103,21 +102,3 @@ class RosPilot:
 
     def given_up(self, request: PilotRequest, now: Ns) -> Effects:
         return self.pilot.given_up(request, now)
-
-
-Arrived = tuple[str, bytes, bytes]  # key, payload and attachment
-
-
-class Arrivals:
-    """What the ROS network's thread leaves for the service. The oldest goes first."""
-
-    MOST = 256
-
-    def __init__(self) -> None:
-        self._waiting = deque[Arrived](maxlen=self.MOST)
-
-    def add(self, arrived: Arrived) -> None:
-        self._waiting.append(arrived)
-
-    def take(self) -> list[Arrived]:
-        return [self._waiting.popleft() for _ in range(len(self._waiting))]

@@ -38,7 +38,7 @@ from services.marine.attitude import down_in_body
 from services.marine.mounting import Mounting
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import Sticks
-from services.ros2.core import Heard
+from services.ros2.core import RosSticks
 from services.ros2.rmw_zenoh import Attachment
 from services.vehicle.mounting import MountedAxes
 
@@ -105,7 +105,7 @@ def _value(estimate: Estimate | None) -> float:
     return estimate.value if estimate is not None and estimate.valid else 0.0
 
 
-class Frame(NamedTuple):
+class RosFrames(NamedTuple):
     """The drone in ROS: names of its frames, and where its sensors sit."""
 
     base: str  # forward, left, up at the vehicle's origin
@@ -115,16 +115,16 @@ class Frame(NamedTuple):
     dvl: MountedAxes
 
 
-def frame_of(name: str, mounting: Mounting) -> Frame:
+def frames_of(name: str, mounting: Mounting) -> RosFrames:
     turned = (mounting.imu, mounting.magnetometer, mounting.dvl)
-    return Frame(f"{name}/base_link", f"{name}/odom", *map(MountedAxes, turned))
+    return RosFrames(f"{name}/base_link", f"{name}/odom", *map(MountedAxes, turned))
 
 
 # Messages. Each is made of the drone's frames, Lindy's message and its time [ns] UTC. None: nothing
 # is to be said.
 
 
-def imu(frame: Frame, sample: ImuSample, utc_ns: int) -> Any:
+def imu(frame: RosFrames, sample: ImuSample, utc_ns: int) -> Any:
     """In the body's axes, where the sensor sits, not corrected. Specific force at rest is (0, 0, g)
     in ROS too."""
     axes = frame.imu
@@ -141,7 +141,7 @@ def imu(frame: Frame, sample: ImuSample, utc_ns: int) -> Any:
     )
 
 
-def magnetic_field(frame: Frame, sample: MagnetometerSample, utc_ns: int) -> Any:
+def magnetic_field(frame: RosFrames, sample: MagnetometerSample, utc_ns: int) -> Any:
     field = frame.magnetometer.to_body(sample.field)
     return ros.sensor_msgs__msg__MagneticField(
         header=_header(utc_ns, frame.base),
@@ -150,14 +150,14 @@ def magnetic_field(frame: Frame, sample: MagnetometerSample, utc_ns: int) -> Any
     )
 
 
-def pressure(frame: Frame, sample: PressureSample, utc_ns: int) -> Any:
+def pressure(frame: RosFrames, sample: PressureSample, utc_ns: int) -> Any:
     """Absolute; its variance is not known, which is 0."""
     return ros.sensor_msgs__msg__FluidPressure(
         header=_header(utc_ns, frame.base), fluid_pressure=sample.pressure, variance=0.0
     )
 
 
-def dvl(frame: Frame, sample: DvlSample, utc_ns: int) -> Any:
+def dvl(frame: RosFrames, sample: DvlSample, utc_ns: int) -> Any:
     velocity = frame.dvl.to_body(sample.velocity)
     twist = ros.geometry_msgs__msg__Twist(
         linear=_vector(flu(velocity)), angular=_vector((0.0, 0.0, 0.0))
@@ -169,7 +169,7 @@ def dvl(frame: Frame, sample: DvlSample, utc_ns: int) -> Any:
     )
 
 
-def battery(frame: Frame, sample: BatterySample, utc_ns: int) -> Any:
+def battery(frame: RosFrames, sample: BatterySample, utc_ns: int) -> Any:
     """ROS counts current into the battery; what is not measured is not a number."""
     charge = sample.charge
     return ros.sensor_msgs__msg__BatteryState(
@@ -225,7 +225,7 @@ def place_of(state: VehicleState) -> Vec3:
     return _value(state.north), _value(state.east), state.depth.value
 
 
-def odometry(frame: Frame, state: VehicleState, utc_ns: int) -> Any:
+def odometry(frame: RosFrames, state: VehicleState, utc_ns: int) -> Any:
     """Heave comes from the depth rate, and from surge and sway as far as the vehicle is tilted."""
     if not state_is_known(state):
         return None
@@ -258,7 +258,7 @@ def odometry(frame: Frame, state: VehicleState, utc_ns: int) -> Any:
     return said
 
 
-def transform(frame: Frame, state: VehicleState, utc_ns: int) -> Any:
+def transform(frame: RosFrames, state: VehicleState, utc_ns: int) -> Any:
     """The drone's frame in that of its odometry."""
     if not state_is_known(state):
         return None
@@ -272,7 +272,7 @@ def transform(frame: Frame, state: VehicleState, utc_ns: int) -> Any:
     return ros.tf2_msgs__msg__TFMessage(transforms=[stamped])
 
 
-def truth(frame: Frame, known: Truth, utc_ns: int) -> Any:
+def truth(frame: RosFrames, known: Truth, utc_ns: int) -> Any:
     """Of a simulator; exact, so its covariances are 0."""
     child = f"{frame.base}_truth"
     where = known.position, known.attitude, known.velocity, known.angular_rate
@@ -290,7 +290,7 @@ def _diagnostics(utc_ns: int, level: int, name: str, words: str, values: dict[st
     return ros.diagnostic_msgs__msg__DiagnosticArray(header=_header(utc_ns, ""), status=[status])
 
 
-def vehicle_status(frame: Frame, status: VehicleStatus, utc_ns: int) -> Any:
+def vehicle_status(frame: RosFrames, status: VehicleStatus, utc_ns: int) -> Any:
     level = ERROR if status.failsafe != "none" else WARN if status.conditions else OK
     name = frame.base.partition("/")[0]
     return _diagnostics(
@@ -309,7 +309,7 @@ def vehicle_status(frame: Frame, status: VehicleStatus, utc_ns: int) -> Any:
     )
 
 
-def service_health(frame: Frame, health: Health, utc_ns: int) -> Any:
+def service_health(frame: RosFrames, health: Health, utc_ns: int) -> Any:
     """Late is a warning; so is what was counted and is not normal in a dive, in words."""
     late = health.lateness_p99_ms is not None and health.lateness_p99_ms > LATE_MS
     words = "late" if late else "works"
@@ -329,7 +329,7 @@ def service_health(frame: Frame, health: Health, utc_ns: int) -> Any:
     )
 
 
-def log_line(frame: Frame, line: LogLine, utc_ns: int) -> Any:
+def log_line(frame: RosFrames, line: LogLine, utc_ns: int) -> Any:
     """ROS names what a node logs by that node; file and line are nobody's business."""
     return ros.rcl_interfaces__msg__Log(
         stamp=_stamp(utc_ns),
@@ -381,7 +381,7 @@ def sticks_of_twist(said: Any) -> Sticks:
     return Sticks(surge, sway, heave, yaw=-float(angular.z))
 
 
-def heard_of(data: bytes, kind: str, attached: Attachment) -> tuple[Heard, bool]:
+def heard_of(data: bytes, kind: str, attached: Attachment) -> tuple[RosSticks, bool]:
     """Sticks of a node of ROS 2, and whether they were beyond a full stick.
 
     Args:
@@ -397,10 +397,10 @@ def heard_of(data: bytes, kind: str, attached: Attachment) -> tuple[Heard, bool]
         raise ValueError("a stick is not a number")
     within = Sticks(*(max(-1.0, min(1.0, each)) for each in sticks))
     pressed = presses_of_joy(said) if kind == JOY else frozenset[Press]()
-    return Heard(attached.publisher, attached.utc_ns, within, pressed), within != sticks
+    return RosSticks(attached.publisher, attached.utc_ns, within, pressed), within != sticks
 
 
-def joy(frame: Frame, command: PilotCommand, utc_ns: int) -> Any:
+def joy(frame: RosFrames, command: PilotCommand, utc_ns: int) -> Any:
     """The pilot's sticks, whoever he is."""
     axes = np.zeros(6, np.float32)
     axes[RIGHT_Y], axes[RIGHT_X] = command.surge, -command.sway
@@ -412,10 +412,10 @@ def joy(frame: Frame, command: PilotCommand, utc_ns: int) -> Any:
 
 # The table.
 
-Make = Callable[[Frame, Any, int], Any]
+Make = Callable[[RosFrames, Any, int], Any]
 
 
-class Row(NamedTuple):
+class RosRow(NamedTuple):
     """One topic of ROS 2, and what it is made of."""
 
     of: AnyTopic
@@ -425,20 +425,20 @@ class Row(NamedTuple):
 
 
 ROWS = (
-    Row(topics.IMU, "imu/data_raw", "sensor_msgs/msg/Imu", imu),
-    Row(topics.MAGNETOMETER, "imu/mag", "sensor_msgs/msg/MagneticField", magnetic_field),
-    Row(topics.PRESSURE, "pressure", "sensor_msgs/msg/FluidPressure", pressure),
-    Row(topics.DVL, "dvl", "geometry_msgs/msg/TwistWithCovarianceStamped", dvl),
-    Row(topics.BATTERY, "battery", "sensor_msgs/msg/BatteryState", battery),
-    Row(topics.STATE, "odom", "nav_msgs/msg/Odometry", odometry),
-    Row(topics.STATE, "/tf", "tf2_msgs/msg/TFMessage", transform),
-    Row(topics.TRUTH, "truth", "nav_msgs/msg/Odometry", truth),
-    Row(topics.PILOT_COMMAND, "sticks", JOY, joy),
-    Row(topics.STATUS, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", vehicle_status),
-    Row(topics.HEALTH, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", service_health),
-    Row(topics.LOG, "/rosout", "rcl_interfaces/msg/Log", log_line),
+    RosRow(topics.IMU, "imu/data_raw", "sensor_msgs/msg/Imu", imu),
+    RosRow(topics.MAGNETOMETER, "imu/mag", "sensor_msgs/msg/MagneticField", magnetic_field),
+    RosRow(topics.PRESSURE, "pressure", "sensor_msgs/msg/FluidPressure", pressure),
+    RosRow(topics.DVL, "dvl", "geometry_msgs/msg/TwistWithCovarianceStamped", dvl),
+    RosRow(topics.BATTERY, "battery", "sensor_msgs/msg/BatteryState", battery),
+    RosRow(topics.STATE, "odom", "nav_msgs/msg/Odometry", odometry),
+    RosRow(topics.STATE, "/tf", "tf2_msgs/msg/TFMessage", transform),
+    RosRow(topics.TRUTH, "truth", "nav_msgs/msg/Odometry", truth),
+    RosRow(topics.PILOT_COMMAND, "sticks", JOY, joy),
+    RosRow(topics.STATUS, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", vehicle_status),
+    RosRow(topics.HEALTH, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", service_health),
+    RosRow(topics.LOG, "/rosout", "rcl_interfaces/msg/Log", log_line),
 )
-MADE = defaultdict[str, list[Row]](list)
+MADE = defaultdict[str, list[RosRow]](list)
 for _row in ROWS:
     MADE[_row.of.key].append(_row)
 PICTURE = "sensor_msgs/msg/CompressedImage"
@@ -468,7 +468,7 @@ class RosMessages:
             namespace: empty, or from a / on.
             mounting: of the sensors; None: not known, as if they had the body's axes.
         """
-        self._frame, self._namespace = frame_of(name, mounting or Mounting()), namespace
+        self._frame, self._namespace = frames_of(name, mounting or Mounting()), namespace
         self._pictures = defaultdict[str, Assembler](Assembler)
 
     def whole(self, name: str) -> str:

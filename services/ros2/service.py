@@ -1,6 +1,7 @@
 """ROS 2 service: the drone as a node of ROS 2, and a node of ROS 2 as its pilot where that is
 allowed. It is on Lindy's bus like any service, and in the ROS network by a session of its own."""
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,7 +13,7 @@ from services.marine.field_of_view import CameraViews
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
-from services.ros2.core import Arrivals, Arrived, Heard, RosPilot, Settings
+from services.ros2.core import RosPilot, RosSticks, Settings
 from services.ros2.names import namespace_of, ros_name
 from services.ros2.rmw_zenoh import Attachment, Kind, RosNode, id_of, key_of
 from services.runtime.bus.other_network import OtherNetwork, OtherPublisher
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from services.ros2.mapping import RosMessages, RosTopic
 
 LOOK_HZ = 50.0  # [1/s] how often what has arrived is sent on
+WAITING = 256  # messages from ROS at most; the oldest go first
+Arrived = tuple[str, bytes, bytes]  # key, payload and attachment
 ASK_HZ = 1.0  # [1/s] is the router there?
 NO_ROUTER = (
     "ROS 2: no router answers at {}; `ros2 run rmw_zenoh_cpp rmw_zenohd` starts one, and this "
@@ -163,12 +166,12 @@ class SticksFromRos:
         from services.ros2.mapping import TAKEN, RosTopic
 
         self._node, self._drone, self._pilot = node, drone, pilot
-        self._arrivals, self._kinds = Arrivals(), dict[str, str]()
+        self._arrived, self._kinds = deque[Arrived](maxlen=WAITING), dict[str, str]()
         self._too_long = 0
         notify = node.from_outside(self.receive)
 
         def takes(key: str, payload: bytes, attachment: bytes) -> None:
-            self._arrivals.add((key, payload, attachment))
+            self._arrived.append((key, payload, attachment))
             notify()
 
         for name, kind in TAKEN.items():
@@ -181,11 +184,11 @@ class SticksFromRos:
 
     def receive(self, now: int) -> None:
         """Something has arrived from ROS 2."""
-        for arrived in self._arrivals.take():
-            if (heard := self._read(arrived)) is not None:
+        while self._arrived:
+            if (heard := self._read(self._arrived.popleft())) is not None:
                 self._ports.do(self._pilot.heard(heard, self._ports.waiting, now), now)
 
-    def _read(self, arrived: Arrived) -> Heard | None:
+    def _read(self, arrived: Arrived) -> RosSticks | None:
         """Rubbish is counted and moves nothing."""
         from services.ros2.mapping import heard_of
 
@@ -194,7 +197,7 @@ class SticksFromRos:
             attached = Attachment.read(attachment)
             heard, clipped = heard_of(payload, self._kinds[key], attached)
         except ValueError:
-            self._node.tell(events.MALFORMED("ros2"))
+            self._node.tell(events.MALFORMED("ros"))
             return None
         if clipped:
             self._node.tell(events.CLAMPED("sticks"))
@@ -203,7 +206,7 @@ class SticksFromRos:
     def _tick(self, now: int) -> None:
         more = self._drone.network.too_long - self._too_long
         self._too_long += more
-        self._node.tell(events.OVERSIZED("ros2"), more)
+        self._node.tell(events.OVERSIZED("ros"), more)
         self._ports.do(self._pilot.tick(self._ports.waiting, now), now)
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:

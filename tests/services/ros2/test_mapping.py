@@ -66,7 +66,7 @@ def turned(q: Any, v: Vec3) -> Vec3:
 def test_what_points_somewhere_in_the_body_points_there_in_the_world(
     attitude: Quaternion, v: Vec3
 ) -> None:
-    placed = mapping.transform(mapping.frame_of("rov", Mounting()), state(attitude), UTC_NS)
+    placed = mapping.transform(mapping.frames_of("rov", Mounting()), state(attitude), UTC_NS)
     rotation = placed.transforms[0].transform.rotation
     assert turned(rotation, flu(v)) == pytest.approx(enu(to_world(attitude, v)), abs=1e-9)
 
@@ -129,7 +129,7 @@ def test_a_resting_imu_measures_gravity_upwards_whichever_way_it_is_mounted() ->
     upside_down = Mount(rotation=((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)))
     for mounting, force in ((Mounting(), -9.81), (Mounting(imu=upside_down), 9.81)):
         sample = ImuSample(stamp_ns=1, specific_force=(0.0, 0.0, force), angular_rate=(0, 0, 0.0))
-        said = mapping.imu(mapping.frame_of("rov", mounting), sample, UTC_NS)
+        said = mapping.imu(mapping.frames_of("rov", mounting), sample, UTC_NS)
         assert said.linear_acceleration.z == pytest.approx(9.81)
         assert said.orientation_covariance[0] == -1.0
         assert (said.header.stamp.sec, said.header.stamp.nanosec) == (1_700_000_000, 123_456_789)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from messages import topics
-from messages.events import LOST_ROS2, MALFORMED, NOT_THE_HOLDER_ROS2, STALE
+from messages.events import LOST_ROS, MALFORMED, NOT_THE_HOLDER_ROS, STALE
 from messages.pilot import PilotCommand
 from messages.vehicle import Truth, VehicleStatus
 from services.ros2.core import Settings
@@ -173,7 +173,7 @@ def test_a_node_that_falls_silent_is_a_lost_pilot_within_the_time_to_live(tmp_pa
     dive.run(2.0)
     lost = next(status for status in dive.statuses if status.failsafe == "pilot_lost")
     assert lost.stamp_ns - silent <= 330 * MS  # 300 ms, a state's period and the link
-    assert dive.node.counts[LOST_ROS2().name] == 1
+    assert dive.node.counts[LOST_ROS().name] == 1
     dive.steer(1.0)
     dive.steer(0.2, ANN, START)
     dive.steer(0.3)
@@ -190,7 +190,7 @@ def test_a_second_node_moves_nothing_and_what_it_holds_down_asks_for_nothing(
         dive.steer(0.05)
     assert abs(dive.depth - start) < 0.05
     assert dive.status.armed
-    assert dive.node.counts[NOT_THE_HOLDER_ROS2().name] == 20
+    assert dive.node.counts[NOT_THE_HOLDER_ROS().name] == 20
 
 
 def test_sticks_that_were_held_up_on_their_way_move_nothing(tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ def test_sticks_that_were_held_up_on_their_way_move_nothing(tmp_path: Path) -> N
         dive.joy(sent_ns=dive.host.now - 400 * MS, lefty=-1.0)
         dive.steer(0.05)
     assert abs(dive.depth - start) < 0.05
-    assert dive.node.counts[STALE("ros2").name] == 20
+    assert dive.node.counts[STALE("ros").name] == 20
 
 
 def test_another_clock_is_no_delay(tmp_path: Path) -> None:
@@ -208,7 +208,7 @@ def test_another_clock_is_no_delay(tmp_path: Path) -> None:
     for _ in range(80):
         dive.joy(sent_ns=dive.host.now - 3600 * S)
         dive.run(0.05)
-    assert not dive.node.counts[STALE("ros2").name]
+    assert not dive.node.counts[STALE("ros").name]
     assert dive.status.pilot == "ROS 2"
 
 
@@ -219,7 +219,7 @@ def test_rubbish_is_counted_and_ends_nothing(tmp_path: Path, kind: str) -> None:
     for payload, attached in ((b"", good), (b"\0\1\0\0" + b"\xff" * 60, good), (b"x", b"short")):
         dive.air.say(kind, payload, attached)
     dive.run(0.2)
-    assert dive.node.counts[MALFORMED("ros2").name] == 3
+    assert dive.node.counts[MALFORMED("ros").name] == 3
     assert not dive.commands
 
 
