@@ -98,7 +98,7 @@ def _diagonal(variances: Iterable[float]) -> "np.ndarray[tuple[int, ...], np.dty
 
 
 def _variance(estimate: Estimate | None) -> float:
-    return estimate.std**2 if estimate is not None and estimate.valid else UNKNOWN
+    return estimate.std * estimate.std if estimate is not None and estimate.valid else UNKNOWN
 
 
 def _value(estimate: Estimate | None) -> float:
@@ -162,7 +162,7 @@ def dvl(frame: RosFrames, sample: DvlSample, utc_ns: int) -> Any:
     twist = ros.geometry_msgs__msg__Twist(
         linear=_vector(flu(velocity)), angular=_vector((0.0, 0.0, 0.0))
     )
-    covariance = _diagonal([sample.std**2] * 3 + [UNKNOWN] * 3)
+    covariance = _diagonal([sample.std * sample.std] * 3 + [UNKNOWN] * 3)
     return ros.geometry_msgs__msg__TwistWithCovarianceStamped(
         header=_header(utc_ns, frame.base),
         twist=ros.geometry_msgs__msg__TwistWithCovariance(twist=twist, covariance=covariance),
@@ -451,7 +451,14 @@ class RosMessage(NamedTuple):
     made: Any  # of that type, as rosbags has it
 
     def cdr(self) -> bytes:
-        return bytes(STORE.serialize_cdr(self.made, self.kind))
+        """
+        Raises:
+            ValueError: a value has no room in its field, such as a time after 2038 or 1e99 V.
+        """
+        try:
+            return bytes(STORE.serialize_cdr(self.made, self.kind))
+        except Exception as error:  # of whatever kind, as for what is read
+            raise ValueError(f"{self.topic}: {error}") from None
 
 
 class RosTopic(NamedTuple):

@@ -132,7 +132,12 @@ class DroneInRos:
     def _show(self, topic: AnyTopic, key: str, message: Message, _: int) -> None:
         utc_ns = message.stamp_ns + self._node.wall_offset_ns
         for said in self._messages.of(topic, key, message, utc_ns, self._wanted):
-            self._topics[said.topic].put(said.cdr(), utc_ns)
+            try:
+                data = said.cdr()
+            except ValueError:
+                self._node.tell(events.MALFORMED(topic.key))
+                continue
+            self._topics[said.topic].put(data, utc_ns)
 
     def _look(self, _: int) -> None:
         if (there := self.network.connected) == self._was_connected:

@@ -98,10 +98,15 @@ def _fill(
                 left_out.add(key)
                 continue
             for said in messages.of(topic, key, message, publish_ns):
+                try:
+                    data = said.cdr()
+                except ValueError:
+                    recording.unreadable[key] += 1
+                    continue
                 connection = of_topic.get(said.topic)
                 if connection is None:
                     connection = bag.add_connection(said.topic, said.kind, typestore=STORE)
                     of_topic[said.topic] = connection
-                bag.write(connection, log_ns, said.cdr())
+                bag.write(connection, log_ns, data)
                 written[said.topic] += 1
     return written, left_out

@@ -216,6 +216,18 @@ def test_so_is_a_joy_with_a_few_wrong_bytes(at: int, wrong: bytes) -> None:
     assert all(-1.0 <= stick <= 1.0 for stick in heard.sticks)
 
 
+def test_what_has_no_room_in_its_field_is_a_value_error() -> None:
+    from msgspec.structs import replace
+
+    topic, key, sample = EVERY[4]
+    with pytest.raises(ValueError, match="/rov/battery"):
+        made(topic, key, replace(sample, voltage=1e99))["/rov/battery"].cdr()
+    for utc_ns in (-(2**62), 2**62):
+        (said,) = RosMessages("rov", "/rov", None).of(topic, key, sample, utc_ns)
+        with pytest.raises(ValueError, match="/rov/battery"):
+            said.cdr()
+
+
 def test_a_picture_is_there_once_all_of_its_parts_are() -> None:
     from msgspec.structs import replace
 
