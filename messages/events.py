@@ -281,6 +281,7 @@ RESUMED_SHORT_LOSS = row("resumed:short_loss", ROUTINE, "a short loss has ended 
 
 # Of the pilot: sticks, requests, who has control.
 LOST_STICKS = row("lost:sticks", DANGER, "pilot lost: no sticks arrive from the ground station", said="warning")
+LOST_ROS = row("lost:ros", DANGER, "pilot lost: no sticks arrive from ROS 2", said="warning")
 SILENT_PAD = row("silent:pad", DANGER, "pilot lost: the pad is connected and does not answer", "unplug the pad and plug it in again", said="warning", spoken=True)
 UNPLUGGED_PAD = row("unplugged:pad", DANGER, "pilot lost: the pad was unplugged", "plug it in again", said="warning", spoken=True)
 CLOSED_KEYBOARD = row("closed:keyboard", DANGER, "pilot lost: the keyboard's window was closed", said="warning", spoken=True)
@@ -295,6 +296,7 @@ UNANSWERED_INCIDENT = row("unanswered:incident", PILOT, "nobody answered an inci
 OVERTAKEN = row("overtaken", PILOT, "a disarm arrived after a later arm, and was not obeyed")
 OVERRULED_REFERENCE = row("overruled:reference", DANGER, "the pilot's disarm was obeyed by control; reference had not heard it", said="info")
 NOT_THE_HOLDER = row("not_the_holder", PILOT, "another ground station has the sticks")
+NOT_THE_HOLDER_ROS = row("not_the_holder:ros", PILOT, "another node of ROS 2 has the sticks")
 NOT_THE_HOLDER_PAGE = row("not_the_holder:page", PILOT, "the page does not have the sticks", said="warning")
 EXPIRED_WISH = row("expired:wish", PILOT, "a request came too late from the page and was not done", said="warning")
 LOST_PAGE_SILENT = row("lost:page_silent", DANGER, "pilot lost: nothing arrives from the pilot's page", said="warning")

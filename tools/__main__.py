@@ -39,6 +39,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "up": Verb("up:up", "Start one SIDE of a dive, topside or drone, on this machine."),
         "fly": Verb("fleet.fly:fly", "Start the topside for one of several drones."),
         "ask": Verb("ask:ask", "Send a request to a running dive, and print the answer."),
+        "ros2": Verb("ros2:ros2", "Show a running dive in ROS 2, and have it flown from there."),
         "pad": Verb("pad.command:pad", "Show what a pad sends, and write a profile for it."),
     },
     "Drones and links": {
@@ -97,6 +98,9 @@ LOG: dict[str, Verb] = {
     "csv": Verb("log.csv_table:csv", "Write every topic as a table: one CSV file each."),
     "parquet": Verb(
         "log.parquet_table:parquet", "Write every topic as a table: one Parquet file each."
+    ),
+    "rosbag": Verb(
+        "log.rosbag:rosbag", "As a bag of ROS 2 (rosbag2, MCAP), with standard messages."
     ),
     "compare": Verb("log.compare:compare", "What differs between two recordings, when first."),
     "jerk": Verb("log.jerk:jerk", "The jerk that was felt, beside the jerk that was asked for."),

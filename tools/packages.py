@@ -12,6 +12,7 @@ PACKAGES = {
     "mavlink": ("pymavlink", "mavlink"),
     "cockpit": ("websockets", "cockpit"),
     "foxglove": ("foxglove", "foxglove"),
+    "ros2": ("rosbags", "ros2"),
     "camera": ("av", "camera"),
     "camera_monitor": ("av", "camera"),
 }  # service → what it imports, and the extra that installs it

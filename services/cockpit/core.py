@@ -72,15 +72,19 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pilot: Annotated[Name, msgspec.Meta(min_length=1)] = "cockpit"  # name, for other pilots
     certificate: str = ""  # PEM file, for https where other machines reach it
     key: str = ""  # PEM file of its private key
+    insecure: bool = (
+        False  # other machines too, without https and token: whoever reaches it may fly
+    )
 
     def __post_init__(self) -> None:
         if bool(self.certificate) != bool(self.key):
             raise ValueError("certificate and key go together: give both or neither")
-        if not self.certificate and not self.local:
+        if not self.certificate and not self.local and not self.insecure:
             raise ValueError(
                 f"host {self.host} can be reached by other machines, and without https whoever "
                 f"listens there may fly: set cockpit.certificate and cockpit.key, or forward the "
-                f"port with ssh -L {self.port}:127.0.0.1:{self.port}"
+                f"port with ssh -L {self.port}:127.0.0.1:{self.port}; cockpit.insecure = true "
+                f"allows it all the same"
             )
 
     @property

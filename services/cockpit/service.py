@@ -55,7 +55,9 @@ def wire(node: Node, stack: Stack) -> None:
         relay(node, name, server.show_video, connected.sent_picture)
     server.start(node.from_outside(connected.receive))
     node.log("info", f"cockpit: {access.address}")
-    if not settings.local:
+    if settings.insecure and not settings.local:
+        node.log("warning", "INSECURE: whoever reaches the cockpit's port can fly the drone")
+    elif not settings.local:
         # Not on the bus: with the token in it whoever reads the recording could fly.
         node.show(_line(node, f"cockpit, to fly: {access.pilot_url}"))
         node.show(_line(node, f"cockpit, to watch: {access.watch_url}"))

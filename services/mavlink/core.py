@@ -81,7 +81,7 @@ class Submarine:
         self._outbox.also = self._overhear
         self._said: deque[tuple[Level, str]] = deque()  # to the log; for all ground stations too
         self._parameters = ParameterProtocol(parameters, self._outbox)
-        self._pilot = GroundPilot(pilot)
+        self._pilot = GroundPilot(pilot, events.LOST_STICKS, events.NOT_THE_HOLDER("sticks"))
         self._sticks = StickInput(self._pilot, ButtonReader(parameters, pilot.has))
         self._texts = Texts()
         self._failsafe: Failsafe = "none"
@@ -210,7 +210,7 @@ class Submarine:
             name = events.FAILSAFE_ACTED(status.failsafe).name
             out.say(None, MavSeverity.CRITICAL, f"failsafe: {events.short(name)}")
         self._failsafe = status.failsafe
-        self._pilot.status(status, waiting, now, out)
+        self._pilot.follow(status, waiting, now, out)
         return self._finished(out, now)
 
     def log(self, line: LogLine, now: Ns) -> Reaction:

@@ -8,20 +8,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from msgspec.structs import replace
-
 from messages import events
-from messages.pilot import TTL_MS, PilotAnswer, PilotRequest, RequestKind
+from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.units import Ns
-from messages.vehicle import VehicleStatus
 from services.mavlink.packets import GroundStation
 from services.mavlink.reaction import Reaction
-from services.mavlink.stick_holder import StickHolder
 from services.mavlink_io.numbers import MavResult, MavSeverity
+from services.piloting.guest_pilot import GuestPilot
 from services.piloting.overruling import OVERRULES
-from services.piloting.pilot import Pilot, Waiting
+from services.piloting.pilot import Waiting
 from services.piloting.pilot_intents import Intent, ModeIntent
-from services.piloting.sticks import Sticks
 
 PATIENCE_NS = 6_000_000_000  # [ns] requests are given up earlier
 OPEN = 16  # commands at most that wait for the drone's answer
@@ -38,31 +34,13 @@ class OpenCommand(NamedTuple):
 
 
 @dataclass(slots=True)
-class GroundPilot:
-    pilot: Pilot
-    holder: StickHolder = field(default_factory=StickHolder)
+class GroundPilot(GuestPilot[GroundStation]):
     _open: list[OpenCommand] = field(default_factory=list[OpenCommand])
-    _was_fresh: bool = False
 
     @property
     def name(self) -> str:
         """As the pilot's name; that of the last ground station when nobody has the sticks."""
-        return self.holder.station.pilot if self.holder.station else self.pilot.source
-
-    def steer(
-        self, station: GroundStation, sticks: Sticks, waiting: Waiting, now: Ns, out: Reaction
-    ) -> bool:
-        """Stick positions of a ground station. False: another one has the sticks."""
-        if not self.holder.take(station, sticks, now):
-            self.pilot.outbox.tell(events.NOT_THE_HOLDER("sticks"))
-            return False
-        self._say_command(waiting, now, out)
-        return True
-
-    def press(self, intents: Iterable[Intent], waiting: Waiting, now: Ns, out: Reaction) -> None:
-        """What the holder asks for with buttons, or by a command."""
-        for intent in intents:
-            self._read((intent,), waiting, now, out)
+        return self.holder.sender.pilot if self.holder.sender else self.pilot.source
 
     def ask(
         self,
@@ -76,9 +54,9 @@ class GroundPilot:
         """A command that the drone answers; it is acknowledged then."""
         kind: RequestKind = "mode" if isinstance(intent, ModeIntent) else _kind(intent)
         if kind != "stop" and not self.holder.may_take(station, now):
-            assert self.holder.station is not None
+            assert self.holder.sender is not None
             self.pilot.outbox.tell(events.NOT_THE_HOLDER(kind))
-            whose = self.holder.station.pilot
+            whose = self.holder.sender.pilot
             out.say(station.link, MavSeverity.WARNING, f"{whose} has the sticks: {kind} refused")
             out.acknowledge(station, command, MavResult.DENIED)
         elif kind == "arm" and not self.holder.fresh(now):
@@ -91,7 +69,7 @@ class GroundPilot:
             if len(self._open) >= OPEN:
                 out.acknowledge(station, command, MavResult.FAILED)
                 return
-            if self.holder.station is None:
+            if self.holder.sender is None:
                 self.pilot.source = station.pilot  # in whose name it is asked
             self._open.append(OpenCommand(station, command, kind, now))
             refused, counts = events.REFUSED_HERE(kind).name, self.pilot.outbox.counts
@@ -115,22 +93,14 @@ class GroundPilot:
         )
 
     def tick(self, waiting: Waiting, now: Ns, out: Reaction) -> None:
-        """Repeat the newest sticks for as long as they are fresh: a lost command costs nothing."""
-        self._say_command(waiting, now, out)
+        self.repeat(waiting, now, out)
         late = [o for o in self._open if now > o.since_ns + PATIENCE_NS]
         for one in late:
             self._open.remove(one)
             out.acknowledge(one.sender, one.command, MavResult.FAILED)
 
-    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns, out: Reaction) -> None:
-        """Ask for control only while a ground station sends sticks."""
-        if self.holder.fresh(now):
-            out.add(self.pilot.status(status, waiting, now))
-
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns, out: Reaction) -> None:
-        out.add(self.pilot.answered(request, answer, now))
-        if answer.epoch is not None and self.holder.fresh(now):
-            self._read((), frozenset(), now, out)  # the drone arms only with sticks of this epoch
+        self.learn(request, answer, now, out)
         if request.kind == "lease" and not answer.accepted:
             self._close(("arm",), MavResult.FAILED, out)
         result = MavResult.ACCEPTED if answer.accepted else MavResult.FAILED
@@ -142,26 +112,6 @@ class GroundPilot:
         out.add(self.pilot.given_up(request, now))
         kinds: tuple[RequestKind, ...] = (request.kind,)
         self._close((*kinds, "arm") if request.kind == "lease" else kinds, MavResult.FAILED, out)
-
-    def _say_command(self, waiting: Waiting, now: Ns, out: Reaction) -> None:
-        """While the sticks are fresh, and once when they no longer are; only in control, so that
-        another pilot on this side is not disturbed."""
-        fresh = self.holder.fresh(now)
-        if fresh or self._was_fresh:
-            self._read((), waiting, now, out)
-        if self._was_fresh and not fresh and self.pilot.in_control:
-            silence = f"{self.name}, for {TTL_MS:.0f} ms"
-            self.pilot.outbox.tell(events.LOST_STICKS(detail=silence))
-        self._was_fresh = fresh
-
-    def _read(self, presses: tuple[Intent, ...], waiting: Waiting, now: Ns, out: Reaction) -> None:
-        fresh = self.holder.fresh(now)
-        effects = self.pilot.read(self.holder.reading(now, presses), self.name, 0, waiting, now)
-        command, effects.command = effects.command, None
-        out.add(effects)
-        if command is not None and self.pilot.in_control and (fresh or self._was_fresh):
-            left = TTL_MS - self.holder.age_ns(now) / 1e6 if fresh else TTL_MS
-            out.command = replace(command, ttl_ms=left)
 
     def _close(self, kinds: Iterable[RequestKind], result: MavResult, out: Reaction) -> None:
         """Acknowledge the commands of these kinds."""

@@ -24,11 +24,6 @@ class Reaction(Effects):
         default_factory=list[tuple[str | None, MavSeverity, str]]
     )  # (link; None: all, how bad, what)
 
-    def add(self, effects: Effects) -> None:
-        """What the pilot's state machine does."""
-        self.command = effects.command or self.command
-        self.requests += effects.requests
-
     def send(self, link: str | None, name: str, **fields: Any) -> None:
         self.packets.append(Addressed(link, MavlinkPacket(name, fields)))
 

@@ -28,7 +28,7 @@ class StickInput:
         self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction
     ) -> None:
         holder, down, gain = self.pilot.holder, int(packet.fields["buttons"]), self.buttons.gain
-        if packet.sender != holder.station:
+        if packet.sender != holder.sender:
             self.buttons.forget(down)
         said = manual_control(packet.fields, gain)
         if not self._steer(packet.sender, said, waiting, now, out):
@@ -46,7 +46,7 @@ class StickInput:
     def rc_override(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
         holder, said = self.pilot.holder, rc_override(packet.fields)
         if said is None:  # all channels released
-            if packet.sender == holder.station:
+            if packet.sender == holder.sender:
                 holder.release()
             return
         if not self._steer(packet.sender, said, waiting, now, out):

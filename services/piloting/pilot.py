@@ -57,6 +57,11 @@ class Effects:
     requests: list[PilotRequest] = field(default_factory=list[PilotRequest])
     hand_over: bool = False  # the sticks were just handed over: read and publish them at once
 
+    def add(self, effects: "Effects") -> None:
+        """Also what the pilot's state machine does."""
+        self.command = effects.command or self.command
+        self.requests += effects.requests
+
 
 @dataclass(slots=True)
 class Pilot:

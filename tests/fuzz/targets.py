@@ -364,6 +364,7 @@ TARGETS: dict[str, Target] = {
     "log info": Target("recording", verb("log", "info", "FILE")),
     "log check": Target("recording", verb("log", "check", "FILE")),
     "log csv": Target("recording", verb("log", "csv", "FILE", out="tables")),
+    "log rosbag": Target("recording", verb("log", "rosbag", "FILE", out="bag")),
     "log cut": Target("recording", verb("log", "cut", "FILE", "--from", "0.1", out="cut.mcap")),
     "log recover": Target("recording", verb("log", "recover", "FILE", out="whole.mcap")),
     "log compare": Target(

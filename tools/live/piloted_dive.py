@@ -20,7 +20,7 @@ from tools.live.stop_signals import StopSignals
 
 KNOWN_S = 0.25  # [s] until a status tells who has control now
 GAMEPAD = "gamepad"  # the pilot, unless the stack has one of these in its place
-IN_PLACE = {"mavlink": "a ground station", "cockpit": "a browser"}
+IN_PLACE = {"mavlink": "a ground station", "cockpit": "a browser", "ros2": "a node of ROS 2"}
 DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
 
 

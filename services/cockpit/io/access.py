@@ -13,7 +13,8 @@ VARIABLE = "LINDY_COCKPIT_TOKEN"  # from `lindy dive --cockpit`, so that it can 
 
 def access_to(settings: Settings) -> Access:
     scheme = "https" if settings.certificate else "http"
-    token = "" if settings.local else os.environ.get(VARIABLE) or secrets.token_urlsafe(16)
+    open_to_all = settings.local or settings.insecure
+    token = "" if open_to_all else os.environ.get(VARIABLE) or secrets.token_urlsafe(16)
     return Access(scheme, settings.host, settings.port, settings.local, token)
 
 

@@ -2,6 +2,7 @@
 
 import gzip
 import hashlib
+from importlib.metadata import version
 from importlib.resources import files
 
 import msgspec
@@ -28,6 +29,24 @@ HEADERS = {
 INDEX = "index.html"
 ENGLISH = "words_en.json"  # the page's own sentences; those of events are added to them
 VERSION = b"@VERSION@"  # stands in the page for the version
+REGISTRATION = "register_service.json"  # by which BlueOS knows an extension's page
+NAMES = {"/": INDEX, "/watch": INDEX, "/register_service": REGISTRATION}
+
+
+def registration() -> dict[str, str | bool]:
+    """What the file says, as of BlueOS' helper. The page is opened as a page of its own, below a
+    path of BlueOS' server: in a frame nobody could be sure what lies over the sticks."""
+    return {
+        "name": "Lindy",
+        "description": "The pilot leads, the drone follows, without a jerk",
+        "icon": "mdi-controller",
+        "company": "The Lindy authors",
+        "version": version("lindy"),
+        "webpage": "",
+        "api": "",
+        "new_page": True,
+        "works_in_relative_paths": True,
+    }
 
 
 def sentences() -> dict[str, str]:
@@ -59,6 +78,7 @@ class PageFiles:
         # Their sentences are in the page's languages.
         keys = [{"action": key.action, "codes": key.codes, "kind": key.kind} for key in KEYS]
         self.contents["keys.json"] = msgspec.json.encode(keys)
+        self.contents[REGISTRATION] = msgspec.json.encode(registration())
         everything = b"".join(self.contents[name] for name in sorted(self.contents))
         self.version = hashlib.sha256(everything).hexdigest()[:12]
         self.contents[INDEX] = self.contents[INDEX].replace(VERSION, self.version.encode())
@@ -70,7 +90,7 @@ class PageFiles:
         Args:
             encodings: that the browser accepts, the header Accept-Encoding.
         """
-        name = INDEX if path in ("/", "/watch") else path.removeprefix("/")
+        name = NAMES.get(path, path.removeprefix("/"))
         if name not in self.contents:
             return plain(404, "Not Found", "there is no such page")
         kind = TYPES[name.rpartition(".")[2]]

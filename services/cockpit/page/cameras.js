@@ -1,10 +1,10 @@
 // Several cameras: one fills the screen, the others stand small at the edge, each with its name, its
 // age and what arrives of it. A tap makes one large; which one it is the service says, to all pages.
 
-import { cameraName, seconds } from "/panel.js";
-import { units } from "/units.js";
-import { Video } from "/video.js";
-import { words } from "/words.js";
+import { cameraName, seconds } from "./panel.js";
+import { units } from "./units.js";
+import { Video } from "./video.js";
+import { words } from "./words.js";
 
 export class Cameras {
   // choose(name): the pilot wants it large

@@ -1,6 +1,6 @@
 // The WebSocket to the service. Nothing is queued: old sticks are not sent, old pictures not drawn.
 
-import { ServiceClock } from "/service_clock.js";
+import { ServiceClock } from "./service_clock.js";
 
 const RETRY_MS = 700;
 const DEAD_MS = 3000; // without a picture: the connection is opened anew
@@ -24,7 +24,7 @@ export class Connection {
     this.words = "connecting"; // what is wrong; empty: nothing
     this.old = false; // this page is of another version than the service
     this.clock = new ServiceClock();
-    this.watching = location.pathname === "/watch";
+    this.watching = location.pathname.endsWith("/watch");
     this.version = document.querySelector("meta[name=version]").content;
     this.opened = 0;
     this.stop = null; // that was not confirmed: when it was pressed, and how many were heard then
@@ -36,7 +36,7 @@ export class Connection {
 
   open() {
     this.opened = performance.now();
-    const socket = new WebSocket(this.address(this.watching ? "/ws/watch" : "/ws/pilot"));
+    const socket = new WebSocket(this.address(this.watching ? "ws/watch" : "ws/pilot"));
     this.socket = socket;
     this.clock.forget(); // of a service that may have begun anew
     this.picture = null;
@@ -55,9 +55,11 @@ export class Connection {
   }
 
   address(path, more = {}) {
-    const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+    const url = new URL(path, location.href); // the page may be below a path of somebody else's server
+    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     const query = new URLSearchParams({ version: this.version, token: location.hash.slice(1), ...more });
-    return `${scheme}//${location.host}${path}?${query}`;
+    [url.search, url.hash] = [query, ""];
+    return url.href;
   }
 
   hear(text) {

@@ -1,6 +1,6 @@
 // The buttons `film` and `snapshot`. A film runs once the recorder says so.
 
-import { words } from "/words.js";
+import { words } from "./words.js";
 
 export class Film {
   constructor(wish) {

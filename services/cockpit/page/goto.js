@@ -1,7 +1,7 @@
 // A depth and a heading that the drone goes to by itself: typed, or in steps. A deflected stick takes
 // over at any moment.
 
-import { units } from "/units.js";
+import { units } from "./units.js";
 
 const $ = (id) => document.getElementById(id);
 const STEP_M = 0.5, STEP_DEG = 10; // of a key

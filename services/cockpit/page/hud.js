@@ -1,7 +1,7 @@
 // The head-up display around the digits of heading and depth: horizon, tapes with their reference,
 // thrusters. Horizon and heading tape fit the picture: what lies 10° to starboard is there on both.
 
-import { units } from "/units.js";
+import { units } from "./units.js";
 
 const RAD = Math.PI / 180;
 const LADDER = [-60, -45, -30, -20, -10, 10, 20, 30, 45, 60]; // [deg]

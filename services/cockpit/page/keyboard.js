@@ -1,7 +1,7 @@
 // Keys that are down. Another window gets their release, so all count as released with the focus. The
 // same holds for Ctrl, Alt and Meta: what is pressed with them is the browser's.
 
-import { level } from "/shape.js";
+import { level } from "./shape.js";
 
 export class Keyboard {
   // press(action): once; hold(action, isDown): what is deliberate; moved(): a key that steers

@@ -11,7 +11,7 @@ export class Keys {
     this.learn();
   }
 
-  static async load() { return new Keys(await (await fetch("/keys.json")).json()); }
+  static async load() { return new Keys(await (await fetch("keys.json")).json()); }
 
   learn() {
     this.actions = new Map(); // by code

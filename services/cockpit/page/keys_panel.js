@@ -1,7 +1,7 @@
 // The map of keys, and changing it: press the key that an action is to have.
 
-import { keyName } from "/keys.js";
-import { words } from "/words.js";
+import { keyName } from "./keys.js";
+import { words } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 

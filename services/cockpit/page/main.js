@@ -1,30 +1,30 @@
 // The pilot's page: devices → connection → service, and pictures of the drone → screen.
 
-import { Alarms } from "/alarms.js";
-import { Cameras } from "/cameras.js";
-import { Connection } from "/connection.js";
-import { Drones } from "/drones.js";
-import { Film } from "/film.js";
-import { Goto } from "/goto.js";
-import { HoldButton } from "/hold_button.js";
-import { Hud } from "/hud.js";
-import { Keyboard } from "/keyboard.js";
-import { Keys } from "/keys.js";
-import { KeysPanel } from "/keys_panel.js";
-import { SeaMap } from "/map.js";
-import { Menu } from "/menu.js";
-import { Pad } from "/pad.js";
-import { PadPanel } from "/pad_panel.js";
-import { aids, alarm, buttons, digits, lines, show, showPicture, stale } from "/panel.js";
-import { Picture } from "/picture.js";
-import { Settings } from "/settings.js";
-import { Steering } from "/steering.js";
-import { Tools } from "/tools.js";
-import { TouchStick } from "/touch_stick.js";
-import { Trace } from "/trace.js";
-import { units } from "/units.js";
-import { Video } from "/video.js";
-import { LANGUAGES, words } from "/words.js";
+import { Alarms } from "./alarms.js";
+import { Cameras } from "./cameras.js";
+import { Connection } from "./connection.js";
+import { Drones } from "./drones.js";
+import { Film } from "./film.js";
+import { Goto } from "./goto.js";
+import { HoldButton } from "./hold_button.js";
+import { Hud } from "./hud.js";
+import { Keyboard } from "./keyboard.js";
+import { Keys } from "./keys.js";
+import { KeysPanel } from "./keys_panel.js";
+import { SeaMap } from "./map.js";
+import { Menu } from "./menu.js";
+import { Pad } from "./pad.js";
+import { PadPanel } from "./pad_panel.js";
+import { aids, alarm, buttons, digits, lines, show, showPicture, stale } from "./panel.js";
+import { Picture } from "./picture.js";
+import { Settings } from "./settings.js";
+import { Steering } from "./steering.js";
+import { Tools } from "./tools.js";
+import { TouchStick } from "./touch_stick.js";
+import { Trace } from "./trace.js";
+import { units } from "./units.js";
+import { Video } from "./video.js";
+import { LANGUAGES, words } from "./words.js";
 
 const STICKS_MS = 20; // between two messages
 const MOVED_MS = 8; // between two of a stick that moves; the service takes 250 messages a second

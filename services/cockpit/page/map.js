@@ -1,9 +1,9 @@
 // The map: where the drone is and how surely, where it has been, its home, where it goes. A tap names
 // a place; a held button sends the drone there. North and east are those of the drone's state.
 
-import { HoldButton } from "/hold_button.js";
-import { UNKNOWN, units } from "/units.js";
-import { words } from "/words.js";
+import { HoldButton } from "./hold_button.js";
+import { UNKNOWN, units } from "./units.js";
+import { words } from "./words.js";
 
 const RAD = Math.PI / 180;
 const TAP_PX = 10, SHOWN_M = 30; // [m] from side to side, at first

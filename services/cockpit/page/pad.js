@@ -1,7 +1,7 @@
 // The browser's gamepad. It is trusted once its sticks were centred. How long ago it last reported
 // anything goes to the service with every position, which judges whether it is frozen.
 
-import { level, shape } from "/shape.js";
+import { level, shape } from "./shape.js";
 
 const DEAD_BAND = 0.12, EXPO = 0.4;
 const HELD = ["arm", "disarm"]; // what is deliberate

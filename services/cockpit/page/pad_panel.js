@@ -1,7 +1,7 @@
 // The pad's mapping: a picture of it in which what is pressed lights up, and what does what.
 
-import { PAD_ACTIONS } from "/pad.js";
-import { words } from "/words.js";
+import { PAD_ACTIONS } from "./pad.js";
+import { words } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 // Where the buttons of a standard pad are, in the order of the W3C's Gamepad; then its two sticks.

@@ -1,7 +1,7 @@
 // Everything in words: what the drone does, who has the sticks, what is wrong.
 
-import { UNKNOWN, units } from "/units.js";
-import { words } from "/words.js";
+import { UNKNOWN, units } from "./units.js";
+import { words } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 

@@ -1,6 +1,6 @@
 // Which device steers: the one that was moved last.
 
-import { shape } from "/shape.js";
+import { shape } from "./shape.js";
 
 const CENTRED = { surge: 0, sway: 0, heave: 0, yaw: 0, tilt: 0 };
 const DEAD_BAND = 0.06, EXPO = 0.4;

@@ -1,8 +1,8 @@
 // Lights, lasers and the gripper, by the names of the vehicle file. A dimmer has steps, a switch is on
 // or off; a gripper moves while its button is held, and only then.
 
-import { units } from "/units.js";
-import { words } from "/words.js";
+import { units } from "./units.js";
+import { words } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 export const STEPS = [0, 0.25, 0.5, 0.75, 1];

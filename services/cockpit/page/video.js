@@ -1,7 +1,7 @@
 // The drone's picture, over a WebSocket of its own: access units → WebCodecs → canvas. The newest
 // wins. Its age is counted from the light on, and a picture that is old does not look live.
 
-import { stripeRows } from "/stripe.js";
+import { stripeRows } from "./stripe.js";
 
 const VERSION = 1, KEYFRAME = 1, EXACT = 2, HEADER = 16; // of a message, see services/cockpit/video.py
 const RETRY_MS = 700, RATE_MS = 2000;
@@ -27,7 +27,7 @@ export class Video {
 
   open() {
     if (this.unable || this.socket || !this.wanted) return;
-    const socket = new WebSocket(this.connection.address("/ws/video", this.name ? { camera: this.name } : {}));
+    const socket = new WebSocket(this.connection.address("ws/video", this.name ? { camera: this.name } : {}));
     socket.binaryType = "arraybuffer";
     socket.onmessage = (event) => this.take(socket, event.data);
     socket.onclose = () => {

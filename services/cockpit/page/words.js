@@ -4,7 +4,7 @@
 export const LANGUAGES = { en: "English", no: "Norsk", sv: "Svenska", de: "Deutsch", es: "Español", zh: "中文" };
 
 async function read(language) {
-  return (await fetch(`/words_${language}.json`)).json();
+  return (await fetch(`words_${language}.json`)).json();
 }
 
 class Words {

@@ -40,7 +40,7 @@ NEEDED: dict[str, AnyTopic] = {
     "control": topics.THRUSTERS,
 }
 ROLES: dict[str, Role] = {"recorder": "recorder", "link_monitor": "clock"}
-INSTEAD = {"gamepad": ("mavlink", "cockpit")}  # which others publish the same
+INSTEAD = {"gamepad": ("mavlink", "cockpit", "ros2")}  # which others publish the same
 PILOTS = ("gamepad", *INSTEAD["gamepad"])  # of Lindy's own services, those that command
 
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from messages.pilot import TTL_MS
 from services.mavlink.packets import GroundStation
-from services.mavlink.stick_holder import KEPT_NS, StickHolder
 from services.mavlink.stick_packets import manual_control, rc_override
 from services.mavlink_io.numbers import NO_AXIS, NO_CHANNEL
+from services.piloting.stick_holder import KEPT_NS, StickHolder
 from services.piloting.sticks import CENTRED, Sticks
 
 MS = 1_000_000
@@ -78,7 +78,7 @@ def test_lights_and_tilt_have_channels() -> None:
 
 
 def test_sticks_are_lost_with_their_time_to_live() -> None:
-    holder = StickHolder()
+    holder = StickHolder[GroundStation]()
     assert not holder.reading(0).present
     assert holder.take(ANN, CENTRED, 0)
     last = round(TTL_MS * MS)
@@ -89,7 +89,7 @@ def test_sticks_are_lost_with_their_time_to_live() -> None:
 
 
 def test_a_second_ground_station_gets_the_sticks_after_a_long_silence_only() -> None:
-    holder = StickHolder()
+    holder = StickHolder[GroundStation]()
     assert holder.take(ANN, CENTRED, 0)
     assert not holder.take(BOB, DOWN, KEPT_NS - 1)
     assert holder.take(BOB, DOWN, KEPT_NS)
@@ -97,7 +97,7 @@ def test_a_second_ground_station_gets_the_sticks_after_a_long_silence_only() -> 
 
 
 def test_a_holder_that_lets_go_leaves_the_sticks_to_anybody() -> None:
-    holder = StickHolder()
+    holder = StickHolder[GroundStation]()
     holder.take(ANN, CENTRED, 0)
     holder.release()
     assert not holder.reading(1).present
@@ -105,7 +105,7 @@ def test_a_holder_that_lets_go_leaves_the_sticks_to_anybody() -> None:
 
 
 def test_sticks_that_were_deflected_when_taken_move_nothing_until_they_were_centred() -> None:
-    holder = StickHolder()
+    holder = StickHolder[GroundStation]()
     for now in (0, MS):
         holder.take(ANN, DOWN, now)
         reading = holder.reading(now)
@@ -119,12 +119,12 @@ def test_sticks_that_were_deflected_when_taken_move_nothing_until_they_were_cent
 def test_at_every_instant_one_ground_station_has_the_sticks(
     packets: list[tuple[GroundStation, int]],
 ) -> None:
-    holder, now = StickHolder(), 0
+    holder, now = StickHolder[GroundStation](), 0
     for station, wait_ms in packets:
-        before, silent = holder.station, holder.age_ns(now + wait_ms * MS)
+        before, silent = holder.sender, holder.age_ns(now + wait_ms * MS)
         now += wait_ms * MS
         taken = holder.take(station, DOWN, now)
-        assert taken == (holder.station == station)
-        if before not in (None, holder.station):
+        assert taken == (holder.sender == station)
+        if before not in (None, holder.sender):
             assert silent >= KEPT_NS
         assert math.isfinite(holder.reading(now).age_ms)

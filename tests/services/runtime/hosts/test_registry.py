@@ -51,9 +51,8 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
     assert {n: s for n, s in simulated.items() if not s.vehicle_side} == {
         n: s for n, s in real.items() if not s.vehicle_side
     }
-    others = [
-        Registry.read(stack) for stack in ("mavlink", "ardusub", "foxglove", "camera", "cockpit")
-    ]
+    stacks = ("mavlink", "ardusub", "foxglove", "camera", "cockpit", "ros2")
+    others = [Registry.read(stack) for stack in stacks]
     named = {*simulated, *(name for stack in others for name in stack)}
     assert named == set(own_services())
 
@@ -65,6 +64,9 @@ def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
     assert who_flies(Choices(stack="mavlink"), mavlink).name == "mavlink"
     with pytest.raises(LindyError, match="a ground station flies in the stack mavlink"):
         who_flies(Choices(stack="mavlink", pilot="keyboard"), mavlink)
+    ros2 = Registry.read("ros2")
+    assert set(simulated) ^ set(ros2) == {"gamepad", "ros2"}
+    assert who_flies(Choices(stack="ros2"), ros2).name == "ros2"
     cockpit = Registry.read("cockpit")
     picture = {"camera", "camera_monitor"}
     assert set(simulated) ^ set(cockpit) == {"gamepad", "cockpit"} | picture

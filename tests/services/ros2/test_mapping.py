@@ -1,0 +1,310 @@
+"""What each message is in ROS 2: frames, units, and that readers of others understand it."""
+
+from collections.abc import Iterable
+from dataclasses import fields, is_dataclass, make_dataclass
+from math import cos, isnan, pi, sin
+from typing import Any, cast
+
+import numpy as np
+import pycdr2
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pycdr2 import types as cdr_types
+from rosbags.interfaces import Nodetype
+
+from messages import topics
+from messages.message import Estimate
+from messages.pilot import PilotCommand
+from messages.sensors import ImuSample
+from messages.units import Quaternion, Vec3
+from services.marine.attitude import from_euler, to_world
+from services.marine.mounting import Mount, Mounting
+from services.piloting.sticks import Sticks
+from services.ros2 import mapping
+from services.ros2.mapping import (
+    ROWS,
+    STORE,
+    TAKEN,
+    UNKNOWN,
+    RosMessage,
+    RosMessages,
+    enu,
+    enu_from_flu,
+    flu,
+)
+from services.ros2.rmw_zenoh import Attachment
+
+from .examples import EVERY, UTC_NS, state
+
+angles = st.floats(-pi, pi)
+attitudes = st.builds(from_euler, angles, st.floats(-1.5, 1.5), angles)
+metres = st.floats(-100.0, 100.0)
+vectors = st.tuples(metres, metres, metres)
+shares = st.floats(-1.0, 1.0, width=32)
+HOW = Attachment(1, 2, b"p" * 16)
+
+
+def made(topic: Any, key: str, message: Any) -> dict[str, RosMessage]:
+    found = RosMessages("rov", "/rov", None).of(topic, key, message, UTC_NS)
+    return {said.topic: said for said in found}
+
+
+def turned(q: Any, v: Vec3) -> Vec3:
+    """By a quaternion of ROS, written out as a matrix."""
+    x, y, z, w = q.x, q.y, q.z, q.w
+    matrix = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    a, b, c = (float(part) for part in np.array(matrix) @ v)
+    return a, b, c
+
+
+@given(attitudes, vectors)
+def test_what_points_somewhere_in_the_body_points_there_in_the_world(
+    attitude: Quaternion, v: Vec3
+) -> None:
+    placed = mapping.transform(mapping.frames_of("rov", Mounting()), state(attitude), UTC_NS)
+    rotation = placed.transforms[0].transform.rotation
+    assert turned(rotation, flu(v)) == pytest.approx(enu(to_world(attitude, v)), abs=1e-9)
+
+
+@given(vectors)
+def test_both_turns_are_their_own_inverse(v: Vec3) -> None:
+    assert flu(flu(v)) == pytest.approx(v)
+    assert enu(enu(v)) == pytest.approx(v)
+
+
+def test_north_is_a_quarter_turn_from_east_and_clockwise_is_negative() -> None:
+    for heading, yaw in ((0.0, pi / 2), (pi / 2, 0.0), (pi / 4, pi / 4)):
+        w, x, y, z = enu_from_flu(from_euler(0.0, 0.0, heading))
+        assert (x, y) == pytest.approx((0.0, 0.0))
+        sign = 1.0 if w * cos(yaw / 2) + z * sin(yaw / 2) > 0 else -1.0
+        assert (sign * w, sign * z) == pytest.approx((cos(yaw / 2), sin(yaw / 2)))
+
+
+@given(attitudes, st.floats(-2, 2), st.floats(-2, 2), st.floats(-2, 2))
+def test_the_velocity_of_the_odometry_rises_as_the_depth_falls(
+    attitude: Quaternion, surge: float, sway: float, rate: float
+) -> None:
+    known = state(
+        attitude,
+        surge_velocity=Estimate(surge, 0.1),
+        sway_velocity=Estimate(sway, 0.1),
+        depth_rate=Estimate(rate, 0.1),
+    )
+    said = made(topics.STATE, "state", known)["/rov/odom"].made
+    linear, covariance = said.twist.twist.linear, said.twist.covariance.reshape(6, 6)
+    assert (linear.x, linear.y) == pytest.approx((surge, -sway))
+    up = turned(said.pose.pose.orientation, (linear.x, linear.y, linear.z))[2]
+    if covariance[2, 2] < UNKNOWN:
+        assert up == pytest.approx(-rate, abs=1e-9)
+    position = said.pose.pose.position
+    assert (position.x, position.y, position.z) == (-7.0, 4.0, -2.0)  # east, north, up
+
+
+def test_what_is_not_known_is_said_by_its_covariance_and_not_by_its_value() -> None:
+    blind = state(surge_velocity=None, sway_velocity=None, north=None, east=None)
+    said = made(topics.STATE, "state", blind)["/rov/odom"].made
+    pose = said.pose.covariance.reshape(6, 6).diagonal()
+    twist = said.twist.covariance.reshape(6, 6).diagonal()
+    assert list(pose[:2]) == [UNKNOWN, UNKNOWN]
+    assert pose[2] == pytest.approx(0.05**2)
+    assert list(twist[[0, 1, 3, 4]]) == [UNKNOWN] * 4
+    assert twist[5] == pytest.approx(0.1**2)
+
+
+@pytest.mark.parametrize(
+    "unknown", [{"phase": "calibrating"}, {"depth": Estimate(0.0, 1.0, valid=False)}]
+)
+def test_a_drone_that_does_not_know_its_depth_is_nowhere(unknown: dict[str, Any]) -> None:
+    from msgspec.structs import replace
+
+    assert not made(topics.STATE, "state", replace(state(), **unknown))
+
+
+def test_a_resting_imu_measures_gravity_upwards_whichever_way_it_is_mounted() -> None:
+    upside_down = Mount(rotation=((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)))
+    for mounting, force in ((Mounting(), -9.81), (Mounting(imu=upside_down), 9.81)):
+        sample = ImuSample(stamp_ns=1, specific_force=(0.0, 0.0, force), angular_rate=(0, 0, 0.0))
+        said = mapping.imu(mapping.frames_of("rov", mounting), sample, UTC_NS)
+        assert said.linear_acceleration.z == pytest.approx(9.81)
+        assert said.orientation_covariance[0] == -1.0
+        assert (said.header.stamp.sec, said.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
+
+
+def test_current_out_of_the_battery_is_negative_and_what_is_not_measured_no_number() -> None:
+    said = made(*EVERY[4])["/rov/battery"].made
+    assert (said.voltage, said.current, said.percentage) == (15.8, -4.0, 0.75)
+    assert isnan(said.charge)
+    assert isnan(said.temperature)
+
+
+def test_a_failsafe_is_an_error_and_a_late_service_a_warning() -> None:
+    from msgspec.structs import replace
+
+    failed = made(*EVERY[8])["/diagnostics"].made.status[0]
+    assert (failed.level, failed.message) == (mapping.ERROR, "water in the enclosure")
+    topic, key, health = EVERY[9]
+    assert made(topic, key, health)["/diagnostics"].made.status[0].level == mapping.OK
+    late = made(topic, key, replace(health, lateness_p99_ms=90.0))["/diagnostics"].made.status[0]
+    assert (late.level, late.name) == (mapping.WARN, "rov: control")
+    assert "clamped:sticks: a value was limited (sticks)" in [pair.key for pair in late.values]
+
+
+@given(st.tuples(shares, shares, shares, shares, st.sampled_from([-1.0, 0.0, 1.0])))
+def test_sticks_that_went_out_come_back_the_same(five: tuple[float, ...]) -> None:
+    sticks = Sticks(*five)
+    said = {k: v for k, v in sticks._asdict().items() if k != "gripper"}
+    command = PilotCommand(stamp_ns=1, **said)
+    sent = made(topics.PILOT_COMMAND, "pilot/command", command)["/rov/sticks"]
+    heard, clipped = mapping.heard_of(sent.cdr(), sent.kind, HOW)
+    assert heard.sticks == sticks
+    assert (heard.sender, heard.sent_ns, clipped) == (HOW.publisher, HOW.utc_ns, False)
+
+
+def twist(x: float, y: float, z: float, yaw: float) -> bytes:
+    ros = mapping.ros
+    linear = ros.geometry_msgs__msg__Vector3(x, y, z)
+    angular = ros.geometry_msgs__msg__Vector3(0.0, 0.0, yaw)
+    sent = ros.geometry_msgs__msg__Twist(linear=linear, angular=angular)
+    return RosMessage("", mapping.TWIST, sent).cdr()
+
+
+def test_a_twist_is_sticks_forward_left_up_and_anticlockwise_and_no_more_than_full() -> None:
+    heard, clipped = mapping.heard_of(twist(0.5, 0.25, 1.0, 0.1), mapping.TWIST, HOW)
+    assert heard.sticks == Sticks(0.5, -0.25, -1.0, -0.1)
+    assert not clipped
+    heard, clipped = mapping.heard_of(twist(7.0, 0.0, 0.0, -3.0), mapping.TWIST, HOW)
+    assert heard.sticks == Sticks(surge=1.0, yaw=1.0)
+    assert clipped
+    with pytest.raises(ValueError, match="not a number"):
+        mapping.heard_of(twist(float("nan"), 0.0, 0.0, 0.0), mapping.TWIST, HOW)
+
+
+def test_sticks_that_pycdr2_wrote_are_understood() -> None:
+    header = {"stamp": struct_of("builtin_interfaces/msg/Time")(1, 2), "frame_id": "joy"}
+    said = struct_of(mapping.JOY)(
+        header=struct_of("std_msgs/msg/Header")(**header),
+        axes=[0.5, -1.0, 0.25, 1.0],
+        buttons=[0, 0, 0, 0, 0, 0, 1],
+    )
+    heard, _ = mapping.heard_of(said.serialize(), mapping.JOY, HOW)
+    assert heard.sticks == Sticks(surge=1.0, sway=-0.25, heave=1.0, yaw=-0.5)
+    assert heard.buttons == {"arm"}
+
+
+@given(st.sampled_from(sorted(TAKEN.values())), st.binary(max_size=200))
+def test_any_bytes_are_sticks_or_a_value_error(kind: str, data: bytes) -> None:
+    try:
+        heard, _ = mapping.heard_of(data, kind, HOW)
+    except ValueError:
+        return
+    assert all(-1.0 <= stick <= 1.0 for stick in heard.sticks)
+
+
+@given(st.integers(0, 80), st.binary(min_size=1, max_size=8))
+def test_so_is_a_joy_with_a_few_wrong_bytes(at: int, wrong: bytes) -> None:
+    good = made(*EVERY[7])["/rov/sticks"].cdr()
+    broken = good[:at] + wrong + good[at + len(wrong) :]
+    try:
+        heard, _ = mapping.heard_of(broken, mapping.JOY, HOW)
+    except ValueError:
+        return
+    assert all(-1.0 <= stick <= 1.0 for stick in heard.sticks)
+
+
+def test_what_has_no_room_in_its_field_is_a_value_error() -> None:
+    from msgspec.structs import replace
+
+    topic, key, sample = EVERY[4]
+    with pytest.raises(ValueError, match="/rov/battery"):
+        made(topic, key, replace(sample, voltage=1e99))["/rov/battery"].cdr()
+    for utc_ns in (-(2**62), 2**62):
+        (said,) = RosMessages("rov", "/rov", None).of(topic, key, sample, utc_ns)
+        with pytest.raises(ValueError, match="/rov/battery"):
+            said.cdr()
+
+
+def test_a_picture_is_there_once_all_of_its_parts_are() -> None:
+    from msgspec.structs import replace
+
+    topic, key, part = EVERY[11]
+    messages = RosMessages("rov", "/rov", None)
+    first, second = replace(part, parts=2), replace(part, parts=2, part=1, data=b"more")
+    assert not list(messages.of(topic, key, first, UTC_NS))
+    (said,) = messages.of(topic, key, second, UTC_NS)
+    assert (said.topic, said.made.format) == ("/rov/camera", "h264")
+    assert bytes(said.made.data) == b"\0\0\0\1picturemore"
+    down = replace(part, data=b"x")
+    (said,) = messages.of(topics.FURTHER_VIDEO, "camera/video/down", down, UTC_NS)
+    assert said.topic == "/rov/camera_down"
+
+
+def test_every_row_of_the_table_is_tried_here() -> None:
+    tried = {said.topic for example in EVERY for said in made(*example).values()}
+    offered = {topic.name for topic in RosMessages("rov", "/rov", None).offered(["front"])}
+    assert tried == offered
+    assert {row.of for row in ROWS} | {topics.VIDEO} == {topic for topic, _, _ in EVERY}
+
+
+@pytest.mark.parametrize("example", EVERY, ids=lambda example: example[1])
+def test_rosbags_and_pycdr2_read_every_message_as_it_was(example: tuple[Any, str, Any]) -> None:
+    for said in made(*example).values():
+        data = said.cdr()
+        again: Any = STORE.deserialize_cdr(data, said.kind)
+        assert plain(again) == pytest.approx(plain(said.made), nan_ok=True)
+        others: Any = struct_of(said.kind).deserialize(data)
+        assert plain(others) == pytest.approx(plain(said.made), nan_ok=True)
+
+
+# Types of pycdr2, from the definitions of ROS.
+
+SIMPLE: dict[str, Any] = {
+    "bool": bool, "string": str, "byte": cdr_types.uint8, "float32": cdr_types.float32,
+    "float64": cdr_types.float64, "uint8": cdr_types.uint8, "int32": cdr_types.int32,
+    "uint32": cdr_types.uint32,
+}  # fmt: skip
+
+
+def struct_of(kind: str, known: dict[str, Any] = {}) -> Any:  # noqa: B006 - each type once
+    if kind not in known:
+        within = [(name, type_of(field)) for name, field in STORE.fielddefs[kind][1]]
+        known[kind] = make_dataclass(kind.replace("/", "_"), within, bases=(pycdr2.IdlStruct,))
+    return known[kind]
+
+
+def type_of(field: Any) -> Any:
+    what, of = field
+    match what:
+        case Nodetype.BASE:
+            return SIMPLE[of[0]]
+        case Nodetype.NAME:
+            return struct_of(of)
+        case Nodetype.ARRAY:
+            return cdr_types.array[type_of(of[0]), of[1]]
+        case _:
+            return cdr_types.sequence[type_of(of[0])]
+
+
+def plain(message: Any) -> dict[str, Any]:
+    """Every value by its place."""
+    found: dict[str, Any] = {}
+
+    def walk(where: str, value: Any) -> None:
+        if isinstance(value, np.ndarray | list | tuple | bytes):
+            parts = list(cast(Iterable[Any], value))
+            found[where] = len(parts)
+            for number, each in enumerate(parts):
+                walk(f"{where}.{number}", each)
+        elif is_dataclass(value):
+            for each in fields(value):
+                if each.name[0].islower():  # the others are constants of rosbags
+                    walk(f"{where}.{each.name}", getattr(value, each.name))
+        else:
+            found[where] = value if isinstance(value, str) else float(value)
+
+    walk("", message)
+    return found

@@ -1,0 +1,65 @@
+"""`lindy ros2`: a dive that goes on is shown in ROS 2 by a process of its own."""
+
+import os
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from services.runtime.config.running import RUNNING, Running
+from services.runtime.hosts.process_host import Launch
+from tools.__main__ import main
+
+
+def going_on(folder: Path, **pids: int) -> Path:
+    running = Running("rov-7", {"topside": "tcp/127.0.0.1:1", "drone": "b"}, os.getpid(), pids)
+    (folder / RUNNING).write_bytes(msgspec.json.encode(running))
+    return folder
+
+
+def test_it_joins_the_hubs_of_that_dive_in_the_name_of_its_drone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    launched: list[Launch] = []
+
+    def run(launch: Launch) -> int:
+        launched.append(launch)
+        return 0
+
+    monkeypatch.setattr("tools.ros2.run_services", run)
+    words = ["ros2", "--dive", str(going_on(tmp_path)), "--set", "ros2.sticks=true"]
+    assert main(words) == 0
+    (launch,) = launched
+    assert [*launch.services] == ["ros2"]
+    assert launch.services["ros2"].sides == ["topside", "drone"]
+    assert launch.endpoints["topside"] == "tcp/127.0.0.1:1"
+    assert launch.stack.drone_name == "rov-7"
+    assert launch.stack.overrides == ["ros2.sticks=true"]
+
+
+@pytest.mark.parametrize(
+    ("pids", "more", "sentence"),
+    [
+        ({"ros2": 1}, [], "the dive of rov-7 is in ROS 2 already, by its stack file"),
+        ({}, ["--set", "ros2.domain=-1"], "ros2.domain"),
+        ({}, ["--set", "ros2.sticsk=true"], "sticsk"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence(
+    pids: dict[str, int],
+    more: list[str],
+    sentence: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["ros2", "--dive", str(going_on(tmp_path, **pids)), *more]) == 1
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert len(said.splitlines()) == 1
+
+
+def test_where_no_dive_goes_on_it_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["ros2", "--dive", str(tmp_path)]) == 1
+    assert "no dive is going on" in capsys.readouterr().err
