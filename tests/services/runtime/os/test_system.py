@@ -30,13 +30,9 @@ def started(system: ModuleType, code: str) -> Generator[Started]:
     """A child as the runtime starts it; `system` is known in its code."""
     code = f"import os, sys\nfrom {system.__package__} import {leaf(system)} as system\n{code}"
     apart: dict[str, Any] = system.APART
-    child: Started = subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdin=system.STDIN,
-        stdout=subprocess.PIPE,
-        text=False,
-        **apart,
-    )
+    command = [sys.executable, "-c", code]
+    opened: Any = subprocess.Popen(command, stdin=system.STDIN, stdout=subprocess.PIPE, **apart)
+    child: Started = opened
     with child:
         try:
             yield child
