@@ -102,7 +102,9 @@ docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tests.support.docs.import_picture
 	$(BIN)/python -m lindy_research.scale --write
 
-release: $(READY) audit ## wheel, sdist and SBOM in dist/, checked and flown; `uv publish` would upload the first two
+release: $(READY) audit ## wheel, sdist and SBOM in dist/, notes, checked and flown; `uv publish` would upload the first two
+	@tag=$$(git tag --points-at HEAD); test -n "$$tag" || echo "this commit has no tag: v$(VERSION) is to be its tag"; \
+		case " $$tag " in *" v$(VERSION) "*|"  ") ;; *) echo "the tag is $$tag, and the version $(VERSION)"; exit 1;; esac
 	$(UV) build --quiet --out-dir dist
 	$(UV) export --quiet --frozen --no-dev --all-extras --no-emit-project --format cyclonedx1.5 \
 		--output-file dist/sbom-$(VERSION).cdx.json

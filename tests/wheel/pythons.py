@@ -3,6 +3,7 @@
 Each gets a clean environment with the core alone. One that is not on this computer is named.
 """
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,9 @@ def main(wheel: Path | None) -> int:
             build = [*UV, "build", "--quiet", "--wheel", "--out-dir", name]
             subprocess.run(build, cwd=ROOT, check=True)
             (wheel,) = folder.glob("*.whl")
+        # As `uvx lindy` does it, in an environment that is thrown away.
+        uvx = [*UV, "tool", "run", "--isolated", "--from", str(wheel.resolve()), "lindy"]
+        subprocess.run([*uvx, "dive", "--help"], check=True, stdout=subprocess.DEVNULL)
         said = {python: fly(python, wheel.resolve(), folder / python) for python in PYTHONS}
     for python, how in said.items():
         print(f"Python {python}: {how}")
@@ -30,7 +34,11 @@ def main(wheel: Path | None) -> int:
 
 def fly(python: str, wheel: Path, folder: Path) -> str:
     find = [*UV, "python", "find", "--no-project", "--no-python-downloads", "--system", python]
-    found = subprocess.run(find, capture_output=True, text=True, check=False)
+    pyenv = [str(path) for path in Path.home().glob(f".pyenv/versions/{python}.*/bin")]
+    path = os.pathsep.join([*pyenv, os.environ["PATH"]])  # its shims lead to one version only
+    found = subprocess.run(
+        find, env={**os.environ, "PATH": path}, capture_output=True, text=True, check=False
+    )
     if found.returncode != 0:
         return "skipped, it is not on this computer"
     venv = folder / "env"
