@@ -13,7 +13,9 @@ import sys
 from collections.abc import Callable, Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
 MANY = 20_000
 
 
@@ -52,24 +54,23 @@ def of_math() -> dict[str, list[float]]:
 
 
 def of_numpy() -> dict[str, list[float]]:
-    values = np.array(drawn(-2.0, 2.0))
+    values: Array = np.array(drawn(-2.0, 2.0))
     squares = values[: 64 * 36].reshape(64, 6, 6)
-    small = [squares[i] for i in range(64)]
+    small: list[Array] = [squares[i] for i in range(64)]
     right = values[:6]
+    products: list[Array] = [a @ right for a in small]
+    solved: list[Array] = [np.linalg.solve(a, right) for a in small]
+    inverted: list[Array] = [np.linalg.pinv(a[:4]) for a in small]
     return {
         "numpy normal": np.random.default_rng(7).standard_normal(MANY).tolist(),
         "numpy sum": [float(values.sum())],
         "numpy exp": np.exp(values).tolist(),
         "numpy sin": np.sin(values).tolist(),
         "numpy product 6×6": np.concatenate([a @ a.T for a in small]).ravel().tolist(),
-        "numpy product 6×1": np.concatenate([a @ right for a in small]).tolist(),
-        "numpy solve": np.concatenate([np.linalg.solve(a, right) for a in small]).tolist(),
-        "numpy pinv": np.concatenate([np.linalg.pinv(a[:4]) for a in small]).ravel().tolist(),
-        "numpy pinv, 12 digits": np.concatenate(
-            [np.linalg.pinv(a[:4]).round(12) + 0.0 for a in small]
-        )
-        .ravel()
-        .tolist(),
+        "numpy product 6×1": np.concatenate(products).tolist(),
+        "numpy solve": np.concatenate(solved).tolist(),
+        "numpy pinv": np.concatenate(inverted).ravel().tolist(),
+        "numpy pinv, 12 digits": (np.concatenate(inverted).round(12) + 0.0).ravel().tolist(),
     }
 
 
