@@ -59,8 +59,8 @@ def of_numpy() -> dict[str, list[float]]:
     small: list[Array] = [squares[i] for i in range(64)]
     right = values[:6]
     products: list[Array] = [a @ right for a in small]
-    solved: list[Array] = [np.linalg.solve(a, right) for a in small]
-    inverted: list[Array] = [np.linalg.pinv(a[:4]) for a in small]
+    solved: list[NDArray[np.floating]] = [np.linalg.solve(a, right) for a in small]
+    inverted: list[NDArray[np.floating]] = [np.linalg.pinv(a[:4]) for a in small]
     return {
         "numpy normal": np.random.default_rng(7).standard_normal(MANY).tolist(),
         "numpy sum": [float(values.sum())],
