@@ -9,7 +9,7 @@ VERSION = $(shell $(UV) version --short)
 # Where compiled modules may not be written, each of some hundred processes would compile them anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: dive test slow research explore mutants bench check format laws stops headings real soak soak-virtual faults picture film site docs release audit clean
+.PHONY: dive test slow research explore mutants bench check format laws stops headings real soak soak-virtual faults arm64 wheels pythons picture film site docs release audit clean
 
 dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
@@ -42,6 +42,7 @@ check: $(READY) ## format, lint, types, import contracts
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright
+	$(BIN)/pyright --pythonplatform Windows lindy messages services tools
 
 format: $(READY) ## put the code in shape
 	$(BIN)/ruff format .
@@ -79,6 +80,15 @@ soak-virtual: $(READY) ## eight hours and a thousand faults on virtual time. HOU
 faults: $(READY) ## every fault in every mode, and again in real processes, into docs/faults.md
 	$(BIN)/python -m tests.support.faults
 
+arm64: $(READY) ## a dive on emulated arm64, with the bits of this computer; Debian: qemu-user-static debootstrap
+	nice -n 19 $(BIN)/python -m tests.long.arm64
+
+wheels: $(READY) ## which wheels each platform gets, into docs/platforms.md; asks the package index
+	$(BIN)/python -m tests.support.docs.wheels_table
+
+pythons: $(READY) ## the wheel, installed and flown with each Python from 3.11 to 3.14 that is found here
+	$(BIN)/python -m tests.wheel.pythons
+
 site: $(READY) ## docs/ as a site with search, in site/; a link that leads nowhere is an error
 	$(BIN)/zensical build --clean --strict
 
@@ -92,12 +102,16 @@ docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tests.support.docs.import_picture
 	$(BIN)/python -m lindy_research.scale --write
 
-release: $(READY) audit ## wheel, sdist and SBOM in dist/, checked and flown; `uv publish` would upload the first two
+release: $(READY) audit ## wheel, sdist and SBOM in dist/, notes, checked and flown; `uv publish` would upload the first two
+	@tag=$$(git tag --points-at HEAD); test -n "$$tag" || echo "this commit has no tag: v$(VERSION) is to be its tag"; \
+		case " $$tag " in *" v$(VERSION) "*|"  ") ;; *) echo "the tag is $$tag, and the version $(VERSION)"; exit 1;; esac
 	$(UV) build --quiet --out-dir dist
 	$(UV) export --quiet --frozen --no-dev --all-extras --no-emit-project --format cyclonedx1.5 \
 		--output-file dist/sbom-$(VERSION).cdx.json
 	$(UV) tool run twine check --strict dist/lindy-$(VERSION)*
+	$(BIN)/python -m tests.wheel.pythons dist/lindy-$(VERSION)-py3-none-any.whl
 	PYTHONHASHSEED=0 $(BIN)/pytest -n 2 -m slow tests/wheel
+	$(BIN)/python -m tests.wheel.notes $(VERSION) > dist/notes-$(VERSION).md
 
 # 1: something is known; 2: nobody could be asked.
 audit: $(READY) ## is a vulnerability known of any locked package? asks osv.dev

@@ -6,7 +6,6 @@ of the verb that is called is imported, so that help and a mistyped verb answer 
 """
 
 import os
-import select
 import signal
 import sys
 from collections.abc import Collection, Mapping, Sequence
@@ -14,6 +13,7 @@ from io import TextIOWrapper
 from typing import Any, NamedTuple
 
 from services.runtime.config.errors import EndedByUserError, LindyError
+from services.runtime.os import system
 
 ERROR, INTERRUPTED = 1, 130  # exit statuses
 UNREAD = 141  # exit status: nobody reads the output any more; that of a program that SIGPIPE ends
@@ -300,9 +300,7 @@ def _sentence(error: Exception, *, debug: bool) -> str:
 def _nobody_reads() -> bool:
     """Has whoever read the output ended, as `head` does? Then nothing more is written to it, not
     even by Python as it ends."""
-    output = select.poll()
-    output.register(sys.stdout, select.POLLOUT)
-    if not any(events & select.POLLERR for _, events in output.poll(0)):
+    if not system.is_unread(sys.stdout.fileno()):
         return False
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return True

@@ -100,9 +100,9 @@ def _pilot(dive: FlownDive, recording: Recording, folder: Path) -> str:
             return pilot
     sticks = sticks_of(recording, f"{folder}/")
     for name, text in sticks.paths.items():
-        Path(name).write_text(text)
+        Path(name).write_text(text, encoding="utf-8")
     path = folder / STICKS
-    path.write_text(as_csv(sticks, f"the sticks of {sticks.source}"))
+    path.write_text(as_csv(sticks, f"the sticks of {sticks.source}"), encoding="utf-8")
     said = f"no script in the recording: its sticks, of {sticks.source}, are flown"
     print(harmless("\n".join([said, *sticks.remarks])), flush=True)
     return f"{SCRIPT}{path}"

@@ -17,6 +17,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.local_stack import require_free
 from services.runtime.launch.process_plan import OtherSide
+from services.runtime.os import system
 from tools.checks import DEFAULT_PILOT, pilot_of
 from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder
 from tools.fleet.meeting import Meeting, drone_at, drones_credentials, drones_name, require_only
@@ -84,6 +85,11 @@ def up(
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
     if side == "drone":
+        if not system.BECOMES:
+            raise LindyError(
+                "`lindy up drone` needs Linux or macOS; this computer can be the topside: "
+                "lindy up topside"
+            )
         if connect is not None:
             raise LindyError(
                 f"--connect is for the topside: the drone waits for it, with --listen {connect}"

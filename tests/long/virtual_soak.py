@@ -20,6 +20,7 @@ from statistics import median
 
 import msgspec
 
+from services.runtime.os import system
 from tests.long.soak import PAGE, growth
 from tests.support.faults.catalogue import FAULTS, NONE
 from tests.support.faults.copies import in_copies
@@ -28,7 +29,6 @@ from tests.support.faults.figures import Figures, figures
 from tests.support.faults.goals import JERK
 from tests.support.faults.modes import FlownMode
 from tests.support.faults.virtual_dive import SECOND, VirtualDive
-from tools.sweep.all_cores import cores
 
 HOURS, NUMBER, SEED = 8.0, 1000, 1
 RANDOM = tuple(fault for fault in FAULTS if fault.virtual is not None and fault is not NONE)
@@ -225,6 +225,6 @@ def _encoded(hours: float, number: int, seed: int) -> bytes:
 
 if __name__ == "__main__":
     given = [float(word) for word in sys.argv[1:]]
-    defaults = [HOURS, NUMBER, SEED, cores()]
+    defaults = [HOURS, NUMBER, SEED, system.cores()]
     hours, *whole = [*given, *defaults[len(given) :]]
     sys.exit(main(hours, *map(int, whole)))

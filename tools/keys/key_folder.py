@@ -16,6 +16,7 @@ from typing import NamedTuple, TypeVar
 from services.runtime.bus.key_files import Credentials, KeyFiles
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
+from services.runtime.os import system
 from tools.fresh import write_fresh
 from tools.keys import certificates
 from tools.keys.certificates import Certificate
@@ -239,8 +240,8 @@ def _own_folder(keys: Path, roles: Collection[Role]) -> Path:
 def _private(key: Path) -> None:
     """As ssh does: a key that others can read is no secret."""
     try:
-        mode = key.stat().st_mode
+        read_by_others = system.others_can_read(key)
     except OSError as error:
         raise LindyError(f"cannot read {key}: {reason(error)}") from None
-    if mode & 0o077:
+    if read_by_others:
         raise LindyError(f"{key} can be read by others on this computer: chmod 600 {key}")

@@ -2,7 +2,6 @@
 
 import atexit
 import contextlib
-import fcntl
 import os
 import re
 import tempfile
@@ -14,12 +13,13 @@ from services.recorder.io.parts import part_path
 from services.runtime.config.disk import FILES, reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import running_in
+from services.runtime.os import Lock, system
 from tools.fresh import fresh_folder
 from tools.live import latest
 from tools.live.latest import DIVES
 
 LOGS = "logs"
-CLAIMS: dict[Path, int] = {}  # open folders that this program has locked
+CLAIMS: dict[Path, Lock] = {}  # folders that this program has locked
 WRITTEN = re.compile(r"dive(\.part\d+)?\.(mcap|rrd)|merging\.mcap|report\.json|run\.json")
 
 
@@ -62,9 +62,8 @@ def out_folder(out: Path | None, *, ours: bool = False) -> Path:
 def hand_over(folder: Path) -> int | None:
     """The descriptor of the folder's lock, for the program that this one becomes; None: it has no
     lock."""
-    if (handle := CLAIMS.pop(folder, None)) is not None:
-        os.set_inheritable(handle, True)
-    return handle
+    lock = CLAIMS.pop(folder, None)
+    return None if lock is None else lock.hand_over()
 
 
 def require_room_for_recording(folder: Path) -> None:
@@ -83,17 +82,10 @@ def require_room_for_recording(folder: Path) -> None:
 def _claimed(folder: Path) -> bool:
     """Lock a folder until the dive's first files are in it. False: another program has it. A file
     system without locks counts as locked."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        return False
-    except OSError:
-        os.close(handle)
-    else:
-        CLAIMS[folder] = handle  # closing it ends the lock
-    return True
+    lock = system.lock(folder)
+    if lock is not None:
+        CLAIMS[folder] = lock
+    return lock is not None
 
 
 def holds_dive(folder: Path) -> bool:
@@ -112,8 +104,8 @@ def dive_files(folder: Path, kind: str) -> list[Path]:
 def point_latest(folder: Path) -> None:
     """The first files of a dive are in its folder: make `dives/latest` a link to it, if it is in
     `dives/`."""
-    if (handle := CLAIMS.pop(folder, None)) is not None:
-        os.close(handle)  # the files say by themselves whose folder it is
+    if (lock := CLAIMS.pop(folder, None)) is not None:
+        lock.release()  # the files say by themselves whose folder it is
     latest.point(folder)
 
 

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from services.runtime.config.disk import reason
+from services.runtime.os import system
 
 DIVES = Path("dives")  # for dives without --out
 LATEST = "latest"  # in it: a link to the newest of them
@@ -15,13 +16,12 @@ def point(folder: Path) -> None:
     home = DIVES.resolve()
     if folder.parent != home or folder.name == LATEST:
         return
-    pointer, fresh = home / LATEST, home / f".{LATEST}-{os.getpid()}"
+    pointer = home / LATEST
     if os.path.lexists(pointer) and not _is_ours(pointer):
         print(f"{pointer} is not a link to a dive; it stays as it is", flush=True)
         return
     try:
-        fresh.symlink_to(folder.name, target_is_directory=True)
-        fresh.replace(pointer)  # at once: it always points somewhere
+        system.point(pointer, folder.name)
     except OSError as error:
         print(f"cannot make {pointer} point to this dive: {reason(error)}", flush=True)
 

@@ -9,8 +9,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 
+from services.runtime.os import system
+
 PRESSED = (signal.SIGINT, signal.SIGTERM)
-SIGNALS = (*PRESSED, signal.SIGHUP)  # the last one: the terminal is gone
+SIGNALS = (*PRESSED, *system.HANG_UP)
 BROKEN_OFF = 130  # exit status, as after any Ctrl-C
 APART_S = 0.5  # [s] signals that come closer are one: `uv run` hands on what also came by itself
 WRITING = "the report is being written; once more, and it is broken off"
@@ -33,11 +35,10 @@ class StopSignals:
     def __enter__(self) -> "StopSignals":
         self._terminal = [output for output in (1, 2) if os.isatty(output)]  # asked while it is one
         self._before = {number: signal.signal(number, self._ask) for number in PRESSED}
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup leaves it
-            self._before[signal.SIGHUP] = signal.signal(signal.SIGHUP, self._hang_up)
-        signal.pthread_sigmask(
-            signal.SIG_UNBLOCK, SIGNALS
-        )  # another program may have held them back
+        for number in system.HANG_UP:
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup leaves it
+                self._before[number] = signal.signal(number, self._hang_up)
+        system.let_through(SIGNALS)  # another program may have held them back
         return self
 
     def __exit__(

@@ -1,7 +1,6 @@
 """What each program of the drone's side hands on to the next."""
 
 import os
-import signal
 import sys
 from tempfile import TemporaryFile
 from typing import Literal, NoReturn, TypeVar
@@ -11,6 +10,7 @@ import msgspec
 from services.runtime.bus.key_files import Credentials
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
+from services.runtime.os import system
 from tools.health_sums import HealthSums
 from tools.live.stop_signals import SIGNALS
 
@@ -58,7 +58,7 @@ def become(program: Program, what: msgspec.Struct) -> NoReturn:
     Signals wait until the next program can handle them (`StopSignals`).
     """
     content = _in_memory(msgspec.json.encode(what))
-    signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    system.hold_back(SIGNALS)
     sys.stdout.flush()
     command = [sys.executable, "-P", "-m", f"{__package__}.{program}", str(content)]
     os.execv(sys.executable, command)
@@ -73,7 +73,7 @@ def handed_on(kind: type[S]) -> S:
 def _in_memory(data: bytes) -> int:
     """The descriptor of a file with this content, for the next program. An argument of a command
     may have 128 kB at most, and the health of a day has more."""
-    if hasattr(os, "memfd_create"):  # Linux: needs no disk
+    if sys.platform == "linux":  # needs no disk
         descriptor = os.memfd_create("lindy", 0)
     else:
         with TemporaryFile() as file:

@@ -26,7 +26,7 @@ class Start(msgspec.Struct, frozen=True):
 def boot_id() -> str | None:
     """Of this start of the computer; None: not Linux."""
     try:
-        return BOOT_ID.read_text().strip()
+        return BOOT_ID.read_text(encoding="utf-8").strip()
     except OSError:
         return None
 

@@ -1,13 +1,12 @@
 """Keys and a status line of a replay, where there is a terminal."""
 
-import os
-import select
 import sys
-import termios
-import tty
-from collections.abc import Generator, Sequence
+import time
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from typing import Literal
+
+from services.runtime.os import system
 
 Key = Literal["pause", "back", "on", "back_far", "on_far", "quit"]
 KEYS: dict[bytes, Key] = {
@@ -40,30 +39,27 @@ def keys_in(typed: bytes) -> list[Key]:
 class Terminal:
     """Made by `terminal`."""
 
-    def __init__(self, stdin: int | None, *, shows: bool) -> None:
+    def __init__(self, read: Callable[[float], bytes | None] | None, *, shows: bool) -> None:
         """
         Args:
-            stdin: descriptor on which keys come one by one; None: there are none.
+            read: waits for keys, as `system.keys_of` makes it; None: there are none.
             shows: is stdout a terminal?
         """
-        self._stdin, self._shows = stdin, shows
+        self._read, self._shows = read, shows
 
     @property
     def interactive(self) -> bool:
-        return self._stdin is not None
+        return self._read is not None
 
     def wait(self, seconds: float) -> Sequence[Key]:
         """Wait for keys, at most so long."""
-        if self._stdin is None:
-            select.select([], [], [], max(0.0, seconds))
+        if self._read is None:
+            time.sleep(max(0.0, seconds))
             return []
-        ready, _, _ = select.select([self._stdin], [], [], max(0.0, seconds))
-        if not ready:
-            return []
-        typed = os.read(self._stdin, 64)
-        if not typed:  # it was closed
-            self._stdin = None
-        return keys_in(typed)
+        typed = self._read(max(0.0, seconds))
+        if typed == b"":  # it was closed
+            self._read = None
+        return keys_in(typed or b"")
 
     def status(self, line: str) -> None:
         if self._shows:
@@ -81,10 +77,5 @@ def terminal() -> Generator[Terminal]:
     if not sys.stdin.isatty():
         yield Terminal(None, shows=shows)
         return
-    stdin = sys.stdin.fileno()
-    before = termios.tcgetattr(stdin)
-    try:
-        tty.setcbreak(stdin)  # Ctrl-C is still a signal
-        yield Terminal(stdin, shows=shows)
-    finally:
-        termios.tcsetattr(stdin, termios.TCSADRAIN, before)
+    with system.keys_of(sys.stdin.fileno()) as read:
+        yield Terminal(read, shows=shows)

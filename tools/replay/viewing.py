@@ -1,7 +1,6 @@
 """The viewer of a replay: the visualizer as a process of its own, on the replay's keys."""
 
 import os
-import signal
 import subprocess
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from services.runtime.hosts.process_host import Launch
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.process_plan import PYTHON
+from services.runtime.os import system
 from tools.live.viewer import VIEWER
 
 END_S = 5.0  # [s] in which it ends when asked to
@@ -42,11 +42,11 @@ def viewer(stack: Stack, endpoint: str) -> Generator[None]:
         parent=os.getpid(),
     )
     command = [*PYTHON, msgspec.json.encode(launch).decode()]
-    child = subprocess.Popen(command, start_new_session=True)
+    child = subprocess.Popen(command, stdin=system.STDIN, **system.APART)
     try:
         yield
     finally:
-        child.send_signal(signal.SIGTERM)
+        system.ask_to_end(child)
         try:
             child.wait(END_S)
         except subprocess.TimeoutExpired:

@@ -13,9 +13,8 @@ import struct
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from io import FileIO
 from tempfile import TemporaryFile
-from typing import Any, NamedTuple, cast, get_args
+from typing import IO, Any, NamedTuple, cast, get_args
 from weakref import finalize
 
 import msgspec
@@ -57,7 +56,7 @@ class RowBlocks:
     def __init__(self, width: int) -> None:
         self.count = 0
         self._width = width
-        self._file: FileIO | None = None
+        self._file: IO[bytes] | None = None
         self._blocks: list[_Block] = []
 
     def add(self, rows: Array, *, on_disk: bool) -> None:
@@ -93,7 +92,8 @@ class RowBlocks:
             return block.where[place, first:last]
         assert self._file is not None
         at = block.where + FIGURE * (place * block.length + first)
-        return np.frombuffer(os.pread(self._file.fileno(), FIGURE * (last - first), at))
+        self._file.seek(at)
+        return np.frombuffer(self._file.read(FIGURE * (last - first)))
 
     def _write(self, columns: Array) -> int:
         """

@@ -37,11 +37,11 @@ def stops_with_lindy(path: Path, begin_ns: int) -> list[ReviewedStop] | str:
         with TemporaryDirectory(prefix="lindy-") as name:
             folder = Path(name)
             file, script = folder / "identified.toml", folder / "sticks.csv"
-            file.write_text(text)
+            file.write_text(text, encoding="utf-8")
             sticks = sticks_of(open_recording(path), f"{folder}/")
             for each, course in sticks.paths.items():
-                Path(each).write_text(course)
-            script.write_text(as_csv(sticks, "the recorded sticks"))
+                Path(each).write_text(course, encoding="utf-8")
+            script.write_text(as_csv(sticks, "the recorded sticks"), encoding="utf-8")
             choices = Choices(pilot=f"script:{script}", vehicle=str(file), out=folder / "dive")
             with redirect_stdout(StringIO()):
                 simulated(choices, running=[each for each in Registry.read() if each != VIEWER])

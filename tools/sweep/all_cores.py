@@ -17,6 +17,7 @@ from multiprocessing.synchronize import Event
 from typing import TypeVar
 
 from services.runtime.config.errors import LindyError
+from services.runtime.os import system
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -25,13 +26,6 @@ ALONE = 2  # times that a job is tried alone: beside others it may not be the on
 SPAWN = get_context("spawn")
 
 _stop: Event | None = None  # in a worker: set when it is to stop
-
-
-def cores() -> int:
-    """That this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def asked_to_stop() -> bool:
@@ -66,7 +60,7 @@ def on_all_cores(
     while left and not stop():
         begun = dict[int, J]()
         try:
-            yield from _in_one_pool(work, left, begun, workers or cores(), stop)
+            yield from _in_one_pool(work, left, begun, workers or system.cores(), stop)
         except BrokenProcessPool:
             if stop():  # a signal to the whole process group has ended the workers, too
                 return
@@ -151,11 +145,11 @@ def _failed(future: Future[R]) -> bool:
 @contextmanager
 def _ctrl_c_held_back() -> Generator[None]:
     """Processes that are started meanwhile never get it: a terminal sends it to all of them."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    let_go = system.hold_back([signal.SIGINT])
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        let_go()
 
 
 @contextmanager

@@ -5,7 +5,6 @@ of a table that was written from the rows. A killed program can leave an incompl
 is removed when the sweep goes on.
 """
 
-import fcntl
 import hashlib
 import json
 import os
@@ -14,6 +13,7 @@ from typing import Any, BinaryIO
 
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
+from services.runtime.os import system
 from tools.fresh import write_fresh
 from tools.sweep.rows import Row
 
@@ -52,15 +52,18 @@ class FinishedDives:
             table.parent.mkdir(parents=True, exist_ok=True)
             if not begun:
                 write_fresh(self._path, _line({FORMAT: 1, **about}))
+            lock = system.lock(self._path)
+            if lock is None:
+                raise LindyError(f"another lindy sweep is at work on {self._path}")
+            self._lock = lock
             self._file = self._path.open("r+b", buffering=0)
         except OSError as error:
             raise LindyError(f"cannot write {self._path}: {reason(error)}") from None
         try:
-            self._lock()
             self._read(self._file, about)
             self._check_table()
         except LindyError:
-            self._file.close()
+            self.close()
             raise
 
     def add(self, row: Row) -> None:
@@ -102,14 +105,7 @@ class FinishedDives:
 
     def close(self) -> None:
         self._file.close()
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise LindyError(f"another lindy sweep is at work on {self._path}") from None
-        except OSError:
-            pass  # a file system without locks
+        self._lock.release()
 
     def _read(self, file: BinaryIO, about: About) -> None:
         data = file.read()

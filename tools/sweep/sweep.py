@@ -14,13 +14,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.hosts.registry import Registry
+from services.runtime.os import system
 from services.tether.io.profile_file import named
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
 from tools.fresh import write_fresh
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import without_files
-from tools.sweep.all_cores import cores, on_all_cores
+from tools.sweep.all_cores import on_all_cores
 from tools.sweep.axes import Combination, SweepAxes
 from tools.sweep.fast.batch import batches, exact_row, fly_batch, killed_batch, settings_of
 from tools.sweep.fast.coverage import require_covered
@@ -148,7 +149,7 @@ def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
         for dive in axes.dives()
         if dive.number not in finished.rows
     ]
-    workers = min(wanted.workers or cores(), max(1, len(jobs)))
+    workers = min(wanted.workers or system.cores(), max(1, len(jobs)))
     before = len(finished.rows)
     there = f", {before} of them done before" if before else ""
     flown, used = _counted(axes.count, "dive"), _counted(workers, "core")
@@ -164,7 +165,7 @@ def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
 def _fly_fast(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
     """Fly what is missing in arrays, and what they do not know dive by dive. Was it interrupted?"""
     missing = [dive for dive in axes.dives() if dive.number not in finished.rows]
-    workers, before = wanted.workers or cores(), len(finished.rows)
+    workers, before = wanted.workers or system.cores(), len(finished.rows)
     there = f", {before} of them done before" if before else ""
     flown, used = _counted(axes.count, "dive"), _counted(workers, "core")
     print(f"{flown}{there}, in arrays on {used} → {wanted.out}")

@@ -15,7 +15,14 @@ import msgspec
 import numpy as np
 
 from messages.units import Vec6
-from services.control.allocation.layout import AXES, AxisName, drivable, effect_matrix, independent
+from services.control.allocation.layout import (
+    AXES,
+    AxisName,
+    drivable,
+    effect_matrix,
+    independent,
+    on_any_processor,
+)
 from services.control.allocation.thrust_bias import ThrustBias
 from services.marine.vehicle import Thruster, Vehicle, total_wrench
 
@@ -241,7 +248,7 @@ class Allocation:
         weights = np.array(strength) / max(strength)
         shares = np.zeros((6, len(strength)))
         inverse = np.linalg.pinv(self._effect[self._rows] * weights)
-        shares[self._rows] = (weights[:, None] * inverse).T
+        shares[self._rows] = on_any_processor(weights[:, None] * inverse).T
         return shares.tolist()
 
 

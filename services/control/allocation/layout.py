@@ -20,6 +20,7 @@ PREFERRED = ("heave", "yaw", "surge", "sway", "roll", "pitch")  # order, if not 
 PILOTING = ("surge", "heave", "yaw")  # axes that a pilot needs
 MOST_COST = 10.0  # [-] newtons of thrust per newton, or per newton metre over the longest arm
 SHORTEST_ARM = 0.01  # [m] a layout without any longer one turns nothing
+DIGITS = 12  # after the point, of parts of a newton or a newton metre
 SINGULAR = 0.01  # [-] a singular value this small costs far more than that
 
 
@@ -56,6 +57,11 @@ def independent(effect: Matrix, strength: Sequence[float], axes: Iterable[str]) 
     if np.linalg.matrix_rank(rows, tol=SINGULAR) < len(rows):
         return False
     return bool(np.all(np.linalg.norm(np.linalg.pinv(rows), axis=0) <= MOST_COST))
+
+
+def on_any_processor(solved: Matrix) -> Matrix:
+    """What a library has solved, without the last digits, which differ between processors."""
+    return solved.round(DIGITS) + 0.0  # which makes 0.0 of -0.0
 
 
 def require_pilotable(vehicle: Vehicle) -> None:

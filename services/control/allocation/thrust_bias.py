@@ -13,7 +13,7 @@ from math import copysign
 import numpy as np
 from numpy.typing import NDArray
 
-from services.control.allocation.layout import AXES, Matrix
+from services.control.allocation.layout import AXES, Matrix, on_any_processor
 
 NOTHING = 1e-6  # [-] smaller parts are rounding
 EVEN = 0.5  # [-] least ratio of smallest to largest part of a bias; below, it costs too much
@@ -84,7 +84,8 @@ def biases(effect: Matrix) -> list[Matrix]:
         effect: (6, n) wrench per newton.
     """
     counts = np.any(np.abs(effect) > NOTHING, axis=0)
-    null = np.diag(counts.astype(float)) - np.linalg.pinv(effect) @ effect  # projector, null space
+    # The projector into the null space.
+    null = on_any_processor(np.diag(counts.astype(float)) - np.linalg.pinv(effect) @ effect)
     found: list[Matrix] = []
     for members in _sets(np.abs(null) > NOTHING):
         best = max(

@@ -6,6 +6,7 @@ ever arrives.
 """
 
 import os
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,7 +22,7 @@ class HidReports:
         self._file: int | None = None
         wanted = product_of(guid)
         found = [node for node in _nodes(system) if wanted and _product(node) == wanted]
-        if len(found) == 1:
+        if sys.platform == "linux" and len(found) == 1:
             with suppress(OSError):
                 self._file = os.open(devices / found[0].name, os.O_RDONLY | os.O_NONBLOCK)
 

@@ -13,7 +13,6 @@ import errno
 import os
 import selectors
 import socket
-import termios
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -26,6 +25,7 @@ from typing import NamedTuple, Protocol
 from messages import events
 from messages.events import Event, Outbox
 from services.runtime.config.errors import LindyError
+from services.runtime.os import system
 
 ALLOWED = "udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD"
 DATAGRAMS = 32  # read at once; more wait in the system's buffer
@@ -34,7 +34,8 @@ UNREAD = 32_768  # [bytes] that the other end of a connection has not read: seco
 AGAIN_S = 1.0  # [s] between two attempts to connect
 PAUSE_S = 0.003  # [s] between two calls of `notify`
 FLOOD_PAUSE_S = 0.02  # [s] after a look that left something unread: it must not take the processor
-NOT_YET = (errno.EAGAIN, errno.ENOTCONN, errno.EINPROGRESS)  # no room, or not connected yet
+# No room, or not connected yet.
+NOT_YET = (errno.EAGAIN, errno.EWOULDBLOCK, errno.ENOTCONN, errno.EINPROGRESS)
 Address = tuple[str, int]
 End = socket.socket | FileIO
 
@@ -102,12 +103,11 @@ class _Peer:
         if isinstance(self.end, socket.socket) and self.to is not None:
             self.end.sendto(frame, self.to)
             return
-        file = self.end.fileno()
         if self.rest:
-            self.rest = self.rest[os.write(file, self.rest) :]
+            self.rest = self.rest[_written(self.end, self.rest) :]
             if self.rest:
                 raise BlockingIOError(errno.EAGAIN, "")
-        self.rest = frame[os.write(file, frame) :]
+        self.rest = frame[_written(self.end, frame) :]
 
 
 class Links:
@@ -193,7 +193,8 @@ class Links:
             raise LindyError(f"{setting}: found {url!r}; allowed: {ALLOWED}")
         try:
             if kind == "serial":
-                self._call(f"serial {where}", partial(_serial, where, int(number)), at_once=True)
+                cable = partial(system.serial, where, int(number))
+                self._call(f"serial {where}", cable, at_once=True)
                 return
             address = socket.gethostbyname(where), int(number)
             if kind == "tcp":
@@ -293,7 +294,7 @@ class Links:
         assert peer.end is not None
         data, why = b"", "closed by the other side"
         try:
-            data = os.read(peer.end.fileno(), READ)
+            data = _read(peer.end)
         except BlockingIOError:
             return
         except ConnectionResetError:
@@ -329,6 +330,27 @@ class Links:
                 time.sleep(FLOOD_PAUSE_S if self._left else PAUSE_S)
 
 
+def _read(end: End) -> bytes:
+    """
+    Raises:
+        OSError: there is nothing to read, or never will be.
+    """
+    if isinstance(end, socket.socket):  # which is not a file everywhere
+        return end.recv(READ)
+    return os.read(end.fileno(), READ)
+
+
+def _written(end: End, data: bytes) -> int:
+    """[bytes] that were taken.
+
+    Raises:
+        OSError: none.
+    """
+    if isinstance(end, socket.socket):
+        return end.send(data)
+    return os.write(end.fileno(), data)
+
+
 def _name(kind: str, address: Address) -> str:
     return f"{kind} {address[0]}:{address[1]}"
 
@@ -347,31 +369,7 @@ def _connection(address: Address) -> socket.socket:
     """
     connection = _prepared(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
     error = connection.connect_ex(address)
-    if error not in (0, errno.EINPROGRESS):
+    if error not in (0, errno.EINPROGRESS, errno.EWOULDBLOCK):
         connection.close()
         raise OSError(error, os.strerror(error))
     return connection
-
-
-def _serial(device: str, baud: int) -> FileIO:
-    """Eight bits as they come, nothing interpreted.
-
-    Raises:
-        OSError: there is no such device, or it has no such speed.
-    """
-    speed = getattr(termios, f"B{baud}", None)
-    if speed is None:
-        raise OSError(f"{baud} is no speed of this system, such as 115200")
-    cable = FileIO(os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK), "r+")
-    try:
-        mode = termios.tcgetattr(cable)
-        mode[0] = mode[1] = mode[3] = 0
-        mode[2] = termios.CS8 | termios.CREAD | termios.CLOCAL
-        mode[4] = mode[5] = speed
-        mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0  # no bytes mean that it was pulled
-        termios.tcsetattr(cable, termios.TCSANOW, mode)
-        termios.tcflush(cable, termios.TCIOFLUSH)
-    except termios.error as error:
-        cable.close()
-        raise OSError(*error.args) from None
-    return cable

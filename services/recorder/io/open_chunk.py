@@ -9,6 +9,7 @@ can read it. The next flush overwrites the end of the frame and continues it.
 import io
 import struct
 import zlib
+from typing import IO
 
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -36,7 +37,7 @@ def encoded(record: McapRecord) -> bytes:
     return builder.end()
 
 
-def write_at(file: io.FileIO, position: int, data: bytes | bytearray) -> None:
+def write_at(file: IO[bytes], position: int, data: bytes | bytearray) -> None:
     """Write all of it, or raise OSError."""
     file.seek(position)
     rest = memoryview(data)

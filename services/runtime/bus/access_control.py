@@ -15,8 +15,9 @@ from messages import topics
 from messages.topic import Direction, Side
 from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, name_in
+from services.runtime.os import system
 
-LOCAL, NETWORK = "unixsock-stream", ("tcp", "tls", "quic", "udp")
+LOCAL, NETWORK = system.LOCAL, ("tcp", "tls", "quic", "udp")
 WITH_KEYS = "tls"
 PUTS, SUBSCRIBE, TOKEN = ("put", "delete"), ("declare_subscriber",), ("liveliness_token",)
 ASK_WHO = ("liveliness_query", "declare_liveliness_subscriber")

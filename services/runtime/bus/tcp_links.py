@@ -9,6 +9,7 @@ import os
 import socket
 import stat
 import struct
+import sys
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from typing import NamedTuple
@@ -38,8 +39,10 @@ class TcpLinks:
     def received(self, wanted: Collection[Ends]) -> dict[Ends, int]:
         """[bytes] that have come on each of these links so far; of those that can be asked."""
         found: dict[Ends, int] = {}
+        if sys.platform != "linux":
+            return found
         for ends, link in self._of(wanted):
-            with suppress(OSError, AttributeError, struct.error):
+            with suppress(OSError, struct.error):
                 info = link.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, INFO_LENGTH)
                 found[ends] = struct.unpack_from("<Q", info, RECEIVED)[0]
         return found
@@ -78,8 +81,10 @@ class TcpLinks:
 def let_callers_speak_first() -> None:
     """A connection on which nobody says anything waits in the kernel, not at the hub: of those that
     do not get through TLS, a hub takes no more than ten a second, and no other one meanwhile."""
+    if sys.platform != "linux":
+        return
     for number, _ in _sockets():
-        with suppress(OSError, AttributeError), socket.socket(fileno=os.dup(number)) as own:
+        with suppress(OSError), socket.socket(fileno=os.dup(number)) as own:
             if own.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
                 own.setsockopt(socket.IPPROTO_TCP, socket.TCP_DEFER_ACCEPT, HOUR_S)
 

@@ -30,6 +30,7 @@ from services.runtime.bus.zenoh_threads import (
 )
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
+from services.runtime.os import system
 
 SessionMode = Literal["router", "client"]
 UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
@@ -44,7 +45,8 @@ def config(
     keys: KeyFiles | None = None,
 ) -> zenoh.Config:
     settings = zenoh.Config()
-    for key, value in common_settings(mode, listen, connect).items():
+    listen, connect, passwords = system.local_channel(listen, connect)
+    for key, value in (common_settings(mode, listen, connect) | passwords).items():
         settings.insert_json5(key, json.dumps(value))
     if space is not None:
         settings.insert_json5("namespace", json.dumps(space))
@@ -94,13 +96,15 @@ def listening(
         if hub_side is not None:
             settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
         return _open(settings)
+    except OSError as error:
+        raise LindyError(f"cannot listen on {endpoint}: {reason(error)}") from None
     except zenoh.ZError as error:
         if endpoint.startswith(UNIX):
             _require_writable(Path(endpoint.removeprefix(UNIX)).parent)
         taken = "in use" in str(error)
-        reason = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
-        reason = reason.removeprefix('Json5Err(Message { msg: "')
-        why = "is already in use" if taken else f"cannot be listened on ({reason})"
+        said = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
+        said = said.removeprefix('Json5Err(Message { msg: "')
+        why = "is already in use" if taken else f"cannot be listened on ({said})"
         raise LindyError(
             f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:7447"
         ) from None

@@ -5,6 +5,8 @@ import os
 import shutil
 from pathlib import Path
 
+from services.runtime.os import system
+
 FULL = {errno.ENOSPC, errno.EDQUOT}
 FILES = 64  # that a dive makes at most: logs, checkpoints, recordings, its report
 
@@ -45,5 +47,5 @@ def _takes_files(error: OSError) -> bool:
 
 def _files_left(folder: Path) -> int:
     """New files that a disk takes; as many as any dive needs where it has no limit."""
-    found = os.statvfs(folder)
-    return found.f_favail if found.f_files > 0 else FILES
+    left = system.files_left(folder)
+    return FILES if left is None else left

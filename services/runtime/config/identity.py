@@ -93,12 +93,12 @@ def _commit(git: Path) -> str:
     """What a repository has checked out; empty where there is none, or none that is understood."""
     try:
         if git.is_file():  # a worktree: it says where its folder is
-            git = Path(git.read_text().removeprefix("gitdir:").strip())
-        head = (git / "HEAD").read_text().strip()
+            git = Path(git.read_text(encoding="utf-8").removeprefix("gitdir:").strip())
+        head = (git / "HEAD").read_text(encoding="utf-8").strip()
         name = head.removeprefix("ref:").strip()
         if name != head:
             shared = git / "commondir"
-            common = git / shared.read_text().strip() if shared.is_file() else git
+            common = git / shared.read_text(encoding="utf-8").strip() if shared.is_file() else git
             head = _of_branch(common, name)
     except (OSError, ValueError):
         return ""
@@ -107,8 +107,8 @@ def _commit(git: Path) -> str:
 
 def _of_branch(git: Path, name: str) -> str:
     if (loose := git / name).is_file():
-        return loose.read_text().strip()
-    for line in (git / "packed-refs").read_text().splitlines():
+        return loose.read_text(encoding="utf-8").strip()
+    for line in (git / "packed-refs").read_text(encoding="utf-8").splitlines():
         commit, _, packed = line.partition(" ")
         if packed == name:
             return commit

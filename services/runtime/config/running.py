@@ -1,11 +1,11 @@
 """The file `run.json` in the folder of a running dive: how to reach its processes."""
 
-import os
 from pathlib import Path
 
 import msgspec
 
 from messages.payload import UNDECODABLE
+from services.runtime.os import system
 
 RUNNING = "run.json"
 
@@ -43,10 +43,4 @@ def _noted(folder: Path) -> Running | None:
         running = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running)
     except (FileNotFoundError, *UNDECODABLE):
         return None
-    try:
-        os.kill(running.supervisor, 0)  # signal 0 only asks whether it exists
-    except ProcessLookupError:
-        return None
-    except PermissionError:
-        pass  # it exists, and is somebody else's
-    return running
+    return running if system.exists(running.supervisor) else None

@@ -5,9 +5,7 @@ hangs), or with one sentence and status 1 when a setting is wrong.
 """
 
 import contextlib
-import ctypes
 import os
-import resource
 import secrets
 import signal
 import sys
@@ -48,6 +46,7 @@ from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.loop_stats import Instance, Usage
 from services.runtime.node.node import Node
+from services.runtime.os import system
 
 PARENT_KILLED = (
     "lindy: the program that supervises the services was killed: all of them end, "
@@ -184,7 +183,8 @@ def run_hub(launch: HubLaunch) -> int:
                 doorkeeper.look(now)
             # The router works on its own threads.
             time.sleep(POLL_S if doorkeeper is None else LOOK_S)
-        if launch.here and launch.parent in (None, os.getppid()):  # else it is killed, not ended
+        killed = launch.parent is not None and not system.is_parent(launch.parent)
+        if launch.here and not killed:  # who is killed does not say that it ends
             _leaves = announce_here(session, leave_key(launch.here))
             time.sleep(LEAVE_S)
         return 0
@@ -202,7 +202,7 @@ def _stoppable(parent: int | None, parting: str = "") -> Generator[StopFlag]:
     stop = StopFlag()
     signal.signal(signal.SIGINT, stop.ask)
     signal.signal(signal.SIGTERM, stop.ask)
-    _exact_timers()
+    system.exact_timers()
     if parent is not None:
         terminal = _stderr_of(parent) if parting else None
         Thread(target=_follow, args=(parent, stop, terminal, parting), daemon=True).start()
@@ -212,7 +212,7 @@ def _stoppable(parent: int | None, parting: str = "") -> Generator[StopFlag]:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         # Zenoh waits for ever for a thread that it could not start, and so would the supervisor.
-        signal.setitimer(signal.ITIMER_REAL, EXIT_S)
+        system.end_within(EXIT_S)
 
 
 @contextmanager
@@ -239,9 +239,11 @@ def _sentences(who: str) -> Generator[None]:
 
 
 def _follow(parent: int, stop: StopFlag, terminal: IO[str] | None, parting: str) -> None:
-    """Set the flag when the parent has ended; end the process if that does not stop it."""
-    while os.getppid() == parent:
-        time.sleep(0.2)  # the kernel does not tell a process that its parent died
+    """Set the flag when the parent wants it or has ended; then end the process, if the flag does
+    not."""
+    if system.wait_until_unwanted(parent):
+        stop.ask()  # by its parent, which watches how it ends
+        return
     if terminal is not None and not stop.asked:
         with contextlib.suppress(OSError):
             print(parting, end="\r\n", file=terminal, flush=True)
@@ -258,12 +260,6 @@ def _stderr_of(parent: int) -> IO[str] | None:
     return None
 
 
-def _exact_timers() -> None:
-    """Timer slack of 1 ns instead of 50 µs, where Linux offers it: half the lateness."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(29, 1, 0, 0, 0)  # PR_SET_TIMERSLACK
-
-
 def _show(line: LogLine) -> None:
     with contextlib.suppress(OSError):  # a full disk under the log; the bus has the line as well
         print(f"{line.level} {line.service}: {line.text}", file=sys.stderr, flush=True)
@@ -277,9 +273,4 @@ def instance() -> Instance:
 
 def usage() -> Usage:
     """CPU time and memory of this process."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-        rss_mb = pages * resource.getpagesize() / 1e6
-    except OSError:  # not Linux: only the peak is known
-        rss_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    return Usage(cpu_s=time.process_time(), rss_mb=rss_mb)
+    return Usage(cpu_s=time.process_time(), rss_mb=system.memory_mb())

@@ -1,8 +1,7 @@
-"""One child process: start, watch, end. Only this module talks to the operating system."""
+"""One child process: start, watch, end."""
 
 import contextlib
 import os
-import signal
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from services.runtime.config.disk import reason
+from services.runtime.os import system
 
 KILL_S = 0.5  # [s] in which a killed process is normally gone
 IDLE = "STt"  # states of a thread: asleep, stopped, stopped by a debugger
@@ -63,10 +63,10 @@ def started(task: Task, log: IO[bytes]) -> subprocess.Popen[bytes]:
     program. Started, never forked: Zenoh's threads would not survive in a forked copy."""
     return subprocess.Popen(
         task.command,
-        stdin=subprocess.DEVNULL,
+        stdin=system.STDIN,
         stdout=log,
         stderr=subprocess.STDOUT,
-        start_new_session=True,
+        **system.APART,
     )
 
 
@@ -88,14 +88,14 @@ class OsChild:
 
     def ended(self) -> int | None:
         if self._process.returncode is None and self._process.poll() is not None:
-            self._signal_group(signal.SIGKILL)  # processes it started must not outlive it
+            system.kill_all(self._process)  # processes it started must not outlive it
         return self._process.returncode
 
     def terminate(self) -> None:
-        self._process.terminate()
+        system.ask_to_end(self._process)
 
     def kill(self) -> None:
-        self._signal_group(signal.SIGKILL)
+        system.kill_all(self._process)
         # One that waits for a dead disk does not even end now, and must not hold up the others.
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(KILL_S)
@@ -110,16 +110,13 @@ class OsChild:
             return ""
         return next((line.strip() for line in reversed(lines) if line.strip()), "")
 
-    def _signal_group(self, number: signal.Signals) -> None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):  # nobody is left in it
-            os.killpg(self._process.pid, number)
-
 
 def is_stuck(pid: int) -> bool:
     """Does a process do nothing, nor wait for a processor or a disk? False also where nobody can
     tell, as on another system than Linux."""
     try:
-        stats = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/stat")]
+        files = Path(f"/proc/{pid}/task").glob("*/stat")
+        stats = [path.read_text(encoding="utf-8") for path in files]
     except OSError:  # a thread has just ended
         return False
     return bool(stats) and all(stat.rpartition(")")[2].split()[0] in IDLE for stat in stats)

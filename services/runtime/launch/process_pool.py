@@ -13,6 +13,7 @@ import msgspec
 import services
 from services.runtime.hosts.prewarmed_process import Prewarming, Work
 from services.runtime.launch.child import Child, OsChild, Task, started
+from services.runtime.os import system
 
 PYTHON = [sys.executable, "-P", "-m", services.__name__]  # -P: nothing of the user's folder
 LONGEST = 32_768  # [bytes] of what one is told: a pipe takes more without being read
@@ -31,6 +32,8 @@ class ProcessPool:
     def keep(self, wanted: Mapping[str, Prewarming]) -> None:
         """Start one that is missing, if there is any. One imports after the other, so that they
         leave the processor to whoever flies; call it again and again."""
+        if not system.PREWARMS:
+            return
         for name, process in list(self._waiting.items()):
             if process.poll() is not None:  # what is wrong is said by the process that is needed
                 del self._waiting[name]
@@ -86,7 +89,7 @@ def _started(prewarming: Prewarming) -> Process:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        start_new_session=True,
+        **system.APART,
     )
 
 

@@ -5,6 +5,7 @@ Without systemd there is no `NOTIFY_SOCKET`, and nobody is told anything.
 """
 
 import socket
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -43,7 +44,7 @@ class Systemd:
             self._send("WATCHDOG=1")
 
     def _send(self, text: str) -> None:
-        if not self._address:
+        if not self._address or sys.platform == "win32":
             return
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
             sender.setblocking(False)

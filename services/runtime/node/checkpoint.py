@@ -10,6 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
+from services.runtime.os import system
+
 CLOSE_S = 1.0  # [s] at most, for the last checkpoint to reach a slow disk
 
 
@@ -116,8 +118,4 @@ def write_safely(path: Path, data: bytes) -> None:
         with suppress(OSError):
             fresh.unlink(missing_ok=True)
         raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)  # the replacement itself
-    finally:
-        os.close(folder)
+    system.sync_folder(path.parent)  # the replacement itself

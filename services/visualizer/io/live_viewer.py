@@ -1,23 +1,27 @@
 """The live viewer, fed by a process of its own.
 
 rerun's client blocks when a viewer stalls, and then even the end of the process hangs. So batches
-go through a non-blocking pipe to `viewer_process.py`, which may stall or crash without affecting
-the visualizer. The viewer's window stays open after the dive, until the user closes it.
+go through a pipe to `viewer_process.py`, which may stall or crash without affecting the visualizer:
+only a thread waits for it. The viewer's window stays open after the dive, until the user closes it.
 """
 
 import contextlib
 import os
 import subprocess
 import sys
+import threading
+from collections import deque
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import IO
 
 import msgspec
 
 from messages import events
 from messages.events import Event, Level
 from services.marine.vehicle import Vehicle
+from services.runtime.os import system
 from services.visualizer.batch import Batch
 
 WAITING_BYTES = 16_000_000  # with more than this unread, a batch is dropped
@@ -44,7 +48,10 @@ class LiveViewer:
     ) -> None:
         self._tell = tell
         self._log = log
-        self._waiting = bytearray()
+        self._waiting = deque[bytes]()  # for the pipe
+        self._changed = threading.Condition()  # of it, and of:
+        self._size = 0  # [bytes] of what waits
+        self._closing = self._broken = False
         self._encode = msgspec.msgpack.Encoder().encode
         launch = msgspec.json.encode(ViewerLaunch(recording_id, vehicle, viewer)).decode()
         self.process: subprocess.Popen[bytes] | None = subprocess.Popen(
@@ -52,11 +59,11 @@ class LiveViewer:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C ends the dive first; the dive ends this process
+            bufsize=0,
+            **system.APART,  # Ctrl-C ends the dive first; the dive ends this process
         )
         assert self.process.stdin is not None
-        self._pipe = self.process.stdin.fileno()
-        os.set_blocking(self._pipe, False)
+        threading.Thread(target=self._feed, args=(self.process.stdin,), daemon=True).start()
         log(
             "info",
             "opening the rerun viewer (it sends usage statistics to its developers unless you "
@@ -68,17 +75,16 @@ class LiveViewer:
         if self.process is None:
             return
         frame = self._encode(batch)
-        if len(self._waiting) + len(frame) > WAITING_BYTES:
-            self._tell(events.DROPPED_LIVE())
-        else:
-            self._waiting += len(frame).to_bytes(LENGTH_BYTES, "big") + frame
-        try:
-            while self._waiting and (written := os.write(self._pipe, self._waiting)):
-                del self._waiting[:written]
-        except BlockingIOError:
-            pass  # the pipe is full; the rest is sent with the next batch
-        except OSError:
+        with self._changed:
+            broken, full = self._broken, self._size + len(frame) > WAITING_BYTES
+            if not full:
+                self._waiting.append(len(frame).to_bytes(LENGTH_BYTES, "big") + frame)
+                self._size += len(frame)
+                self._changed.notify()
+        if broken:
             self._lose()
+        elif full:
+            self._tell(events.DROPPED_LIVE())
 
     def close(self) -> None:
         """Wait for the viewer process to finish, at most `END_S`."""
@@ -95,16 +101,34 @@ class LiveViewer:
         )
 
     def _end(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdin is not None
         self.process = None
-        self._waiting.clear()
-        with contextlib.suppress(OSError):
-            process.stdin.close()
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
         try:
             process.wait(END_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+    def _feed(self, pipe: IO[bytes]) -> None:
+        """On the thread of its own: everything that waits, then the end."""
+        with contextlib.suppress(OSError), pipe:
+            while (frame := self._next()) is not None:
+                while frame:
+                    frame = frame[pipe.write(frame) :]
+        with self._changed:
+            self._broken = True
+
+    def _next(self) -> bytes | None:
+        """Wait for what is to be sent; None: there is nothing, and nothing will come."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting or self._closing)
+            if not self._waiting:
+                return None
+            frame = self._waiting.popleft()
+            self._size -= len(frame) - LENGTH_BYTES
+            return frame
 
 
 def viewer_command() -> list[str]:

@@ -1,11 +1,10 @@
 """The viewer process: opens the viewer and sends it the batches from the pipe.
 
-Nothing here affects the visualizer: a viewer that stalls only stalls this process, which SIGALRM
+Nothing here affects the visualizer: a viewer that stalls only stalls this process, which
 then ends, even when its parent has already ended.
 """
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from typing import BinaryIO
 
 import msgspec
 
+from services.runtime.os import system
 from services.visualizer.batch import Batch
 from services.visualizer.io.live_viewer import LENGTH_BYTES, ViewerLaunch
 from services.visualizer.io.rerun_writer import RerunWriter
@@ -30,16 +30,16 @@ def main(argument: str) -> int:
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        start_new_session=True,  # the window outlives the dive
+        **system.APART,  # the window outlives the dive
     )
     if not answers(port, viewer, OPEN_S):
         viewer.kill()
         return 1
     writer = RerunWriter(launch.recording_id, launch.vehicle)
-    _watch()
+    system.end_within(STALL_S)
     writer.connect(f"rerun+http://127.0.0.1:{port}/proxy")
     _feed(writer, sys.stdin.buffer, viewer)
-    _watch()
+    system.end_within(STALL_S)
     writer.close()
     return 0
 
@@ -47,18 +47,12 @@ def main(argument: str) -> int:
 def _feed(writer: RerunWriter, pipe: BinaryIO, viewer: subprocess.Popen[bytes]) -> None:
     """Send batches until the pipe is closed or the viewer has ended."""
     decoder = msgspec.msgpack.Decoder(Batch)
-    signal.alarm(0)
+    system.end_within(0)
     while (head := pipe.read(LENGTH_BYTES)) and viewer.poll() is None:
         batch = decoder.decode(pipe.read(int.from_bytes(head, "big")))
-        _watch()
+        system.end_within(STALL_S)
         writer.write(batch)
-        signal.alarm(0)
-
-
-def _watch() -> None:
-    """Start the alarm that ends this process after `STALL_S`, unless it is set again."""
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.alarm(STALL_S)
+        system.end_within(0)
 
 
 def free_port() -> int:

@@ -23,7 +23,7 @@ from services.visualizer.batch import Batch, Note
 from services.visualizer.io import live_viewer
 from services.visualizer.io.live_viewer import LiveViewer
 from services.visualizer.service import wire
-from tests.support.patience import PATIENCE_S
+from tests.support.patience import PATIENCE_S, until
 
 chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
 
@@ -260,7 +260,8 @@ def test_a_viewer_that_cannot_open_is_said_once_and_counted() -> None:
     link = heard.open(["/nonexistent/viewer"])
     assert link.process is not None
     link.process.wait(PATIENCE_S)
-    for _ in range(3):
-        link.send(big_batch())
+    link.send(batch := big_batch())
+    until(lambda: link.send(batch) or heard.counts)  # a thread notices
+    link.send(batch)
     assert heard.counts == ["lost:live_viewer"]
     assert [level for level, _ in heard.lines] == ["info", "warning"]

@@ -8,11 +8,11 @@ import time
 from collections.abc import Collection, Generator, Sequence
 from pathlib import Path
 
+from services.runtime.os import system
 from tests.support.faults import real_cells, virtual_cells
 from tests.support.faults.page import page_of, summary
 from tests.support.faults.rows import CellRow, read_rows, row_of, write_row
 from tests.support.faults.virtual_cells import VirtualCell
-from tools.sweep.all_cores import cores
 
 PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
 PLANNED = len(virtual_cells.ALL)
@@ -26,7 +26,7 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--rows", type=Path, help="file for the rows, one line of JSON each")
     parser.add_argument("--page", type=Path, default=PAGE, help="the page to write")
     parser.add_argument("--read", type=Path, nargs="*", help="fly nothing: rows of earlier runs")
-    parser.add_argument("--workers", type=int, default=cores())
+    parser.add_argument("--workers", type=int, default=system.cores())
     args = parser.parse_args(words)
     if args.read:
         rows = [row for path in args.read for row in read_rows(path)]
@@ -46,7 +46,7 @@ def main(words: Sequence[str]) -> int:
 
 def _conditions() -> str:
     """Real processes start late on a busy computer."""
-    return f"{cores()} cores, with {os.getloadavg()[2]:.0f} processes at work on average."
+    return f"{system.cores()} cores, with {os.getloadavg()[2]:.0f} processes at work on average."
 
 
 def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> list[CellRow]:

@@ -1,13 +1,13 @@
 """What the keys do to a replay, and that it repeats itself where it is asked to."""
 
 import os
-import tty
 from collections.abc import Sequence
 
 import pytest
 
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
+from services.runtime.os import system
 from tests.golden.dives import golden
 from tools.replay.onto_bus import Replay, Wish
 from tools.replay.source import open_source
@@ -80,11 +80,11 @@ def test_a_pause_sends_nothing() -> None:
 
 def test_keys_come_one_by_one_from_a_terminal() -> None:
     here, there = os.openpty()
-    tty.setcbreak(there)
-    shown = Terminal(there, shows=False)
-    assert shown.interactive
-    assert shown.wait(0.0) == []
-    os.write(here, b" \x1b[C")
-    assert shown.wait(1.0) == ["pause", "on"]
+    with system.keys_of(there) as read:
+        shown = Terminal(read, shows=False)
+        assert shown.interactive
+        assert shown.wait(0.0) == []
+        os.write(here, b" \x1b[C")
+        assert shown.wait(1.0) == ["pause", "on"]
     os.close(here)
     os.close(there)

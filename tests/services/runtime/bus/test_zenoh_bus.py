@@ -1,5 +1,6 @@
 """The bus over Zenoh, with real sessions through a hub of this test's own."""
 
+import re
 import socket
 from collections import deque
 from collections.abc import Generator
@@ -11,12 +12,14 @@ import zenoh
 
 from messages import topics
 from messages.topic import AnyTopic, Direction, Side
+from services.runtime.bus import zenoh_bus
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import UNIX, ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
+from services.runtime.os import portable
 from tests.support.patience import PATIENCE_S, until
 
 SPACE = namespace("pioneer")
@@ -44,10 +47,14 @@ class Star:
         return ZenohBus(self._exits.enter_context(session))
 
 
-@pytest.fixture(params=["unixsock", "tcp"])
-def star(request: pytest.FixtureRequest, tmp_path: Path) -> Generator[Star]:
+@pytest.fixture(params=["unixsock", "portable", "tcp"])
+def star(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Generator[Star]:
+    if request.param == "portable":
+        monkeypatch.setattr(zenoh_bus, "system", portable)
     with ExitStack() as exits:
-        yield Star(socket_file(tmp_path) if request.param == "unixsock" else free_endpoint(), exits)
+        yield Star(free_endpoint() if request.param == "tcp" else socket_file(tmp_path), exits)
 
 
 def meet(talker: ZenohBus, heard: list[Envelope]) -> None:
@@ -223,3 +230,47 @@ def crossing(rows: list[AnyTopic], side: Side) -> set[str]:
     way = Direction.DOWN if side == "topside" else Direction.UP
     cross = [topic for topic in rows if topic not in topics.WITHIN_ONE_MACHINE]
     return {topic.key for topic in cross if topic.way in (way, Direction.BOTH)}
+
+
+# Without unix sockets: TCP of this machine, with a password.
+
+
+def test_nobody_comes_in_without_the_password(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zenoh_bus, "system", portable)
+    endpoint, file = socket_file(tmp_path), tmp_path / "hub.sock"
+    with listening(endpoint):
+        assert file.stat().st_mode & 0o077 == 0
+        port, _, password = file.read_text(encoding="ascii").partition(":")
+        assert len(password) == 64
+        with pytest.raises(LindyError, match="no hub answers"):
+            connected(f"ws/127.0.0.1:{port}", None, 0.0)
+        file.write_text(f"{port}:{'0' * 64}", encoding="ascii")
+        with pytest.raises(LindyError, match="no hub answers"):
+            connected(endpoint, None, 0.0)
+        file.write_text(f"{port}:{password}", encoding="ascii")
+        connected(endpoint, None, PATIENCE_S).close()
+    with pytest.raises(LindyError, match="no hub answers"):
+        connected(socket_file(tmp_path, "none"), None, 0.0)
+    with listening(endpoint):  # a hub that starts again is found by those who know it
+        assert file.read_text(encoding="ascii") == f"{port}:{password}"
+
+
+def test_a_hub_with_a_password_calls_another_machines_and_lets_none_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zenoh_bus, "system", portable)
+    far, near, heard = free_endpoint(), socket_file(tmp_path), list[Envelope]()
+    with (
+        listening(far),
+        listening(near, connect=[far]),
+        connected(far, namespace("pioneer"), PATIENCE_S) as there,
+        connected(near, namespace("pioneer"), PATIENCE_S) as here,
+    ):
+        ear = ZenohBus(here)
+        ear.hear("log/*", heard.append)
+        meet(ZenohBus(there), heard)
+    both = f"cannot listen on {far}: to let other machines in at {far} needs linux or macos"
+    with pytest.raises(LindyError, match=re.escape(both)):
+        listening(near, far)

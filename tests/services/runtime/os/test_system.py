@@ -1,0 +1,221 @@
+"""Both sides of the seam to the operating system do the same, as far as they can."""
+
+import inspect
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from services.runtime.os import portable, posix
+from tests.support.patience import PATIENCE_S, until
+
+Started = subprocess.Popen[bytes]
+LONG = "import time; time.sleep(1000)"
+
+
+@pytest.fixture(params=[posix, portable], ids=["posix", "portable"])
+def system(request: pytest.FixtureRequest) -> ModuleType:
+    return request.param
+
+
+@contextmanager
+def started(system: ModuleType, code: str) -> Generator[Started]:
+    """A child as the runtime starts it; `system` is known in its code."""
+    code = f"import os, sys\nfrom {system.__package__} import {leaf(system)} as system\n{code}"
+    apart: dict[str, Any] = system.APART
+    command = [sys.executable, "-c", code]
+    opened: Any = subprocess.Popen(command, stdin=system.STDIN, stdout=subprocess.PIPE, **apart)
+    child: Started = opened
+    with child:
+        try:
+            yield child
+        finally:
+            child.kill()
+
+
+def leaf(system: ModuleType) -> str:
+    return system.__name__.rpartition(".")[2]
+
+
+def first_line(child: Started) -> str:
+    assert child.stdout is not None
+    return child.stdout.readline().decode().strip()
+
+
+def names(system: ModuleType) -> dict[str, list[str]]:
+    """Its functions, and their parameters."""
+    own = {n: v for n, v in vars(system).items() if getattr(v, "__module__", "") == system.__name__}
+    return {
+        name: [*inspect.signature(value).parameters]
+        for name, value in own.items()
+        if name[0] != "_" and inspect.isfunction(value)
+    }
+
+
+def test_both_have_the_same_functions() -> None:
+    assert names(posix) == names(portable)
+    constants = {"STDIN", "APART", "PREWARMS", "BECOMES", "HANG_UP", "LOCAL"}
+    assert constants <= vars(posix).keys() & vars(portable).keys()
+
+
+# Processes.
+
+
+def test_a_process_exists_until_it_has_ended(system: ModuleType) -> None:
+    with started(system, LONG) as child:
+        assert system.exists(child.pid)
+        assert system.exists(os.getpid())
+    assert not system.exists(child.pid)
+
+
+def test_a_child_ends_when_it_is_asked_to(system: ModuleType) -> None:
+    asked = (
+        "print('here', flush=True); sys.exit(7 if system.wait_until_unwanted(os.getppid()) else 8)"
+    )
+    with started(system, asked) as child:
+        assert first_line(child) == "here"
+        assert child.poll() is None
+        system.ask_to_end(child)
+        assert child.wait(PATIENCE_S) == (7 if system is portable else -signal.SIGTERM)
+        system.ask_to_end(child)  # nobody is left to be asked
+
+
+def test_a_child_notices_that_its_parent_was_killed(system: ModuleType, tmp_path: Path) -> None:
+    said = tmp_path / "said"
+    inner = (
+        f"import os\nfrom {system.__package__} import {leaf(system)} as system\n"
+        f"parent = os.getppid()\nprint(os.getpid(), flush=True)\n"
+        f"asked = system.wait_until_unwanted(parent)\n"
+        f"open({str(said)!r}, 'w').write(str(asked))"
+    )
+    outer = (
+        f"import subprocess\nsubprocess.Popen([sys.executable, '-c', {inner!r}], "
+        "stdin=system.STDIN, **system.APART).wait()"
+    )
+    with started(system, outer) as parent:
+        assert system.exists(int(first_line(parent)))
+        parent.kill()
+    assert until(lambda: said.exists() and said.read_text(encoding="utf-8")) == "False"
+
+
+def test_what_a_child_has_started_is_ended_with_it(system: ModuleType) -> None:
+    code = f"import subprocess\np = subprocess.Popen([sys.executable, '-c', {LONG!r}])\n"
+    with started(system, f"{code}print(p.pid, flush=True)\np.wait()") as child:
+        below = int(first_line(child))
+        system.kill_all(child)
+        assert child.wait(PATIENCE_S) != 0
+        until(lambda: not posix.exists(below) or "Z" in state(below))
+        system.kill_all(child)  # nobody is left
+
+
+def state(pid: int) -> str:
+    return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0]
+
+
+def test_a_process_that_hangs_is_ended(system: ModuleType) -> None:
+    with started(system, f"system.end_within(0.05)\n{LONG}") as child:
+        assert child.wait(PATIENCE_S) != 0
+    with started(system, "import time\nsystem.end_within(30)\nsystem.end_within(0)") as child:
+        assert child.wait(PATIENCE_S) == 0
+
+
+def test_memory_is_counted(system: ModuleType) -> None:
+    before = system.memory_mb()
+    held = bytearray(os.urandom(1)) * 50_000_000
+    assert 40 < system.memory_mb() - before < 400
+    assert len(held) == 50_000_000
+    assert 1 <= system.cores() <= 4096
+
+
+def test_timers_and_signals_can_be_asked_for(system: ModuleType) -> None:
+    code = (
+        "import signal\nsystem.exact_timers()\nlet_go = system.hold_back([signal.SIGINT])\n"
+        "let_go()\nsystem.let_through([signal.SIGINT, *system.HANG_UP])\n"
+        "signal.raise_signal(signal.SIGINT)"
+    )
+    with started(system, code) as child:
+        assert child.wait(PATIENCE_S) == -signal.SIGINT
+
+
+def test_signals_wait_where_they_can() -> None:
+    code = (
+        "import signal\nlet_go = system.hold_back([signal.SIGINT])\n"
+        "signal.raise_signal(signal.SIGINT)\nprint('waits', flush=True)\nlet_go()"
+    )
+    with started(posix, code) as child:
+        assert first_line(child) == "waits"
+        assert child.wait(PATIENCE_S) == -signal.SIGINT
+
+
+# Terminals and cables.
+
+
+def test_an_output_that_nobody_reads_is_known(system: ModuleType) -> None:
+    read, written = os.pipe()
+    here, there = os.openpty()
+    assert not system.is_unread(there)
+    os.close(read)
+    assert system.is_unread(written)
+    for each in (written, here, there):
+        os.close(each)
+
+
+def test_a_cable_that_is_not_there_is_said(system: ModuleType, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match=r"needs Linux or macOS|No such file"):
+        system.serial(str(tmp_path / "none"), 115200)
+
+
+def test_without_a_way_to_read_keys_there_are_none() -> None:
+    with portable.keys_of(0) as read:
+        assert read is None
+
+
+# Files and folders.
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_one_program_has_a_lock(system: ModuleType, tmp_path: Path, kind: str) -> None:
+    path = tmp_path / kind
+    path.mkdir() if kind == "folder" else path.touch()
+    held = system.lock(path)
+    assert held is not None
+    assert system.lock(path) is None
+    other = f"sys.exit(3 if system.lock(__import__('pathlib').Path({str(path)!r})) is None else 4)"
+    with started(system, other) as child:
+        assert child.wait(PATIENCE_S) == 3
+    held.release()
+    held.release()
+    again = system.lock(path)
+    assert again is not None
+    again.release()
+    assert [*tmp_path.iterdir()] == [path]
+    with pytest.raises(FileNotFoundError):
+        system.lock(tmp_path / "none")
+
+
+def test_a_folder_is_asked_about(system: ModuleType, tmp_path: Path) -> None:
+    system.sync_folder(tmp_path)
+    assert system.files_left(tmp_path) is None or system.files_left(tmp_path) > 0
+    for ask in (system.sync_folder, system.files_left, system.others_can_read):
+        with pytest.raises(FileNotFoundError):
+            ask(tmp_path / "none")
+    secret = tmp_path / "secret"
+    secret.touch(mode=0o600)
+    assert not system.others_can_read(secret)
+    secret.chmod(0o644)
+    assert system.others_can_read(secret) == (system is posix)
+
+
+def test_a_link_points_to_the_newest(system: ModuleType, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        system.point(tmp_path / "latest", name)
+        assert (tmp_path / "latest").resolve() == tmp_path / name
+    assert len([*tmp_path.iterdir()]) == 3
