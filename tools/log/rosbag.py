@@ -13,9 +13,9 @@ from services.ros2.names import namespace_of, ros_name
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
+from services.vehicle_view.log_lines import harmless
 from tools.choices import named
 from tools.fresh import refuse_existing
-from tools.log.text_table import harmless
 from tools.recordings.dive_file import flown_dive, flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
