@@ -84,6 +84,11 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "figures": Verb("", "Draw the two papers' figures."),
         "bench": Verb("", "Compare speed with other implementations."),
     },
+    "This program": {
+        "completion": Verb(
+            "completion:completion", "Print the completion of verbs and options for a shell."
+        ),
+    },
     "Single processes": {
         "run": Verb("run:run", "Run one service in the foreground, on running hubs."),
         "hub": Verb("run:hub", "Run a side's hub in the foreground."),
@@ -307,7 +312,7 @@ def _nobody_reads() -> bool:
 
 
 def complain(sentence: str) -> int:
-    from services.vehicle_view.log_lines import harmless
+    from messages.text import harmless
 
     words = " ".join(sentence.split())
     if len(words) > LONGEST:

@@ -6,12 +6,12 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 
+from messages.text import harmless
 from services.recorder.io.attachments import computer, lindy
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import SCRIPT
 from services.runtime.hosts.registry import Registry
-from services.vehicle_view.log_lines import harmless
 from tools.choices import Choices
 from tools.live.cockpit import COCKPIT
 from tools.live.piloted_dive import GAMEPAD

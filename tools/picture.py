@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
 
+from messages.text import harmless
 from services.recorder.io.open_chunk import MAGIC as MCAP
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import nearest
-from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.drawn import draw
 from tools.fresh import refuse_existing, write_fresh

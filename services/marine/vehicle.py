@@ -207,9 +207,9 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for axis, inertia in zip(("roll", "pitch", "yaw"), self.inertia, strict=True):
             if not least <= inertia <= most:
                 raise ValueError(
-                    f"inertia about {axis} is {inertia:g} kg m², expected {least:.3g} to "
-                    f"{most:.3g} of {self.mass:g} kg in a hull of {length:g} m × {width:g} m × "
-                    f"{height:g} m"
+                    f"a mass of {self.mass:g} kg and an inertia of {inertia:g} kg m² about {axis} "
+                    f"do not belong to one hull of {length:g} m × {width:g} m × {height:g} m "
+                    f"(size), expected {least:.3g} to {most:.3g} kg m² of that mass"
                 )
         farthest = FARTHEST * diagonal
         for thruster in self.thruster:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from messages.health import LogLine
+from messages.text import harmless
 
 MOST = 200  # different lines that are kept; beyond that the oldest are dropped
 KEPT = 3  # newest warnings and errors that stay on the screen
@@ -116,12 +117,6 @@ def brief(entry: LogEntry) -> str:
 def printable(line: LogLine) -> str:
     """Service and text, in one line: anybody on the bus may have sent them."""
     return harmless(f"{line.service}: {line.text}").replace("\n", "�")
-
-
-def harmless(text: str) -> str:
-    """Without control characters, which a terminal would obey: whoever sent a message, made a
-    recording or named a file may have put them into it."""
-    return "".join(sign if sign.isprintable() or sign == "\n" else "�" for sign in text)
 
 
 def when(at_s: float | None) -> str:

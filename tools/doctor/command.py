@@ -6,6 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from messages.text import harmless
 from messages.units import Ns
 from services.ardusub.core import HEARD
 from services.ardusub.service import ONE_BOARD
@@ -20,7 +21,6 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import override, read_toml
 from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
-from services.vehicle_view.log_lines import harmless
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices, Json, Overrides, VehicleName
 from tools.doctor.board_checks import of_board

@@ -10,12 +10,12 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from messages import events, topics
+from messages.text import harmless
 from messages.vehicle import VehicleStatus
 from services.recorder.io.parts import parts_in
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
-from services.vehicle_view.log_lines import harmless
 from tools.fresh import write_fresh
 from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.progress import reading

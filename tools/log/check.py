@@ -4,8 +4,8 @@ from pathlib import Path
 
 import msgspec
 
+from messages.text import harmless
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.log_lines import harmless
 from tools.choices import Json
 from tools.log.account import Account, Accounts, accounts
 from tools.log.text_table import table

@@ -6,8 +6,8 @@ from typing import Annotated
 import msgspec
 from cyclopts import Parameter
 
+from messages.text import harmless
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.log_lines import harmless
 from tools.choices import Json, NewPicture
 from tools.fresh import write_fresh
 from tools.log.compare_picture import check_picture, drawn

@@ -8,9 +8,9 @@ from typing import Annotated, NamedTuple
 from cyclopts import Parameter
 from mcap.records import Channel, Metadata, Schema
 
+from messages.text import harmless
 from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around

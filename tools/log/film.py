@@ -9,11 +9,11 @@ from typing import Annotated, Protocol
 from cyclopts import Parameter
 
 from messages import cameras
+from messages.text import harmless
 from services.marine.field_of_view import CameraViews, FieldOfView
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.fresh import EXISTS, refuse_existing, write_fresh
 from tools.log.film_cameras import Camera, chosen

@@ -15,9 +15,9 @@ from messages.health import LogLine
 from messages.link import Clock
 from messages.message import Message
 from messages.payload import UNDECODABLE
+from messages.text import harmless
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.log_lines import harmless
 from tools.choices import Json
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
 from tools.log.text_table import table

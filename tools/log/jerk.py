@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from messages.text import harmless
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.log_lines import harmless
 from tools.choices import NewPicture
 from tools.fresh import write_fresh
 from tools.log.compare_picture import check_picture

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from mcap.records import Metadata
 
+from messages.text import harmless
 from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.recordings.mcap_copy import McapCopy, new_mcap

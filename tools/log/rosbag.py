@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from messages import topics
+from messages.text import harmless
 from services.marine.vehicle import Vehicle
 from services.ros2.core import Settings
 from services.ros2.names import namespace_of, ros_name
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from services.vehicle_view.log_lines import harmless
 from tools.choices import named
 from tools.fresh import refuse_existing
 from tools.recordings.dive_file import flown_dive, flown_section

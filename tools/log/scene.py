@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from messages.text import harmless
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import BODY, Stack
-from services.vehicle_view.log_lines import harmless
 from services.visualizer.fleet_scene import FlownTrack, track
 from services.visualizer.scene import SCENE_KINDS
 from tools.choices import NewFile

@@ -9,9 +9,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from messages import cameras
+from messages.text import harmless
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from services.vehicle_view.log_lines import harmless
 from tools.choices import named
 from tools.fresh import write_fresh
 from tools.log.film_cameras import Camera, chosen

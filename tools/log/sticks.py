@@ -15,12 +15,12 @@ from messages.link import LinkRequest
 from messages.message import Message, Request
 from messages.pilot import Course, PilotCommand, PilotRequest
 from messages.simulator import FaultRequest
+from messages.text import harmless
 from messages.vehicle import VehicleStatus
 from services.gamepad.stick_log import COLUMNS
 from services.gamepad.stick_log_player import QUIET_NS
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.log_lines import harmless
 from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.progress import reading

@@ -10,11 +10,11 @@ import msgspec
 from cyclopts import Parameter
 from mcap.records import Channel, Schema
 
+from messages.text import harmless
 from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import parsed_toml
-from services.vehicle_view.log_lines import harmless
 from tools.choices import named
 from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import Flattening, Row, TableColumn

@@ -6,9 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from messages.text import harmless
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.log_lines import harmless
 from tools.choices import named
 from tools.keys.credentials import is_local
 from tools.replay.differences import in_words

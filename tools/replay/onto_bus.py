@@ -10,11 +10,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from messages.text import harmless
 from services.runtime.bus.envelope import Bus
 from services.runtime.bus.zenoh_bus import listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
-from services.vehicle_view.log_lines import harmless
 from tools.live.stop_signals import StopSignals
 from tools.recordings.recording import Raw
 from tools.replay.play_clock import PlayClock

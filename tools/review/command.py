@@ -9,9 +9,9 @@ from typing import Annotated
 import msgspec
 from cyclopts import Parameter
 
+from messages.text import harmless
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from services.vehicle_view.log_lines import harmless
 from tools.choices import Json, Overrides, named
 from tools.fresh import refuse_existing, write_fresh
 from tools.importing.command import import_log
