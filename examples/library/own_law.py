@@ -7,7 +7,7 @@ its integral and its derivative.
 from math import exp
 
 from lindy.api import laws
-from lindy.api.laws import Plan, Sample, Settings
+from lindy.api.laws import AxisPlan, Sample, Settings
 from lindy.api.service import Node, Stack
 
 __all__ = ["Settings", "low_pass", "wire"]
@@ -16,7 +16,7 @@ POLES = {"heave": 2.0, "yaw": 2.5}  # [1/s]
 SETTLED = 10.0  # time constants until nothing is left to see
 
 
-def low_pass(axis: str, here: Sample, velocity: float) -> Plan:
+def low_pass(axis: str, here: Sample, velocity: float) -> AxisPlan:
     """`here` has position 0; a plan counts from there."""
     w, gap = POLES[axis], here.velocity - velocity
     slope = here.acceleration + w * gap
@@ -29,7 +29,7 @@ def low_pass(axis: str, here: Sample, velocity: float) -> Plan:
         moved = gap * (1.0 - left) / w + slope * (1.0 - left * (1.0 + w * t)) / w**2
         return Sample(velocity * t + moved, speed, gained, jerk)
 
-    return Plan(SETTLED / w, at)
+    return AxisPlan(SETTLED / w, at)
 
 
 def wire(node: Node, stack: Stack) -> None:

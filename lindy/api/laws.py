@@ -7,6 +7,6 @@ Lindy's. docs/library.md
 from services.reference.service import wire
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Sample
-from services.reference.trajectory.own_law import Law, Plan
+from services.reference.trajectory.own_law import AxisPlan, Law
 
-__all__ = ["Law", "Plan", "Sample", "Settings", "wire"]
+__all__ = ["AxisPlan", "Law", "Sample", "Settings", "wire"]

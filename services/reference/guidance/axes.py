@@ -11,7 +11,7 @@ from services.reference.guidance.modes import HeldAxes
 from services.reference.guidance.station_keeping import STILL, StationKeeping
 from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
-from services.reference.trajectory.own_law import AxisLaw, Law, LawRamp
+from services.reference.trajectory.own_law import Law, LawRamp, PlannedAxis
 from services.reference.trajectory.position import pair, travelled
 from services.reference.trajectory.vector import VectorRamp
 
@@ -59,7 +59,7 @@ class Axes:
         def held(axis: str, to: VelocityAxis) -> Ramp:
             if law is None:
                 return Ramp(to.limits)
-            return LawRamp(to.limits, law=AxisLaw(axis, law, to.max_velocity, to.stop, outbox))
+            return LawRamp(to.limits, law=PlannedAxis(axis, law, to.max_velocity, to.stop, outbox))
 
         return cls(
             settings,

@@ -23,7 +23,7 @@ SMALL = 1e-6  # [-] of a limit: rounding
 ARRIVED = 0.02  # [-] of a limit that may be left at the end of a plan
 
 
-class Plan(NamedTuple):
+class AxisPlan(NamedTuple):
     """A motion of one axis to a velocity, which it keeps then."""
 
     duration: float  # [s] until that velocity is reached
@@ -31,7 +31,7 @@ class Plan(NamedTuple):
 
 
 class Law(Protocol):
-    def __call__(self, axis: str, here: Sample, velocity: float, /) -> Plan:
+    def __call__(self, axis: str, here: Sample, velocity: float, /) -> AxisPlan:
         """
         Args:
             axis: `heave`, in m, or `yaw`, in rad.
@@ -41,7 +41,7 @@ class Law(Protocol):
         ...
 
 
-class AxisLaw(NamedTuple):
+class PlannedAxis(NamedTuple):
     """A law for one axis, and what its plans are held to."""
 
     axis: str
@@ -50,7 +50,7 @@ class AxisLaw(NamedTuple):
     most: Limits  # of an emergency stop
     outbox: Outbox
 
-    def plan(self, here: Sample, velocity: float) -> Plan | None:
+    def plan(self, here: Sample, velocity: float) -> AxisPlan | None:
         """None: it was refused."""
         try:
             plan = self.law(self.axis, here, velocity)
@@ -62,7 +62,7 @@ class AxisLaw(NamedTuple):
             return None
         return plan
 
-    def _wrong(self, plan: Plan, here: Sample, velocity: float) -> str:
+    def _wrong(self, plan: AxisPlan, here: Sample, velocity: float) -> str:
         """Why it cannot be flown; empty: it can."""
         if not 0.0 <= plan.duration <= LONGEST_S:
             return f"it lasts {plan.duration:g} s, expected 0 to {LONGEST_S:g}"
@@ -105,7 +105,7 @@ class AxisLaw(NamedTuple):
 class LawRamp(Ramp):
     """A `Ramp` whose way to a velocity is planned by a law of the user's."""
 
-    law: AxisLaw = field(kw_only=True)
+    law: PlannedAxis = field(kw_only=True)
 
     def aim(self, target: float, t: float) -> None:
         if target == self.target:
@@ -120,7 +120,7 @@ class LawRamp(Ramp):
         self._read, self._end = _reader(plan, target), t + plan.duration
 
 
-def _reader(plan: Plan, velocity: float) -> Callable[[float], State]:
+def _reader(plan: AxisPlan, velocity: float) -> Callable[[float], State]:
     duration, end = plan.duration, plan.at(plan.duration).position
 
     def read(t: float) -> State:

@@ -147,6 +147,7 @@ VERBS_OF_A_FILE: dict[tuple[str, ...], tuple[str, ...]] = {  # what each needs b
     ("log", "recover"): ("--out", "whole.mcap"), ("log", "sticks"): ("--out", "sticks.csv"),
     ("log", "film"): ("--out", "film.mp4"), ("log", "snapshots"): ("--out", "pictures"),
     ("log", "scene"): ("--out", "scene.rrd"), ("log", "compare"): ("FORGED",),
+    ("log", "rosbag"): ("--out", "bag"),
     ("review",): ("--out", "page.html"), ("replay",): ("--through", "control", "--diff"),
     ("import",): ("--out", "imported"), ("link", "trace"): ("--out", "trace.csv"),
     ("calibrate", "gyroscope"): ("--vehicle", "pioneer"), ("picture",): ("--out", "picture.png"),

@@ -11,7 +11,7 @@ from examples.library.own_law import low_pass
 from messages import events
 from messages.events import Outbox
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
-from services.reference.trajectory.own_law import AxisLaw, Law, LawRamp, Plan
+from services.reference.trajectory.own_law import AxisPlan, Law, LawRamp, PlannedAxis
 
 LIMITS, STOP, FULL = Limits(1.5, 0.5), Limits(4.0, 1.0), 0.5
 STICKS = st.lists(
@@ -21,19 +21,19 @@ STICKS = st.lists(
 
 def ramp_of(law: Law) -> tuple[LawRamp, Outbox]:
     outbox = Outbox()
-    return LawRamp(LIMITS, law=AxisLaw("heave", law, FULL, STOP, outbox)), outbox
+    return LawRamp(LIMITS, law=PlannedAxis("heave", law, FULL, STOP, outbox)), outbox
 
 
 def refused(outbox: Outbox) -> int:
     return outbox.counts[events.LAW_REFUSED("heave").name]
 
 
-def ours(_: str, here: Sample, velocity: float) -> Plan:
+def ours(_: str, here: Sample, velocity: float) -> AxisPlan:
     """Lindy's own law, as somebody else might write it."""
     ramp = Ramp(LIMITS)
     ramp.take(here, 0.0)
     ramp.aim(velocity, 0.0)
-    return Plan(ramp.settles(), ramp.at)
+    return AxisPlan(ramp.settles(), ramp.at)
 
 
 @given(sticks=STICKS)
@@ -65,18 +65,18 @@ def test_a_reference_of_another_law_is_continuous_and_comes_to_rest(
 
 
 def bent(change: Callable[[float, Sample], Sample], duration: float = 5.0) -> Law:
-    def law(axis: str, here: Sample, velocity: float) -> Plan:
+    def law(axis: str, here: Sample, velocity: float) -> AxisPlan:
         whole = low_pass(axis, here, velocity)
 
         def at(t: float) -> Sample:
             return change(t, whole.at(t))
 
-        return Plan(duration, at)
+        return AxisPlan(duration, at)
 
     return law
 
 
-def fails(axis: str, _: Sample, __: float) -> Plan:
+def fails(axis: str, _: Sample, __: float) -> AxisPlan:
     raise KeyError(axis)
 
 
