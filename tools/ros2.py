@@ -12,6 +12,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from services.runtime.hosts.process_host import Launch, run_services
 from services.runtime.hosts.registry import Registry
+from services.runtime.os import system
 from tools.ask import dive_in
 from tools.checks import pilot_of
 from tools.choices import DEFAULT, Choices, RunningDive
@@ -56,8 +57,6 @@ def _end_with(running: Running) -> None:
     """End this process as Ctrl-C does when the dive's has ended."""
     ended = threading.Event()
     while not ended.wait(LOOK_S):
-        try:
-            os.kill(running.supervisor, 0)  # signal 0 only asks whether it exists
-        except ProcessLookupError:
+        if not system.exists(running.supervisor):
             os.kill(os.getpid(), signal.SIGTERM)
             return

@@ -73,6 +73,7 @@ def listen(
     *,
     count: int | None,
     seconds: float | None,
+    over: Callable[[], bool] = lambda: False,
 ) -> None:
     """
     Args:
@@ -80,6 +81,7 @@ def listen(
         draw: lines to be shown: on a terminal every second, else once at the end; None: none.
         count: messages after which it ends.
         seconds: [s] after which it ends.
+        over: is everything heard that was wanted?
 
     Raises:
         LindyError: a limit is no positive number, or the dive has ended.
@@ -88,7 +90,7 @@ def listen(
         if limit is not None and not 0 < limit < float("inf"):
             raise LindyError(f"--{name} is {limit:g}, expected a number above 0")
     waiting = deque[tuple[Envelope, int]](maxlen=WAITING)  # filled on Zenoh's thread
-    heard, show_at = 0, 0.0
+    heard, show_at, most = 0, 0.0, float("inf") if count is None else count
     with (
         ExitStack() as exits,
         StopSignals() as stop,
@@ -98,9 +100,9 @@ def listen(
         for topic in {topic.key: topic for topic in wanted}.values():
             bus.hear(topic.key, lambda e: waiting.append((e, time.monotonic_ns())))
         end = time.monotonic() + (float("inf") if seconds is None else seconds)
-        while not stop.asked and time.monotonic() < end and (count is None or heard < count):
+        while not (stop.asked or over()) and time.monotonic() < end and heard < most:
             time.sleep(STEP_S)  # messages come on Zenoh's thread; nothing here is in a hurry
-            while waiting and (count is None or heard < count):
+            while waiting and heard < most:
                 envelope, at = waiting.popleft()
                 take(envelope.key, envelope.payload, at)
                 heard += 1
