@@ -50,7 +50,8 @@ class FollowVectorEnv(VectorEnv[Array, Array, Vector]):
     """Vehicles of one kind, each with its own noise, which follow one pilot.
 
     Observation: float32, shape (num_envs, 8), as in `OBSERVATION`. Action: float32, shape
-    (num_envs, 2), heave force (+ down) and yaw moment (+ clockwise) as shares of `most`, -1 to 1.
+    (num_envs, 2), heave force (+ down) and yaw moment (+ clockwise) as shares of `most`, -1 to 1;
+    beyond is limited, NaN is refused.
     Reward: minus the squared errors of depth and heading, in units of 10 cm and 0.1 rad, and a
     little for the effort, per second. A step is 10 ms. All vehicles end together, with the pilot's
     script (truncated); one that is lost, upside down or too deep, has ended (terminated).
@@ -76,8 +77,10 @@ class FollowVectorEnv(VectorEnv[Array, Array, Vector]):
         Raises:
             LindyError: a mistake in a file or a setting, or the arrays do not know it.
         """
-        if num_envs < 1:
-            raise LindyError(f"num_envs is {num_envs}, expected at least 1")
+        if type(num_envs) is not int or num_envs < 1:
+            raise LindyError(f"num_envs is {num_envs!r}, expected a whole number from 1")
+        if seconds is not None and not 0.0 < seconds < np.inf:
+            raise LindyError(f"seconds is {seconds}, expected a number above 0")
         wanted = Combination(vehicle, link, pilot, tuple(settings))
         self._settings: DiveSettings = settings_of(wanted, seconds)
         keys = [each.partition("=")[0] for each in settings]
@@ -121,7 +124,13 @@ class FollowVectorEnv(VectorEnv[Array, Array, Vector]):
 
     def step(self, actions: Array) -> tuple[Array, Vector, Any, Any, dict[str, Any]]:
         _ = self._begun
-        shares = np.clip(np.nan_to_num(np.asarray(actions, np.float64)), -1.0, 1.0)
+        given = np.asarray(actions, np.float64)
+        if given.shape != self.action_space.shape or np.any(np.isnan(given)):
+            raise LindyError(
+                f"actions of shape {given.shape}, {np.count_nonzero(np.isnan(given))} of them not "
+                f"a number; expected {self.action_space.shape}, numbers"
+            )
+        shares = np.clip(given, -1.0, 1.0)
         wrench = np.zeros((6, self.num_envs))
         wrench[0], wrench[1] = self._reference.surge_force, self._reference.sway_force
         wrench[HEAVE], wrench[YAW] = (shares * self.most).T

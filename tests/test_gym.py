@@ -67,12 +67,26 @@ def test_an_episode_is_repeated_by_its_seed() -> None:
 
 @pytest.mark.parametrize(
     ("choices", "why"),
-    [({"num_envs": 0}, "num_envs is 0"), ({"settings": ["reference.place.jerk=2"]}, "--fast"),
-     ({"vehicle": "no_such"}, "no_such")],
-)  # fmt: skip
+    [
+        ({"num_envs": 0}, "num_envs is 0"),
+        ({"num_envs": "x"}, "num_envs is 'x'"),
+        ({"seconds": -1.0}, "seconds is -1"),
+        ({"seconds": float("nan")}, "seconds is nan"),
+        ({"settings": ["reference.place.jerk=2"]}, "--fast"),
+        ({"vehicle": "no_such"}, "no_such"),
+    ],
+)
 def test_what_it_cannot_do_is_one_sentence(choices: dict[str, object], why: str) -> None:
     with pytest.raises(LindyError, match=why):
         FollowVectorEnv(**choices)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("actions", [np.full((2, 2), np.nan), np.zeros((3, 2)), np.zeros(2)])
+def test_an_action_that_is_none_is_one_sentence(actions: Array) -> None:
+    env = FollowVectorEnv(2, seconds=0.2)
+    env.reset(seed=1)
+    with pytest.raises(LindyError, match=r"expected \(2, 2\), numbers"):
+        env.step(actions)
 
 
 def test_a_step_before_a_reset_is_one_sentence() -> None:

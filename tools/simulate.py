@@ -126,7 +126,7 @@ def _recorded(stack: Stack, services: Registry, pilot: PilotChoice) -> Simulated
         print(f"{title(stack)} → {stack.out_dir}", flush=True)
         point_latest(stack.out_dir)
 
-    with StopSignals() as stop:
+    with StopSignals(in_process=True) as stop:
         try:
             _fly_and_show(stack, services, timeline, outcome, stop, begun)
         except NeedsRealTimeError:
@@ -145,7 +145,7 @@ def _in_memory(stack: Stack, services: Registry, pilot: PilotChoice) -> Simulate
     def begun() -> None:
         print(f"{title(stack)}, without files", flush=True)
 
-    with StopSignals() as stop:
+    with StopSignals(in_process=True) as stop:
         _fly_and_show(stack, services, timeline, outcome, stop, begun, memory)
         status = stop.report(lambda: _sum_up_memory(outcome, memory), "nothing was recorded")
     return Simulated(status, memory.log_hash(), None)

@@ -15,18 +15,24 @@ PRESSED = (signal.SIGINT, signal.SIGTERM)
 SIGNALS = (*PRESSED, *system.HANG_UP)
 BROKEN_OFF = 130  # exit status, as after any Ctrl-C
 APART_S = 0.5  # [s] signals that come closer are one: `uv run` hands on what also came by itself
+HANGS_S = 2.0  # [s] a dive in this process that has not ended by then hangs
 WRITING = "the report is being written; once more, and it is broken off"
 
 
 class StopSignals:
     """Active inside its `with` block.
 
-    The first signal asks for the dive's end, and further ones change nothing. While the report is
-    being written, one is answered with a sentence, and the next one breaks the report off.
+    The first signal asks for the dive's end, and further ones change nothing; of a dive in this
+    process, one that comes `HANGS_S` later ends it at once: code of the user's may hang. While the
+    report is being written, one is answered with a sentence, and the next one breaks it off.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, clock: Callable[[], float] = time.monotonic, *, in_process: bool = False
+    ) -> None:
+        """`in_process`: the dive is flown by this process itself."""
         self.asked = False
+        self._in_process, self._asked_s = in_process, 0.0
         self._again = False  # asked more than once
         self._reporting = False
         self._told_s: float | None = None  # [s] when a signal was answered
@@ -72,8 +78,12 @@ class StopSignals:
         return status
 
     def _ask(self, *_: object) -> None:
+        if not self.asked:
+            self._asked_s = self._clock()
         self._again, self.asked = self.asked, True
         if not self._reporting:
+            if self._in_process and self._clock() - self._asked_s >= HANGS_S:
+                raise KeyboardInterrupt
             return
         if self._told_s is None:
             self._tell()

@@ -188,3 +188,14 @@ def test_what_nohup_started_goes_on_without_its_terminal():
             assert not stop.asked
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+@BOTH
+def test_a_dive_in_this_process_that_hangs_ends_by_a_second_one(number: int):
+    at = iter((0.0, 0.1, 5.0))  # [s] by the clock: the first, one close behind it, one later
+    with StopSignals(lambda: next(at), in_process=True) as stop:
+        press(number)
+        press(number)
+        assert stop.asked
+        with pytest.raises(KeyboardInterrupt):
+            press(number)
