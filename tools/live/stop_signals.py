@@ -78,16 +78,17 @@ class StopSignals:
         return status
 
     def _ask(self, *_: object) -> None:
+        now = self._clock()
         if not self.asked:
-            self._asked_s = self._clock()
+            self._asked_s = now
         self._again, self.asked = self.asked, True
         if not self._reporting:
-            if self._in_process and self._clock() - self._asked_s >= HANGS_S:
+            if self._in_process and now - self._asked_s >= HANGS_S:
                 raise KeyboardInterrupt
             return
         if self._told_s is None:
             self._tell()
-        elif self._clock() - self._told_s >= APART_S:
+        elif now - self._told_s >= APART_S:
             self._reporting = False  # broken off once only
             raise BrokenOffError
 
