@@ -96,6 +96,14 @@ class Script:
         end = time.monotonic() + seconds
         self.until(lambda: time.monotonic() >= end, z=z, steers=steers)
 
+    def dive_to(self, depth: float) -> None:
+        """[m] A computer that stands still makes a failsafe act; a person resumes then."""
+        while not self.depth > depth:
+            self.until(lambda: self.depth > depth or self.stopped, z=0)
+            if self.stopped:
+                self.vehicle.set_mode("ALT_HOLD")
+                self.for_s(1.0)
+
     def arm(self, arm: int) -> None:
         self.vehicle.mav.command_long_send(1, 1, ARM_DISARM, 0, arm, 0, 0, 0, 0, 0, 0)
 
@@ -107,6 +115,11 @@ class Script:
     def depth(self) -> float:
         """[m]"""
         return -self.vehicle.messages["GLOBAL_POSITION_INT"].relative_alt / 1000
+
+    @property
+    def stopped(self) -> bool:
+        """A failsafe acts."""
+        return self.vehicle.messages["HEARTBEAT"].system_status == 5
 
     @property
     def ready(self) -> bool:
@@ -145,7 +158,7 @@ def test_a_pymavlink_script_flies_over_udp(dive: Dive) -> None:
     script.until(script.acknowledged(ARM_DISARM, 0))
     script.until(vehicle.motors_armed)
     start = script.depth
-    script.until(lambda: script.depth > start + 1.0, z=0)
+    script.dive_to(start + 1.0)
     script.for_s(3.0)
     held = script.depth
     script.for_s(2.0)
@@ -157,11 +170,11 @@ def test_a_pymavlink_script_flies_over_udp(dive: Dive) -> None:
     script.until(lambda: vehicle.flightmode == "ALT_HOLD")
 
     script.until(lambda: "failsafe: pilot lost" in script.texts, steers=False)
-    script.until(lambda: vehicle.messages["HEARTBEAT"].system_status == 5, steers=False)
+    script.until(lambda: script.stopped, steers=False)
     assert vehicle.motors_armed()
     script.for_s(2.5, steers=False)  # so long that centred sticks are not enough any more
     script.for_s(1.5)  # a heartbeat comes once a second
-    assert vehicle.messages["HEARTBEAT"].system_status == 5, "sticks alone end no failsafe"
+    assert script.stopped, "sticks alone end no failsafe"
     vehicle.set_mode("ALT_HOLD")
     script.until(lambda: vehicle.messages["HEARTBEAT"].system_status == 4)
     script.arm(0)
