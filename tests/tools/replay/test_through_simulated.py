@@ -1,7 +1,7 @@
 """A dive of `lindy simulate`: today's code on its recorded inputs publishes the same bytes."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -11,7 +11,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.golden.dives import OVERRIDES, SCRIPT
-from tools.recordings.recording import Raw
+from tools.recordings.recording import Raw, always
 from tools.replay.differences import in_words
 from tools.replay.source import ReplaySource, open_source
 from tools.replay.through import CANNOT, POSSIBLE, through
@@ -83,8 +83,10 @@ def test_what_came_before_the_recording_is_counted_by_input(
     late = {"pilot/request": 1, "sensor/imu": 10, "state": 3, "health/estimation": 2}
     left = [raw for raw in whole if raw.sequence >= late.get(raw.key, 0)]
 
-    def recorded_late(_: ReplaySource, until_ns: float = math.inf) -> Iterator[Raw]:
-        return (raw for raw in left if raw.log_ns <= until_ns)
+    def recorded_late(
+        _: ReplaySource, wants: Callable[[str], bool] = always, until_ns: float = math.inf
+    ) -> Iterator[Raw]:
+        return (raw for raw in left if wants(raw.key) and raw.log_ns <= until_ns)
 
     monkeypatch.setattr(ReplaySource, "raw", recorded_late)
     assert through(good, ["reference"]).remarks == []  # what it lacks was lost on the link
