@@ -32,9 +32,15 @@ class PressureSample(Message, frozen=True, kw_only=True):
 class DvlSample(Message, frozen=True, kw_only=True):
     """Doppler velocity log: velocity over the ground."""
 
-    velocity: Vec3  # [m/s] of the sensor
+    velocity: Vec3 | None  # [m/s] of the sensor; None: no lock on the bottom
     std: NotNegative  # [m/s] one standard deviation of each component, as the device reports it
     altitude: NotNegative | None = None  # [m] above the bottom
+
+
+class AltitudeSample(Message, frozen=True, kw_only=True):
+    """Altimeter, such as an echo sounder that looks down."""
+
+    altitude: NotNegative  # [m] above the bottom
 
 
 class UsblSample(Message, frozen=True, kw_only=True):

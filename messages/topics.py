@@ -25,6 +25,7 @@ from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.prediction import Prediction
 from messages.reference import Reference
 from messages.sensors import (
+    AltitudeSample,
     BatterySample,
     DvlSample,
     ImuSample,
@@ -52,6 +53,7 @@ IMU            = Topic("sensor/imu",          ImuSample,         100, LIVE,     
 MAGNETOMETER   = Topic("sensor/magnetometer", MagnetometerSample, 100, LIVE,        STAY)
 PRESSURE       = Topic("sensor/pressure",     PressureSample,     42, LIVE,        STAY)
 DVL            = Topic("sensor/dvl",          DvlSample,           1, LIVE,        STAY)
+ALTITUDE       = Topic("sensor/altitude",     AltitudeSample,     10, LIVE,        STAY)
 USBL           = Topic("sensor/usbl",         UsblSample,        0.5, LIVE,        STAY)
 BATTERY        = Topic("sensor/battery",      BatterySample,       1, BULK,        UP)
 LEAK           = Topic("sensor/leak",         LeakSample,          1, BULK,        UP)

@@ -33,6 +33,7 @@ from messages.pilot import (
 from messages.prediction import Miss, Prediction
 from messages.reference import Motion, Reference
 from messages.sensors import (
+    AltitudeSample,
     BatterySample,
     DvlSample,
     ImuSample,
@@ -62,6 +63,7 @@ __all__ = [
     "Activity",
     "Actuation",
     "AidSource",
+    "AltitudeSample",
     "Answer",
     "BatterySample",
     "CameraChoice",

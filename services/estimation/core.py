@@ -231,8 +231,18 @@ class Estimator:
             self.outbox.tell(self._attitude.magnetometer(sample.field, sample.stamp_ns))
 
     def dvl(self, sample: DvlSample) -> None:
-        if self._usable(topics.DVL, sample) and self._calibrating is None:
+        if sample.velocity is None:
+            self._unlocked(sample.stamp_ns)
+        elif self._usable(topics.DVL, sample) and self._calibrating is None:
             self.outbox.tell(self._horizontal.dvl(self._at_origin.dvl(sample)))
+
+    def _unlocked(self, stamp_ns: int) -> None:
+        """The DVL is alive and says that it has no lock on the bottom."""
+        why = events.NO_BOTTOM(topics.DVL.key)
+        self.outbox.tell(why)
+        self._watches[topics.DVL.key].excused(why, stamp_ns)
+        for aiding in self._horizontal.aiding[topics.DVL.key]:
+            aiding.refuse(why, stamp_ns)
 
     def usbl(self, sample: UsblSample) -> None:
         if self._usable(topics.USBL, sample) and self._calibrating is None:

@@ -109,6 +109,7 @@ class SensorWatch:
         self._content: tuple[float, ...] | None = None
         self._stamp_ns: int | None = None
         self._silent_after, self._silent = silent_after, False
+        self._excuse: Event | None = None  # what the sensor itself says it lacks
         # Rate: a whole window of periods, drop-outs left out, within these times.
         self._rate_wrong = False
         self._periods = self._span_ns = 0
@@ -137,11 +138,17 @@ class SensorWatch:
                 self._outbox.tell(events.SILENT(self._key))
         if self._silent:
             return events.SILENT(self._key)
+        if self._excuse is not None:
+            return self._excuse
         if self._frozen:
             return events.FROZEN(self._key)
         if self._noise is not None and self._noise.noisy:
             return events.NOISY(self._key)
         return None
+
+    def excused(self, why: Event, stamp_ns: int) -> None:
+        """The sensor is alive and says itself why it measures nothing now."""
+        self._excuse, self._stamp_ns, self._silent = why, max(stamp_ns, self._stamp_ns or 0), False
 
     def judge(self, content: tuple[float, ...], stamp_ns: int) -> Event | None:  # noqa: C901
         """Why a sample cannot be used; None: it can. In one piece: these are all the questions.
@@ -157,7 +164,8 @@ class SensorWatch:
             refused = events.DUPLICATED(key) if same else events.NOT_NEWER(key)
             tell(refused)
             return refused
-        self._content, self._stamp_ns, self._silent = content, stamp_ns, False
+        self._content, self._stamp_ns = content, stamp_ns
+        self._silent, self._excuse = False, None
 
         if self._window and last_ns is not None:
             if stamp_ns - last_ns > self._gap_ns:
@@ -370,8 +378,9 @@ def magnetometer_numbers(sample: MagnetometerSample) -> tuple[tuple[float, ...],
 
 
 def dvl_numbers(sample: DvlSample) -> tuple[tuple[float, ...], Event | None]:
-    possible = hypot(*sample.velocity) <= MOST_SPEED and sample.std <= MOST_SPEED
-    return sample.velocity, None if possible else events.IMPLAUSIBLE(topics.DVL.key)
+    velocity = sample.velocity or ()  # without one, estimation does not ask
+    possible = hypot(*velocity) <= MOST_SPEED and sample.std <= MOST_SPEED
+    return velocity, None if possible else events.IMPLAUSIBLE(topics.DVL.key)
 
 
 def usbl_numbers(sample: UsblSample) -> tuple[tuple[float, ...], Event | None]:

@@ -37,7 +37,7 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
     node.each(topics.HEALTH, conditions.health)
     wrench, battery = node.latest(topics.WRENCH), node.latest(topics.BATTERY)
     leak, dvl = node.latest(topics.LEAK), node.latest(topics.DVL)
-    temperature = node.latest(topics.TEMPERATURE)
+    temperature, altimeter = node.latest(topics.TEMPERATURE), node.latest(topics.ALTITUDE)
 
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
@@ -52,6 +52,7 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
             leak=leak.newest(now),
             temperature=temperature.newest(now),
             dvl=dvl.fresh(now),
+            altimeter=altimeter.fresh(now),
         )
         if (out := generator.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)

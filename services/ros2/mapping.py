@@ -158,6 +158,9 @@ def pressure(frame: RosFrames, sample: PressureSample, utc_ns: int) -> Any:
 
 
 def dvl(frame: RosFrames, sample: DvlSample, utc_ns: int) -> Any:
+    """Nothing without a lock on the bottom."""
+    if sample.velocity is None:
+        return None
     velocity = frame.dvl.to_body(sample.velocity)
     twist = ros.geometry_msgs__msg__Twist(
         linear=_vector(flu(velocity)), angular=_vector((0.0, 0.0, 0.0))

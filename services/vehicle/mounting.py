@@ -147,8 +147,10 @@ class AtOrigin:
     def dvl(self, sample: DvlSample) -> DvlSample:
         if self._dvl.along and self._dvl_arm == ORIGIN:
             return sample
-        moment, velocity = self._at(sample.stamp_ns), self._dvl.to_body(sample.velocity)
-        velocity = _minus(velocity, velocity_at(self._dvl_arm, moment.rate))
+        moment, velocity = self._at(sample.stamp_ns), sample.velocity
+        if velocity is not None:
+            velocity = self._dvl.to_body(velocity)
+            velocity = _minus(velocity, velocity_at(self._dvl_arm, moment.rate))
         deeper = to_world(moment.attitude, self._dvl_arm)[2]
         altitude = None if sample.altitude is None else max(0.0, sample.altitude + deeper)
         return replace(sample, velocity=velocity, altitude=altitude)

@@ -159,6 +159,7 @@ def _sensors() -> rrb.Grid:
         rrb.Tabs(
             _plot("pressure", "Pressure [kPa]"),
             _plot("pressure_age", "Age of the pressure sample [ms]"),
+            _plot("altitude", "Height above the bottom [m]"),
         ),
         rrb.Tabs(
             _plot("compass", "Heading with magnetometer [°], turns added"),

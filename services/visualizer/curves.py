@@ -74,6 +74,7 @@ def _sensors() -> list[Curve]:
         Curve("pressure", topics.PRESSURE, ("water",), (ESTIMATE,), lambda m: (m.pressure / 1e3,)),
         Curve("power/temperature", topics.PRESSURE, ("water",), (AXES[0],), _temperature),
         Curve("velocity/dvl", topics.DVL, ("surge, DVL", "sway, DVL"), AXES[4:], _dvl),
+        Curve("altitude", topics.ALTITUDE, ("altimeter",), (ESTIMATE,), lambda m: (m.altitude,)),
         Curve("track/usbl", topics.USBL, ("north, USBL", "east, USBL"), AXES[4:], _usbl),
         Curve("power/voltage", battery, ("battery",), (AXES[1],), lambda m: (m.voltage,)),
         Curve("power/current", battery, ("battery",), (AXES[3],), lambda m: (m.current,)),
@@ -272,8 +273,8 @@ def _wet(m: Any) -> CurveRow | None:
     return None if m.wet is None else (float(m.wet),)
 
 
-def _dvl(m: Any) -> CurveRow:
-    return m.velocity[:2]
+def _dvl(m: Any) -> CurveRow | None:
+    return None if m.velocity is None else m.velocity[:2]
 
 
 def _usbl(m: Any) -> CurveRow:

@@ -38,7 +38,9 @@ LEAST_DVL_STD, LEAST_USBL_STD = 0.001, 0.01  # [m/s], [m] no sensor is better
 MOST_CHANGE = 0.5  # [m/s²] acceleration of the vehicle before the filter started
 PATIENCE = 0.5  # [s] an older thrust report is not used
 GATE = 6.0  # [σ] an innovation beyond is an outlier
-MOST_OUTLIERS = 5  # in a row: the filter restarts
+# So many outliers in a row, for so long, and the filter restarts. A DVL that takes a school of fish
+# for the bottom says the same wrong velocity ten times a second, for seconds.
+MOST_OUTLIERS, OUTLIERS_LAST = 5, 4.0  # [-], [s]
 LOST_AFTER = 60.0  # [s] without either: prediction is useless
 OLDEST = 4.0  # [s] largest age of a sample
 MOST_CURRENT_STD = 0.15  # [m/s] a current with a larger std is not published
@@ -87,8 +89,8 @@ class HorizontalObserver:
     """Position, velocity over the ground and current in NED.
 
     A sample is used at its own time of validity: the filter keeps its recent past and runs again
-    from there. An innovation beyond the gate is an outlier; after `MOST_OUTLIERS` of them in a row
-    the filter restarts at the newest sample.
+    from there. An innovation beyond the gate is an outlier; after `MOST_OUTLIERS` of them in a row,
+    over `OUTLIERS_LAST`, the filter restarts at the newest sample.
 
     With a DVL alone, position is relative to its first sample, and its std grows.
     """
@@ -113,7 +115,7 @@ class HorizontalObserver:
         self._balance: Compared | None = None  # the newest of those
         self._begun_ns = 0
         self._heard: dict[str, int] = {}  # [ns] stamp of the last accepted sample
-        self._outliers = dict.fromkeys(VALID_FOR, 0)  # in a row
+        self._outliers = {key: list[int]() for key in VALID_FOR}  # [ns] stamps, those in a row
         self._values = self._variances = [0.0] * ekf.SIZE  # of the newest node
         self._error = 0.0  # [rad] of the compass there
         self._now: tuple[float, float, float, float] | None = None  # cache of `_mean`
@@ -158,6 +160,8 @@ class HorizontalObserver:
     def dvl(self, sample: DvlSample) -> Event | None:
         """Use a validated sample. Returns an event to tell."""
         measured, std = sample.velocity, max(LEAST_DVL_STD, sample.std)
+        if measured is None:
+            return None
         first = std if self._started else hypot(std, MOST_CHANGE * self._age(sample.stamp_ns))
         return self._use(
             DVL,
@@ -345,8 +349,9 @@ class HorizontalObserver:
             return self._accept(
                 key, stamp_ns, node, lambda e, interval: ekf.corrected(e, model(e, interval))
             )
-        self._outliers[key] += 1
-        lasting = self._outliers[key] >= MOST_OUTLIERS
+        outliers = self._outliers[key]
+        outliers.append(stamp_ns)
+        lasting = len(outliers) >= MOST_OUTLIERS and stamp_ns - outliers[0] >= OUTLIERS_LAST * 1e9
         event = events.RESTARTED(MEASURES[key]) if lasting else events.OUTLIER(key)
         self._note(key, stamp_ns, values, seen, event)
         if not lasting:
@@ -361,7 +366,7 @@ class HorizontalObserver:
     def _accept(
         self, key: str, stamp_ns: int, node: BufferNode, correction: Correction
     ) -> Event | None:
-        self._outliers[key] = 0
+        self._outliers[key].clear()
         self._heard[key] = max(stamp_ns, self._heard.get(key, stamp_ns))
         self._fixed = self._fixed or key == USBL
         self._buffer.correct(node, correction)

@@ -107,7 +107,7 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
         ),
         FailsafeRow(
             events.NEAR_FLOOR,
-            "`sensor/dvl`: altitude less than `floor_distance`",
+            "`sensor/dvl` or `sensor/altitude`: altitude less than `floor_distance`",
             (NOTICE,),
         ),
         FailsafeRow(

@@ -11,7 +11,7 @@ from messages.control import Wrench
 from messages.events import Condition, Row, sentence
 from messages.health import LATE_MS, Health
 from messages.pilot import TTL_MS, PilotCommand
-from messages.sensors import BatterySample, DvlSample, LeakSample, TemperatureSample
+from messages.sensors import AltitudeSample, BatterySample, DvlSample, LeakSample, TemperatureSample
 from messages.state import VehicleState
 from messages.units import Ns
 from services.reference.failsafe.machine import Holding
@@ -36,6 +36,12 @@ class WatchedMessages:
     leak: LeakSample | None = None
     temperature: TemperatureSample | None = None
     dvl: DvlSample | None = None
+    altimeter: AltitudeSample | None = None
+
+    @property
+    def sounder(self) -> AltitudeSample | DvlSample | None:
+        """What measures the height above the bottom: the altimeter, where there is one."""
+        return self.altimeter or self.dvl
 
 
 NOTHING = WatchedMessages()
@@ -142,7 +148,7 @@ class ConditionWatch:
                 holds[events.BATTERY_LOW.name] = Holding(detail=said)
         if newest.temperature is not None and newest.temperature.temperature >= s.hot:
             holds[events.TOO_HOT.name] = Holding(detail=f"{newest.temperature.temperature:.0f} °C")
-        altitude = None if newest.dvl is None else newest.dvl.altitude
+        altitude = None if newest.sounder is None else newest.sounder.altitude
         if above_floor:
             holds[events.FLOOR_LIMIT.name] = Holding(detail=f"{s.floor_distance:g} m")
         elif altitude is not None and altitude < s.floor_distance:

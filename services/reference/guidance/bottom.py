@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from math import exp, hypot
 
 from messages import topics
-from messages.sensors import DvlSample
+from messages.sensors import AltitudeSample, DvlSample
 from messages.state import VehicleState
 from services.marine.summation import plain_sum
 from services.reference.trajectory.minimum_jerk import Limits, Sample, solve
@@ -71,14 +71,18 @@ class Bottom:
         assert self._at is not None
         return self._depth + self.rate * (t - self._at)
 
-    def see(self, sample: DvlSample | None, state: VehicleState | None, t: float) -> None:
+    def see(
+        self, sample: DvlSample | AltitudeSample | None, state: VehicleState | None, t: float
+    ) -> None:
         """The newest fresh sample, as often as anybody likes, beside the newest state."""
         self._began, self._now = t if self._began is None else self._began, t
         if self._at is not None and t - self._at > PATIENCE_S:
             self._at, self._doubted = None, None
         if sample is None or state is None or sample.stamp_ns == self._stamp_ns:
             return
-        self._stamp_ns, self.speed = sample.stamp_ns, hypot(*sample.velocity[:2])
+        self._stamp_ns = sample.stamp_ns
+        if isinstance(sample, DvlSample) and sample.velocity is not None:
+            self.speed = hypot(*sample.velocity[:2])
         if sample.altitude is None or not (state.depth.valid and state.depth_rate.valid):
             return
         age = max(0.0, (state.sensor_ns - sample.stamp_ns) / 1e9)

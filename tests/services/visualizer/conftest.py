@@ -28,6 +28,7 @@ from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.prediction import Miss, Prediction
 from messages.reference import Motion, Reference
 from messages.sensors import (
+    AltitudeSample,
     BatterySample,
     DvlSample,
     ImuSample,
@@ -68,6 +69,7 @@ def _all(now: int) -> list[Message]:
         MagnetometerSample(stamp_ns=now, field=(2e-5, 0.0, 4e-5)),
         PressureSample(stamp_ns=now, pressure=1e5),
         DvlSample(stamp_ns=now, velocity=(0.5, 0.1, 0.0), std=0.01, altitude=3.0),
+        AltitudeSample(stamp_ns=now, altitude=2.9),
         UsblSample(stamp_ns=now, north=1.0, east=2.0, std=0.5),
         BatterySample(stamp_ns=now, voltage=16.0, current=1.0, used_wh=0.1),
         LeakSample(stamp_ns=now, wet=False),
