@@ -9,10 +9,11 @@ from messages.units import Finite, Name, Stamp, Text
 # the last thrust for ever. Sensors: silent publishes nothing, frozen repeats its last sample, noisy
 # has `value` times the noise, biased is off by `value` (in the sensor's unit; an IMU's gyroscopes,
 # rad/s), broken gives NaN. Some sensors can measure what a pilot must know of: the leak detector is
-# wet, the battery low, critical or empty, the temperature hot.
+# wet, the battery low, critical or empty, the temperature hot. A DVL has no lock on the bottom, or
+# a wrong one, on a school of fish half-way down that swims ahead with `value` m/s.
 FaultKind = Literal[
     "none", "dead", "reversed", "weak", "stuck", "silent", "frozen", "noisy", "biased", "broken",
-    "wet", "low", "critical", "empty", "hot",
+    "wet", "low", "critical", "empty", "hot", "no_lock", "wrong_lock",
 ]  # fmt: skip
 
 

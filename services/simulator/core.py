@@ -205,10 +205,17 @@ class Simulator:
 
     def dvl(self, device: Dvl) -> DvlSample | None:
         """None also when the bottom is out of range."""
-        place = self._place(self._mounting.dvl)
+        place, nu, key = self._place(self._mounting.dvl), self._vessel.velocity, "sensor/dvl"
         altitude = floor_below(self._settings, place) - place[2]
-        sample = self._sensors.dvl(self._now, self._vessel.velocity, altitude, device)
-        return None if sample is None else self._with_fault("sensor/dvl", sample)
+        match self._faults.get(key):
+            case faults.Fault(kind="no_lock"):
+                return DvlSample(stamp_ns=self._now, velocity=None, std=device.std)
+            case faults.Fault(kind="wrong_lock", value=ahead):
+                nu, altitude = (nu[0] - ahead, *nu[1:]), altitude / 2
+            case _:
+                pass
+        sample = self._sensors.dvl(self._now, nu, altitude, device)
+        return None if sample is None else self._with_fault(key, sample)
 
     def usbl(self, device: Usbl) -> UsblSample | None:
         north, east, _ = self._place(self._mounting.usbl)

@@ -22,6 +22,7 @@ ALARMS: dict[str, tuple[Kind, ...]] = {
     "sensor/leak": ("wet",),
     "sensor/battery": ("low", "critical", "empty"),
     "sensor/temperature": ("hot",),
+    "sensor/dvl": ("no_lock", "wrong_lock"),
 }
 CHARGES: dict[str, float] = {"low": 0.2, "critical": 0.08, "empty": 0.0}  # [-] left
 HOT = 85.0  # [°C]
@@ -31,6 +32,7 @@ LIMITS = {
     "weak": (0.0, 1.0),  # [-] share of the thrust
     "noisy": (0.0, 1000.0),  # [-] times the noise
     "biased": (-1e6, 1e6),  # in the sensor's unit
+    "wrong_lock": (-5.0, 5.0),  # [m/s] of the fish, ahead
 }
 MEASURED: dict[str, tuple[str, ...]] = {
     "sensor/imu": ("angular_rate", "specific_force"),  # [rad/s], [m/s²]

@@ -29,6 +29,7 @@ from services.simulator.streams import (
     ALTITUDE_NOISE,
     BIASES,
     DVL_NOISE,
+    DVL_SCALE,
     FIELD_NOISE,
     FIELD_STAMPS,
     GYRO_DRIFT,
@@ -89,6 +90,7 @@ class Sensors:
             if settings.stamp_jitter > 0.0
         }
         self._stamps: dict[int, int] = {}  # [ns] newest, by stream
+        self._dvl_scale = next(white_noise(seed, DVL_SCALE, [1.0]))[0]
         self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
         self._altitude_noise = white_noise(seed, ALTITUDE_NOISE, [1.0])
         self._usbl_noise = white_noise(seed, USBL_NOISE, [1.0] * 2)
@@ -201,8 +203,8 @@ class Sensors:
         u, v, w, p, q, r = nu
         u, v, w = seen_there(self._mounting.dvl, self._dvl_axes, (u, v, w), (p, q, r))
         a, b, c = self._noise("sensor/dvl", self._dvl_noise)
-        s = device.std
-        measured = (u + s * a, v + s * b, w + s * c)
+        s, off = device.std, 1.0 + device.scale_error * self._dvl_scale
+        measured = (off * u + s * a, off * v + s * b, off * w + s * c)
         (d,) = self._noise("sensor/dvl", self._altitude_noise)
         found = max(0.0, altitude + device.altitude_std * d)
         return DvlSample(stamp_ns=now, velocity=measured, std=s, altitude=found)

@@ -36,6 +36,8 @@ class Dvl(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     rate: FixRate = 1.0  # [1/s]
     std: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.01  # [m/s] of each component
+    # [-] one standard deviation, drawn by the seed, of the share by which all velocities are off
+    scale_error: Annotated[float, msgspec.Meta(ge=0.0, le=0.1)] = 0.0
     latency: SensorLatency = 0.1  # [s] from the measurement to its message
     reach: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 30.0  # [m] of altitude
     altitude_std: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.05  # [m]

@@ -28,7 +28,8 @@ BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is s
     PRESSURE_STAMPS,
     WATER_TEMPERATURES,
     ALTITUDE_NOISE,
-) = range(20)
+    DVL_SCALE,
+) = range(21)
 
 
 def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:

@@ -22,6 +22,7 @@ class NamedSensors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     imu: str | None = None
     magnetometer: str | None = None
     pressure: str | None = None
+    dvl: str | None = None
 
 
 class SensorPart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -3,8 +3,11 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages import events
 from messages.events import Outbox
 from messages.sensors import DvlSample, ImuSample, MagnetometerSample, PressureSample, UsblSample
+from messages.state import VehicleState
+from messages.units import Vec3
 from services.estimation.core import Estimator, Settings
 from services.estimation.sensor_watch import SensorWatch
 from services.estimation.startup.calibration import CalibrationSettings
@@ -35,6 +38,45 @@ def test_a_sensor_that_was_never_heard_is_absent_and_not_silent() -> None:
     watch = SensorWatch("sensor/x", 1e3, outbox, silent_after=PATIENCE)
     watch.trouble(10**12)
     assert not outbox.counts
+
+
+def test_a_dvl_that_says_it_has_no_lock_is_not_silent_until_it_is() -> None:
+    outbox = Outbox()
+    watch = SensorWatch("sensor/x", 1e3, outbox, silent_after=PATIENCE)
+    why = events.NO_BOTTOM("sensor/x")
+    for k in range(100):
+        watch.excused(why, k * 100 * MS)
+        assert watch.trouble(k * 100 * MS) == why
+    lately = 99 * 100 * MS
+    assert watch.trouble(lately + round((PATIENCE + 0.1) * 1e9)) == events.SILENT("sensor/x")
+    assert watch.judge((1.0,), lately + 2 * round(PATIENCE * 1e9)) is None
+    assert watch.trouble(lately + 2 * round(PATIENCE * 1e9)) is None
+
+
+def test_without_a_lock_the_state_says_why_it_does_not_know_where_it_is() -> None:
+    estimator = Estimator(Settings(calibration=CalibrationSettings(still_time=1.0)), 0.17)
+    states = list[VehicleState]()
+    for k in range(1, 1600):
+        now, wave = 10 * k * MS, 1e-3 * (k % 7)
+        if k % 2:
+            estimator.pressure(PressureSample(stamp_ns=now, pressure=101_900.0 + wave))
+        if k % 10 == 0:
+            seen = (wave, 0.0, 0.0) if k < 1000 else None
+            estimator.dvl(DvlSample(stamp_ns=now, velocity=seen, std=0.01))
+        force, rate = (0.0, wave, -GRAVITY), (1e-7 * (k % 7), 0.0, 0.0)
+        if (state := estimator.imu(imu_sample(now, force, rate), now)) is not None:
+            states.append(state)
+    assert states[990].north is not None
+    assert states[990].north.valid
+    last = states[-1]
+    assert events.NO_BOTTOM("sensor/dvl").name in (last.troubles or ())
+    assert last.north is not None
+    assert not last.north.valid  # 6 s without a lock: dead reckoning no longer counts
+    assert estimator.outbox.counts["silent:sensor/dvl"] == 0
+
+
+def imu_sample(now: int, force: Vec3, rate: Vec3) -> ImuSample:
+    return ImuSample(stamp_ns=now, specific_force=force, angular_rate=rate)
 
 
 def test_the_estimator_counts_its_silent_aids_and_its_compass() -> None:

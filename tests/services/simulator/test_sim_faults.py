@@ -17,6 +17,7 @@ from services.runtime.config.stack import Stack
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
 from services.simulator.fault_requests import decide
 from services.simulator.faults import refusal
+from services.simulator.settings import Dvl
 
 MS = 1_000_000  # [ns]
 PIONEER = Stack().section("vehicle", Vehicle)
@@ -24,10 +25,11 @@ ASKED = (10.0, -6.0, 4.0, 20.0)  # [N]
 NAMES = ("port", "starboard", "lateral", "vertical")
 
 
-def simulator(world: WorldCheckpoint | None = None) -> Simulator:
+def simulator(world: WorldCheckpoint | None = None, dvl: Dvl | None = None) -> Simulator:
     surface = at_the_surface(PIONEER, Settings())
     deep = msgspec.structs.replace(surface, state=(0.0, 0.0, 50.0, *surface.state[3:]))
-    fresh = Simulator(PIONEER, Settings(floor_depth=500.0), 0, world or deep, Outbox())
+    site = Settings(floor_depth=500.0 if dvl is None else 60.0, dvl=dvl)
+    fresh = Simulator(PIONEER, site, 0, world or deep, Outbox())
     fresh.advance(0)
     return fresh
 
@@ -215,6 +217,26 @@ def test_what_a_pilot_must_know_of_can_be_simulated_until_it_is_mended() -> None
         alarm(sim, part, "none")
     assert (sim.battery(), sim.temperature()) == (full, warm)
     assert sim.leak() == LeakSample(stamp_ns=0, wet=False)
+
+
+def test_a_dvl_loses_its_lock_or_locks_on_fish() -> None:
+    device = Dvl(std=1e-9, altitude_std=0.0)
+    sim = simulator(dvl=device)
+    bottom = sim.dvl(device)
+    assert bottom is not None
+    assert bottom.altitude is not None
+    assert bottom.velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert decide(sim, request("dvl", "no_lock"), 0, nearest, Outbox()).accepted
+    nothing = sim.dvl(device)
+    assert nothing is not None
+    assert (nothing.velocity, nothing.altitude) == (None, None)
+    assert decide(sim, request("dvl", "wrong_lock", 0.3), 0, nearest, Outbox()).accepted
+    fish = sim.dvl(device)
+    assert fish is not None
+    assert fish.velocity == pytest.approx((-0.3, 0.0, 0.0), abs=1e-6)
+    assert fish.altitude == pytest.approx(bottom.altitude / 2)
+    refused = decide(sim, request("dvl", "wrong_lock"), 0, nearest, Outbox())
+    assert "wrong_lock needs a value from -5 to 5" in refused.reason
 
 
 @pytest.mark.parametrize(

@@ -114,6 +114,18 @@ def test_the_gyroscopes_bias_wanders_slowly_and_from_zero() -> None:
     assert abs(np.diff(rates, axis=0)).max() < 5e-6
 
 
+def test_a_dvl_may_be_off_by_a_share_of_the_velocity_that_stays() -> None:
+    device, shares = Dvl(std=1e-9, scale_error=0.01), list[float]()
+    for seed in range(200):
+        sensors = Sensors(Settings(), seed)
+        pair = [sensors.dvl(5, (v, 0.0, 0.0, 0.0, 0.0, 0.0), 4.0, device) for v in (1.0, 2.0)]
+        once, twice = ((s.velocity or (0.0,))[0] for s in pair if s is not None)
+        assert twice == pytest.approx(2 * once, abs=1e-6)
+        shares.append(once - 1.0)
+    assert np.std(shares) == pytest.approx(0.01, rel=0.15)
+    assert np.mean(shares) == pytest.approx(0.0, abs=0.003)
+
+
 def test_a_dvl_measures_the_velocity_over_ground_with_its_noise() -> None:
     sensors, device = Sensors(Settings(), seed=1), Dvl(std=0.02)
     samples = [sensors.dvl(5, (1.0, -0.5, 0.1, 0.0, 0.0, 0.0), 4.0, device) for _ in range(2000)]

@@ -36,6 +36,8 @@ class Voyage:
     dvl: bool = True
     usbl: bool = True
     spike: float = 0.0  # [m] on the fixes
+    fish: float = 0.0  # [m/s] ahead, that the DVL takes for the bottom
+    every: int = 100  # [10 ms] between two samples of the DVL
     observer: HorizontalObserver = field(default_factory=HorizontalObserver)
     counts: Counter[str] = field(default_factory=Counter[str])
     k: int = 0
@@ -56,7 +58,7 @@ class Voyage:
             force = (a + 0.02, 0.08 + b, -GRAVITY)  # centripetal, and a small bias
             motion = VehicleMotion(attitude(heading), self.offset, 0.01, force, yaw_rate=0.1)
             self.note(self.observer.predict(motion, now))
-            if self.dvl and self.k % 100 == 0:
+            if self.dvl and self.k % self.every == 0:
                 self.waiting.append((now, self.velocity(now)))
             if self.usbl and self.k % 200 == 50:
                 self.waiting.append((now, self.fix(t, now)))
@@ -64,7 +66,7 @@ class Voyage:
 
     def velocity(self, now: int) -> DvlSample:
         u, v, w = (self.dvl_std * self.rng.standard_normal(3)).tolist()
-        return DvlSample(stamp_ns=now, velocity=(0.8 + u, v, w), std=self.dvl_std)
+        return DvlSample(stamp_ns=now, velocity=(0.8 - self.fish + u, v, w), std=self.dvl_std)
 
     def fix(self, t: float, now: int) -> UsblSample:
         (x, y), (a, b) = self.place(t), (self.usbl_std * self.rng.standard_normal(2)).tolist()
@@ -166,6 +168,34 @@ def test_fixes_that_stay_elsewhere_are_believed_in_the_end() -> None:
     voyage.run(12.0)
     assert voyage.counts["restarted:position"] == 1
     assert voyage.error() == pytest.approx(30.0, abs=3.0)
+
+
+# A leaning attitude could explain what lasts longer; once a second, it could explain every sample.
+@pytest.mark.parametrize("every", [20, 7])  # 5 and 14 times a second
+def test_fish_that_pass_below_are_not_the_bottom_however_often_they_are_seen(every: int) -> None:
+    voyage = Voyage(usbl=False, every=every)
+    voyage.run(30.0)
+    place = voyage.error()
+    voyage.fish = 0.5
+    voyage.run(0.9)
+    assert voyage.counts["outlier:sensor/dvl"] >= 4
+    voyage.fish = 0.0
+    voyage.run(5.0)
+    assert voyage.counts["restarted:velocity"] == 0
+    assert abs(voyage.error() - place) < 0.15  # believed, they would carry it off by 0.45 m
+    found = voyage.observer.estimates(voyage.k * S // 100)
+    assert found.surge is not None
+    assert found.surge.value == pytest.approx(0.8, abs=0.05)
+
+
+def test_a_bottom_that_moves_for_good_is_believed_in_the_end() -> None:
+    voyage = Voyage(usbl=False, every=10)
+    voyage.run(30.0)
+    voyage.fish = 3.0
+    voyage.run(3.5)
+    assert voyage.counts["restarted:velocity"] == 0
+    voyage.run(2.5)
+    assert voyage.counts["restarted:velocity"] == 1
 
 
 def test_after_the_drop_out_of_both_validity_falls_and_then_nothing_is_known() -> None:

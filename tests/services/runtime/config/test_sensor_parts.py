@@ -58,8 +58,8 @@ def test_naming_its_parts_changed_nothing_about_the_bluerov2() -> None:
         ("sensors.imu=icm-2062", "unknown part 'icm-2062'; did you mean 'icm-20602'? known: bno"),
         ("sensors.imu=mmc5983", "'mmc5983' is of the kind 'magnetometer'; known: bno085, icm-"),
         ("sensors.pressure=none.toml", "there is no file none.toml"),
-        ("sensors.dvl=a50", "unknown key; known: imu, magnetometer, pressure"),
-        ("sensors=3", "expected a table, found 3; its keys: imu, magnetometer, pressure"),
+        ("sensors.usbl=a50", "unknown key; known: dvl, imu, magnetometer, pressure"),
+        ("sensors=3", "expected a table, found 3; its keys: dvl, imu, magnetometer, pressure"),
         ("sensors.imu=3", "expected str | null, got int, found 3"),
     ],
 )
