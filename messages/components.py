@@ -17,6 +17,7 @@ COMPONENTS: dict[str, dict[str, tuple[str, ...]]] = {
     "DvlSample": {"velocity": X_Y_Z},
     "VehicleState": {"attitude": QUATERNION},
     "Wrench": {"wanted": WRENCH, "achieved": WRENCH, "disturbance": WRENCH},
+    "VehicleEstimate": {"angular_rate": ROLL_PITCH_YAW},
     "VehicleStatus": {"goal": NED[:2]},
     "Truth": {
         "position": NED,

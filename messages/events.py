@@ -422,6 +422,15 @@ ACCELERATING = row("accelerating", ROUTINE, "the drone accelerates too much to m
 RESTING = row("resting", ROUTINE, "the gyroscope was calibrated at rest")
 WRONG_STAMP = row("wrong_stamp", SENSOR, "the time in a picture was not that of its stamp")
 
+# Of instruments on board, such as a DVL.
+REPORT = row("report", ROUTINE, "an instrument reported")
+SILENT_INSTRUMENT = row("silent_instrument", SENSOR, "an instrument on board does not answer", "check its power, cable and url", said="warning")
+ANSWERING = row("answering", ROUTINE, "an instrument on board answers", said="info")
+TROUBLE = row("trouble", SENSOR, "an instrument on board reports trouble of its own", said="warning")
+CONFIGURED = row("configured", ROUTINE, "an instrument on board was set up", said="info")
+NOT_CONFIGURED = row("not_configured", SENSOR, "an instrument on board refuses a setting or command", said="warning")
+SECOND_INSTRUMENT = row("second_instrument", SENSOR, "two instruments on board measure the same: only the first is used", "leave one of them out of the stack", said="warning")
+
 # Of control, thrusters and battery.
 _HELD_BACK = "is held back because the drone cannot follow"
 INVALID = row("invalid", DANGER, "control works without an estimate")

@@ -24,7 +24,7 @@ def fault(
     *,
     value: Annotated[
         float | None,
-        Parameter(help="weak: share of the thrust; noisy: times; biased: sensor's unit"),
+        Parameter(help="weak: share of the thrust; noisy: times; biased: its unit; fish: m/s"),
     ] = None,
     dive: RunningDive = None,
 ) -> int:
@@ -32,7 +32,7 @@ def fault(
 
     PART is a thruster's name, a sensor such as pressure, or all. KIND is none (to repair); dead,
     reversed, weak or stuck (a thruster); silent, frozen, noisy, biased or broken (a sensor); wet
-    (leak); low, critical or empty (battery); hot (temperature).
+    (leak); low, critical or empty (battery); hot (temperature); no_lock or wrong_lock (dvl).
 
     Example: lindy fault port dead
     """

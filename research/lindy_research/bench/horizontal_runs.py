@@ -178,10 +178,10 @@ def observe(
             late.append((now + round(latency * 1e9), aid))
         for aid in [aid for due, aid in late if due <= now]:
             tell(estimator, aid)
-            if isinstance(aid, DvlSample):
-                held = aid.velocity[:2]
-            else:
+            if not isinstance(aid, DvlSample):
                 fix = aid.north, aid.east
+            elif aid.velocity is not None:
+                held = aid.velocity[:2]
         late = [pair for pair in late if pair[0] > now]
         state = step(estimator, moment, thrust_heard)
         _collect(found, estimator, now)

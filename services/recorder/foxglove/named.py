@@ -41,11 +41,11 @@ class NamedVectors:
         self._names = names
 
     def of(self, message: Message) -> dict[str, dict[str, float]] | None:
-        """The same numbers under their names; None for a message with too many or too few."""
+        """The same numbers under their names; None for a message with too many, too few or none."""
         named: dict[str, dict[str, float]] = {}
         for field, names in self._names.items():
-            values: Sequence[float] = getattr(message, field)
-            if len(values) != len(names):
+            values: Sequence[float] | None = getattr(message, field)
+            if values is None or len(values) != len(names):
                 return None
             named[field] = dict(zip(names, values, strict=True))
         return named

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from messages import topics
+from messages.sensors import DvlSample
 from services.estimation.aiding import AID_SOURCES
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import PREFIX, official, schema_of
@@ -28,6 +29,13 @@ def schemas() -> dict[str, dict[str, Any]]:
     drawn = {"pose": "PoseInFrame", "hull": "SceneUpdate", "thrust": "SceneUpdate", "log": "Log"}
     found |= {PREFIX + name: official(f"foxglove.{kind}") for name, kind in drawn.items()}
     return {key: json.loads(schema.data) for key, schema in found.items()}
+
+
+def test_a_velocity_that_is_not_there_has_no_named_numbers() -> None:
+    dvl = named_vectors(THRUSTERS)[topics.DVL.key]
+    assert dvl.of(DvlSample(stamp_ns=1, velocity=None, std=0.01)) is None
+    seen = dvl.of(DvlSample(stamp_ns=1, velocity=(1.0, 2.0, 3.0), std=0.01))
+    assert seen == {"velocity": {"x": 1.0, "y": 2.0, "z": 3.0}}
 
 
 @pytest.mark.parametrize("path", PATHS)

@@ -52,6 +52,8 @@ BOXES = {
     "services.camera": Box(-0.14, 2.5, 0.82, 0.3),
     "services.camera_monitor": Box(1.1, 2.5, 0.82, 0.3),
     "services.vehicle_view": Box(2.3, 2.5, 0.82, 0.3),
+    "services.waterlinked": Box(3.4, 2.5, 0.82, 0.3),
+    "services.instruments": Box(4.6, 2.5, 0.82, 0.3),
     "services.piloting": Box(-0.14, 2.0, 0.82),
     "services.mavlink_io": Box(0.86, 2.0, 0.82),
     "services.vehicle": Box(1.86, 2.0, 0.82),

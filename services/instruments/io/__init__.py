@@ -1,0 +1,1 @@
+"""A driver on its port and on the bus."""

@@ -1,0 +1,171 @@
+"""The driver of a DVL as a pure state machine: what it says becomes samples, and what is set up."""
+
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Any
+
+import msgspec
+
+from messages import events, topics
+from messages.events import Outbox
+from messages.sensors import DvlSample
+from messages.units import Ns
+from services.instruments.lines import LineCutter
+from services.instruments.watch import InstrumentWatch
+from services.marine.mounting import ALONG, Rotation
+from services.waterlinked.report import KNOWN, LONGEST, DvlReport, command, read
+
+S = 1_000_000_000  # [ns]
+ASK_NS, ASKED_MOST = 2 * S, 5  # [ns] between two questions for its configuration; some never answer
+OTHER_NS = 2 * S  # [ns] for which another DVL's velocity counts
+OFFSET = "mounting_rotation_offset"
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table [waterlinked] of a vehicle file."""
+
+    # tcp:HOST:PORT; its own address where no DHCP server gives it another one.
+    url: Annotated[str, msgspec.Meta(max_length=200)] = "tcp:192.168.194.95:16171"
+    # [m/s] set at the start; None: as it is set up.
+    sound_speed: Annotated[float, msgspec.Meta(ge=1000.0, le=2000.0)] | None = None
+    # [s] from the echo to the arrival of a report without times, as of older firmware.
+    latency: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.15
+    reset_on_start: bool = False  # its own dead reckoning begins anew; Lindy does not use it
+    calibrate_on_start: bool = False  # of its gyroscope: the vehicle must be at rest
+
+
+class DvlDriver:
+    """Bytes in; samples, requests and events out.
+
+    A sample's stamp is its arrival less its age, by the instrument's own two times: nobody has to
+    set its clock. Reports that arrive together were sent one after the other, and are dated back
+    from the newest of them.
+    """
+
+    def __init__(self, settings: Settings, outbox: Outbox, mounted: Rotation = ALONG) -> None:
+        """`mounted`: the rotation in the vehicle file; where there is one, the instrument must not
+        turn its axes as well."""
+        self.watch = InstrumentWatch("dvl", outbox)
+        self._settings, self._outbox, self._turned = settings, outbox, mounted != ALONG
+        self._cutter = LineCutter(LONGEST)
+        self._to_send = [
+            command(name)
+            for name, wanted in (
+                ("calibrate_gyro", settings.calibrate_on_start),
+                ("reset_dead_reckoning", settings.reset_on_start),
+            )
+            if wanted
+        ]
+        self.config: dict[str, Any] | None = None  # newest that it told
+        self._asked, self._ask_ns = 0, 0
+        self._status, self._format = 0, ""
+        self._stamp_ns: Ns | None = None  # of the newest sample
+        self._other_ns: Ns | None = None  # another DVL's newest velocity
+        self._yields = False
+
+    def heard(self, pieces: Iterable[bytes], arrival: Ns) -> Sequence[DvlSample]:
+        """Samples in what has arrived, with all that the answers ask for kept for `due`."""
+        lines, too_long = self._cutter.lines(pieces)
+        reports = [self._read(line, arrival) for line in lines]
+        self.watch.garbled(too_long + reports.count(None))
+        found = [report for report in reports if report is not None and report.type == "velocity"]
+        sent = [each.time_of_transmission for each in found if each.age is not None]
+        samples = [self._sample(each, arrival, sent[-1] if sent else None) for each in found]
+        return [sample for sample in samples if sample is not None and self._is_used(sample)]
+
+    def heard_other(self, sample: DvlSample, now: Ns) -> None:
+        """Another service publishes velocities over the ground: who came first goes on."""
+        if sample.velocity is None:
+            return
+        before, self._other_ns = self._other_ns, now
+        if before is None or now - before > OTHER_NS:
+            newest = self._stamp_ns
+            self._yields = newest is None or now - newest > OTHER_NS
+            self._outbox.tell(events.SECOND_INSTRUMENT("dvl"))
+
+    def due(self, now: Ns) -> Sequence[bytes]:
+        """Its configuration is asked for whenever it is there anew; the rest is sent once."""
+        if not self.watch.answers:
+            return []
+        sent, self._to_send = self._to_send, []
+        if self.config is None and self._asked < ASKED_MOST and now >= self._ask_ns:
+            self._asked, self._ask_ns = self._asked + 1, now + ASK_NS
+            sent.append(command("get_config"))
+        return sent
+
+    # What it says.
+
+    def _read(self, line: bytes, arrival: Ns) -> DvlReport | None:
+        report = read(line)
+        if report is None or (report.type == "velocity" and not report.is_whole):
+            return None
+        if report.type == "response":
+            self._answered(report)
+        elif report.type == "velocity":
+            if self.watch.reported(arrival):
+                self.config, self._asked = None, 0
+            self._look_at(report)
+        return report
+
+    def _look_at(self, report: DvlReport) -> None:
+        """What people should know of it, once."""
+        if report.status and report.status != self._status:
+            hot = ", it is too hot" if report.status == 1 else ""
+            self._outbox.tell(events.TROUBLE("dvl", detail=f"status {report.status}{hot}"))
+        if report.format != self._format and report.format not in KNOWN:
+            text = f"the DVL speaks {report.format[:40]!r}, known are {KNOWN[0]} to {KNOWN[-1]}"
+            self._outbox.say("info", text)
+        self._status, self._format = report.status, report.format
+
+    def _sample(self, report: DvlReport, arrival: Ns, newest: int | None) -> DvlSample | None:
+        age = report.age
+        if age is not None and newest is not None and report.time_of_transmission is not None:
+            waited = (newest - report.time_of_transmission) / 1e6  # [s] behind others
+            age += waited if 0.0 <= waited <= 1.0 else 0.0
+        elif report.time_of_validity:
+            self._outbox.tell(events.IMPLAUSIBLE("time_of_validity"))
+        stamp = arrival - round((self._settings.latency if age is None else age) * S)
+        if self._stamp_ns is not None and stamp <= self._stamp_ns:
+            self._outbox.tell(events.NOT_NEWER(topics.DVL.key))
+            return None
+        self._stamp_ns = stamp
+        velocity, altitude = report.velocity, report.altitude
+        if velocity is None:
+            self._outbox.tell(events.NO_BOTTOM("dvl"))
+        elif altitude is not None and altitude < 0.0:
+            self._outbox.tell(events.IMPLAUSIBLE("altitude"))
+        if altitude is not None and altitude < 0.0:
+            altitude = None
+        return DvlSample(stamp_ns=stamp, velocity=velocity, std=report.std, altitude=altitude)
+
+    def _is_used(self, sample: DvlSample) -> bool:
+        if self._other_ns is None or sample.stamp_ns - self._other_ns > OTHER_NS:
+            return True
+        return not self._yields
+
+    # How it is set up.
+
+    def _answered(self, answer: DvlReport) -> None:
+        name = answer.response_to
+        if not answer.success:
+            why = f"{name[:40]}: {answer.error_message[:200]}"
+            self._outbox.tell(events.NOT_CONFIGURED("dvl", detail=why))
+        elif name == "get_config" and answer.result is not None:
+            self.config = answer.result
+            self._set_up(answer.result)
+        elif name != "get_config":
+            self._outbox.tell(events.CONFIGURED("dvl", detail=f"{name[:40]} done"))
+
+    def _set_up(self, config: dict[str, Any]) -> None:
+        wanted: dict[str, object] = {"acoustic_enabled": True}
+        if self._settings.sound_speed is not None:
+            wanted["speed_of_sound"] = self._settings.sound_speed
+        if self._turned:
+            wanted[OFFSET] = 0
+        wrong = {k: value for k, value in wanted.items() if k in config and config[k] != value}
+        if wrong:
+            self._to_send.append(command("set_config", **wrong))
+            changes = ", ".join(f"{k} from {config[k]!r} to {wrong[k]!r}" for k in wrong)
+            self._outbox.say("info", f"the DVL is set up anew: {changes}"[:400])
+        if not self._turned and config.get(OFFSET):
+            text = f"the DVL turns its axes by {config[OFFSET]!r}° itself ({OFFSET})"
+            self._outbox.say("info", text[:200])
