@@ -423,7 +423,6 @@ RESTING = row("resting", ROUTINE, "the gyroscope was calibrated at rest")
 WRONG_STAMP = row("wrong_stamp", SENSOR, "the time in a picture was not that of its stamp")
 
 # Of instruments on board, such as a DVL.
-REPORT = row("report", ROUTINE, "an instrument reported")
 SILENT_INSTRUMENT = row("silent_instrument", SENSOR, "an instrument on board does not answer", "check its power, cable and url", said="warning")
 ANSWERING = row("answering", ROUTINE, "an instrument on board answers", said="info")
 TROUBLE = row("trouble", SENSOR, "an instrument on board reports trouble of its own", said="warning")

@@ -24,7 +24,9 @@ def fault(
     *,
     value: Annotated[
         float | None,
-        Parameter(help="weak: share of the thrust; noisy: times; biased: its unit; fish: m/s"),
+        Parameter(
+            help="weak: share of the thrust; noisy: times; biased: sensor's unit; wrong_lock: m/s"
+        ),
     ] = None,
     dive: RunningDive = None,
 ) -> int:

@@ -232,17 +232,9 @@ class Estimator:
 
     def dvl(self, sample: DvlSample) -> None:
         if sample.velocity is None:
-            self._unlocked(sample.stamp_ns)
-        elif self._usable(topics.DVL, sample) and self._calibrating is None:
+            self._watches[topics.DVL.key].excused(events.NO_BOTTOM(topics.DVL.key), sample.stamp_ns)
+        if self._usable(topics.DVL, sample) and self._calibrating is None:
             self.outbox.tell(self._horizontal.dvl(self._at_origin.dvl(sample)))
-
-    def _unlocked(self, stamp_ns: int) -> None:
-        """The DVL is alive and says that it has no lock on the bottom."""
-        why = events.NO_BOTTOM(topics.DVL.key)
-        self.outbox.tell(why)
-        self._watches[topics.DVL.key].excused(why, stamp_ns)
-        for aiding in self._horizontal.aiding[topics.DVL.key]:
-            aiding.refuse(why, stamp_ns)
 
     def usbl(self, sample: UsblSample) -> None:
         if self._usable(topics.USBL, sample) and self._calibrating is None:

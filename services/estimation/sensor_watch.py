@@ -378,9 +378,10 @@ def magnetometer_numbers(sample: MagnetometerSample) -> tuple[tuple[float, ...],
 
 
 def dvl_numbers(sample: DvlSample) -> tuple[tuple[float, ...], Event | None]:
-    velocity = sample.velocity or ()  # without one, estimation does not ask
-    possible = hypot(*velocity) <= MOST_SPEED and sample.std <= MOST_SPEED
-    return velocity, None if possible else events.IMPLAUSIBLE(topics.DVL.key)
+    if sample.velocity is None:
+        return (), events.NO_BOTTOM(topics.DVL.key)
+    possible = hypot(*sample.velocity) <= MOST_SPEED and sample.std <= MOST_SPEED
+    return sample.velocity, None if possible else events.IMPLAUSIBLE(topics.DVL.key)
 
 
 def usbl_numbers(sample: UsblSample) -> tuple[tuple[float, ...], Event | None]:

@@ -26,7 +26,6 @@ class InstrumentWatch:
 
     def reported(self, now: Ns) -> bool:
         """A report was read. True: the first one after a silence."""
-        self.outbox.tell(events.REPORT(self.name))
         first, self.answers = not self.answers, True
         self._since, self._said, self._garbled = now, False, 0
         if first:

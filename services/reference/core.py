@@ -132,7 +132,8 @@ class ReferenceGenerator:
         if state is not None:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
-        guidance.bottom.see(self.conditions.newest.sounder, state, guidance.t)
+        newest = self.conditions.newest
+        guidance.bottom.see(newest.dvl, state, guidance.t, newest.altimeter)
         if guidance.state is None:
             self.outputs.step(command, now, armed=self.armed, free=False)
             return None

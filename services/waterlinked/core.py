@@ -129,11 +129,9 @@ class DvlDriver:
             return None
         self._stamp_ns = stamp
         velocity, altitude = report.velocity, report.altitude
-        if velocity is None:
-            self._outbox.tell(events.NO_BOTTOM("dvl"))
-        elif altitude is not None and altitude < 0.0:
-            self._outbox.tell(events.IMPLAUSIBLE("altitude"))
         if altitude is not None and altitude < 0.0:
+            if velocity is not None:  # without lock it is how a DVL says that it has none
+                self._outbox.tell(events.IMPLAUSIBLE("altitude"))
             altitude = None
         return DvlSample(stamp_ns=stamp, velocity=velocity, std=report.std, altitude=altitude)
 

@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 from collections.abc import Callable
 from contextlib import suppress
@@ -36,6 +37,11 @@ def without(option: str) -> Callable[[str], str]:
     return lambda line: re.sub(rf" {option} \S+", "", line)
 
 
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return free.getsockname()[1]
+
+
 def helped(line: str) -> str:
     """Its options alone: the part of the line up to the first option or comment, and --help."""
     return f"{re.split(' --| +#', line)[0]} --help"
@@ -46,7 +52,10 @@ WAYS: list[tuple[str, Callable[[str], str]]] = [
     # It waits for a person, and ends as by Ctrl+C.
     (
         r"lindy dive .*--cockpit",
-        lambda line: f"timeout --preserve-status --signal=INT 40 {line} --headless {QUICK}",
+        lambda line: (
+            f"timeout --preserve-status --signal=INT 40 {line} --headless {QUICK} --set "
+            f"cockpit.port={free_port()}"  # another such command may be tried at the same time
+        ),
     ),
     (r"lindy simulate .*--from", lambda line: line),
     (

@@ -39,7 +39,7 @@ class InstrumentLinks(ByteLinks, Protocol):
 def limits_of(name: str) -> FarEndLimits:
     """Of several that send datagrams, the instrument is the one that speaks first."""
     lost = events.DROPPED(name)
-    return FarEndLimits(1, 3.0, beyond=events.STRANGER(name), dropped=lost, patient=True)
+    return FarEndLimits(1, 3.0, beyond=events.STRANGER(name), dropped=lost)
 
 
 def exchange(

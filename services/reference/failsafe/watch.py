@@ -38,11 +38,6 @@ class WatchedMessages:
     dvl: DvlSample | None = None
     altimeter: AltitudeSample | None = None
 
-    @property
-    def sounder(self) -> AltitudeSample | DvlSample | None:
-        """What measures the height above the bottom: the altimeter, where there is one."""
-        return self.altimeter or self.dvl
-
 
 NOTHING = WatchedMessages()
 
@@ -148,7 +143,8 @@ class ConditionWatch:
                 holds[events.BATTERY_LOW.name] = Holding(detail=said)
         if newest.temperature is not None and newest.temperature.temperature >= s.hot:
             holds[events.TOO_HOT.name] = Holding(detail=f"{newest.temperature.temperature:.0f} °C")
-        altitude = None if newest.sounder is None else newest.sounder.altitude
+        sounder = newest.altimeter or newest.dvl
+        altitude = None if sounder is None else sounder.altitude
         if above_floor:
             holds[events.FLOOR_LIMIT.name] = Holding(detail=f"{s.floor_distance:g} m")
         elif altitude is not None and altitude < s.floor_distance:

@@ -46,7 +46,7 @@ class Bottom:
     _began: float | None = None  # [s] of the first call
     _now: float = 0.0  # [s] of the newest
     _count: int = 0  # samples since the start
-    speed: float = 0.0  # [m/s] over the ground, of the newest sample
+    speed: float = 0.0  # [m/s] over the ground, of the newest that was measured
     _doubted: tuple[float, float] | None = None  # [s], [m] the first of those that do not fit
     _stamp_ns: int = -1  # of the newest sample
 
@@ -72,17 +72,23 @@ class Bottom:
         return self._depth + self.rate * (t - self._at)
 
     def see(
-        self, sample: DvlSample | AltitudeSample | None, state: VehicleState | None, t: float
+        self,
+        dvl: DvlSample | None,
+        state: VehicleState | None,
+        t: float,
+        altimeter: AltitudeSample | None = None,
     ) -> None:
-        """The newest fresh sample, as often as anybody likes, beside the newest state."""
+        """The newest fresh samples, as often as anybody likes, beside the newest state. Where there
+        is an altimeter, the height is its own; how fast the bottom passes, the DVL says."""
         self._began, self._now = t if self._began is None else self._began, t
         if self._at is not None and t - self._at > PATIENCE_S:
             self._at, self._doubted = None, None
+        if dvl is not None and dvl.velocity is not None:
+            self.speed = hypot(*dvl.velocity[:2])
+        sample = altimeter or dvl
         if sample is None or state is None or sample.stamp_ns == self._stamp_ns:
             return
         self._stamp_ns = sample.stamp_ns
-        if isinstance(sample, DvlSample) and sample.velocity is not None:
-            self.speed = hypot(*sample.velocity[:2])
         if sample.altitude is None or not (state.depth.valid and state.depth_rate.valid):
             return
         age = max(0.0, (state.sensor_ns - sample.stamp_ns) / 1e9)

@@ -107,7 +107,7 @@ def test_without_lock_there_is_no_velocity_and_it_is_alive(kind: Fault) -> None:
     told = Told()
     (sample,) = told.hears(report(SWIMS, 1.0, 0, faulty(kind)))
     assert (sample.velocity, sample.altitude) == (None, None)
-    assert told.counts["no_bottom:dvl"] == told.counts["report:dvl"] == 1
+    assert not any(name.startswith("implausible") for name in told.counts)
     assert any("too hot" in text for text in told.said) is (kind == "air")
 
 
