@@ -33,7 +33,6 @@ from services.simulator.propulsion import Battery
 from services.simulator.sensors import Sensors
 from services.simulator.settings import ENCLOSURE_RISE, WATER_TEMPERATURE, Dvl, Usbl
 from services.simulator.settings import Settings as Settings
-from services.simulator.surroundings import floor_below
 from services.simulator.vessel import Vessel
 from services.simulator.vibration import Shaking
 from services.simulator.world import WorldCheckpoint as WorldCheckpoint
@@ -204,9 +203,9 @@ class Simulator:
         return self._with_fault("sensor/pressure", sample)
 
     def dvl(self, device: Dvl) -> DvlSample | None:
-        """None also when the bottom is out of range."""
+        """Without a velocity where the bottom is out of range."""
         place, nu, key = self._place(self._mounting.dvl), self._vessel.velocity, "sensor/dvl"
-        altitude = floor_below(self._settings, place) - place[2]
+        altitude = self._vessel.around.floor.depth(place) - place[2]
         match self._faults.get(key):
             case faults.Fault(kind="no_lock"):
                 return DvlSample(stamp_ns=self._now, velocity=None, std=device.std)
@@ -214,8 +213,7 @@ class Simulator:
                 nu, altitude = (nu[0] - ahead, *nu[1:]), altitude / 2
             case _:
                 pass
-        sample = self._sensors.dvl(self._now, nu, altitude, device)
-        return None if sample is None else self._with_fault(key, sample)
+        return self._with_fault(key, self._sensors.dvl(self._now, nu, altitude, device))
 
     def usbl(self, device: Usbl) -> UsblSample | None:
         north, east, _ = self._place(self._mounting.usbl)

@@ -125,6 +125,8 @@ def faulty(part: str, sample: S, fault: Fault, first: Message) -> S | None:
     return msgspec.structs.replace(sample, **{n: _off(getattr(sample, n), off) for n in fields})
 
 
-def _off(measured: float | tuple[float, ...], by: float) -> float | tuple[float, ...]:
-    """A number or a tuple of numbers, with an offset."""
+def _off(measured: float | tuple[float, ...] | None, by: float) -> float | tuple[float, ...] | None:
+    """A number or a tuple of numbers, with an offset; of nothing measured nothing."""
+    if measured is None:
+        return None
     return tuple(x + by for x in measured) if isinstance(measured, tuple) else measured + by

@@ -195,11 +195,11 @@ class Sensors:
         self.water = celsius + next(self._water_noise)[0]
         return PressureSample(stamp_ns=stamp, pressure=pressure, temperature=self.water)
 
-    def dvl(self, now: int, nu: Vec6, altitude: float, device: Dvl) -> DvlSample | None:
-        """Sample for a velocity over the ground [m/s, rad/s], FRD; None when the bottom [m] is out
-        of range."""
+    def dvl(self, now: int, nu: Vec6, altitude: float, device: Dvl) -> DvlSample:
+        """Sample for a velocity over the ground [m/s, rad/s], FRD; without one where the bottom [m]
+        is out of range."""
         if not 0.0 < altitude <= device.reach:
-            return None
+            return DvlSample(stamp_ns=now, velocity=None, std=device.std)
         u, v, w, p, q, r = nu
         u, v, w = seen_there(self._mounting.dvl, self._dvl_axes, (u, v, w), (p, q, r))
         a, b, c = self._noise("sensor/dvl", self._dvl_noise)

@@ -118,9 +118,7 @@ def _position_aids(node: Node, simulator: Simulator, settings: Settings) -> None
             simulator.advance(now)
             sample = simulator.dvl(dvl)
             if sample is None:
-                silent = topics.DVL.key in simulator.silent
-                why = events.SILENT_BY_FAULT if silent else events.NO_BOTTOM
-                node.tell(why(topics.DVL.key))
+                node.tell(events.SILENT_BY_FAULT(topics.DVL.key))
             else:
                 publish_velocity(sample, now)
 

@@ -29,7 +29,8 @@ BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is s
     WATER_TEMPERATURES,
     ALTITUDE_NOISE,
     DVL_SCALE,
-) = range(21)
+    TERRAIN,
+) = range(22)
 
 
 def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:

@@ -1,8 +1,8 @@
 """Forces on the vessel other than those of open water: sea floor, walls, tether.
 
-Floor and walls are flat, stiff, damped planes with friction, acting on the corners of the hull; the
-floor may slope. Their stiffness scales with the vehicle's mass: the hull on its corners is an
-oscillator of about FREQUENCY rad/s.
+Floor and walls are flat, stiff, damped planes with friction, acting on the corners of the hull; of
+a rough floor it is the plane that touches it below the vehicle (terrain.py). Their stiffness scales
+with the vehicle's mass: the hull on its corners is an oscillator of about FREQUENCY rad/s.
 
 The tether's drag grows with depth. It hangs approximately vertically between ship and vehicle; each
 end carries half of its transverse drag. A length L across a flow v has the drag of a cylinder,
@@ -15,6 +15,7 @@ and vertically, along the tether, a small share of that. v is the vehicle's velo
 water. The tether's mass, weight in water (about zero) and shape are neglected.
 """
 
+from copy import copy
 from itertools import product
 from math import hypot, sqrt
 
@@ -23,6 +24,7 @@ from services.marine.attitude import to_body, to_world
 from services.marine.summation import plain_sum
 from services.marine.water import density_of
 from services.simulator.settings import Settings, TetherSettings
+from services.simulator.terrain import SeaFloor
 
 FREQUENCY = 40.0  # [rad/s] at 1.2 m/s the hull then sinks in about 2 cm
 DAMPING_RATIO = 0.7  # [-] little rebound
@@ -51,6 +53,12 @@ class Barrier:
         # A level hull stands on four corners.
         self._stiffness = inertia * FREQUENCY**2 / 4  # [N/m] per corner
         self._damping = inertia * 2 * DAMPING_RATIO * FREQUENCY / 4  # [N s/m] per corner
+
+    def moved(self, limit: float) -> "Barrier":
+        """The same with another limit [m]."""
+        barrier = copy(self)
+        barrier._limit = limit
+        return barrier
 
     def near(self, place: float) -> bool:
         """Whether the hull can touch it at some attitude.
@@ -125,35 +133,49 @@ class Tether:
 
 
 class Surroundings:
-    def __init__(self, place: Settings, hull_size: Vec3, inertia: float) -> None:
+    def __init__(self, place: Settings, hull_size: Vec3, inertia: float, seed: int = 0) -> None:
         """
         Args:
             hull_size: [m] length, width, height.
             inertia: [kg] of the vehicle with added mass, in heave.
+            seed: [-] 0 or more, of the terrain.
         """
         self.tether: Tether | None = None
         if place.tether is not None:
             self.tether = Tether(place.tether, density_of(place.water_density))
-        sides: list[tuple[Vec3, float]] = [sea_floor(place)]
+        self.floor = sea_floor(place, seed)
+        sides: list[tuple[Vec3, float]] = [self.floor.plane((0.0, 0.0, 0.0))]
         if (walls := place.walls) is not None:
             sides += [(NORTH, walls.north[1]), (_minus(NORTH), -walls.north[0])]
             sides += [(EAST, walls.east[1]), (_minus(EAST), -walls.east[0])]
         self._sides = [(way, Barrier(limit, hull_size, inertia)) for way, limit in sides]
         self._floor_way, floor = sides[0]
-        self._open_above = floor - plain_sum(hull_size)  # [m] far from the floor
+        self._hull = plain_sum(hull_size)  # [m]
+        self._open_above = floor - self._hull  # [m] far from the floor
         self._open_sideways = walls is None
 
     def near(self, position: Vec3) -> list[tuple[Vec3, Barrier]]:
         """Barriers that the hull may touch, with the direction [-] NED that leads into each."""
-        if _along(self._floor_way, position) < self._open_above and self._open_sideways:
+        if self.floor.rough:
+            self._sides[0] = self._floor_at(position)
+        elif _along(self._floor_way, position) < self._open_above and self._open_sideways:
             return []
         return [
             (way, barrier) for way, barrier in self._sides if barrier.near(_along(way, position))
         ]
 
+    def _floor_at(self, position: Vec3) -> tuple[Vec3, Barrier]:
+        """The plane that touches the floor below the vehicle. High above a steep place it is the
+        level one: the steep one would reach up to where there is water."""
+        below = self.floor.depth(position)
+        way, limit = (0.0, 0.0, 1.0), below
+        if below - position[2] < self._hull:
+            way, limit = self.floor.plane(position)
+        return way, self._sides[0][1].moved(limit)
+
     def floor_felt(self, position: Vec3, q_NB: Quaternion) -> bool:
         """Whether the hull touches the floor."""
-        way, floor = self._sides[0]
+        way, floor = self._floor_at(position) if self.floor.rough else self._sides[0]
         place = _along(way, position)
         return floor.near(place) and floor.touches(place, to_body(q_NB, way))
 
@@ -177,17 +199,9 @@ class Surroundings:
         return self.tether.pull(depth, to_world(q_NB, (u, v, w)))
 
 
-def floor_below(site: Settings, place: Vec3) -> float:
-    """[m] Depth of the sea floor at a place [m] NED."""
-    return site.floor_depth + site.slope_north * place[0] + site.slope_east * place[1]
-
-
-def sea_floor(site: Settings) -> tuple[Vec3, float]:
-    """The direction [-] NED that leads into the sea floor at a right angle, and how far it is in
-    that direction [m]."""
-    size = sqrt(1.0 + site.slope_north**2 + site.slope_east**2)
-    way = (-site.slope_north / size, -site.slope_east / size, 1.0 / size)
-    return way, site.floor_depth / size
+def sea_floor(site: Settings, seed: int = 0) -> SeaFloor:
+    slope = (site.slope_north, site.slope_east)
+    return SeaFloor(site.floor_depth, slope, site.terrain, seed)
 
 
 def _along(way: Vec3, position: Vec3) -> float:

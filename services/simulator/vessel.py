@@ -70,7 +70,7 @@ class Vessel:
         self._shifted = shifted_centres(vehicle, hull)
         self._acceleration = equations_of_motion(vehicle, place.wake_share)
         self.propulsion = SimulatedThrusters(vehicle, thrust, hull.thrust_scale if hull else 1.0)
-        self.around = Surroundings(place, vehicle.size, system_inertia(vehicle)[2])
+        self.around = Surroundings(place, vehicle.size, system_inertia(vehicle)[2], seed)
         self._always_wet_below = max(plain_sum(map(abs, t.position)) for t in vehicle.thruster)
         x, y, z, qw, qx, qy, qz, u, v, w, p, q, r = state
         self.position: Vec3 = (x, y, z)  # [m] NED

@@ -140,6 +140,15 @@ def test_a_biased_sensor_is_off_by_so_much_in_its_unit() -> None:
     assert pressure.pressure == pytest.approx(pressure0.pressure + 2e4)
 
 
+@pytest.mark.parametrize("kind", ["biased", "broken", "frozen", "noisy"])
+def test_a_faulty_dvl_without_a_bottom_has_no_velocity(kind: Any) -> None:
+    sim, device = simulator(), Dvl(reach=5.0)
+    sim.break_or_mend(request("sensor/dvl", kind, 0.1), 0)
+    sample = sim.dvl(device)
+    assert sample is not None
+    assert sample.velocity is None
+
+
 def test_a_broken_sensor_says_what_no_receiver_can_read() -> None:
     sim = simulator()
     sim.break_or_mend(request("sensor/imu", "broken"), 0)

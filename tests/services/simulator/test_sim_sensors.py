@@ -129,19 +129,16 @@ def test_a_dvl_may_be_off_by_a_share_of_the_velocity_that_stays() -> None:
 def test_a_dvl_measures_the_velocity_over_ground_with_its_noise() -> None:
     sensors, device = Sensors(Settings(), seed=1), Dvl(std=0.02)
     samples = [sensors.dvl(5, (1.0, -0.5, 0.1, 0.0, 0.0, 0.0), 4.0, device) for _ in range(2000)]
-    velocities = np.array([s.velocity for s in samples if s is not None])
+    velocities = np.array([s.velocity for s in samples])
     assert velocities.mean(axis=0) == pytest.approx((1.0, -0.5, 0.1), abs=2e-3)
     assert velocities.std(axis=0) == pytest.approx([0.02] * 3, rel=0.1)
 
 
 @pytest.mark.parametrize("altitude", [-0.1, 0.0, 31.0])
-def test_a_dvl_is_silent_without_a_bottom_in_reach(altitude: float) -> None:
-    assert (
-        Sensors(Settings(), seed=1).dvl(
-            0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), altitude, Dvl(reach=30.0)
-        )
-        is None
-    )
+def test_a_dvl_without_a_bottom_in_reach_gives_no_velocity(altitude: float) -> None:
+    sensors, device = Sensors(Settings(), seed=1), Dvl(reach=30.0)
+    sample = sensors.dvl(7, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), altitude, device)
+    assert (sample.stamp_ns, sample.velocity, sample.altitude) == (7, None, None)
 
 
 def test_a_usbl_fix_is_the_place_with_its_noise() -> None:

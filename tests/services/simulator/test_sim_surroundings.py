@@ -17,7 +17,7 @@ from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.current import HELD, Current
 from services.simulator.settings import CurrentSettings, Settings, TetherSettings, Walls
-from services.simulator.surroundings import Tether, floor_below, sea_floor
+from services.simulator.surroundings import Tether, sea_floor
 from services.simulator.vessel import STEP, Vessel
 from tests.support.textbook_vessel import kinetic_energy
 
@@ -202,9 +202,9 @@ def test_the_floor_slopes_as_its_settings_say(
 ) -> None:
     """The direction into it is at a right angle to it, and leads to the depth below a place."""
     site = Settings(floor_depth=30.0, slope_north=falls_north, slope_east=falls_east)
-    way, limit = sea_floor(site)
     place = (north, east, 0.0)
-    below = floor_below(site, place)
+    way, limit = sea_floor(site).plane(place)
+    below = sea_floor(site).depth(place)
     assert below == pytest.approx(30.0 + falls_north * north + falls_east * east)
     assert sum(a * b for a, b in zip(way, (north, east, below), strict=True)) == pytest.approx(
         limit
@@ -222,6 +222,6 @@ def test_a_hull_comes_to_rest_on_a_slope_that_it_does_not_slide_down() -> None:
     assert not ship.around.floor_felt(ship.position, ship.attitude)
     ship.advance(20.0)
     north, east, down = ship.position
-    assert abs(down - floor_below(site, (north, east, 0.0))) < hypot(*NEUTRAL.size)
+    assert abs(down - sea_floor(site).depth((north, east, 0.0))) < hypot(*NEUTRAL.size)
     assert ship.around.floor_felt(ship.position, ship.attitude)
     assert hypot(*velocity_over_ground(ship)) < 0.02

@@ -24,7 +24,7 @@ UNKNOWN_KEYS = ("estimation.watch", "reference.failsafe", "reference.place", "co
 KNOWN_KEYS = ("reference.failsafe.depth_limit",)
 WITHOUT_EFFECT = ("light", "light_2", "laser")  # events of a script, on the motion
 SHORTEST = 1.5  # [s] of the calibration; sooner the sensors have not been judged
-SITE = ("current", "hull", "waves", "sensor_errors", "vibration")
+SITE = ("terrain", "current", "hull", "waves", "sensor_errors", "vibration")
 
 
 def script_of(pilot: str) -> StickLog:

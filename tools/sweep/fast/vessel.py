@@ -72,7 +72,7 @@ class Vessels:
         self._always_wet_below = max(sum(map(abs, position)) for position in places)
         # Floor, walls and tether.
         heave = system_inertia(vehicle)[2]
-        sides = [sea_floor(place)]
+        sides = [sea_floor(place).plane((0.0, 0.0, 0.0))]
         if (walls := place.walls) is not None:
             sides += [(NORTH, walls.north[1]), ((-1.0, 0.0, 0.0), -walls.north[0])]
             sides += [(EAST, walls.east[1]), ((0.0, -1.0, 0.0), -walls.east[0])]
