@@ -1,8 +1,9 @@
 """Extended Kalman filter of the horizontal motion and the current.
 
-States, in NED because there the accelerometer's step is linear and needs no Coriolis terms:
+States; all but the position north and east *as the compass has them*, in axes that do not turn with
+the vehicle, because there the accelerometer's step is linear and needs no Coriolis terms:
 
-     0, 1   position [m]
+     0, 1   position [m], NED
      2, 3   velocity over the ground [m/s]
      4, 5   current: velocity of the water over the ground [m/s]
      6, 7   lean [m/s²]: gravity component in the accelerometer, due to the tilt error
@@ -13,6 +14,12 @@ States, in NED because there the accelerometer's step is linear and needs no Cor
 All but position and velocity are first-order Gauss-Markov processes. The accelerometer drives the
 velocity. The model's acceleration from thrust and drag is a second measurement of the same
 acceleration, and the only one of the current: drag depends on the velocity through the water.
+
+DVL, accelerometer and drag all turn with the compass' error, so none of them says anything of it.
+Only the position is turned, where the velocity is added up. With the velocity in NED, every
+velocity measured would be one of the heading as well, as wrong as the estimate it is linearised at:
+the filter would learn a heading that nobody measured, and turn the position about its origin
+(Huang, Mourikis and Roumeliotis 2010 on this inconsistency).
 
 Pure functions from estimate to estimate (Bar-Shalom, Li and Kirubarajan 2001, section 10.3).
 """
@@ -32,7 +39,7 @@ Pair = tuple[float, float]  # north and east, or surge and sway where it says so
 SIZE = 13
 EYE = np.eye(SIZE)
 POSITION, VELOCITY, CURRENT, LEAN = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)
-DAMPING, DEVIATION = slice(9, 11), [8, 11, 12]  # A, B, C
+DAMPING, IRON, DEVIATION = slice(9, 11), slice(11, 13), [8, 11, 12]  # of them A, B, C
 DEVIATIONS = np.ix_(DEVIATION, DEVIATION)
 # Noise of each second, in the accelerometer and in what moves the vehicle.
 ACCELERATION_NOISE = 0.01  # [m/s²/√Hz] white noise of the accelerometer, with vibration
@@ -97,27 +104,36 @@ def initial(heading_std: float) -> HorizontalEstimate:
 
 def predicted(estimate: HorizontalEstimate, interval: Interval) -> HorizontalEstimate:
     """The estimate one interval later."""
-    dt, step = interval.seconds, np.zeros(SIZE)
+    dt, x, gained = interval.seconds, estimate.x, np.zeros(2)  # [m/s]
     keep = np.exp(-dt / TIMES)
-    F = np.diag(keep)
-    F[0, 2] = F[1, 3] = dt
-    if interval.acceleration is None:
-        q = MOTION_NOISE**2
-    else:
+    F, q = np.diag(keep), MOTION_NOISE**2
+    if interval.acceleration is not None:
         q = ACCELERATION_NOISE**2
-        F[0, 6] = F[1, 7] = -0.5 * dt * dt
-        F[2, 6] = F[3, 7] = -dt
-        a, b = turned(interval.acceleration, heading_error(estimate, interval))
-        step[:4] = 0.5 * dt * dt * a, 0.5 * dt * dt * b, dt * a, dt * b
-        _set_deviation(F[:4], np.array((-step[1], step[0], -step[3], step[2])), interval)
+        gained = dt * (interval.acceleration - x[LEAN])
+        F[VELOCITY, LEAN] = -dt * np.eye(2)
+    # In a turn the compass' error changes, and with it where its north is.
+    sine, cosine = card(interval)
+    by_iron = interval.yaw_rate * dt * np.array((cosine, -sine))  # [-] of B and C
+    back = rotation(-float(by_iron @ x[IRON]))
+    # The position moves by the mean velocity, turned to true north.
+    turn = rotation(heading_error(estimate, interval)) @ back
+    moved = turn @ (dt * x[VELOCITY] + 0.5 * dt * gained)
+    F[POSITION, VELOCITY], F[POSITION, LEAN] = dt * turn, 0.5 * dt * (turn @ F[VELOCITY, LEAN])
+    _set_deviation(F[POSITION], quarter(moved), interval)
+    F[POSITION, IRON] -= np.outer(quarter(moved), by_iron)
+    after = keep * x
+    after[POSITION] += moved
+    after[VELOCITY] += gained
+    for part in (VELOCITY, CURRENT):
+        after[part] = back @ after[part]
+        F[part] = back @ F[part]
+        F[part, IRON] = -np.outer(quarter(after[part]), by_iron)
     std = _steady_std(interval.heading_std)
     Q = np.diag(std * std * (1.0 - keep * keep))
     for p, v in ((0, 2), (1, 3)):
         Q[p, p], Q[v, v] = q * dt**3 / 3.0, q * dt
         Q[p, v] = Q[v, p] = q * dt**2 / 2.0
-    linear = F.copy()
-    linear[:4, DEVIATION] = 0.0  # contained in the step already
-    return HorizontalEstimate(linear @ estimate.x + step, F @ estimate.P @ F.T + Q)
+    return HorizontalEstimate(after, F @ estimate.P @ F.T + Q)
 
 
 def corrected(estimate: HorizontalEstimate, seen: Innovation) -> HorizontalEstimate:
@@ -165,16 +181,13 @@ def velocity(
     estimate: HorizontalEstimate, interval: Interval, measured: Vec3, std: float
 ) -> Innovation:
     """Surge and sway of a velocity [m/s] over the ground in FRD, with the std of each component, at
-    the end of the interval: the first two rows of R_BN(heading + error, pitch, roll) v_N, where the
-    depth rate is the third of v_N. The third row would measure the depth rate."""
-    R_BN = true_rotation(estimate, interval)[:2]
-    north, east = estimate.x[VELOCITY]
+    the end of the interval: the first two rows of R_BN v, where the depth rate is the third of v.
+    The third row would measure the depth rate."""
+    R_BN = body_axes(interval)[:2]
     H = np.zeros((2, SIZE))
-    H[:, VELOCITY] = R_BN[:, :2]
-    _set_deviation(H, R_BN[:, :2] @ (east, -north), interval)
-    down = R_BN[:, 2]
+    H[:, VELOCITY], down = R_BN[:, :2], R_BN[:, 2]
     R = std * std * np.eye(2) + interval.depth_rate_std**2 * np.outer(down, down)
-    return Innovation(measured[:2] - R_BN @ (north, east, interval.depth_rate), H, R)
+    return Innovation(measured[:2] - R_BN @ (*estimate.x[VELOCITY], interval.depth_rate), H, R)
 
 
 def balance(estimate: HorizontalEstimate, interval: Interval, hull: HullModel) -> Innovation:
@@ -186,7 +199,7 @@ def balance(estimate: HorizontalEstimate, interval: Interval, hull: HullModel) -
     """
     if interval.acceleration is None or interval.force is None:
         raise ValueError("an interval without acceleration or force has no balance")
-    R_BN = true_rotation(estimate, interval)
+    R_BN = body_axes(interval)
     level = R_BN[:2, :2]
     north, east = estimate.x[VELOCITY] - estimate.x[CURRENT]
     surge, sway, _ = (R_BN @ (north, east, interval.depth_rate)).tolist()
@@ -195,15 +208,9 @@ def balance(estimate: HorizontalEstimate, interval: Interval, hull: HullModel) -
     by_water = np.array(expected.by_velocity) @ level
     H = np.zeros((2, SIZE))
     H[:, VELOCITY], H[:, CURRENT], H[:, LEAN] = by_water, -by_water, level
-    lean_north, lean_east = estimate.x[LEAN]
-    by_heading = by_water @ (east, -north) + level @ (lean_east, -lean_north)
-    _set_deviation(H, by_heading, interval)
     H[0, 9], H[1, 10] = expected.by_damping
-    true_acceleration = turned(interval.acceleration, heading_error(estimate, interval))
-    off = level @ (true_acceleration - estimate.x[LEAN]) - expected.acceleration
-    R = MODEL_NOISE**2 / interval.seconds + _curvature_noise(
-        estimate, interval, level, expected, (east, -north)
-    )
+    off = level @ (interval.acceleration - estimate.x[LEAN]) - expected.acceleration
+    R = MODEL_NOISE**2 / interval.seconds + _curvature_noise(estimate, level, expected)
     return Innovation(off, H, np.diag(R))
 
 
@@ -211,38 +218,27 @@ def felt(estimate: HorizontalEstimate, interval: Interval) -> tuple[float, float
     """[m/s²] Surge and sway of the vehicle's acceleration by the accelerometer; 0 without one."""
     if interval.acceleration is None:
         return 0.0, 0.0
-    level = true_rotation(estimate, interval)[:2, :2]
-    true = turned(interval.acceleration, heading_error(estimate, interval))
-    surge, sway = (level @ (true - estimate.x[LEAN])).tolist()
+    level = body_axes(interval)[:2, :2]
+    surge, sway = (level @ (interval.acceleration - estimate.x[LEAN])).tolist()
     return surge, sway
 
 
 def _curvature_noise(
-    estimate: HorizontalEstimate,
-    interval: Interval,
-    level: Floats,
-    expected: ExpectedAcceleration,
-    by_heading: Pair,
+    estimate: HorizontalEstimate, level: Floats, expected: ExpectedAcceleration
 ) -> Floats:
     """[m²/s⁴] (2,) Noise of linearising drag: the second-order terms in velocity and damping
     (Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2)."""
     W = np.zeros((2, SIZE))
     W[:, VELOCITY], W[:, CURRENT] = level, -level
-    _set_deviation(W, level @ by_heading, interval)
     water: Floats = np.diag(W @ estimate.P @ W.T)  # [m²/s²] variances of surge and sway
     own = np.multiply(expected.curvature, np.sqrt(water * np.max(water)))
     slopes = np.diag(expected.by_velocity)
     return AGAIN * 3.0 * own**2 + slopes**2 * water * np.diag(estimate.P)[DAMPING]
 
 
-def true_rotation(estimate: HorizontalEstimate, interval: Interval) -> Floats:
-    """(3, 3) R_BN at the end of the interval, corrected for the heading error."""
-    R_BN = np.array([to_body(interval.attitude, axis) for axis in AXES]).T
-    error = heading_error(estimate, interval)
-    c, s = cos(error), sin(error)
-    north, east = R_BN[:, 0].copy(), R_BN[:, 1].copy()
-    R_BN[:, 0], R_BN[:, 1] = c * north - s * east, s * north + c * east
-    return R_BN
+def body_axes(interval: Interval) -> Floats:
+    """(3, 3) R_BN at the end of the interval, by the compass' north."""
+    return np.array([to_body(interval.attitude, axis) for axis in AXES]).T
 
 
 def card(interval: Interval) -> tuple[float, float]:
@@ -278,6 +274,17 @@ def turned(v: Pair, angle: float) -> Pair:
     return v[0] * c - v[1] * s, v[0] * s + v[1] * c
 
 
+def rotation(angle: float) -> Floats:
+    """(2, 2) That of `turned`."""
+    c, s = cos(angle), sin(angle)
+    return np.array(((c, -s), (s, c)))
+
+
+def quarter(v: Floats) -> Floats:
+    """(2,) A horizontal vector a quarter turn clockwise: how it changes as it is turned."""
+    return np.array((-v[1], v[0]))
+
+
 # Restarts.
 
 
@@ -289,15 +296,9 @@ def moved_to(estimate: HorizontalEstimate, place: Pair, std: float) -> Horizonta
 def changed_to(
     estimate: HorizontalEstimate, interval: Interval, measured: Vec3, std: float
 ) -> HorizontalEstimate:
-    """Replace the velocity by this one [m/s], FRD, at the end of the interval. The heading error
-    also rotates the velocity in NED."""
-    north, east, _ = (true_rotation(estimate, interval).T @ measured).tolist()
-    x, P = _replaced(estimate, VELOCITY, np.array((north, east)), std)
-    by_deviation = np.outer((-east, north), (1.0, *card(interval)))
-    with_others = by_deviation @ P[DEVIATION]
-    P[VELOCITY, :], P[:, VELOCITY] = with_others, with_others.T
-    P[VELOCITY, VELOCITY] = std * std * np.eye(2) + with_others[:, DEVIATION] @ by_deviation.T
-    return HorizontalEstimate(x, P)
+    """Replace the velocity by this one [m/s], FRD, at the end of the interval."""
+    north, east, _ = (body_axes(interval).T @ measured).tolist()
+    return _replaced(estimate, VELOCITY, np.array((north, east)), std)
 
 
 def is_sound(estimate: HorizontalEstimate) -> bool:

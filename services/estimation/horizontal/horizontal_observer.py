@@ -199,17 +199,17 @@ class HorizontalObserver:
         known."""
         if not self._started:
             return NOTHING
-        x, y, u, v = self._mean()
-        motion, turn, valid = self._motion, self._offset(), self._hears(USBL, now)
+        x, y, north, east = self._mean()
+        motion, turn, valid = self._motion, self._motion.offset or 0.0, self._hears(USBL, now)
         valid = valid or self._hears(DVL, now)
         stds = [variance**0.5 for variance in self._variances[:6]]
-        c, s = cos(turn), sin(turn)
-        north, east = u * c + v * s, v * c - u * s
+        north, east = ekf.turned((north, east), -turn)
         surge, sway, _ = to_body(motion.attitude, (north, east, motion.depth_rate))
         std, current_north, current_east = max(stds[2], stds[3]), None, None
         if self._balanced and max(stds[4:]) <= MOST_CURRENT_STD:
-            current_north = Estimate(self._values[4], stds[4], valid)
-            current_east = Estimate(self._values[5], stds[5], valid)
+            current = ekf.turned((self._values[4], self._values[5]), self._error)
+            current_north = Estimate(current[0], stds[4], valid)
+            current_east = Estimate(current[1], stds[5], valid)
         return HorizontalEstimates(
             Estimate(x, stds[0], valid),
             Estimate(y, stds[1], valid),
@@ -302,20 +302,16 @@ class HorizontalObserver:
         )
 
     def _mean(self) -> tuple[float, float, float, float]:
-        """Position [m] and velocity [m/s], north and east, now."""
+        """Now: position [m], NED, and velocity [m/s], by the compass' north and east."""
         if self._now is not None:
             return self._now
         x, y, u, v, _, _, lean_north, lean_east, *_ = self._values
         t, a, b = self._open.seconds, 0.0, 0.0
         if (gained := self._open.gained) is not None:
-            a, b = ekf.turned(gained, self._error)
-            a, b = a - lean_north * t, b - lean_east * t
-        self._now = x + (u + 0.5 * a) * t, y + (v + 0.5 * b) * t, u + a, v + b
+            a, b = gained[0] - lean_north * t, gained[1] - lean_east * t
+        north, east = ekf.turned(((u + 0.5 * a) * t, (v + 0.5 * b) * t), self._error)
+        self._now = x + north, y + east, u + a, v + b
         return self._now
-
-    def _offset(self) -> float:
-        """[rad] North heading minus control heading, deviation included."""
-        return (self._motion.offset or 0.0) + self._error
 
     # Measurement update.
 

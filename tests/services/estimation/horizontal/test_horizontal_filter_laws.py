@@ -165,11 +165,16 @@ def test_which_side_is_starboard_does_not_matter(
 @few
 @given(seeds, moments, st.floats(0.1, 0.9))
 def test_two_steps_without_the_imu_are_one_as_long(seed: int, moment: Moment, share: float) -> None:
+    """With a heading that is known: its error is forgotten from step to step."""
     one, other, both = (
-        interval(moment._replace(seconds=part * moment.seconds, acceleration=None))
+        interval(moment._replace(seconds=part * moment.seconds, acceleration=None))._replace(
+            heading_std=1e-9
+        )
         for part in (share, 1.0 - share, 1.0)
     )
-    estimate = drawn(seed)
+    known = np.eye(SIZE)
+    known[ekf.DEVIATION, ekf.DEVIATION] = 0.0
+    estimate = through(known, drawn(seed))
     found = ekf.predicted(ekf.predicted(estimate, one), other)
     assert_same(found, ekf.predicted(estimate, both))
 
@@ -179,14 +184,16 @@ def test_two_steps_without_the_imu_are_one_as_long(seed: int, moment: Moment, sh
 def test_velocity_is_what_the_acceleration_adds_up_to_and_position_what_that_adds_up_to(
     seed: int, moment: Moment
 ) -> None:
-    """Both of the acceleration turned by the heading error, less the lean; noise of its density."""
-    estimate, here = drawn(seed), interval(moment)
+    """Of the acceleration less the lean; the position turned by the heading error; noise of its
+    density."""
+    estimate, here = drawn(seed), interval(moment._replace(yaw_rate=0.0))
     dt, x = here.seconds, estimate.x
     a = np.zeros(2)
     if here.acceleration is not None:
-        a = np.array(turned(here.acceleration, ekf.heading_error(estimate, here))) - x[[6, 7]]
+        a = here.acceleration - x[[6, 7]]
+    way = turned(tuple(dt * x[[2, 3]] + dt * dt / 2 * a), ekf.heading_error(estimate, here))
     found = ekf.predicted(estimate, here)
-    assert found.x[[0, 1]] == pytest.approx(x[[0, 1]] + dt * x[[2, 3]] + dt * dt / 2 * a)
+    assert found.x[[0, 1]] == pytest.approx(x[[0, 1]] + way)
     assert found.x[[2, 3]] == pytest.approx(x[[2, 3]] + dt * a)
     nothing = ekf.predicted(HorizontalEstimate(x, np.zeros((SIZE, SIZE))), here)
     noise = ekf.MOTION_NOISE if here.acceleration is None else ekf.ACCELERATION_NOISE
@@ -209,7 +216,7 @@ def test_what_is_not_measured_is_forgotten_and_its_spread_stays(
 ) -> None:
     """Each state in its own time: the mean falls, and the variance at the start is the lasting
     one."""
-    here = interval(moment)._replace(heading_std=heading_std)
+    here = interval(moment._replace(yaw_rate=0.0))._replace(heading_std=heading_std)
     estimate = drawn(seed)
     after = ekf.predicted(estimate, here).x
     begin = ekf.initial(heading_std)
@@ -259,9 +266,8 @@ def test_the_noise_of_the_balance_is_that_of_forces_and_of_the_bend_of_drag(
     estimate, here = drawn(seed), interval(moment._replace(acceleration=acceleration))
 
     def through_water(x: Floats) -> Floats:
-        at = HorizontalEstimate(x, estimate.P)
         north, east = (x[[2, 3]] - x[[4, 5]]).tolist()
-        return ekf.true_rotation(at, here)[:2, :] @ np.array((north, east, here.depth_rate))
+        return ekf.body_axes(here)[:2, :] @ np.array((north, east, here.depth_rate))
 
     steps = 1e-6 * np.eye(SIZE)
     slopes = [(through_water(estimate.x + d) - through_water(estimate.x - d)) / 2e-6 for d in steps]
@@ -362,3 +368,52 @@ def test_a_variance_is_sound_between_nothing_and_a_million_metres_squared(
 @given(st.floats(-pi, pi), pairs)
 def test_a_vector_turned_is_as_long_and_that_much_further_round(angle: float, v: Pair) -> None:
     assert ekf.turned(v, angle) == pytest.approx(turned(v, angle))
+
+
+@few
+@given(seeds, moments, st.floats(0.02, 0.4))
+def test_in_a_turn_the_true_velocity_and_the_true_current_stay(
+    seed: int, moment: Moment, turn: float
+) -> None:
+    """The compass' error changes with the heading, and what is said by its north with it."""
+    roll, pitch, heading = 0.0, 0.0, moment.euler[2]
+    estimate = drawn(seed)
+    before = interval(moment._replace(euler=(roll, pitch, heading), acceleration=None))
+    after = before._replace(attitude=from_euler(roll, pitch, heading + turn))
+    steps = 50
+    part = after._replace(seconds=0.1 / steps, yaw_rate=turn / 0.1)
+    now = estimate
+    for k in range(steps):
+        here = part._replace(attitude=from_euler(roll, pitch, heading + turn * (k + 0.5) / steps))
+        now = ekf.predicted(now, here)
+    for pair in ((2, 3), (4, 5)):
+        old = turned(tuple(estimate.x[[*pair]]), ekf.heading_error(estimate, before))
+        aged = now._replace(x=now.x)
+        new = turned(tuple(aged.x[[*pair]]), ekf.heading_error(aged, after))
+        assert new == pytest.approx(old, abs=2e-3)
+
+
+@few
+@given(seeds, st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), headings)
+def test_a_drone_at_rest_learns_nothing_of_its_heading(
+    seed: int, lean: Pair, heading: float
+) -> None:
+    """However long a DVL says so. The accelerometer and the velocity are as noisy as they may be;
+    the place where it rests must not turn about the origin, nor become better known."""
+    rng = np.random.default_rng(seed)
+    began = ekf.initial(0.1)
+    x, P = began.x.copy(), began.P.copy()
+    x[ekf.POSITION], x[ekf.LEAN] = (30.0, -40.0), lean
+    turns = np.array((40.0, 30.0))  # [m] by which the place moves for a radian of deviation A
+    P[0:2, 8] = turns * P[8, 8]
+    P[8, 0:2] = P[0:2, 8]
+    P[0:2, 0:2] += P[8, 8] * np.outer(turns, turns)
+    still = HorizontalEstimate(x, P)
+    for _ in range(1200):
+        a = (lean[0] + rng.normal(0.0, 0.1), lean[1] + rng.normal(0.0, 0.1))
+        here = interval(Moment(0.1, a, (0.0, 0.0, heading), 0.0, (0.0, 0.0), 0.0))
+        still = ekf.predicted(still, here)
+        u, v = rng.normal(0.0, 0.01, 2)
+        still = ekf.corrected(still, ekf.velocity(still, here, (u, v, 0.0), 0.01))
+    assert hypot(*(still.x[ekf.POSITION] - (30.0, -40.0)).tolist()) < 0.1
+    assert still.P[0, 0] + still.P[1, 1] > 0.99 * (P[0, 0] + P[1, 1])
