@@ -22,7 +22,6 @@ class InstrumentWatch:
     silent_ns: Ns = 3 * S  # [ns] without a report
     only_asks: bool = False  # as of `lindy doctor`: nothing is set up
     answers: bool = False
-    reports: int = 0
     _since: Ns | None = None  # of the newest report, or since when it is waited for
     _again: Ns = 0  # when the connection is made anew
     _garbled: int = 0  # arrivals since then that could not be read
@@ -33,7 +32,6 @@ class InstrumentWatch:
     def reported(self, now: Ns) -> bool:
         """A report was read. True: the first one after a silence."""
         first, self.answers = not self.answers, True
-        self.reports += 1
         self._since, self._said, self._garbled = now, False, 0
         if first:
             self.outbox.tell(events.ANSWERING(self.name))

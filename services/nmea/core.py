@@ -76,9 +76,13 @@ class GnssDriver:
             self.watch.garbled()
             return None
         self.watch.reported(arrival)
+        if said.kind not in ("GGA", "RMC"):
+            self.told = self.told or "neither GGA nor RMC among its sentences"
+            self.watch.measured_nothing(arrival, events.NO_FIX("gnss"))
+            return None
         if said.kind == "GGA":
             self._gga_ns = arrival
-        elif said.kind != "RMC" or (self._gga_ns and arrival - self._gga_ns < GGA_NS):
+        elif self._gga_ns is not None and arrival - self._gga_ns < GGA_NS:
             return None
         again, self._clock = said.clock == self._clock, said.clock
         if again or said.place is None or said.quality not in RANGE_ERROR:

@@ -68,8 +68,9 @@ class PingDriver:
             sent += [request(DEVICE)]
             sent += () if self.watch.only_asks else self._set_up()
         self._anew = False
-        if now >= self._ask_ns:
-            self._ask_ns = now + round(0.9 * S / self._settings.rate)  # looked at 10 times a second
+        period = round(S / self._settings.rate)
+        if now >= self._ask_ns - period // 10:  # it is looked at 10 times a second, more or less
+            self._ask_ns = (self._ask_ns if now < self._ask_ns + period else now) + period
             sent.append(request(DISTANCE))
         return sent
 

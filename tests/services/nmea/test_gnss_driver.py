@@ -64,6 +64,15 @@ def test_under_water_there_is_no_fix_and_one_sentence(faults: tuple[Fault, ...])
     assert outbox.counts == {"answering:gnss": 1, "no_fix:gnss": 1}
 
 
+def test_one_that_never_says_a_position_is_said_once() -> None:
+    outbox = Outbox()
+    driver = driver_of(outbox)
+    for n in range(100):
+        driver.heard([summed("GPHDT,90.0,T")], n * S)
+    assert outbox.counts == {"answering:gnss": 1, "no_fix:gnss": 1}
+    assert driver.told == "neither GGA nor RMC among its sentences"
+
+
 def test_a_position_that_is_said_again_is_one_fix() -> None:
     samples, outbox = fixes("frozen")
     assert len(samples) == outbox.counts["no_fix:gnss"] == 1
