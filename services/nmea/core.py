@@ -84,7 +84,7 @@ class GnssDriver:
             self._gga_ns = arrival
         elif self._gga_ns is not None and arrival - self._gga_ns < GGA_NS:
             return None
-        again, self._clock = said.clock == self._clock, said.clock
+        again, self._clock = said.clock == self._clock != "", said.clock
         if again or said.place is None or said.quality not in RANGE_ERROR:
             self.told = "no position"
             self.watch.measured_nothing(arrival, events.NO_FIX("gnss"))

@@ -34,7 +34,7 @@ class NmeaReader:
         kind = str(getattr(said, "sentence_type", ""))
         if kind not in ("GGA", "RMC"):
             return GnssSentence(kind)
-        clock = str(said.timestamp)
+        clock = str(said.timestamp or "")
         if not (said.lat and said.lon):
             return GnssSentence(kind, clock)
         if kind == "RMC":

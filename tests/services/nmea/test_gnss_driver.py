@@ -64,6 +64,13 @@ def test_under_water_there_is_no_fix_and_one_sentence(faults: tuple[Fault, ...])
     assert outbox.counts == {"answering:gnss": 1, "no_fix:gnss": 1}
 
 
+def test_one_that_does_not_know_the_time_has_a_position() -> None:
+    said = epoch(SeenMotion(), 1.0, 0, TRONDHEIM).split(b"\r\n")[0].decode()[1:-3].split(",")
+    body = ",".join([said[0], "", *said[2:]])
+    driver = driver_of(Outbox())
+    assert len([f for n in range(5) for f in driver.heard([summed(body)], (100 + n) * S)]) == 5
+
+
 def test_one_that_never_says_a_position_is_said_once() -> None:
     outbox = Outbox()
     driver = driver_of(outbox)
