@@ -454,7 +454,7 @@ LEAK_FOUND = row("leak", DANGER, "water was found inside the vehicle")
 
 # Of the vehicle's board.
 OUTDONE_ARDUSUB = row("outdone:ardusub", DANGER, "somebody else has the vehicle", "disarm and arm to take it back", said="warning")
-STRANGER = row("stranger", MESSAGE, "a packet that does not come from the vehicle's board was not used")
+STRANGER = row("stranger", MESSAGE, "a packet of another sender than the board or the instrument was not used")
 STRANGER_SYSTEM = row("stranger:system", DANGER, "somebody else speaks to the board in Lindy's name", "give one of the two another system (ardusub.system and the board's parameter)", said="warning")
 REFUSED_BOARD = row("refused:board", DANGER, "the board is not armed", "change what is named, at the board", said="error")
 REFUSED_ARM = row("refused:board_arm", DANGER, "the vehicle's board refuses to arm", said="error")

@@ -1,6 +1,7 @@
 """Asks a server for the same pages again and again, on a thread of its own."""
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from http.client import HTTPConnection, HTTPException
@@ -62,7 +63,9 @@ class HttpPoller:
 
     def _run(self) -> None:
         connection = HTTPConnection(*self._address, timeout=TIMEOUT_S)
-        while not self._over.wait(self._period_s):
+        due = time.monotonic()
+        while not self._over.wait(max(0.0, due - time.monotonic())):
+            due = max(due + self._period_s, time.monotonic())
             try:
                 answers = [_asked(connection, path) for path in self._paths]
             except (OSError, HTTPException) as error:
