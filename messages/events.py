@@ -413,6 +413,7 @@ STEEP = row("steep", SENSOR, "the magnetic field is too steep for the compass")
 LEARNT = row("learnt", SENSOR, "a field that has not changed for long is the compass's normal one")
 LIMITED = row("limited", SENSOR, "the compass deviates by more than can be corrected")
 NO_BOTTOM = row("no_bottom", SENSOR, "the Doppler log (DVL) has no bottom lock")
+NO_BOTTOM_ALTIMETER = row("no_bottom:sensor/altitude", SENSOR, "the echo sounder hears no bottom", said="info")
 TOO_OLD = row("too_old", SENSOR, "a measurement came too late to be used")
 AHEAD = row("ahead", SENSOR, "a measurement had a time stamp in the future")
 NOT_NEWER = row("not_newer", SENSOR, "a sample was not newer than the previous one")
@@ -422,13 +423,15 @@ ACCELERATING = row("accelerating", ROUTINE, "the drone accelerates too much to m
 RESTING = row("resting", ROUTINE, "the gyroscope was calibrated at rest")
 WRONG_STAMP = row("wrong_stamp", SENSOR, "the time in a picture was not that of its stamp")
 
-# Of instruments on board, such as a DVL.
+# Of instruments on board: a DVL, an echo sounder, a receiver of GNSS, an acoustic position.
 SILENT_INSTRUMENT = row("silent_instrument", SENSOR, "an instrument on board does not answer", "check its power, cable and url", said="warning")
 ANSWERING = row("answering", ROUTINE, "an instrument on board answers", said="info")
 TROUBLE = row("trouble", SENSOR, "an instrument on board reports trouble of its own", said="warning")
 CONFIGURED = row("configured", ROUTINE, "an instrument on board was set up", said="info")
 NOT_CONFIGURED = row("not_configured", SENSOR, "an instrument on board refuses a setting or command", said="warning")
 SECOND_INSTRUMENT = row("second_instrument", SENSOR, "two instruments on board measure the same: only the first is used", "leave one of them out of the stack", said="warning")
+NO_FIX = row("no_fix", SENSOR, "an instrument on board has no position", said="info")
+ORIGIN = row("origin", ROUTINE, "north and east count from here", said="info")
 
 # Of control, thrusters and battery.
 _HELD_BACK = "is held back because the drone cannot follow"
@@ -451,7 +454,7 @@ LEAK_FOUND = row("leak", DANGER, "water was found inside the vehicle")
 
 # Of the vehicle's board.
 OUTDONE_ARDUSUB = row("outdone:ardusub", DANGER, "somebody else has the vehicle", "disarm and arm to take it back", said="warning")
-STRANGER = row("stranger", MESSAGE, "a packet that does not come from the vehicle's board was not used")
+STRANGER = row("stranger", MESSAGE, "a packet of another sender than the board or the instrument was not used")
 STRANGER_SYSTEM = row("stranger:system", DANGER, "somebody else speaks to the board in Lindy's name", "give one of the two another system (ardusub.system and the board's parameter)", said="warning")
 REFUSED_BOARD = row("refused:board", DANGER, "the board is not armed", "change what is named, at the board", said="error")
 REFUSED_ARM = row("refused:board_arm", DANGER, "the vehicle's board refuses to arm", said="error")

@@ -71,7 +71,9 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "picture": Verb("picture:picture", "Draw a recorded dive as the viewer shows it."),
     },
     "Vehicle": {
-        "doctor": Verb("doctor.command:doctor", "Check a vehicle file and its ArduSub board."),
+        "doctor": Verb(
+            "doctor.command:doctor", "Check a vehicle file, its ArduSub board and its instruments."
+        ),
         "calibrate": Verb("calibrate.command:calibrate", "Find the errors of a vehicle's sensors."),
         "identify": Verb(
             "identify.command:identify", "Find inertia, drag, buoyancy and lag in a dive."

@@ -1,6 +1,9 @@
 """What the drivers of instruments share: is it there, and where a report begins and ends.
 
-watch        does it answer, and how much of it is used
+watch        does it answer, does it measure, and which of two is used
 lines        lines in a stream of bytes
+geodesy      latitude and longitude as metres north and east
+fixes        positions from an origin
 io.shell     a driver on its port and on the bus
+io.origin    where north and east count from
 """

@@ -16,15 +16,14 @@ from services.waterlinked.report import KNOWN, LONGEST, DvlReport, command, read
 
 S = 1_000_000_000  # [ns]
 ASK_NS, ASKED_MOST = 2 * S, 5  # [ns] between two questions for its configuration; some never answer
-OTHER_NS = 2 * S  # [ns] for which another DVL's velocity counts
 OFFSET = "mounting_rotation_offset"
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The table [waterlinked] of a vehicle file."""
 
-    # tcp:HOST:PORT; its own address where no DHCP server gives it another one.
-    url: Annotated[str, msgspec.Meta(max_length=200)] = "tcp:192.168.194.95:16171"
+    # tcp:HOST:PORT, as its own page shows it; empty: there is none.
+    url: Annotated[str, msgspec.Meta(max_length=200)] = ""
     # [m/s] set at the start; None: as it is set up.
     sound_speed: Annotated[float, msgspec.Meta(ge=1000.0, le=2000.0)] | None = None
     # [s] from the echo to the arrival of a report without times, as of older firmware.
@@ -59,8 +58,7 @@ class DvlDriver:
         self._asked, self._ask_ns = 0, 0
         self._status, self._format = 0, ""
         self._stamp_ns: Ns | None = None  # of the newest sample
-        self._other_ns: Ns | None = None  # another DVL's newest velocity
-        self._yields = False
+        self.told = ""
 
     def heard(self, pieces: Iterable[bytes], arrival: Ns) -> Sequence[DvlSample]:
         """Samples in what has arrived, with all that the answers ask for kept for `due`."""
@@ -70,23 +68,13 @@ class DvlDriver:
         found = [report for report in reports if report is not None and report.type == "velocity"]
         sent = [each.time_of_transmission for each in found if each.age is not None]
         samples = [self._sample(each, arrival, sent[-1] if sent else None) for each in found]
-        return [sample for sample in samples if sample is not None and self._is_used(sample)]
-
-    def heard_other(self, sample: DvlSample, now: Ns) -> None:
-        """Another service publishes velocities over the ground: who came first goes on."""
-        if sample.velocity is None:
-            return
-        before, self._other_ns = self._other_ns, now
-        if before is None or now - before > OTHER_NS:
-            newest = self._stamp_ns
-            self._yields = newest is None or now - newest > OTHER_NS
-            self._outbox.tell(events.SECOND_INSTRUMENT("dvl"))
+        return [sample for sample in samples if sample is not None]
 
     def due(self, now: Ns) -> Sequence[bytes]:
         """Its configuration is asked for whenever it is there anew; the rest is sent once."""
         if not self.watch.answers:
             return []
-        sent, self._to_send = self._to_send, []
+        sent, self._to_send = [] if self.watch.only_asks else self._to_send, []
         if self.config is None and self._asked < ASKED_MOST and now >= self._ask_ns:
             self._asked, self._ask_ns = self._asked + 1, now + ASK_NS
             sent.append(command("get_config"))
@@ -115,6 +103,8 @@ class DvlDriver:
             text = f"the DVL speaks {report.format[:40]!r}, known are {KNOWN[0]} to {KNOWN[-1]}"
             self._outbox.say("info", text)
         self._status, self._format = report.status, report.format
+        lock = "no bottom lock" if report.velocity is None else f"{report.altitude or 0:.2f} m high"
+        self.told = f"{report.format or 'json_v1'}, {lock}"
 
     def _sample(self, report: DvlReport, arrival: Ns, newest: int | None) -> DvlSample | None:
         age = report.age
@@ -134,11 +124,6 @@ class DvlDriver:
                 self._outbox.tell(events.IMPLAUSIBLE("altitude"))
             altitude = None
         return DvlSample(stamp_ns=stamp, velocity=velocity, std=report.std, altitude=altitude)
-
-    def _is_used(self, sample: DvlSample) -> bool:
-        if self._other_ns is None or sample.stamp_ns - self._other_ns > OTHER_NS:
-            return True
-        return not self._yields
 
     # How it is set up.
 

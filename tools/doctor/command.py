@@ -26,6 +26,7 @@ from tools.choices import Choices, Json, Overrides, VehicleName
 from tools.doctor.board_checks import of_board
 from tools.doctor.file_checks import of_file
 from tools.doctor.finding import VehicleFinding, as_json, as_lines, fit
+from tools.doctor.instrument_checks import STACK, of_instruments, wanted
 from tools.doctor.visit import BoardVisit
 from tools.packages import lacking
 
@@ -42,19 +43,19 @@ def doctor(
         str | None,
         Parameter(
             help="a name in deploy/stacks, or a TOML file; default: ardusub for a vehicle file "
-            "with a table [ardusub], else simulated"
+            "with a table [ardusub], ardusub_instruments for one with an instrument, else simulated"
         ),
     ] = None,
-    seconds: Annotated[float, Parameter(help="[s] for which the board's rates are measured")] = 5.0,
+    seconds: Annotated[float, Parameter(help="[s] for which rates are measured")] = 5.0,
     set_: Overrides = (),
     json: Json = False,
 ) -> int:
-    """Check a vehicle file and its ArduSub board.
+    """Check a vehicle file, its ArduSub board and its instruments.
 
-    Before anything is flown; the board only where the file names one. A line for everything that
-    was looked at: ok, change or missing. The exit status is 0 where all fits, else 1. It
-    arms nothing, moves nothing and sets no parameter. Only one program can use the endpoint: stop
-    the dive before running the doctor.
+    Before anything is flown; board and instruments only where the file names them. A line for
+    everything that was looked at: ok, change or missing. The exit status is 0 where all fits, else
+    1. It arms nothing, moves nothing and sets no parameter. Only one program can use an endpoint:
+    stop the dive before running the doctor.
 
     Example: lindy doctor --vehicle bluerov2_heavy
              lindy doctor --vehicle mine.toml --set ardusub.url=serial:/dev/ttyACM0:115200
@@ -63,7 +64,8 @@ def doctor(
         raise LindyError(f"--seconds is {seconds:g}, expected 0.5 to {LONGEST_S:g}")
     tree = read_toml(Stack(vehicle=vehicle).vehicle_path)
     override(tree, set_)
-    stack = stack or ("ardusub" if "ardusub" in tree else "simulated")
+    usual = STACK if wanted(tree) else "ardusub" if "ardusub" in tree else "simulated"
+    stack = stack or usual
     services = Registry.read(stack)
     checked_stack = checked(
         Choices(vehicle=vehicle, stack=stack, set_=set_), PilotChoice("gamepad"), services
@@ -78,6 +80,7 @@ def doctor(
         found.append(VehicleFinding("missing", "board", f"not asked: {why}"))
     elif asked:
         found += _of_board(checked_stack, checked_stack.section(BODY, Vehicle), seconds)
+    found += of_instruments(checked_stack, tree, services, seconds, time.monotonic_ns, _wait)
     print(as_json(found) if json else harmless(as_lines(found)))
     return 0 if fit(found) else 1
 
@@ -104,11 +107,16 @@ def _of_board(stack: Stack, vehicle: Vehicle, seconds: float) -> list[VehicleFin
     visit = BoardVisit(settings, motors, seconds, servos)
     links = Links([settings.url], "ardusub.url", ONE_BOARD, visit.lost)
     try:
-        go_through(visit, links, time.monotonic_ns, lambda: time.sleep(STEP_S))
+        go_through(visit, links, time.monotonic_ns, _wait)
     finally:
         links.close()
     estimation = stack.section("estimation", EstimationSettings)
     return of_board(visit, vehicle, settings.url, estimation.watch, links.trouble)
+
+
+def _wait() -> None:
+    """Until the next look at a link."""
+    time.sleep(STEP_S)
 
 
 def go_through(

@@ -1,14 +1,17 @@
 """A driver of an instrument on its port and on the bus."""
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from messages import events
+from messages.events import Outbox
 from messages.message import Message
 from messages.topic import Topic
 from messages.units import Ns
-from services.instruments.watch import InstrumentWatch
+from services.instruments.watch import FirstOfTwo, InstrumentWatch
 from services.mavlink_io.io.links import ByteLinks, FarEndLimits, Links
+from services.runtime.config.errors import NeedsRealTimeError
+from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 LOOK_HZ = 10.0  # [1/s] what is due is sent; what arrives is handled at once
@@ -20,6 +23,7 @@ class InstrumentDriver(Protocol[M]):
     """What thinks: bytes in; samples, requests and events out."""
 
     watch: InstrumentWatch
+    told: str  # what it says of itself now, for people
 
     def heard(self, pieces: Iterable[bytes], arrival: Ns) -> Sequence[M]:
         """Samples in what has arrived at `arrival` [ns]."""
@@ -36,16 +40,37 @@ class InstrumentLinks(ByteLinks, Protocol):
     def again(self, why: str) -> None: ...
 
 
+class Instrument(NamedTuple, Generic[P]):
+    driver: InstrumentDriver[P]
+    links: InstrumentLinks
+
+
+# Of a service with the name in a stack, whose events go to the outbox; None: it has no url.
+Opens = Callable[[Stack, str, Outbox], Instrument[P] | None]
+
+
+def on_links(
+    url: str, name: str, driver: InstrumentDriver[P], outbox: Outbox
+) -> Instrument[P] | None:
+    """
+    Raises:
+        LindyError: the URL is none that is allowed, or its port cannot be opened.
+    """
+    if not url:
+        return None
+    links = Links([url], f"{name}.url", limits_of(driver.watch.name), outbox)
+    return Instrument(driver, links)
+
+
 def limits_of(name: str) -> FarEndLimits:
     """Of several that send datagrams, the instrument is the one that speaks first."""
     lost = events.DROPPED(name)
-    return FarEndLimits(1, 3.0, beyond=events.STRANGER(name), dropped=lost)
+    return FarEndLimits(1, 3.0, beyond=events.STRANGER(name), dropped=lost, patient=True)
 
 
-def exchange(
-    links: InstrumentLinks, driver: InstrumentDriver[P], clock: Callable[[], Ns], now: Ns
-) -> list[P]:
+def exchange(instrument: Instrument[P], clock: Callable[[], Ns], now: Ns) -> list[P]:
     """One look at the links: what arrives is handed to the driver, what is due is sent."""
+    driver, links = instrument
     samples = list[P]()
     for _, pieces, _ in links.receive():
         # Not `now`: on a busy computer, what was sent since then may have arrived as well.
@@ -58,18 +83,38 @@ def exchange(
     return samples
 
 
-def connect(node: Node, url: str, driver: InstrumentDriver[P], topic: Topic[P]) -> None:
-    """
+def connect(
+    node: Node,
+    stack: Stack,
+    opens: Opens[P],
+    topic: Topic[P],
+    measures: Callable[[P], bool] = lambda _: True,
+) -> None:
+    """An instrument without a url is none, and nothing is done.
+
+    Args:
+        measures: a sample says more than that nothing is measured.
+
     Raises:
-        LindyError: the URL is none that is allowed, or its port cannot be opened.
+        LindyError: as of `opens`; or time is virtual.
     """
-    links = Links([url], f"{node.name}.url", limits_of(driver.watch.name), node.outbox)
+    if stack.virtual:
+        raise NeedsRealTimeError(node.name)
+    if (instrument := opens(stack, node.name, node.outbox)) is None:
+        return
     publisher = node.publisher(topic)
+    first = FirstOfTwo(instrument.driver.watch.name, node.outbox)
 
     def look(now: Ns) -> None:
-        for sample in exchange(links, driver, node.now, now):
-            publisher.put(sample)
+        for sample in exchange(instrument, node.now, now):
+            if first.uses_own(now, measured=measures(sample)):
+                publisher.put(sample)
 
+    def hear_other(sample: P, now: Ns) -> None:
+        if measures(sample):
+            first.heard_other(now)
+
+    node.each(topic, hear_other)
     node.every(LOOK_HZ, look)
-    node.on_close(links.close)
-    links.start(node.from_outside(look))
+    node.on_close(instrument.links.close)
+    instrument.links.start(node.from_outside(look))

@@ -4,7 +4,8 @@ udpin:HOST:PORT     wait there for datagrams, as BlueOS's "UDP Client" endpoint 
 udpout:HOST:PORT    speak first
 tcpin:HOST:PORT     wait there for connections
 tcp:HOST:PORT       connect, and connect again when it is lost
-serial:DEVICE:BAUD  a cable, opened again when it was pulled
+serial:DEVICE:BAUD  a cable, opened again when it was pulled; the file of DEVICE may be a pattern
+                    with *: the first that is there, whatever number it has come back under
 
 What arrives waits in the system's buffers; what cannot be sent at once is dropped and counted.
 """
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 from functools import partial
 from io import FileIO
 from math import inf
+from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from messages import events
@@ -55,6 +57,7 @@ class FarEndLimits(NamedTuple):
     silent_s: float  # [s] after which a sender of datagrams makes room for another one
     beyond: Event  # of each datagram and connection of others
     dropped: Event = events.DROPPED_MAVLINK()  # of what the other end does not read
+    patient: bool = False  # a cable that is not there yet is awaited
 
 
 class ByteLinks(Protocol):
@@ -201,8 +204,8 @@ class Links:
             raise LindyError(f"{setting}: found {url!r}; allowed: {ALLOWED}")
         try:
             if kind == "serial":
-                cable = partial(system.serial, where, int(number))
-                self._call(f"serial {where}", cable, at_once=True)
+                cable = partial(_cable, where, int(number))
+                self._call(f"serial {where}", cable, at_once=not self._limits.patient)
                 return
             address = socket.gethostbyname(where), int(number)
             if kind == "tcp":
@@ -238,6 +241,8 @@ class Links:
         try:
             self._connected(name, peer, peer.connect())
         except OSError as error:
+            if error.errno is None:  # no such speed, as is known at once: that does not pass
+                raise
             self._lose(name, peer, error.strerror or str(error))
 
     def _connected(self, name: str, peer: _Peer, end: End) -> None:
@@ -368,6 +373,16 @@ def _prepared(connection: socket.socket) -> socket.socket:
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)
     return connection
+
+
+def _cable(device: str, baud: int) -> FileIO:
+    """
+    Raises:
+        OSError: as `system.serial`.
+    """
+    path = Path(device)
+    there = sorted(path.parent.glob(path.name)) if "*" in path.name else []
+    return system.serial(str(there[0]) if there else device, baud)
 
 
 def _connection(address: Address) -> socket.socket:

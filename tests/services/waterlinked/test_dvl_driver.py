@@ -11,7 +11,7 @@ from messages.events import Outbox
 from messages.sensors import DvlSample
 from services.marine.mounting import ALONG, Mount, Mounting, Rotation
 from services.vehicle.mounting import AtOrigin
-from services.waterlinked.core import OTHER_NS, DvlDriver, Settings
+from services.waterlinked.core import DvlDriver, Settings
 from services.waterlinked.report import LEAST_STD, LONGEST, DvlReport
 from tests.support.instruments.dvl import (
     FISH,
@@ -236,21 +236,6 @@ def test_one_that_never_answers_is_asked_five_times() -> None:
         told.hears(report(SWIMS, float(n), 0), at=(100 + n) * S)
         asked += len(told.driver.due(told.now))
     assert asked == 5
-
-
-def test_of_two_dvls_the_first_is_used_and_it_is_said() -> None:
-    first, second = Told(), Told()
-    used = {id(first): 0, id(second): 0}
-    for n in range(20):
-        for told in (first, second) if n >= 5 else (first,):
-            now = (100 + n) * S + (told is second) * 1_000_000
-            for sample in told.hears(report(SWIMS, float(n), 0), at=now):
-                used[id(told)] += 1
-                (second if told is first else first).driver.heard_other(sample, now)
-    assert used == {id(first): 20, id(second): 0}
-    assert second.counts["second_instrument:dvl"] == 1
-    (sample,) = second.hears(report(SWIMS, 50.0, 0), at=150 * S + OTHER_NS)  # the first has gone
-    assert sample.velocity is not None
 
 
 def test_the_double_turns_back_what_it_is_told_and_says_the_same_twice() -> None:

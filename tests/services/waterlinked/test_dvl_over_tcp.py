@@ -6,7 +6,7 @@ import pytest
 
 from messages.events import Outbox
 from messages.sensors import DvlSample
-from services.instruments.io.shell import exchange, limits_of
+from services.instruments.io.shell import Instrument, exchange, limits_of
 from services.mavlink_io.io.links import Links
 from services.waterlinked.core import DvlDriver, Settings
 from tests.support.instruments.dvl import DvlSettings, report
@@ -34,7 +34,7 @@ class Board:
     def look(self) -> None:
         """A tenth of a second later."""
         self.now += S // 10
-        self.samples += exchange(self.links, self.driver, lambda: self.now, self.now)
+        self.samples += exchange(Instrument(self.driver, self.links), lambda: self.now, self.now)
 
     def hears(self, dvl: TcpInstrument, more: int = 3) -> bool:
         """What the DVL says now, until there are so many samples more."""

@@ -1,9 +1,13 @@
-"""Where doubles speak: a TCP server."""
+"""Where doubles speak: a TCP server, a pseudo-terminal."""
 
+import os
+import pty
 import socket
 import threading
+import tty
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 
 from tests.support.patience import PATIENCE_S
 
@@ -63,3 +67,25 @@ class TcpInstrument:
                 for line in data.splitlines(keepends=True):
                     if reply := self._answers(line):
                         client.sendall(reply)
+
+
+class SerialInstrument:
+    """One at a pseudo-terminal, which has a name in a folder, as of /dev/serial/by-id."""
+
+    def __init__(self, name: Path) -> None:
+        self.name = name
+        self._end, self._other = pty.openpty()
+        tty.setraw(self._other)
+        name.symlink_to(os.ttyname(self._other))
+
+    def says(self, data: bytes) -> None:
+        os.write(self._end, data)
+
+    def hears(self) -> bytes:
+        """What was written to it since; waits for something."""
+        return os.read(self._end, 4096)
+
+    def unplug(self) -> None:
+        self.name.unlink()
+        os.close(self._other)
+        os.close(self._end)

@@ -4,6 +4,7 @@ from random import Random
 from typing import NamedTuple
 
 from messages.units import Vec3
+from services.instruments.geodesy import GeoPoint, north_east
 
 
 class SeenMotion(NamedTuple):
@@ -18,3 +19,9 @@ class SeenMotion(NamedTuple):
 def drawn(seed: int, t: float, what: str) -> Random:
     """Random numbers of one instant, the same for whoever asks again."""
     return Random(f"{seed} {t:.6f} {what}")
+
+
+def latitude_longitude(origin: GeoPoint, north: float, east: float) -> GeoPoint:
+    """[deg] Of a point [m] north and east of the origin."""
+    per_degree = north_east((origin[0], 0.0), origin[0] + 1.0, 1.0)
+    return origin[0] + north / per_degree[0], origin[1] + east / per_degree[1]

@@ -51,7 +51,7 @@ def test_the_shipped_stacks_differ_in_the_vehicle_side_alone() -> None:
     assert {n: s for n, s in simulated.items() if not s.vehicle_side} == {
         n: s for n, s in real.items() if not s.vehicle_side
     }
-    stacks = ("mavlink", "ardusub", "ardusub_dvl", "foxglove", "camera", "cockpit", "ros2")
+    stacks = ("mavlink", "ardusub", "ardusub_instruments", "foxglove", "camera", "cockpit", "ros2")
     others = [Registry.read(stack) for stack in stacks]
     named = {*simulated, *(name for stack in others for name in stack)}
     assert named == set(own_services())

@@ -1,0 +1,1 @@
+"""The Underwater GPS of Water Linked: where the vehicle's locator is, by sound."""
