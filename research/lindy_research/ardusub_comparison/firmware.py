@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lindy_research.ardusub_comparison.releases import TrueDepth
+from lindy_research.ardusub_comparison.releases import TrueMotion
 from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
 from services.mavlink_io.numbers import MavCommand
 from services.mavlink_io.packet import command, heartbeat
@@ -59,7 +59,7 @@ class TruthObserver:
     """Asks for SIM_STATE and keeps it, on a thread of its own."""
 
     def __init__(self, port: int) -> None:
-        self._rows: list[tuple[float, float, float]] = []  # [s] UTC, [m], [m/s]
+        self._rows: list[tuple[float, ...]] = []  # of TrueMotion
         self._codec = MavlinkCodec(OBSERVER, 191)
         self._reader = FrameReader(self._codec)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -69,11 +69,13 @@ class TruthObserver:
         self._thread = threading.Thread(target=self._observe, daemon=True)
         self._thread.start()
 
-    def close(self) -> TrueDepth:
+    def close(self) -> TrueMotion:
         self._ended.set()
         self._thread.join()
         self._socket.close()
-        return TrueDepth(*np.array(self._rows).reshape(-1, 3).T)
+        rows = np.array(self._rows).reshape(-1, len(TrueMotion._fields))
+        rows[:, -1] = np.unwrap(rows[:, -1])
+        return TrueMotion(*rows.T)
 
     def _observe(self) -> None:
         asked = 0.0
@@ -90,4 +92,6 @@ class TruthObserver:
                     self._socket.sendto(self._codec.encode(packet), board)
             for packet in self._reader.read([data]):
                 if packet.name == "SIM_STATE":
-                    self._rows.append((now, -packet.fields["alt"], packet.fields["vd"]))
+                    said = packet.fields
+                    down, pitch = -said["alt"], said["pitch"]
+                    self._rows.append((now, down, said["vd"], pitch, said["yaw"]))

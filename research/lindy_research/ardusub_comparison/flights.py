@@ -4,14 +4,21 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from itertools import pairwise
+from math import copysign
 from pathlib import Path
 from typing import NamedTuple
 
 from lindy_research.ardusub_comparison.firmware import TruthObserver, firmware, free_port
-from lindy_research.ardusub_comparison.releases import JudgedRelease, TrueDepth, judge
-from lindy_research.ardusub_comparison.sticks import StickMove, heave_at
+from lindy_research.ardusub_comparison.releases import (
+    JudgedRelease,
+    TrueMotion,
+    judge,
+    judge_turn,
+    swayed,
+)
+from lindy_research.ardusub_comparison.sticks import StickMove, sticks_at
 from messages import topics
 from messages.pilot import PilotCommand
 from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
@@ -21,6 +28,8 @@ from services.runtime.config.settings import deploy_file
 from tools.recordings.recording import open_recording
 
 ALT_HOLD = 2
+# [-] of its full sticks, for the speeds that Lindy flies at its own: 1 m/s and 1.05 rad/s.
+ALT_HOLD_SURGE, ALT_HOLD_YAW = 0.49, 0.4
 STICK_S = 0.02  # [s] between two overrides
 PATIENCE_S = 90.0  # [s] until armed
 SETTLE_S = 10.0  # [s] at the surface before arming, for the board's own estimator
@@ -35,6 +44,7 @@ MOTORS = {
     "time_constant = 0.029": "time_constant = 0.014",
     "lag = {": "# lag = {",
 }
+BOTH = ("estimation.calibration.still_time=3", "ardusub.pressure_age=0.0")
 LINDY = (
     "vehicle.mass=10.5",
     "vehicle.net_buoyancy=1.0",
@@ -49,8 +59,7 @@ LINDY = (
     "reference.heave.jerk=4.0",
     "reference.heave.stop_acceleration=3.0",
     "reference.heave.stop_jerk=12.0",
-    "estimation.calibration.still_time=3",
-    "ardusub.pressure_age=0.0",
+    *BOTH,
 )
 
 
@@ -58,24 +67,47 @@ class Flight(NamedTuple):
     """What was found in one flight."""
 
     name: str
-    truth: TrueDepth
-    releases: list[JudgedRelease]
+    truth: TrueMotion
+    releases: list[JudgedRelease]  # of heave
+    swayed: list[float]  # [m] of depth, where surge was let go and heave had not been pushed
+    turns: list[JudgedRelease]
 
 
 def fly_lindy(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
-    """
+    """With a vehicle file of the simulator's drone.
+
     Raises:
         RuntimeError: the dive does not end in order.
     """
-    port, truth_port, out = free_port(), free_port(), folder / "dive"
     folder.mkdir(parents=True)
+    return _fly("Lindy", str(_vehicle_file(folder)), LINDY, path, moves, folder)
+
+
+def fly_shipped(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
+    """With the vehicle file as it comes, whose mass, drag and thrust are another vehicle's.
+
+    Raises:
+        RuntimeError: the dive does not end in order.
+    """
+    folder.mkdir(parents=True)
+    return _fly("Lindy", "bluerov2_heavy", BOTH, path, moves, folder)
+
+
+def _fly(
+    name: str,
+    vehicle: str,
+    overrides: Sequence[str],
+    path: str,
+    moves: Sequence[StickMove],
+    folder: Path,
+) -> Flight:
+    port, truth_port, out = free_port(), free_port(), folder / "dive"
     script = folder / "sticks.csv"
-    rows = [f"{move.at:g},0,0,{move.heave:g},0" for move in moves]
+    rows = [f"{m.at:.3f},{m.surge:.3f},0,{m.heave:.3f},{m.yaw:.3f}" for m in moves]
     script.write_text("\n".join(["t,surge,sway,heave,yaw", *rows]) + "\n")
     said = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
-    vehicle = _vehicle_file(folder)
-    said += ["--vehicle", str(vehicle), "--pilot", f"script:{script}", "--out", str(out)]
-    for assignment in (f"ardusub.url=udpin:127.0.0.1:{port}", *LINDY):
+    said += ["--vehicle", vehicle, "--pilot", f"script:{script}", "--out", str(out)]
+    for assignment in (f"ardusub.url=udpin:127.0.0.1:{port}", *overrides):
         said += ["--set", assignment]
     observer = TruthObserver(truth_port)
     with firmware(path, port, truth_port, folder / "board"):
@@ -83,7 +115,7 @@ def fly_lindy(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
     truth = observer.close()
     if done.returncode != 0:
         raise RuntimeError(f"Lindy's dive failed:\n{done.stdout}{done.stderr}")
-    return _judged("Lindy", truth, _commanded(out))
+    return _judged(name, truth, _commanded(out))
 
 
 def _vehicle_file(folder: Path) -> Path:
@@ -96,15 +128,16 @@ def _vehicle_file(folder: Path) -> Path:
     return path
 
 
-def _commanded(out: Path) -> list[tuple[float, float]]:
-    """[s] UTC and heave stick, as the drone heard it."""
-    found = list[tuple[float, float]]()
+def _commanded(out: Path) -> list[StickMove]:
+    """As the drone heard them; times are UTC."""
+    found = list[StickMove]()
     recording = open_recording(out)
     for raw in recording.raw():
         if raw.key == topics.PILOT_COMMAND.key:
             message = recording.decode(raw)
             if isinstance(message, PilotCommand):
-                found.append((raw.log_ns / 1e9, message.heave))
+                m = message
+                found.append(StickMove(raw.log_ns / 1e9, m.heave, m.surge, m.yaw))
     return found
 
 
@@ -114,7 +147,7 @@ def fly_alt_hold(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
         RuntimeError: the board does not arm.
     """
     port, truth_port = free_port(), free_port()
-    observer, sent = TruthObserver(truth_port), list[tuple[float, float]]()
+    observer, sent = TruthObserver(truth_port), list[StickMove]()
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link,
         firmware(path, port, truth_port, folder / "board"),
@@ -125,9 +158,9 @@ def fly_alt_hold(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
         station.wait_until_armed()
         began = time.monotonic()
         while (t := time.monotonic() - began) < moves[-1].at:
-            heave = heave_at(list(moves), t)
-            sent.append((time.time(), heave))
-            station.steer(heave)
+            sticks = sticks_at(list(moves), t)
+            sent.append(sticks._replace(at=time.time()))
+            station.steer(sticks)
     return _judged("ALT_HOLD", observer.close(), sent)
 
 
@@ -143,7 +176,7 @@ class _PlainStation:
     def wait_until_armed(self) -> None:
         began = asked = time.monotonic()
         while not self._armed:
-            self.steer(0.0)
+            self.steer(StickMove(0.0))
             now = time.monotonic()
             if now - began > PATIENCE_S:
                 raise RuntimeError("the board does not arm")
@@ -152,10 +185,12 @@ class _PlainStation:
                 self._send(command(1, MavCommand.DO_SET_MODE, 1, ALT_HOLD))
                 self._send(command(1, MavCommand.COMPONENT_ARM_DISARM, 1))
 
-    def steer(self, heave: float) -> None:
+    def steer(self, sticks: StickMove) -> None:
         """Sticks now, then hear the board until the next are due."""
         pulses = {f"chan{n}_raw": 1500 for n in range(1, 7)}
-        pulses["chan3_raw"] = round(1500 - 400 * heave)
+        pulses["chan3_raw"] = round(1500 - 400 * sticks.heave)
+        pulses["chan4_raw"] = round(1500 + 400 * ALT_HOLD_YAW * sticks.yaw)
+        pulses["chan5_raw"] = round(1500 + 400 * ALT_HOLD_SURGE * sticks.surge)
         target = {"target_system": 1, "target_component": 1, "chan7_raw": 0, "chan8_raw": 0}
         self._send(MavlinkPacket("RC_CHANNELS_OVERRIDE", {**target, **pulses}))
         now = time.monotonic()
@@ -183,11 +218,21 @@ class _PlainStation:
                 )
 
 
-def _judged(name: str, truth: TrueDepth, sticks: Sequence[tuple[float, float]]) -> Flight:
+def _judged(name: str, truth: TrueMotion, sticks: Sequence[StickMove]) -> Flight:
     """All releases but the first."""
-    released = [
-        (after[0], before[1])
-        for before, after in pairwise(sticks)
-        if before[1] != 0.0 and after[1] == 0.0
-    ]
-    return Flight(name, truth, [judge(truth, at, heave) for at, heave in released[1:]])
+    flight = Flight(name, truth, [], [], [])
+    for before, after in list(_releases(sticks))[1:]:
+        at = after.at
+        if before.heave and not after.heave:
+            flight.releases.append(judge(truth, at, copysign(1.0, before.heave)))
+        elif before.surge and not after.surge:
+            flight.swayed.append(swayed(truth, at))
+        if before.yaw and not after.yaw:
+            flight.turns.append(judge_turn(truth, at, copysign(1.0, before.yaw)))
+    return flight
+
+
+def _releases(sticks: Sequence[StickMove]) -> Generator[tuple[StickMove, StickMove]]:
+    for before, after in pairwise(sticks):
+        if any(b and not a for b, a in zip(before[1:], after[1:], strict=True)):
+            yield before, after
