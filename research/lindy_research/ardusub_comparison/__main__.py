@@ -8,6 +8,11 @@ from tempfile import TemporaryDirectory
 
 from lindy_research.ardusub_comparison.figure import draw, summary, table
 from lindy_research.ardusub_comparison.flights import fly_alt_hold, fly_lindy, fly_shipped
+from lindy_research.ardusub_comparison.station_keeping import (
+    keep_with_lindy,
+    keep_with_poshold,
+    table_of,
+)
 from lindy_research.ardusub_comparison.sticks import drawn, judged
 
 PILOTS = {"lindy": fly_lindy, "shipped": fly_shipped, "alt_hold": fly_alt_hold}
@@ -19,6 +24,7 @@ def main() -> int:
     parser.add_argument("--drawn", type=int, metavar="SEED", help="random releases, and no figure")
     parser.add_argument("--rounds", type=int, default=2, help="of six random releases each")
     parser.add_argument("--pilot", choices=PILOTS, help="of the random releases; else all")
+    parser.add_argument("--stations", action="store_true", help="hold a place in a current instead")
     parser.add_argument("--keep", help="a new folder for the recordings; else they are deleted")
     said = parser.parse_args()
     path = os.environ.get("LINDY_ARDUSUB", "").partition(":")[0]
@@ -27,6 +33,10 @@ def main() -> int:
         return 2
     with TemporaryDirectory() as temporary:
         folder = Path(said.keep or temporary)
+        if said.stations:
+            for keep in (keep_with_lindy, keep_with_poshold):
+                print(table_of(keep(path, folder / keep.__name__)), flush=True)
+            return 0
         if said.drawn is not None:
             moves = drawn(said.drawn, said.rounds)
             for name in [said.pilot] if said.pilot else PILOTS:

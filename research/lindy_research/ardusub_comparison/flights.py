@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lindy_research.ardusub_comparison.firmware import TruthObserver, firmware, free_port
+from lindy_research.ardusub_comparison.plain_station import PlainStation
 from lindy_research.ardusub_comparison.releases import (
     JudgedRelease,
     TrueMotion,
@@ -21,39 +22,50 @@ from lindy_research.ardusub_comparison.releases import (
 from lindy_research.ardusub_comparison.sticks import StickMove, sticks_at
 from messages import topics
 from messages.pilot import PilotCommand
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
-from services.mavlink_io.numbers import MavCommand, MavModeFlag
-from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
 from services.runtime.config.settings import deploy_file
 from tools.recordings.recording import open_recording
 
-ALT_HOLD = 2
-# [-] of its full sticks, for the speeds that Lindy flies at its own: 1 m/s and 1.05 rad/s.
-ALT_HOLD_SURGE, ALT_HOLD_YAW = 0.49, 0.4
-STICK_S = 0.02  # [s] between two overrides
-PATIENCE_S = 90.0  # [s] until armed
-SETTLE_S = 10.0  # [s] at the surface before arming, for the board's own estimator
-# The drone of the firmware's simulator: 10.5 kg, no added mass, 1 N of buoyancy, and in heave
-# 68.8 N s²/m² of drag. Its motors are quadratic and have no lag; from a command to them 14 ms pass,
-# and its depth sensor is not averaged. The rest is that of bluerov2_heavy, with gains
-# by the rule of that file: kp = M ω², kd = 2 ζ ω M, ki = kp / 5 s, ω = 5 rad/s.
-MOTORS = {
+THRUSTER = "[[vehicle.thruster]]"
+# The drone of the firmware's simulator: 10.5 kg, no added mass, 1 N of buoyancy, quadratic drag,
+# and all forces act at its centre. Its motors are quadratic and have no lag; from a command to them
+# 14 ms pass. Those of the plane push as strongly along each of the two axes, and turn it by 0.25 m
+# of that; so do the vertical ones. Its depth sensor is not averaged. The rest is that of
+# bluerov2_heavy, with gains by the rule of that file: kp = M ω² less what rights it, kd = 2 ζ ω M,
+# ki = kp / 5 s, ω = 5 rad/s in heave, roll and pitch, 8 in yaw.
+PLANE = {
+    'curve = "t200"': 'curve = "ardusub_simulator_plane"',
+    "max_thrust = 30.4": "max_thrust = 72.8",
+    "dead_band = 0.87": "dead_band = 0.285",
+    "0.156": "0.125",
+    "0.111": "0.125",
+    "0.085": "0.0",
+}
+UPRIGHT = {
     'curve = "t200"': 'curve = "ardusub_simulator"',
     "max_thrust = 30.4": "max_thrust = 51.48",
     "dead_band = 0.87": "dead_band = 0.202",
-    "time_constant = 0.029": "time_constant = 0.014",
-    "lag = {": "# lag = {",
+    "0.12": "0.25",
+    "0.218": "0.25",
 }
+MOTORS = {"time_constant = 0.029": "time_constant = 0.014", "lag = {": "# lag = {"}
 BOTH = ("estimation.calibration.still_time=3", "ardusub.pressure_age=0.0")
 LINDY = (
     "vehicle.mass=10.5",
     "vehicle.net_buoyancy=1.0",
     "vehicle.added_mass=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
     "vehicle.linear_damping=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
-    "vehicle.quadratic_damping=[48.2, 61.9, 68.8, 1.19, 0.47, 1.5]",
+    "vehicle.quadratic_damping=[48.3, 62.1, 69.0, 7.08, 7.08, 7.08]",
+    "vehicle.inertia=[0.268, 0.268, 0.268]",
+    "vehicle.metacentric_height=0.0582",
     "control.depth.kp=262.0",
     "control.depth.kd=100.0",
     "control.depth.ki=52.0",
+    "control.heading.kp=17.2",
+    "control.heading.kd=4.1",
+    "control.heading.ki=3.4",
+    "control.heading.static={ kp = 17.2, kd = 4.1, zone = 0.001, leave = 0.15, blend = 0.5 }",
+    "control.roll={ kp = 0.7, kd = 2.5 }",
+    "control.pitch={ kp = 0.7, kd = 2.5 }",
     "reference.heave.max_velocity=0.97",
     "reference.heave.max_acceleration=1.2",
     "reference.heave.jerk=4.0",
@@ -80,7 +92,7 @@ def fly_lindy(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
         RuntimeError: the dive does not end in order.
     """
     folder.mkdir(parents=True)
-    return _fly("Lindy", str(_vehicle_file(folder)), LINDY, path, moves, folder)
+    return _fly("Lindy", str(vehicle_file(folder)), LINDY, path, moves, folder)
 
 
 def fly_shipped(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
@@ -101,34 +113,56 @@ def _fly(
     moves: Sequence[StickMove],
     folder: Path,
 ) -> Flight:
-    port, truth_port, out = free_port(), free_port(), folder / "dive"
-    script = folder / "sticks.csv"
     rows = [f"{m.at:.3f},{m.surge:.3f},0,{m.heave:.3f},{m.yaw:.3f}" for m in moves]
-    script.write_text("\n".join(["t,surge,sway,heave,yaw", *rows]) + "\n")
-    said = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
-    said += ["--vehicle", vehicle, "--pilot", f"script:{script}", "--out", str(out)]
+    truth_port = free_port()
+    observer = TruthObserver(truth_port)
+    text = "\n".join(["t,surge,sway,heave,yaw", *rows]) + "\n"
+    dive(path, vehicle, overrides, text, folder, truth_port)
+    return _judged(name, observer.close(), commanded(folder / "dive"))
+
+
+def dive(
+    path: str,
+    vehicle: str,
+    overrides: Sequence[str],
+    script: str,
+    folder: Path,
+    truth_port: int,
+    *,
+    stack: str = "ardusub",
+    parameters: str = "",
+) -> None:
+    """Lindy flies a stick log; its recording is `folder` / dive.
+
+    Raises:
+        RuntimeError: the dive does not end in order.
+    """
+    port, log = free_port(), folder / "sticks.csv"
+    log.write_text(script)
+    said = [sys.executable, "-P", "-m", "tools", "dive", "--stack", stack, "--headless"]
+    said += ["--vehicle", vehicle, "--pilot", f"script:{log}", "--out", str(folder / "dive")]
     for assignment in (f"ardusub.url=udpin:127.0.0.1:{port}", *overrides):
         said += ["--set", assignment]
-    observer = TruthObserver(truth_port)
-    with firmware(path, port, truth_port, folder / "board"):
+    with firmware(path, port, truth_port, folder / "board", parameters):
         done = subprocess.run(said, capture_output=True, text=True, check=False)
-    truth = observer.close()
     if done.returncode != 0:
         raise RuntimeError(f"Lindy's dive failed:\n{done.stdout}{done.stderr}")
-    return _judged(name, truth, _commanded(out))
 
 
-def _vehicle_file(folder: Path) -> Path:
+def vehicle_file(folder: Path) -> Path:
     """bluerov2_heavy with the motors of the firmware's simulator."""
-    text = deploy_file("vehicles", "bluerov2_heavy").read_text()
-    for ours, theirs in MOTORS.items():
-        text = text.replace(ours, theirs)
+    head, *thrusters = deploy_file("vehicles", "bluerov2_heavy").read_text().split(THRUSTER)
+    parts = [head]
+    for number, text in enumerate(thrusters):
+        for ours, theirs in (MOTORS | (PLANE if number < 4 else UPRIGHT)).items():
+            text = text.replace(ours, theirs, 1)
+        parts.append(text)
     path = folder / "ardusub_simulator.toml"
-    path.write_text(text)
+    path.write_text(THRUSTER.join(parts))
     return path
 
 
-def _commanded(out: Path) -> list[StickMove]:
+def commanded(out: Path) -> list[StickMove]:
     """As the drone heard them; times are UTC."""
     found = list[StickMove]()
     recording = open_recording(out)
@@ -153,8 +187,7 @@ def fly_alt_hold(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
         firmware(path, port, truth_port, folder / "board"),
     ):
         link.bind(("127.0.0.1", port))
-        link.settimeout(0.002)
-        station = _PlainStation(link)
+        station = PlainStation(link)
         station.wait_until_armed()
         began = time.monotonic()
         while (t := time.monotonic() - began) < moves[-1].at:
@@ -162,60 +195,6 @@ def fly_alt_hold(path: str, moves: Sequence[StickMove], folder: Path) -> Flight:
             sent.append(sticks._replace(at=time.time()))
             station.steer(sticks)
     return _judged("ALT_HOLD", observer.close(), sent)
-
-
-class _PlainStation:
-    """A ground station that does as little as it can."""
-
-    def __init__(self, link: socket.socket) -> None:
-        self._link, self._codec = link, MavlinkCodec(255, 190)
-        self._reader = FrameReader(self._codec)
-        self._board: tuple[str, int] | None = None
-        self._armed, self._alive, self._due = False, 0.0, 0.0
-
-    def wait_until_armed(self) -> None:
-        began = asked = time.monotonic()
-        while not self._armed:
-            self.steer(StickMove(0.0))
-            now = time.monotonic()
-            if now - began > PATIENCE_S:
-                raise RuntimeError("the board does not arm")
-            if now - began > SETTLE_S and now - asked > 1.0:
-                asked = now
-                self._send(command(1, MavCommand.DO_SET_MODE, 1, ALT_HOLD))
-                self._send(command(1, MavCommand.COMPONENT_ARM_DISARM, 1))
-
-    def steer(self, sticks: StickMove) -> None:
-        """Sticks now, then hear the board until the next are due."""
-        pulses = {f"chan{n}_raw": 1500 for n in range(1, 7)}
-        pulses["chan3_raw"] = round(1500 - 400 * sticks.heave)
-        pulses["chan4_raw"] = round(1500 + 400 * ALT_HOLD_YAW * sticks.yaw)
-        pulses["chan5_raw"] = round(1500 + 400 * ALT_HOLD_SURGE * sticks.surge)
-        target = {"target_system": 1, "target_component": 1, "chan7_raw": 0, "chan8_raw": 0}
-        self._send(MavlinkPacket("RC_CHANNELS_OVERRIDE", {**target, **pulses}))
-        now = time.monotonic()
-        if now > self._alive + 1.0:
-            self._alive = now
-            self._send(heartbeat())
-        self._due = max(now, self._due + STICK_S)
-        while time.monotonic() < self._due:
-            self._hear()
-
-    def _send(self, packet: MavlinkPacket) -> None:
-        if self._board is not None:
-            self._link.sendto(self._codec.encode(packet), self._board)
-
-    def _hear(self) -> None:
-        try:
-            data, self._board = self._link.recvfrom(4096)
-        except TimeoutError:
-            return
-        for packet in self._reader.read([data]):
-            if packet.name == "HEARTBEAT":
-                right_mode = packet.fields["custom_mode"] == ALT_HOLD
-                self._armed = right_mode and bool(
-                    packet.fields["base_mode"] & MavModeFlag.SAFETY_ARMED
-                )
 
 
 def _judged(name: str, truth: TrueMotion, sticks: Sequence[StickMove]) -> Flight:

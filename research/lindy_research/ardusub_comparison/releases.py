@@ -22,6 +22,8 @@ class TrueMotion(NamedTuple):
     t: Floats  # [s] rises
     depth: Floats  # [m] in steps of 10 mm
     speed: Floats  # [m/s] down
+    north: Floats  # [m/s]
+    east: Floats  # [m/s]
     pitch: Floats  # [rad]
     heading: Floats  # [rad] without steps of a full turn
 
@@ -49,7 +51,7 @@ def judge(truth: TrueMotion, at: float, direction: float) -> JudgedRelease:
     Raises:
         ValueError: the truth does not cover the release.
     """
-    found = _judged(truth.t - at, direction * _integral(truth.t, truth.speed), direction)
+    found = _judged(truth.t - at, direction * integral(truth.t, truth.speed), direction)
     coarse = direction * (truth.depth - np.interp(at, truth.t, truth.depth))
     apart = np.abs(found.travelled - np.interp(found.t, truth.t - at, coarse))
     return found._replace(doubt=float(apart.max()))
@@ -58,6 +60,13 @@ def judge(truth: TrueMotion, at: float, direction: float) -> JudgedRelease:
 def judge_turn(truth: TrueMotion, at: float, direction: float) -> JudgedRelease:
     """As `judge`, of the heading; `direction`: 1 where it turned to starboard."""
     return _judged(truth.t - at, direction * truth.heading, direction)
+
+
+def judge_way(truth: TrueMotion, at: float) -> JudgedRelease:
+    """As `judge`, of the way over the ground along the bow, as that was at the release."""
+    bow = float(np.interp(at, truth.t, truth.heading))
+    ahead = np.cos(bow) * truth.north + np.sin(bow) * truth.east
+    return _judged(truth.t - at, integral(truth.t, ahead), 1.0)
 
 
 def swayed(truth: TrueMotion, at: float) -> float:
@@ -96,7 +105,7 @@ def _judged(t: Floats, way: Floats, direction: float) -> JudgedRelease:
     )
 
 
-def _integral(t: Floats, rate: Floats) -> Floats:
+def integral(t: Floats, rate: Floats) -> Floats:
     """By the trapezoidal rule, from the first time on."""
     steps = np.diff(t) * (rate[1:] + rate[:-1]) / 2
     return np.concatenate([[0.0], np.cumsum(steps)])
