@@ -17,13 +17,15 @@ from lindy_research.ardusub_comparison.sticks import drawn, judged
 
 PILOTS = {"lindy": fly_lindy, "shipped": fly_shipped, "alt_hold": fly_alt_hold}
 
+STATIONS = {"lindy": keep_with_lindy, "poshold": keep_with_poshold}
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m lindy_research.ardusub_comparison")
     parser.add_argument("--out", default="ardusub", help="of the figure, without .png")
     parser.add_argument("--drawn", type=int, metavar="SEED", help="random releases, and no figure")
     parser.add_argument("--rounds", type=int, default=2, help="of six random releases each")
-    parser.add_argument("--pilot", choices=PILOTS, help="of the random releases; else all")
+    parser.add_argument("--pilot", choices=[*PILOTS, "poshold"], help="else all")
     parser.add_argument("--stations", action="store_true", help="hold a place in a current instead")
     parser.add_argument("--keep", help="a new folder for the recordings; else they are deleted")
     said = parser.parse_args()
@@ -34,8 +36,9 @@ def main() -> int:
     with TemporaryDirectory() as temporary:
         folder = Path(said.keep or temporary)
         if said.stations:
-            for keep in (keep_with_lindy, keep_with_poshold):
-                print(table_of(keep(path, folder / keep.__name__)), flush=True)
+            for name, keep in STATIONS.items():
+                if said.pilot in (None, name):
+                    print(table_of(keep(path, folder / f"{name}_station")), flush=True)
             return 0
         if said.drawn is not None:
             moves = drawn(said.drawn, said.rounds)

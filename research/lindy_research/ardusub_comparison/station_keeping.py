@@ -117,11 +117,11 @@ def keep_with_poshold(path: str, folder: Path) -> StationFlight:
         link.bind(("127.0.0.1", port))
         station = PlainStation(link, POSHOLD_SURGE)
         station.wait_until_armed()
-        station.send(ORIGIN)
         began, asked = time.monotonic(), 0.0
         while (t := time.monotonic() - began) < MOVES[-1].at:
             if t > HOLD_S and station.mode != POSHOLD and t > asked + 1.0:
                 asked = t
+                station.send(ORIGIN)  # without which its estimator has no place to hold
                 station.send(command(1, MavCommand.DO_SET_MODE, 1, POSHOLD))
             if t > PLAN_S and station.mode != POSHOLD:
                 raise RuntimeError(f"no POSHOLD: {station.texts[-8:]}")
