@@ -45,7 +45,9 @@ class MotorCurves:
     def thrust(self, outputs: Floats) -> Floats:
         """[N] At which the motors settle; nothing inside their dead bands."""
         newtons = list[float]()
-        for output, table, silent in zip(outputs.tolist(), self._tables, self._turning, strict=True):
+        for output, table, silent in zip(
+            outputs.tolist(), self._tables, self._turning, strict=True
+        ):
             if -silent < output < silent:  # most motors at most times
                 newtons.append(0.0)
                 continue

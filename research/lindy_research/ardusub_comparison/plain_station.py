@@ -70,7 +70,7 @@ class PlainStation:
         except TimeoutError:
             return
         for packet in self._reader.read([data]):
-            if packet.name == "HEARTBEAT":
+            if packet.name == "HEARTBEAT" and packet.system == 1:  # not of the observer
                 self.mode = packet.fields["custom_mode"]
                 is_armed = bool(packet.fields["base_mode"] & MavModeFlag.SAFETY_ARMED)
                 self._armed = self.mode == ALT_HOLD and is_armed
