@@ -81,6 +81,7 @@ class ReferenceGenerator:
     authority: ControlAuthority = field(init=False)
     conditions: ConditionWatch = field(init=False)  # of the failsafes
     stopping: bool = False  # until at rest with the sticks centred
+    _mode_at_rest: FlightMode | None = None  # asked for while stopping
     _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafes: FailsafeMachine = field(init=False)
@@ -171,7 +172,7 @@ class ReferenceGenerator:
         else:
             guidance.end_rise()
         if command is not None and command.pilot == "present" and centred(command):
-            self.stopping = self.stopping and not guidance.settled
+            self._end_stop()
 
         # The axes at this instant, and where they go on to.
         if self.armed and self._initialised:
@@ -226,14 +227,14 @@ class ReferenceGenerator:
 
     def answer(self, request: PilotRequest, command: PilotCommand | None, now: Ns) -> PilotAnswer:
         """Grant or refuse a request."""
-        guidance = self._guidance
         reason = self.authority.refusal(request, now) or refusal(
             request,
             command,
             armed=self.armed,
             ready=self._running and events.STATE_LOST.name not in self._failsafes.holding,
             board=events.BOARD_SILENT.name not in self._failsafes.holding,
-            stopping=self.stopping or self._failsafes.acting is not None,
+            stopping=self.stopping,
+            acting=self._failsafes.acting is not None,
         )
         takes = request.kind in ("lease", "force")
         if takes or request.kind in ("offer", "release"):
@@ -245,11 +246,17 @@ class ReferenceGenerator:
             id=request.id,
             accepted=not reason,
             reason=reason,
-            note=(not reason and requests.onto_the_bottom(guidance, request.depth)) or UNSET,
+            note=(not reason and self._note(request)) or UNSET,
             stop=self._stop if request.kind == "stop" else None,
             epoch=self.authority.lease.epoch if takes and not reason else None,
             cause_ns=request.stamp_ns,
         )
+
+    def _note(self, request: PilotRequest) -> str:
+        """What the pilot should know of a request that is granted."""
+        if request.kind == "mode" and self._mode_at_rest is not None:
+            return "the drone is stopping; it changes when it is at rest"
+        return requests.onto_the_bottom(self._guidance, request.depth)
 
     def _pass_control(self, request: PilotRequest, reason: str, now: Ns) -> None:
         if not reason and (announcement := self.authority.grant(request, now)):
@@ -275,6 +282,7 @@ class ReferenceGenerator:
             case "disarm":
                 self._disarmed_ns = max(self._disarmed_ns, min(request.stamp_ns, now))
                 self.armed = self.stopping = False
+                self._mode_at_rest = None
                 self._failsafes.disarm()
                 self.outputs.disarm()
                 guidance.change(self.requested)
@@ -282,6 +290,7 @@ class ReferenceGenerator:
                 return self._failsafes.resume()
             case "stop":
                 self.stopping, self._stop = True, guidance.stop()
+                self._mode_at_rest = None
             case "light" | "output":
                 return self.outputs.set(request, now, armed=self.armed)
             case "goto" | "follow" | "mode":
@@ -297,9 +306,27 @@ class ReferenceGenerator:
             return requests.goto(guidance, request)
         if request.kind == "follow":
             return requests.follow(guidance, request.course)
+        if self.armed and self.stopping and request.flight_mode is not None:
+            self._mode_at_rest = request.flight_mode
+            return ""
         reason = requests.mode(guidance, request.flight_mode, armed=self.armed)
         self.requested = self.requested if reason else guidance.flight_mode
         return reason
+
+    def _end_stop(self) -> None:
+        """The sticks are centred: where the drone rests, too, a stop is over, and the mode that was
+        asked for in it is taken up, unless a failsafe acts."""
+        self.stopping = self.stopping and not self._guidance.settled
+        wanted = self._mode_at_rest
+        if self.stopping or wanted is None:
+            return
+        self._mode_at_rest = None
+        reason = "a failsafe acts" if self._acts else ""
+        reason = reason or requests.mode(self._guidance, wanted, armed=self.armed)
+        if reason:
+            self.outbox.tell(events.REFUSED("mode", detail=reason))
+        else:
+            self.requested = self._guidance.flight_mode
 
     def _arm(self) -> None:
         """Arm in the requested mode, if it is available; otherwise stabilised."""
