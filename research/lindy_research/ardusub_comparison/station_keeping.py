@@ -92,7 +92,7 @@ def keep_with_lindy(path: str, folder: Path) -> StationFlight:
     try:
         dive(
             path, vehicle, overrides, script, folder, truth_port,
-            stack="ardusub_dvl", parameters=WATER,
+            stack="ardusub_instruments", parameters=WATER,
         )  # fmt: skip
     finally:
         truth = observer.close()

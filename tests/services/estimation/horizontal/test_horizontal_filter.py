@@ -43,7 +43,8 @@ def interval(
 ) -> Interval:
     return Interval(
         seconds=seconds, acceleration=acceleration, attitude=from_euler(roll, pitch, heading),
-        heading_std=0.05, yaw_rate=yaw_rate, force=force, depth_rate=depth_rate, depth_rate_std=0.01,
+        heading_std=0.05, yaw_rate=yaw_rate, force=force, depth_rate=depth_rate,
+        depth_rate_std=0.01,
     )  # fmt: skip
 
 
