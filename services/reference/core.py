@@ -32,6 +32,7 @@ from services.reference.guidance.axes import centred
 from services.reference.guidance.centring import CentredSticks
 from services.reference.guidance.ground_motion import whereabouts
 from services.reference.guidance.guidance import Guidance
+from services.reference.guidance.home import Home, HomePlace
 from services.reference.guidance.modes import lacking
 from services.reference.guidance.pilot_outputs import PilotOutputs
 from services.reference.guidance.refusals import refusal
@@ -53,6 +54,8 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     surfaced: bool = False
     armed_ns: int = 0  # [ns] stamp of the newest arm, later than every disarm before it
     disarmed_ns: int = 0  # [ns] stamp of the newest disarm
+    home: HomePlace | None = None
+    home_lost: bool = False
 
 
 SHORT = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
@@ -101,6 +104,7 @@ class ReferenceGenerator:
         self._armed_ns, self._disarmed_ns = b.armed_ns, b.disarmed_ns
         self.authority = ControlAuthority(b.lease, self.started_ns)
         self._guidance = Guidance(self.settings, self.outbox, b.flight_mode, self.law)
+        self._guidance.home = Home(b.home, b.home_lost)
         rows, memory = table(self.settings.failsafe), dict(b.failsafes)
         self._failsafes = FailsafeMachine(rows, self.outbox, memory, b.armed, b.surfaced)
         self.conditions = ConditionWatch(self.settings.failsafe, self.watched, self.started_ns)
@@ -117,6 +121,8 @@ class ReferenceGenerator:
             self._failsafes.surfaced,
             self._armed_ns,
             self._disarmed_ns,
+            self._guidance.home.place,
+            self._guidance.home.lost,
         )
 
     # Steps.
@@ -133,6 +139,7 @@ class ReferenceGenerator:
         if state is not None:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
+        guidance.home.see(state, guidance.ground, guidance.t, armed=self.armed)
         newest = self.conditions.newest
         guidance.bottom.see(newest.dvl, state, guidance.t, newest.altimeter)
         if guidance.state is None:
@@ -293,7 +300,7 @@ class ReferenceGenerator:
                 self._mode_at_rest = None
             case "light" | "output":
                 return self.outputs.set(request, now, armed=self.armed)
-            case "goto" | "follow" | "mode":
+            case "goto" | "follow" | "home" | "unwind" | "mode":
                 return self._move(request)
             case "lease" | "offer" | "release" | "force":
                 pass  # `_pass_control`
@@ -302,10 +309,17 @@ class ReferenceGenerator:
     def _move(self, request: PilotRequest) -> str:
         """Begin a manoeuvre or change the mode. Returns the reason for a refusal, or nothing."""
         guidance = self._guidance
-        if request.kind == "goto":
-            return requests.goto(guidance, request)
-        if request.kind == "follow":
-            return requests.follow(guidance, request.course)
+        match request.kind:
+            case "goto":
+                return requests.goto(guidance, request)
+            case "follow":
+                return requests.follow(guidance, request.course)
+            case "home":
+                return requests.home(guidance)
+            case "unwind":
+                return requests.unwind(guidance)
+            case _:
+                pass
         if self.armed and self.stopping and request.flight_mode is not None:
             self._mode_at_rest = request.flight_mode
             return ""

@@ -1,7 +1,7 @@
 """Why the drone refuses a request of the pilot who has control."""
 
 from messages import events
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import MANOEUVRES, PilotAnswer, PilotCommand, PilotRequest
 from messages.units import Ns
 from services.reference.guidance.axes import centred
 
@@ -34,13 +34,14 @@ def refusal(
             return "no pilot: no fresh stick positions arrive"
         if not centred(command):
             return "the sticks are not centred"
-    if request.kind in ("goto", "follow") and not armed:
+    moves = request.kind in MANOEUVRES
+    if moves and not armed:
         return "the drone is not armed"
-    if request.kind in ("goto", "follow", "mode") and armed and acting:
+    if (moves or request.kind == "mode") and armed and acting:
         return "a failsafe acts; first resume"
-    if request.kind in ("goto", "follow") and armed and stopping:
+    if moves and armed and stopping:
         return "the drone is stopping; ask again when it is at rest"
-    if request.kind in ("goto", "follow") and command is not None and not centred(command):
+    if moves and command is not None and not centred(command):
         return "the sticks are not centred, and they have priority"
     return ""
 
