@@ -53,7 +53,7 @@ EK3_SRC1_POSXY 6
 EK3_SRC1_VELXY 6
 EK3_SRC1_POSZ 1
 """
-POSHOLD_SURGE = 0.7  # [-] of its full stick, for about 0.3 m/s
+POSHOLD_SURGE = 0.28  # [-] of its full stick, for about 0.3 m/s
 # Gains by the rule of bluerov2_heavy for this simulator's 10.5 kg, ω = 1 rad/s.
 PLACE = (
     "control.surge.kp=10.5",
