@@ -61,7 +61,6 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     heard = HeardMessages(settings.board, HEARD)
     board = MavlinkEndpoint(links, node.outbox, settings.system, settings.component, heard=heard)
     pass_on = _passing_on(driver, board, node)
-    actuation = node.publisher(topics.ACTUATION)
 
     def obey(command: ThrusterCommand, now: int) -> None:
         driver.obey(command, now)
@@ -91,9 +90,6 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
         driver.tick(now)
         pass_on()
 
-    def report(now: int) -> None:
-        actuation.put(driver.actuation(now))
-
     def close() -> None:
         driver.disarm()
         pass_on()
@@ -104,11 +100,20 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     node.each(topics.PILOT_REQUEST, hear)
     node.every(TICK_HZ, look)
     node.every(CONNECT_HZ, listen)
-    node.every(topics.ACTUATION.hz, report)
+    _report_actuation(node, driver)
     _report_the_enclosure(node, driver)
     _show_light_and_tilt(node, driver)
     node.on_close(close)
     links.start(node.from_outside(listen))
+
+
+def _report_actuation(node: Node, driver: ArdusubDriver) -> None:
+    actuation = node.publisher(topics.ACTUATION)
+
+    def report(now: int) -> None:
+        actuation.put(driver.actuation(now))
+
+    node.every(topics.ACTUATION.hz, report)
 
 
 def _report_the_enclosure(node: Node, driver: ArdusubDriver) -> None:

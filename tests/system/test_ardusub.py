@@ -141,13 +141,17 @@ def beyond_rest(found: Sequence[float]) -> float:
 def test_a_drone_that_pitches_in_surge_keeps_its_depth_when_surge_is_let_go(
     tmp_path: Path,
 ) -> None:
-    """Its bow is heavy, so that it lies pitched and its surge thrust pushes it down."""
-    script, heavy = RELEASES.format(surge=1, yaw=0), "simulator.hull.gravity_shift=[0.012,0,0]"
-    off = [
-        beyond_rest([truth.position[2] for truth in after_the_release(flight)])
-        for n, more in enumerate(((), ("control.coupling.heave=false",)))
-        if (flight := Flight(_new(tmp_path / f"{n}"), script=script, overrides=(heavy, *more)))
-    ]
+    """Its bow is heavy, so that it lies pitched and its surge thrust pushes it down; and the flow
+    lifts its hull no more than that of ArduSub's own simulator."""
+    hull = (
+        "simulator.hull.gravity_shift=[0.012,0,0]",
+        "simulator.hull.added_mass=[6.36, 7.12, 6.36, 0.189, 0.135, 0.222]",
+        "simulator.wake_share=0.0",
+    )
+    script, off = RELEASES.format(surge=1, yaw=0), list[float]()
+    for n, more in enumerate(((), ("control.coupling.heave=false",))):
+        flight = Flight(_new(tmp_path / f"{n}"), script=script, overrides=(*hull, *more))
+        off.append(beyond_rest([truth.position[2] for truth in after_the_release(flight)]))
     assert off[0] < 0.1 < 0.7 * off[1], off
 
 
@@ -163,7 +167,7 @@ def test_a_turn_of_a_hull_with_more_drag_than_its_file_ends_where_it_should(
         flight = Flight(_new(tmp_path / f"{n}"), script=script, overrides=(drag, *more))
         headings = [truth.heading for truth in after_the_release(flight)]
         beyond.append(max(headings) - fmean(headings[-20:]))
-    assert beyond[0] < 0.02 < 0.03 < beyond[1], beyond
+    assert beyond[0] < 0.02 < 0.8 * beyond[1], beyond
 
 
 def _new(folder: Path) -> Path:

@@ -16,7 +16,6 @@ from lindy_research.ardusub_comparison.station_keeping import (
 from lindy_research.ardusub_comparison.sticks import drawn, judged
 
 PILOTS = {"lindy": fly_lindy, "shipped": fly_shipped, "alt_hold": fly_alt_hold}
-
 STATIONS = {"lindy": keep_with_lindy, "poshold": keep_with_poshold}
 
 
@@ -42,9 +41,9 @@ def main() -> int:
             return 0
         if said.drawn is not None:
             moves = drawn(said.drawn, said.rounds)
-            for name in [said.pilot] if said.pilot else PILOTS:
-                flight = PILOTS[name](path, moves, folder / f"{name}_{said.drawn}")
-                print(table(flight), flush=True)
+            for name, fly in PILOTS.items():
+                if said.pilot in (None, name):
+                    print(table(fly(path, moves, folder / f"{name}_{said.drawn}")), flush=True)
             return 0
         flights = [
             fly_alt_hold(path, judged(), folder / "alt_hold"),

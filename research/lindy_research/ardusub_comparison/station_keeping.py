@@ -34,6 +34,7 @@ PLAN = (
 )
 STAGES = ("still water", "0.2 m/s to starboard", "0.4 m/s to starboard", "0.4 m/s ahead")
 PUSH_S, AFTER_S = 4.0, 10.0  # [s] of surge, and of rest after it
+WAIT_S = PLAN_S - 6.0  # [s] from a depth of 2 m, and so before surge is pushed
 SURGE_AT = PLAN_S + 4 * STAGE_S
 MOVES = (
     StickMove(0.0),
@@ -52,7 +53,7 @@ EK3_SRC1_POSXY 6
 EK3_SRC1_VELXY 6
 EK3_SRC1_POSZ 1
 """
-POSHOLD_SURGE = 0.7  # [-] of its full stick, for about 0.3 m/s
+POSHOLD_SURGE = 0.28  # [-] of its full stick, for about 0.3 m/s
 # Gains by the rule of bluerov2_heavy for this simulator's 10.5 kg, ω = 1 rad/s.
 PLACE = (
     "control.surge.kp=10.5",
@@ -82,7 +83,7 @@ def keep_with_lindy(path: str, folder: Path) -> StationFlight:
         RuntimeError: the dive does not end in order.
     """
     folder.mkdir(parents=True)
-    sea, truth_port = Sea(PLAN, PLAN_S - MOVES[1].at), free_port()
+    sea, truth_port = Sea(PLAN, WAIT_S), free_port()
     observer = TruthObserver(truth_port, sea.see)
     rows = [f"{m.at:g},{m.surge:g},0,{m.heave:g},0," for m in MOVES]
     rows.insert(3, f"{HOLD_S:g},0,0,0,0,mode station_keeping")
@@ -108,7 +109,7 @@ def keep_with_poshold(path: str, folder: Path) -> StationFlight:
         RuntimeError: the board does not arm, or refuses POSHOLD.
     """
     port, truth_port = free_port(), free_port()
-    sea, sent = Sea(PLAN, PLAN_S - MOVES[1].at), list[StickMove]()
+    sea, sent = Sea(PLAN, WAIT_S), list[StickMove]()
     observer = TruthObserver(truth_port, sea.see)
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link,
