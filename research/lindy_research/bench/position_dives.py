@@ -1,5 +1,6 @@
 """Dives of a BlueROV2 Heavy with a DVL A50 on virtual time: a place held, stops over ground, a
-rough sea floor below, a lock that is lost or wrong. Truth beside reference, of seeds that tuned nothing.
+rough sea floor below, a lock that is lost or wrong. Truth beside reference, of seeds that tuned
+nothing.
 """
 
 from math import hypot
