@@ -145,11 +145,13 @@ class AtOrigin:
         return replace(sample, pressure=pressure)
 
     def dvl(self, sample: DvlSample) -> DvlSample:
-        if self._dvl.along and self._dvl_arm == ORIGIN:
+        scale = self._calibration.dvl_scale
+        if self._dvl.along and self._dvl_arm == ORIGIN and scale == 1.0:
             return sample
         moment, velocity = self._at(sample.stamp_ns), sample.velocity
         if velocity is not None:
-            velocity = self._dvl.to_body(velocity)
+            x, y, z = velocity
+            velocity = self._dvl.to_body((scale * x, scale * y, scale * z))
             velocity = _minus(velocity, velocity_at(self._dvl_arm, moment.rate))
         deeper = to_world(moment.attitude, self._dvl_arm)[2]
         altitude = None if sample.altitude is None else max(0.0, sample.altitude + deeper)
