@@ -32,8 +32,8 @@ FORCE_NOISE, RATE_NOISE = 2e-3, 1.5e-4  # [m/s²/√Hz], [rad/s/√Hz] of a smal
 GRAVITY = 9.81  # [m/s²]
 LEAST_STD = 0.001  # [m/s] no DVL is better
 SMOOTH = 9  # IMU samples of the acceleration that tells the stamps' offset
-# One standard deviation before anything is measured: tilt and yaw [rad], scale [-], lever arm [m], biases
-# of the IMU [m/s²] and [rad/s], offset of the stamps [s].
+# One standard deviation before anything is measured: tilt and yaw [rad], scale [-], lever arm [m],
+# biases of the IMU [m/s²] and [rad/s], offset of the stamps [s].
 PRIOR = np.array([0.2, 0.2, 2.0, 0.05, *[1.0] * 3, *[0.2] * 3, *[0.05] * 3, 0.1])
 ROUNDS, STEPS = 25, 30  # of what is taken away, and of the fit within each
 SETTLED = 1e-6  # [rad, -, m …] a smaller step ends it
@@ -49,7 +49,7 @@ TURNS = np.array(
 )  # small rotations about forward, starboard and down
 
 
-class Stretch(NamedTuple):
+class DvlStretch(NamedTuple):
     """Samples of some seconds without a gap."""
 
     imu: Floats  # shape (m, 7): [s], angular rate [rad/s], specific force [m/s²]; body, at origin
@@ -128,13 +128,13 @@ class Unknowns(NamedTuple):
         return Unknowns(_turn(step[:3]) @ self.rotation, self.rest + step[3:], self.taken)
 
 
-def stretches(imu: Floats, dvl: Floats) -> list[Stretch]:
+def stretches(imu: Floats, dvl: Floats) -> list[DvlStretch]:
     """Cut at gaps, and where they would be too long.
 
     Args:
-        imu, dvl: as of `Stretch`, in order.
+        imu, dvl: as of `DvlStretch`, in order.
     """
-    found = list[Stretch]()
+    found = list[DvlStretch]()
     if len(imu) < 2:
         return found
     run = np.concatenate([[0], np.cumsum(np.diff(imu[:, 0]) > IMU_GAP)])
@@ -154,12 +154,12 @@ def stretches(imu: Floats, dvl: Floats) -> list[Stretch]:
         if i - begin >= FEWEST:
             first, last = np.searchsorted(imu[:, 0], [dvl[begin, 0] - SPARE, dvl[i - 1, 0] + SPARE])
             same = run[first:last] == run[after[begin]]
-            found.append(Stretch(imu[first:last][same], dvl[begin:i]))
+            found.append(DvlStretch(imu[first:last][same], dvl[begin:i]))
         begin = i
     return found
 
 
-def fitted(those: Sequence[Stretch]) -> DvlFit | None:
+def fitted(those: Sequence[DvlStretch]) -> DvlFit | None:
     """None: there are none.
 
     The gyroscope's bias and the stamps' offset enter through their first derivatives, so all is
@@ -269,7 +269,7 @@ def _normal(at: Unknowns, Q: Floats) -> tuple[Floats, Floats]:
     return H, J.T @ Q @ at.point + at.unlikely * PRIOR**-2.0
 
 
-def _form(stretch: Stretch, taken: Floats, before: Unknowns | None) -> QuadraticForm:
+def _form(stretch: DvlStretch, taken: Floats, before: Unknowns | None) -> QuadraticForm:
     """
     Args:
         taken: as of `Unknowns`.
