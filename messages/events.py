@@ -415,6 +415,7 @@ LIMITED = row("limited", SENSOR, "the compass deviates by more than can be corre
 NO_BOTTOM = row("no_bottom", SENSOR, "the Doppler log (DVL) has no bottom lock")
 NO_BOTTOM_ALTIMETER = row("no_bottom:sensor/altitude", SENSOR, "the echo sounder hears no bottom", said="info")
 TOO_OLD = row("too_old", SENSOR, "a measurement came too late to be used")
+UNREADY = row("unready", ROUTINE, "a measurement is not used yet: calibrating")
 AHEAD = row("ahead", SENSOR, "a measurement had a time stamp in the future")
 NOT_NEWER = row("not_newer", SENSOR, "a sample was not newer than the previous one")
 PREDICTED = row("predicted", DANGER, "the drone's state is predicted because its IMU is silent")
@@ -430,6 +431,7 @@ TROUBLE = row("trouble", SENSOR, "an instrument on board reports trouble of its 
 CONFIGURED = row("configured", ROUTINE, "an instrument on board was set up", said="info")
 NOT_CONFIGURED = row("not_configured", SENSOR, "an instrument on board refuses a setting or command", said="warning")
 SECOND_INSTRUMENT = row("second_instrument", SENSOR, "two instruments on board measure the same: only the first is used", "leave one of them out of the stack", said="warning")
+SECOND_POSITION = row("second_position", ROUTINE, "two instruments on board know the position: the first is used, the other one when it is silent", said="info")
 NO_FIX = row("no_fix", SENSOR, "an instrument on board has no position", said="info")
 ORIGIN = row("origin", ROUTINE, "north and east count from here", said="info")
 

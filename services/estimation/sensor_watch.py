@@ -22,6 +22,7 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.units import WithinAnHour
+from services.marine.rhythm import SampleRhythm
 from services.marine.summation import plain_sum
 from services.marine.vehicle import Thruster
 
@@ -94,6 +95,8 @@ class SensorWatch:
         noise: tuple[float, ...] = (),
         std: float | None = None,
         at_rest: "tuple[float, ThrustWatch] | None" = None,
+        *,
+        by_rhythm: bool = False,
     ) -> None:
         """
         Args:
@@ -103,12 +106,14 @@ class SensorWatch:
             silent_after: [s] without samples.
             noise: largest 1σ of each number; empty: any.
             std: declared 1σ of the only number, to find out sooner that it is frozen.
+            by_rhythm: silent sooner, where its samples come often enough.
             at_rest: [s] in place of `frozen_after` while nothing moves the vehicle, and who knows.
         """
         self._key, self._outbox = key, outbox
         self._content: tuple[float, ...] | None = None
         self._stamp_ns: int | None = None
         self._silent_after, self._silent = silent_after, False
+        self._rhythm = SampleRhythm(silent_after) if by_rhythm else None
         self._excuse: Event | None = None  # what the sensor itself says it lacks
         # Rate: a whole window of periods, drop-outs left out, within these times.
         self._rate_wrong = False
@@ -133,7 +138,9 @@ class SensorWatch:
         without any sample so far is absent, not silent. A noisy one is used."""
         last_ns = self._stamp_ns
         if last_ns is not None and not self._silent:
-            self._silent = (now - last_ns) * 1e-9 > self._silent_after
+            rhythm = self._rhythm
+            patience = self._silent_after if rhythm is None else rhythm.patience
+            self._silent = (now - last_ns) * 1e-9 > patience
             if self._silent:
                 self._outbox.tell(events.SILENT(self._key))
         if self._silent:
@@ -149,6 +156,8 @@ class SensorWatch:
     def excused(self, why: Event, stamp_ns: int) -> None:
         """The sensor is alive and says itself why it measures nothing now."""
         self._excuse, self._stamp_ns, self._silent = why, max(stamp_ns, self._stamp_ns or 0), False
+        if self._rhythm is not None:
+            self._rhythm.see(stamp_ns)
 
     def judge(self, content: tuple[float, ...], stamp_ns: int) -> Event | None:  # noqa: C901
         """Why a sample cannot be used; None: it can. In one piece: these are all the questions.
@@ -166,6 +175,8 @@ class SensorWatch:
             return refused
         self._content, self._stamp_ns = content, stamp_ns
         self._silent, self._excuse = False, None
+        if self._rhythm is not None:
+            self._rhythm.see(stamp_ns)
 
         if self._window and last_ns is not None:
             if stamp_ns - last_ns > self._gap_ns:
@@ -419,6 +430,6 @@ def watches_of(
         field: SensorWatch(
             field, MAGNETOMETER_FROZEN, outbox, limits.magnetometer_rate, MAGNETOMETER_SILENT
         ),
-        dvl: SensorWatch(dvl, DVL_FROZEN, outbox, silent_after=DVL_SILENT),
+        dvl: SensorWatch(dvl, DVL_FROZEN, outbox, silent_after=DVL_SILENT, by_rhythm=True),
         usbl: SensorWatch(usbl, USBL_FROZEN, outbox, silent_after=USBL_SILENT),
     }  # fmt: skip

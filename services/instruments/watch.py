@@ -78,10 +78,12 @@ class InstrumentWatch:
 
 @dataclass(slots=True)
 class FirstOfTwo:
-    """Where two instruments measure the same, who came first goes on."""
+    """Where two instruments measure the same, who came first goes on. `other`: the name of one that
+    measures it by other means, so that both are there on purpose."""
 
     name: str
     outbox: Outbox
+    other: str = ""
     _own_ns: Ns | None = None  # of the newest that was used
     _other_ns: Ns | None = None  # another one's newest
 
@@ -89,7 +91,10 @@ class FirstOfTwo:
         """Another service has published a measurement of the same."""
         before, self._other_ns = self._other_ns, now
         if before is None or now - before > OTHER_NS:
-            self.outbox.tell(events.SECOND_INSTRUMENT(self.name))
+            if self.other:
+                self.outbox.tell(events.SECOND_POSITION(self.name, detail=f"now {self.other}"))
+            else:
+                self.outbox.tell(events.SECOND_INSTRUMENT(self.name))
 
     def uses_own(self, now: Ns, *, measured: bool = True) -> bool:
         """To be asked for each sample of its own; one may say only that it measures nothing."""

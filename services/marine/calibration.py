@@ -4,6 +4,7 @@
     gyroscope       ω = ω' - bias
     magnetometer    m = S (m' - bias): hard iron and soft iron
     pressure        p = p' - offset
+    DVL             v = scale v'
 
 All in the sensor's own axes, before its mounting. `lindy calibrate` finds the numbers. A vehicle
 without this table has sensors that are right but for what each dive's own calibration finds.
@@ -36,6 +37,7 @@ class SensorCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     magnetometer_bias: tuple[FieldBias, FieldBias, FieldBias] = NO_BIAS  # [T]
     magnetometer_matrix: IronMatrix = NO_IRON  # [-] S
     pressure_offset: Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)] = 0.0  # [Pa]
+    dvl_scale: ScaleFactor = 1.0  # [-]
 
     def field(self, measured: Vec3) -> Vec3:
         """[T] Of a raw one [T]."""

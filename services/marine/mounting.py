@@ -64,11 +64,12 @@ class Mount(Turned, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Mounting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All sensors. The magnetic field is uniform within the vehicle; pressure and an acoustic fix
-    have no axes."""
+    """All sensors. The magnetic field is uniform within the vehicle; pressure, an acoustic fix and
+    an altitude, which is vertical, have no axes."""
 
     imu: Mount = Mount()
     magnetometer: Turned = Turned()
     pressure: Placed = Placed()  # must be under water when the vehicle floats
     dvl: Mount = Mount()
     usbl: Placed = Placed()
+    altimeter: Placed = Placed()

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
+from messages.sensors import AltitudeSample, DvlSample
 from messages.state import VehicleState
 from services.marine.vehicle import Vehicle
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
@@ -14,6 +15,7 @@ from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from services.runtime.node.peers import Peers
+from services.vehicle.mounting import AltitudeAtOrigin
 
 SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
@@ -25,9 +27,9 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
     """
     before = node.restore_checkpoint(GuidanceCheckpoint) or GuidanceCheckpoint()
     settings = stack.section("reference", Settings)
-    outputs = stack.section("vehicle", Vehicle).output
+    vehicle = stack.section("vehicle", Vehicle)
     generator = ReferenceGenerator(
-        settings, node.outbox, before, node.now(), stack.watched, outputs, law
+        settings, node.outbox, before, node.now(), stack.watched, vehicle.output, law
     )
     commands = node.latest(topics.PILOT_COMMAND)
     commands.obey(generator.authority)
@@ -38,6 +40,8 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
     wrench, battery = node.latest(topics.WRENCH), node.latest(topics.BATTERY)
     leak, dvl = node.latest(topics.LEAK), node.latest(topics.DVL)
     temperature, altimeter = node.latest(topics.TEMPERATURE), node.latest(topics.ALTITUDE)
+    of_dvl = AltitudeAtOrigin[DvlSample](vehicle.mounting.dvl.position)
+    of_altimeter = AltitudeAtOrigin[AltitudeSample](vehicle.mounting.altimeter.position)
 
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)
@@ -46,13 +50,14 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
     saved = generator.checkpoint
 
     def on_state(state: VehicleState | None, now: int) -> None:
+        attitude = None if state is None else state.attitude
         conditions.newest = WatchedMessages(  # a wet detector that falls silent is still wet
             wrench=wrench.newest(now),
             battery=battery.newest(now),
             leak=leak.newest(now),
             temperature=temperature.newest(now),
-            dvl=dvl.fresh(now),
-            altimeter=altimeter.fresh(now),
+            dvl=of_dvl.of(dvl.fresh(now), attitude),
+            altimeter=of_altimeter.of(altimeter.fresh(now), attitude),
         )
         if (out := generator.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)

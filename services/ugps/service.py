@@ -25,4 +25,4 @@ def opened(
 
 
 def wire(node: Node, stack: Stack) -> None:
-    connect(node, stack, partial(opened, node=node), topics.USBL)
+    connect(node, stack, partial(opened, node=node), topics.USBL, other="gnss")

@@ -1,8 +1,9 @@
 """From a sensor's position and axes to the vehicle's origin and axes, and back.
 
 A driver publishes raw samples, in the sensor's own axes and position. Estimation corrects them by
-the calibration and transforms them on arrival (`AtOrigin`); the simulator uses the inverse of the
-transformation. Samples of a sensor at the origin along the body's axes are unchanged.
+the calibration and transforms them on arrival (`AtOrigin`), `reference` their altitudes
+(`AltitudeAtOrigin`); the simulator uses the inverse of the transformation. Samples of a sensor at
+the origin along the body's axes are unchanged.
 
 Rigid-body kinematics (Fossen 2011, §2.2 and eq. 7.8): a point at r has the velocity v + ω × r and
 the specific force f + ω × (ω × r) + ω̇ × r.
@@ -11,12 +12,13 @@ the specific force f + ω × (ω × r) + ω̇ × r.
 from bisect import bisect_right
 from collections import deque
 from math import exp
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from msgspec.structs import replace
 
 from messages.sensors import (
+    AltitudeSample,
     DvlSample,
     ImuSample,
     MagnetometerSample,
@@ -34,6 +36,7 @@ LONGEST_STEP = 0.1  # [s] no differencing over a longer gap
 REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: twice what estimation uses
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 UNCORRECTED = SensorCalibration()
+S = TypeVar("S", DvlSample, AltitudeSample)
 
 
 class MountedAxes:
@@ -145,15 +148,15 @@ class AtOrigin:
         return replace(sample, pressure=pressure)
 
     def dvl(self, sample: DvlSample) -> DvlSample:
-        if self._dvl.along and self._dvl_arm == ORIGIN:
+        scale = self._calibration.dvl_scale
+        if self._dvl.along and self._dvl_arm == ORIGIN and scale == 1.0:
             return sample
         moment, velocity = self._at(sample.stamp_ns), sample.velocity
         if velocity is not None:
-            velocity = self._dvl.to_body(velocity)
+            x, y, z = velocity
+            velocity = self._dvl.to_body((scale * x, scale * y, scale * z))
             velocity = _minus(velocity, velocity_at(self._dvl_arm, moment.rate))
-        deeper = to_world(moment.attitude, self._dvl_arm)[2]
-        altitude = None if sample.altitude is None else max(0.0, sample.altitude + deeper)
-        return replace(sample, velocity=velocity, altitude=altitude)
+        return replace(sample, velocity=velocity)
 
     def usbl(self, sample: UsblSample) -> UsblSample:
         if self._usbl_arm == ORIGIN:
@@ -167,6 +170,26 @@ class AtOrigin:
             return Moment(stamp_ns)
         after = bisect_right(self._moments, stamp_ns, key=lambda moment: moment.stamp_ns)
         return self._moments[max(0, after - 1)]
+
+
+class AltitudeAtOrigin(Generic[S]):
+    """Altitudes of one sensor as those of the vehicle's origin, by the attitude when a sample is
+    first seen."""
+
+    def __init__(self, arm: Vec3) -> None:
+        self._arm = arm  # [m]
+        self._raw: S | None = None  # newest
+        self._there: S | None = None  # the same at the origin
+
+    def of(self, sample: S | None, attitude: Quaternion | None) -> S | None:
+        """`attitude` None: not known, taken as level."""
+        if self._arm == ORIGIN or sample is None or sample.altitude is None:
+            return sample
+        if sample is not self._raw:
+            lower = self._arm[2] if attitude is None else to_world(attitude, self._arm)[2]  # [m]
+            altitude = max(0.0, sample.altitude + lower)
+            self._raw, self._there = sample, replace(sample, altitude=altitude)
+        return self._there
 
 
 class Turning:

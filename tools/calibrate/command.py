@@ -11,6 +11,7 @@ from services.runtime.config.errors import LindyError
 from tools.ask import dive_in
 from tools.calibrate.accelerometer import AccelerometerGuide
 from tools.calibrate.compass import CompassGuide
+from tools.calibrate.dvl import DvlGuide
 from tools.calibrate.guide import CalibrationGuide, replay
 from tools.calibrate.gyroscope import GyroscopeGuide
 from tools.calibrate.live import guide_live
@@ -107,6 +108,23 @@ def pressure(
     if not 500.0 <= atmosphere <= 1200.0:
         raise LindyError(f"--atmosphere is {atmosphere:g}, expected 500 to 1200 hPa")
     return _calibrate(lambda _: PressureGuide(100.0 * atmosphere), recording, out, vehicle, dive)
+
+
+@calibrate.command
+def dvl(
+    recording: RecordingArgument = None,
+    /,
+    *,
+    out: NewFileOption = None,
+    vehicle: FileOption = None,
+    dive: RunningDive = None,
+) -> int:
+    """How a DVL is mounted, and its scale, of a dive that surges, sways, stops and turns.
+
+    Example: lindy dive --vehicle mine.toml --pilot script:dvl_check
+             lindy calibrate dvl dives/latest --out better.toml
+    """
+    return _calibrate(DvlGuide, recording, out, vehicle, dive)
 
 
 def _calibrate(

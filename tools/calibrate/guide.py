@@ -8,11 +8,13 @@ from typing import Protocol
 
 from messages import topics
 from messages.message import Message
+from messages.topic import AnyTopic
 from services.runtime.node.node import Node
 from tools.calibrate.results import SensorFound
 from tools.recordings.recording import Recording
 
-KEYS = {topics.IMU.key, topics.MAGNETOMETER.key, topics.PRESSURE.key}
+SENSORS: tuple[AnyTopic, ...] = (topics.IMU, topics.MAGNETOMETER, topics.PRESSURE, topics.DVL)
+KEYS = {topic.key for topic in SENSORS}
 SAID_HZ = 1.0  # [1/s] a new instruction is shown at most this often
 
 
@@ -64,8 +66,7 @@ def listen(node: Node, guide: CalibrationGuide, say: Callable[[str], None]) -> C
             said = prompt
             say(prompt)
 
-    node.each(topics.IMU, see)
-    node.each(topics.MAGNETOMETER, see)
-    node.each(topics.PRESSURE, see)
+    for topic in SENSORS:
+        node.each(topic, see)
     node.every(SAID_HZ, speak)
     return lambda: heard

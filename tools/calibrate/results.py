@@ -1,8 +1,10 @@
-"""What a calibration found: settings of [vehicle.calibration], with their deviations."""
+"""What a calibration found: settings of a vehicle file, with their deviations."""
 
 from typing import NamedTuple
 
 from services.runtime.config.errors import LindyError
+
+CALIBRATION_TABLE = "vehicle.calibration"
 
 
 class CalibrationError(LindyError):
@@ -10,13 +12,14 @@ class CalibrationError(LindyError):
 
 
 class Setting(NamedTuple):
-    """One line of the table."""
+    """One line of a table."""
 
     key: str
     value: float | tuple[float, ...] | tuple[tuple[float, ...], ...]
     std: tuple[float, ...]  # 1σ of each number, in order; empty: not known
     unit: str
     about: str = ""
+    table: str = CALIBRATION_TABLE
 
     @property
     def toml(self) -> str:

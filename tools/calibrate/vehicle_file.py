@@ -1,12 +1,12 @@
-"""The table [vehicle.calibration] for a vehicle file, and the file with it in it."""
+"""The tables for a vehicle file, and the file with them in it."""
 
 import re
 import tomllib
 from collections.abc import Sequence
+from typing import Any
 
 import msgspec
 
-from services.marine.calibration import SensorCalibration
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import convert, deploy_file, parsed_toml, read_text
@@ -14,7 +14,6 @@ from tools.calibrate.results import Setting
 from tools.recordings.dive_file import vehicle_attached
 from tools.recordings.recording import Recording
 
-TABLE = "vehicle.calibration"
 HEADING = re.compile(r"\s*\[+\s*([\w.]+)\s*\]+")
 
 
@@ -31,8 +30,11 @@ def vehicle_in(recording: Recording | None, chosen: str | None) -> tuple[str, st
 
 
 def table(settings: Sequence[Setting]) -> str:
-    """As it stands in a vehicle file."""
-    return "\n".join([f"[{TABLE}]", *(setting.line for setting in settings)])
+    """As they stand in a vehicle file."""
+    lines = list[str]()
+    for name, those in _by_table(settings).items():
+        lines += ["", f"[{name}]", *(setting.line for setting in those)]
+    return "\n".join(lines[1:])
 
 
 def with_settings(name: str, text: str, settings: Sequence[Setting], why: str) -> str:
@@ -42,38 +44,55 @@ def with_settings(name: str, text: str, settings: Sequence[Setting], why: str) -
         LindyError: the file is laid out in a way that cannot be rewritten.
     """
     wanted = _wanted(name, text, settings)
-    keys = {setting.key for setting in settings}
-    lines, inside, found = list[str](), False, False
-    for line in text.splitlines():
-        if heading := HEADING.match(line):
-            inside = heading[1] == TABLE
-            lines.append(line)
-            if inside:
-                found = True
-                lines += [f"{setting.line}; {why}" for setting in settings]
-        elif not (inside and line.partition("=")[0].strip() in keys):
-            lines.append(line)
-    if not found:
-        lines += ["", f"[{TABLE}]", *(f"{setting.line}; {why}" for setting in settings)]
-    new = "\n".join(lines) + "\n"
+    new = text
+    for heading, those in _by_table(settings).items():
+        new = _with_table(new, heading, those, why)
     try:
         is_so = read_vehicle(name, new) == wanted
     except LindyError:
         is_so = False
     if not is_so:
         raise LindyError(
-            f"{name}: its [{TABLE}] cannot be rewritten, because it stands on several lines or in "
-            f"a table of another form; enter the lines above by hand"
+            f"{name}: its [{' or ['.join(f'{key}]' for key in _by_table(settings))} cannot be "
+            f"rewritten, because it stands on several lines or in a table of another form; enter "
+            f"the lines above by hand"
         )
     return new
 
 
+def _by_table(settings: Sequence[Setting]) -> dict[str, list[Setting]]:
+    found = dict[str, list[Setting]]()
+    for setting in settings:
+        found.setdefault(setting.table, []).append(setting)
+    return found
+
+
+def _with_table(text: str, name: str, settings: Sequence[Setting], why: str) -> str:
+    keys = {setting.key for setting in settings}
+    entered = [f"{setting.line}; {why}" for setting in settings]
+    lines, inside, found = list[str](), False, False
+    for line in text.splitlines():
+        if heading := HEADING.match(line):
+            inside = heading[1] == name
+            lines.append(line)
+            if inside:
+                found = True
+                lines += entered
+        elif not (inside and line.partition("=")[0].strip() in keys):
+            lines.append(line)
+    if not found:
+        lines += ["", f"[{name}]", *entered]
+    return "\n".join(lines) + "\n"
+
+
 def _wanted(name: str, text: str, settings: Sequence[Setting]) -> Vehicle:
-    before = read_vehicle(name, text)
-    given = tomllib.loads("\n".join(setting.toml for setting in settings))
-    kept = msgspec.to_builtins(before.calibration)
-    calibration = convert({**kept, **given}, SensorCalibration, TABLE)
-    return msgspec.structs.replace(before, calibration=calibration)
+    tree: dict[str, Any] = msgspec.to_builtins(read_vehicle(name, text))
+    for heading, those in _by_table(settings).items():
+        inner = tree
+        for part in heading.split(".")[1:]:
+            inner = inner[part]
+        inner.update(tomllib.loads("\n".join(setting.toml for setting in those)))
+    return convert(tree, Vehicle, f"{name}: vehicle")
 
 
 def read_vehicle(name: str, text: str) -> Vehicle:

@@ -326,7 +326,9 @@ class HorizontalObserver:
         """Correct by a sample that is not an outlier; restart from one that has no prediction to
         compare with, or after too many outliers."""
         age = self._age(stamp_ns)
-        if self._at_ns is None or age < -LONGEST_STEP:
+        if self._at_ns is None:
+            return self._refuse(key, stamp_ns, events.UNREADY(key))
+        if age < -LONGEST_STEP:
             return self._refuse(key, stamp_ns, events.AHEAD(key))
         if age > OLDEST:
             return self._refuse(key, stamp_ns, events.TOO_OLD(key))

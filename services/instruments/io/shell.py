@@ -89,11 +89,13 @@ def connect(
     opens: Opens[P],
     topic: Topic[P],
     measures: Callable[[P], bool] = lambda _: True,
+    other: str = "",
 ) -> None:
     """An instrument without a url is none, and nothing is done.
 
     Args:
         measures: a sample says more than that nothing is measured.
+        other: as of `FirstOfTwo`.
 
     Raises:
         LindyError: as of `opens`; or time is virtual.
@@ -103,7 +105,7 @@ def connect(
     if (instrument := opens(stack, node.name, node.outbox)) is None:
         return
     publisher = node.publisher(topic)
-    first = FirstOfTwo(instrument.driver.watch.name, node.outbox)
+    first = FirstOfTwo(instrument.driver.watch.name, node.outbox, other)
 
     def look(now: Ns) -> None:
         for sample in exchange(instrument, node.now, now):

@@ -12,12 +12,13 @@ so a stop of the stick is the stop of depth hold.
 Where a depth is held and no height, the same law says how fast the stick may still lead down.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, hypot
 
 from messages import topics
 from messages.sensors import AltitudeSample, DvlSample
 from messages.state import VehicleState
+from services.marine.rhythm import SampleRhythm
 from services.marine.summation import plain_sum
 from services.reference.trajectory.minimum_jerk import Limits, Sample, solve
 from services.reference.trajectory.position import travelled
@@ -27,7 +28,7 @@ GATE = 0.3  # [m] a sample further from what was expected does not fit …
 LASTING_S = 0.9  # [s] … and is believed once all have been off to that side for so long
 FASTEST = 1.0  # [m/s] no bottom changes faster below a vehicle that follows it
 UNSEEN_S = 2.5  # [s] after the newest altitude the bottom is not taken to fall away any further
-PATIENCE_S = (topics.DVL.stale_after_ns or 0) / 1e9  # [s] without an altitude it is lost
+PATIENCE_S = (topics.DVL.stale_after_ns or 0) / 1e9  # [s] without one that fits it is lost
 BAND = 0.15  # [m] the height may be off by so much before the reference moves
 LEVEL = 0.04  # [m/s] a bottom that changes more slowly counts as flat
 RETURN_S = 1.0  # [s] time constant of the return to the height
@@ -49,6 +50,8 @@ class Bottom:
     speed: float = 0.0  # [m/s] over the ground, of the newest that was measured
     _doubted: tuple[float, float] | None = None  # [s], [m] the first of those that do not fit
     _stamp_ns: int = -1  # of the newest sample
+    _heard: float = 0.0  # [s] of the newest altitude, also of one that is doubted
+    _rhythm: SampleRhythm = field(default_factory=lambda: SampleRhythm(PATIENCE_S))
 
     @property
     def known(self) -> bool:
@@ -81,7 +84,9 @@ class Bottom:
         """The newest fresh samples, as often as anybody likes, beside the newest state. Where there
         is an altimeter, the height is its own; how fast the bottom passes, the DVL says."""
         self._began, self._now = t if self._began is None else self._began, t
-        if self._at is not None and t - self._at > PATIENCE_S:
+        if self._at is not None and (
+            t - self._at > PATIENCE_S or t - self._heard > self._rhythm.patience
+        ):
             self._at, self._doubted = None, None
         if dvl is not None and dvl.velocity is not None:
             self.speed = hypot(*dvl.velocity[:2])
@@ -89,9 +94,11 @@ class Bottom:
         if sample is None or state is None or sample.stamp_ns == self._stamp_ns:
             return
         self._stamp_ns = sample.stamp_ns
+        self._rhythm.see(sample.stamp_ns)
         if sample.altitude is None or not (state.depth.valid and state.depth_rate.valid):
             return
         age = max(0.0, (state.sensor_ns - sample.stamp_ns) / 1e9)
+        self._heard = t - age
         self._take(sample.altitude + state.depth.value - age * state.depth_rate.value, t - age)
 
     def shift(self, by: float) -> None:

@@ -97,3 +97,24 @@ def test_the_estimator_counts_its_silent_aids_and_its_compass() -> None:
         estimator.imu(imu, now)
     for name in ("magnetometer", "dvl", "usbl"):
         assert estimator.outbox.counts[f"silent:sensor/{name}"] == 1
+
+
+def test_a_fast_dvl_is_silent_after_a_second_and_a_sample_before_the_start_is_not_ahead() -> None:
+    """It is judged by the rate at which it comes, locked or not."""
+    estimator, told_s = (
+        Estimator(Settings(calibration=CalibrationSettings(still_time=1.0)), 0.17),
+        0.0,
+    )
+    for k in range(1, 2000):
+        now, wave = 10 * k * MS, 1e-3 * (k % 7)
+        if k % 2:
+            estimator.pressure(PressureSample(stamp_ns=now, pressure=101_900.0 + wave))
+        state = estimator.imu(imu_sample(now, (0.0, wave, -GRAVITY), (1e-4 * wave, 0.0, 0.0)), now)
+        if k <= 1500:  # beside every sample of the IMU: one comes just as calibration ends
+            seen = None if k % 300 > 250 else (wave, 0.0, 0.0)
+            estimator.dvl(DvlSample(stamp_ns=now, velocity=seen, std=0.01))
+        if state is not None and not told_s and estimator.outbox.counts["silent:sensor/dvl"]:
+            told_s = k / 100
+    assert 15.9 < told_s < 16.2
+    assert estimator.outbox.counts["ahead:sensor/dvl"] == 0
+    assert estimator.outbox.counts["unready:sensor/dvl"] == 1

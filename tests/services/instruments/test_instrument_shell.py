@@ -100,3 +100,12 @@ def test_one_that_measures_nothing_gives_way() -> None:
     first.heard_other(2 * OTHER_NS)
     assert not first.uses_own(2 * OTHER_NS + 1)
     assert outbox.counts == {"second_instrument:dvl": 1}
+
+
+def test_of_two_positions_it_is_said_which_is_used_and_nothing_to_be_left_out() -> None:
+    outbox = Outbox()
+    FirstOfTwo("gnss", outbox, "ugps").heard_other(0)
+    assert outbox.counts == {"second_position:gnss": 1}
+    ((level, text, _),) = outbox.said
+    assert level == "info"
+    assert "now ugps" in text

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.sensors import (
+    AltitudeSample,
     DvlSample,
     ImuSample,
     MagnetometerSample,
@@ -23,6 +24,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.vehicle.mounting import (
+    AltitudeAtOrigin,
     AtOrigin,
     Moment,
     MountedAxes,
@@ -92,11 +94,27 @@ def test_a_mounted_dvl_is_put_right(
     mount, q = Mount(rotation=rotation(angles), position=arm), from_euler(*lies)
     credentials = AtOrigin(Mounting(dvl=mount), DENSITY)
     credentials.moved(Moment(0, rate, q))
-    height = 9.0 - place_of(arm, (0.0, 0.0, 4.0), q)[2]
     seen = seen_there(mount, MountedAxes(mount), velocity, rate)
-    heard = credentials.dvl(DvlSample(stamp_ns=1, velocity=seen, std=0.01, altitude=height))
+    heard = credentials.dvl(DvlSample(stamp_ns=1, velocity=seen, std=0.01))
     assert heard.velocity == pytest.approx(velocity, abs=1e-9)
-    assert heard.altitude == pytest.approx(5.0)
+
+
+@given(ARMS, ANGLES)
+def test_an_altitude_is_of_the_origin(arm: Vec3, lies: Vec3) -> None:
+    """However it lies, and by where it lay when the sample came."""
+    q, at_origin = from_euler(*lies), AltitudeAtOrigin[AltitudeSample](arm)
+    height = 9.0 - place_of(arm, (0.0, 0.0, 4.0), q)[2]
+    sample = AltitudeSample(stamp_ns=1, altitude=height)
+    there = at_origin.of(sample, q)
+    assert there is not None
+    assert there.altitude == pytest.approx(5.0)
+    assert at_origin.of(sample, from_euler(0.0, 0.0, 0.0)) is there
+    assert at_origin.of(None, q) is None
+    level = AltitudeAtOrigin[AltitudeSample](arm).of(sample, None)
+    assert level is not None
+    assert level.altitude == pytest.approx(height + arm[2])
+    no_lock = DvlSample(stamp_ns=1, velocity=None, std=0.01)
+    assert AltitudeAtOrigin[DvlSample](arm).of(no_lock, q) is no_lock
 
 
 @given(ARMS, ANGLES, VECTORS)
