@@ -3,12 +3,12 @@ between rows.
 
 Blank lines and comments (`# …`) may stand anywhere. `t` begins at 0 or later and grows from row to
 row. The last row ends the script: from its time on the sticks are centred. An event belongs to its
-row: `arm`, `disarm`, `stop`, `resume`, `light`, `light_2`, `laser` (toggle), `goto depth=3
-heading=90` (m, deg), `follow PATH`, `mode HOLD` and `output NAME 0…1` happen at the row's time;
-during a `lost` row the pilot is lost and the sticks are 0 whatever the columns contain, until the
-next row. A deflected stick ends a goto or a follow. `fault PART KIND [VALUE]`, `link profile NAME`,
-`link set KEY=VALUE …`, `link down` and `link up` are incidents: the requests of the verbs `lindy
-fault` and `lindy link`, sent from the topside.
+row: `arm`, `disarm`, `stop`, `resume`, `light`, `light_2`, `laser` (toggle), `home`, `unwind`,
+`goto depth=3 heading=90` (m, deg), `goto north=12 east=4`, `follow PATH`, `mode HOLD` and `output
+NAME 0…1` happen at the row's time; during a `lost` row the pilot is lost and the sticks are 0
+whatever the columns contain, until the next row. A deflected stick ends a goto or a follow. `fault
+PART KIND [VALUE]`, `link profile NAME`, `link set KEY=VALUE …`, `link down` and `link up` are
+incidents: the requests of the verbs `lindy fault` and `lindy link`, sent from the topside.
 """
 
 import math

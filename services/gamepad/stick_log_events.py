@@ -8,11 +8,13 @@ from typing import Literal, cast, get_args
 from messages.pilot import Course, FlightMode
 from services.gamepad import incidents
 from services.piloting.pilot_intents import (
+    FARTHEST,
     FollowIntent,
     GotoIntent,
     Intent,
     ModeIntent,
     OutputIntent,
+    PlaceIntent,
     Press,
     goto,
 )
@@ -22,8 +24,9 @@ Event = Intent | Incident | Literal["lost"]
 Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why it cannot
 WORDS: tuple[str, ...] = (*get_args(Press), "lost")
 ALLOWED = (
-    f"{', '.join(WORDS)}, goto depth=M heading=DEG, follow PATH, mode HOLD, output NAME 0…1, "
-    "fault PART KIND [VALUE], link down, link up, link profile NAME, link set KEY=VALUE"
+    f"{', '.join(WORDS)}, goto depth=M heading=DEG, goto north=M east=M, follow PATH, mode HOLD, "
+    "output NAME 0…1, fault PART KIND [VALUE], link down, link up, link profile NAME, "
+    "link set KEY=VALUE"
 )
 FLIGHT_MODES: tuple[str, ...] = get_args(FlightMode)
 
@@ -65,16 +68,26 @@ def short(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:40] + "…")
 
 
-def _goto(rest: str) -> GotoIntent:
+def _goto(rest: str) -> GotoIntent | PlaceIntent:
     given: dict[str, float] = {}
     for word in rest.split():
         name, _, text = word.partition("=")
-        if name not in ("depth", "heading") or name in given:
-            raise ValueError(f"goto: found {short(word)}, expected depth=M, heading=DEG or both")
+        if name not in ("depth", "heading", "north", "east") or name in given:
+            raise ValueError(
+                f"goto: found {short(word)}, expected depth=M, heading=DEG or both, or north=M "
+                f"and east=M"
+            )
         try:
             given[name] = float(text)
         except ValueError:
             raise ValueError(f"goto: {name} is {short(text)}, expected a number") from None
+    if "north" in given or "east" in given:
+        if given.keys() != {"north", "east"} or not max(map(abs, given.values())) <= FARTHEST:
+            raise ValueError(
+                f"goto: found {short(rest)}, expected north=M and east=M, each within "
+                f"{FARTHEST:g} m, and nothing else"
+            )
+        return PlaceIntent(given["north"], given["east"])
     return goto(given.get("depth"), given.get("heading"))
 
 

@@ -193,7 +193,9 @@ class RequestEvents:
         if kind == "light" and request.value not in (0.0, 1.0):
             return f"output light {request.value!r}"
         if kind == "goto" and request.north is not None:
-            return self._unsaid("goto north east")
+            if request.depth is not None:
+                return self._unsaid("goto north east depth")
+            return f"goto north={request.north!r} east={request.east!r}"
         if kind in PLAIN:
             return kind
         if kind == "output":

@@ -14,7 +14,7 @@ from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
 from services.gamepad.stick_log import parse
 from services.gamepad.stick_log_player import Player
-from services.piloting.pilot_intents import FollowIntent, GotoIntent, ModeIntent
+from services.piloting.pilot_intents import FollowIntent, GotoIntent, ModeIntent, PlaceIntent
 from services.piloting.sticks import CENTRED
 from services.runtime.config.errors import LindyError
 
@@ -63,6 +63,10 @@ def test_mode_reads_what_the_drone_is_to_hold(hold: str):
     ("cell", "says"),
     [
         ("goto", "goto needs a depth, a heading or both"),
+        ("goto north=3", "expected north=M and east=M, each within 100000 m, and nothing else"),
+        ("goto north=3 east=1 depth=2", "found 'north=3 east=1 depth=2', expected north=M and"),
+        ("goto north=1e9 east=1", "each within 100000 m"),
+        ("goto north=nan east=1", "each within 100000 m"),
         ("goto 3", "goto: found '3', expected depth=M, heading=DEG or both"),
         ("goto depth 3", "goto: found 'depth'|goto: depth is ''"),
         ("goto depth=", "goto: depth is '', expected a number"),
@@ -114,3 +118,9 @@ def test_the_inspection_needs_no_hand_on_the_sticks():
     assert isinstance(asked[1], FollowIntent)
     assert asked[0].depth == asked[1].course.waypoints[0][2]  # nothing to do before it sets off
     assert rows[-1].sticks == CENTRED
+
+
+def test_a_place_is_north_and_east_in_metres() -> None:
+    assert event("goto north=12.5 east=-4") == PlaceIntent(12.5, -4.0)
+    assert event("home") == "home"
+    assert event("unwind") == "unwind"
