@@ -33,10 +33,14 @@ class PilotCommand(Message, frozen=True, kw_only=True):
 # output: set one of the vehicle file's outputs; light: the one called light
 # lease: take control, or accept it where it is offered; force: take it from whoever has it;
 # resume: end a failsafe, so that the sticks act again
+# home: go to where it was first armed; unwind: turn back the whole turns since its start, because
+# of the tether
 RequestKind = Literal[
     "arm", "disarm", "stop", "light", "goto", "follow", "mode", "lease", "offer", "release",
-    "force", "resume", "output",
+    "force", "resume", "output", "home", "unwind",
 ]  # fmt: skip
+
+MANOEUVRES: tuple[RequestKind, ...] = ("goto", "follow", "home", "unwind")  # it moves by itself
 
 # Flight mode: what the drone holds by itself. On an axis that is not held, the stick is a force.
 #   manual: nothing; depth_hold: depth; heading_hold: heading; stabilised: depth and heading;

@@ -38,6 +38,8 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "output": ("name", "setting"),
     "goto": ("depth", "heading", "north", "east"),
     "follow": ("path",),
+    "home": (),
+    "unwind": (),
     "mode": ("name",),
     "take": ("force",),
     "offer": ("to",),
@@ -83,8 +85,9 @@ def ask(
 ) -> int:
     """Send a request to a running dive, and print the answer.
 
-    KIND is arm, disarm, stop, light, output, goto, follow or mode; take, offer or release control;
-    resume after a failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of
+    KIND is arm, disarm, stop, light, output, goto, follow, home (to where it was armed), unwind
+    (turn back the tether's whole turns) or mode; take, offer or release control; resume after a
+    failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of
     the pilot of that dive. Where dives of several drones are going on, --dive must name one; a stop
     without it is for all of them.
 

@@ -39,17 +39,22 @@ class MotorCurves:
             np.gradient(table, STEP, axis=1), FLAT
         ).tolist()
         self._silent = [_silent(thruster) for thruster in thrusters]
+        self._turning = [silent - EDGE for silent in self._silent]
         self._dead_bands = [thruster.dead_band for thruster in thrusters]
 
     def thrust(self, outputs: Floats) -> Floats:
         """[N] At which the motors settle; nothing inside their dead bands."""
         newtons = list[float]()
-        for output, table, silent in zip(outputs.tolist(), self._tables, self._silent, strict=True):
+        for output, table, silent in zip(
+            outputs.tolist(), self._tables, self._turning, strict=True
+        ):
+            if -silent < output < silent:  # most motors at most times
+                newtons.append(0.0)
+                continue
             at = (min(1.0, max(-1.0, output)) + 1.0) / STEP
             low = min(int(at), POINTS - 2)
             share = at - low
-            turns = abs(output) >= silent - EDGE
-            newtons.append((1.0 - share) * table[low] + share * table[low + 1] if turns else 0.0)
+            newtons.append((1.0 - share) * table[low] + share * table[low + 1])
         return np.array(newtons)
 
     def slopes(self, outputs: Floats) -> Floats:

@@ -4,7 +4,7 @@ None of them is ever made less safe: FS_PILOT_TIMEOUT alone is written, and only
 say so.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
@@ -37,6 +37,8 @@ CHANNELS = {
     f"RCMAP_{axis}": channel
     for channel, axis in enumerate(("PITCH", "ROLL", "THROTTLE", "YAW", "FORWARD", "LATERAL"), 1)
 }
+# What arming checks are done: the name in 4.7 and newer, and in 4.5 and builds on the way to 4.7.
+ARMING = ("ARMING_SKIPCHK", "ARMING_CHECK")
 
 
 class ParameterRule(NamedTuple):
@@ -60,12 +62,10 @@ def is_new(version: tuple[int, int]) -> bool:
 
 def names(version: tuple[int, int], motors: int) -> list[str]:
     """Of all parameters that are read, under the names of this version."""
-    new = is_new(version)
     return [
         "FRAME_CONFIG", "FS_PILOT_INPUT", "FS_PILOT_TIMEOUT", "FS_GCS_ENABLE", "FS_LEAK_ENABLE",
         "RC_OVERRIDE_TIME", "ACRO_YAW_P", "MOT_FV_CPLNG_K", "MOT_BAT_CURR_MAX",
-        *(["MAV_GCS_SYSID", "MAV_GCS_SYSID_HI", "ARMING_SKIPCHK"] if new
-          else ["SYSID_MYGCS", "ARMING_CHECK"]),
+        *(["MAV_GCS_SYSID"] if is_new(version) else ["SYSID_MYGCS", "ARMING_CHECK"]),
         *[f"MOT_{n}_DIRECTION" for n in range(1, motors + 1)],
         *[f"RC{n}_{part}" for n in range(1, 7) for part in ("MIN", "TRIM", "MAX", "REVERSED")],
     ]  # fmt: skip
@@ -73,7 +73,8 @@ def names(version: tuple[int, int], motors: int) -> list[str]:
 
 def optional(version: tuple[int, int]) -> tuple[str, ...]:
     """Names of those that are judged where this version has them."""
-    return tuple(CHANNELS) if version > OLDEST else ()
+    found = tuple(CHANNELS) if version > OLDEST else ()
+    return (*found, "MAV_GCS_SYSID_HI", *ARMING) if is_new(version) else found
 
 
 def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[ParameterRule]:
@@ -102,8 +103,7 @@ def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[Par
     if is_new(version):
         found.append(ParameterRule("ARMING_SKIPCHK", "not -1 (all checks skipped)", never=-1))
         found.append(ParameterRule(f"RC{THROTTLE}_TRIM", "1500 µs", NEUTRAL, NEUTRAL))
-    else:
-        found.append(ParameterRule("ARMING_CHECK", "not 0 (no checks)", never=0))
+    found.append(ParameterRule("ARMING_CHECK", "not 0 (no checks)", never=0))
     if (most := settings.set_pilot_timeout) is not None:
         allowed = f"at most {most:g} s (ardusub.set_pilot_timeout)"
         found.append(ParameterRule("FS_PILOT_TIMEOUT", allowed, most=most + EXACT))
@@ -121,8 +121,10 @@ def problems(
     found = [
         f"{rule.name} is {values[rule.name]:g}; allowed: {rule.allowed}"
         for rule in rules(version, settings, len(vehicle.thruster))
-        if (rule.name in values or rule.name not in CHANNELS) and not rule.holds(values[rule.name])
+        if rule.name in values and not rule.holds(values[rule.name])
     ]
+    if not any(name in values for name in ARMING):
+        found.append(f"{' and '.join(ARMING)} are not answered; allowed: one of them")
     found += _wrong_throttle(values, version)
     found += _wrong_system(values, version, settings)
     # A board may say anything, infinity too.
@@ -235,18 +237,23 @@ class ParameterReader:
         if self.to_set or not self._has_wanted:
             return False
         tried = self._optional_tries > OPTIONAL_TRIES
-        return tried or all(name in self.values for name in self.optional)
+        return tried or not self._missing(self.optional)
 
     @property
     def _has_wanted(self) -> bool:
-        return all(name in self.values for name in self.wanted)
+        return not self._missing(self.wanted)
+
+    def _missing(self, names: Sequence[str]) -> list[str]:
+        """What is still to be answered; of the two names of ARMING one will do."""
+        known = {*self.values, *(ARMING if any(name in self.values for name in ARMING) else ())}
+        return [name for name in names if name not in known]
 
     @property
     def given_up(self) -> list[str]:
         """What was asked for often enough and never answered, or never set."""
         if self._tries <= TRIES:
             return []
-        return [*self.to_set, *[name for name in self.wanted if name not in self.values]]
+        return [*self.to_set, *self._missing(self.wanted)]
 
     def heard(self, name: str, value: float) -> None:
         if name in self.wanted or name in self.optional:
@@ -267,7 +274,7 @@ class ParameterReader:
         self._asked, self._tries = now, self._tries + 1
         self._optional_tries += self._has_wanted
         target = {"target_system": self.board, "target_component": AUTOPILOT}
-        asked = [name for name in (*self.wanted, *self.optional) if name not in self.values][:BATCH]
+        asked = self._missing((*self.wanted, *self.optional))[:BATCH]
         return [
             MavlinkPacket("PARAM_REQUEST_READ", {**target, "param_id": name, "param_index": -1})
             for name in asked

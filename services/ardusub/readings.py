@@ -10,6 +10,8 @@ from messages.units import Ns, Vec3
 
 G = 9.80665  # [m/s²] of a milli-g
 TESLA_PER_GAUSS = 1e-4
+# Builds on the way to 4.7 multiply milligauss by 1000 in HIGHRES_IMU, where they should divide.
+MISSCALED, TOO_MUCH = 1e-6, 1000.0  # [-] and [G] more than a compass measures
 IMU_MESSAGES = ("HIGHRES_IMU", "RAW_IMU")  # best first; the first is new in 4.8
 PRESSURE_MESSAGE, BATTERY_MESSAGE = "SCALED_PRESSURE2", "SYS_STATUS"
 ENCLOSURE_MESSAGE, ENCLOSURE_HZ = "SCALED_PRESSURE", 1.0  # the barometer inside
@@ -38,13 +40,15 @@ def imu(name: str, fields: dict[str, Any], stamp_ns: Ns) -> ImuSample | None:
     return ImuSample(stamp_ns=stamp_ns, specific_force=force, angular_rate=rate)
 
 
-def field_of(fields: dict[str, Any]) -> tuple[float, ...]:
+def field_of(fields: dict[str, Any]) -> Vec3:
     """What an IMU message says of the compass, in its own unit."""
     return fields["xmag"], fields["ymag"], fields["zmag"]
 
 
 def magnetometer(name: str, fields: dict[str, Any], stamp_ns: Ns) -> MagnetometerSample | None:
     gauss = 1.0 if name == "HIGHRES_IMU" else 1e-3
+    if name == "HIGHRES_IMU" and max(map(abs, field_of(fields))) > TOO_MUCH:
+        gauss = MISSCALED
     field = _vector(fields, "mag", gauss * TESLA_PER_GAUSS)
     return None if field is None else MagnetometerSample(stamp_ns=stamp_ns, field=field)
 

@@ -26,6 +26,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 TICK_HZ = 100.0  # [1/s] what is due is sent, whatever arrives; as often as actuation is reported
+CONNECT_HZ = 10.0  # [1/s] what arrives is read at once; this connects again what is lost
 SHOW_HZ = 10.0  # [1/s] lights and camera tilt
 # Of several that send datagrams, the board is the one that speaks first, as long as it speaks.
 ONE_BOARD = FarEndLimits(most=1, silent_s=3.0, beyond=events.STRANGER("mavlink"))
@@ -60,7 +61,6 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     heard = HeardMessages(settings.board, HEARD)
     board = MavlinkEndpoint(links, node.outbox, settings.system, settings.component, heard=heard)
     pass_on = _passing_on(driver, board, node)
-    actuation = node.publisher(topics.ACTUATION)
 
     def obey(command: ThrusterCommand, now: int) -> None:
         driver.obey(command, now)
@@ -76,18 +76,19 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
         driver.lapse(now)
         pass_on()
 
-    def look(now: int) -> None:
+    def listen(_: int) -> None:
         packets = board.receive()
-        # Not `now`: on a busy computer, what was sent since then may have arrived as well, and a
-        # packet that arrives before it was sent looks like a clock that jumped.
+        # Not the time it was called for: on a busy computer, what was sent since then may have
+        # arrived as well, and a packet that arrives before it was sent looks like a clock that
+        # jumped.
         arrival = node.now()
         for packet in packets:
             driver.hear(packet, arrival)
-        driver.tick(now)
         pass_on()
 
-    def report(now: int) -> None:
-        actuation.put(driver.actuation(now))
+    def look(now: int) -> None:
+        driver.tick(now)
+        pass_on()
 
     def close() -> None:
         driver.disarm()
@@ -98,11 +99,21 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     node.each(topics.THRUSTERS, obey)
     node.each(topics.PILOT_REQUEST, hear)
     node.every(TICK_HZ, look)
-    node.every(topics.ACTUATION.hz, report)
+    node.every(CONNECT_HZ, listen)
+    _report_actuation(node, driver)
     _report_the_enclosure(node, driver)
     _show_light_and_tilt(node, driver)
     node.on_close(close)
-    links.start(node.from_outside(look))
+    links.start(node.from_outside(listen))
+
+
+def _report_actuation(node: Node, driver: ArdusubDriver) -> None:
+    actuation = node.publisher(topics.ACTUATION)
+
+    def report(now: int) -> None:
+        actuation.put(driver.actuation(now))
+
+    node.every(topics.ACTUATION.hz, report)
 
 
 def _report_the_enclosure(node: Node, driver: ArdusubDriver) -> None:

@@ -222,7 +222,9 @@ def _intent(message: PageWish) -> Intent | None:
             return OutputIntent(LIGHT, message.value)
         case "output" if message.output:
             return OutputIntent(message.output, message.value)
-        case "arm" | "resume" | "disarm" | "stop" | "light" | "light_2" | "laser":
+        case "arm" | "resume" | "disarm" | "stop" | "home" | "unwind":
+            return message.what
+        case "light" | "light_2" | "laser":
             return message.what
         case _:
             return None

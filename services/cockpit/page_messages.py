@@ -21,7 +21,7 @@ LONGEST = 1024  # [B] of one message
 # film: begin one, or end it; camera: make it the large one
 Wish = Literal[
     "arm", "resume", "disarm", "stop", "light", "light_2", "laser", "output", "mode", "goto",
-    "take", "force", "offer", "give_back", "film", "snapshot", "camera",
+    "home", "unwind", "take", "force", "offer", "give_back", "film", "snapshot", "camera",
 ]  # fmt: skip
 Absence = Literal["hidden", "closed", "unplugged"]
 Way = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]

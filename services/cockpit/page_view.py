@@ -15,6 +15,7 @@ from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.chart import Chart, Pair, ShownPlace, current, from_north
+from services.marine.attitude import whole_turns
 from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages
 from services.vehicle_view.log_lines import LogEntry, printable
@@ -118,7 +119,7 @@ def turns(state: VehicleState | None) -> int | None:
     """Of the drone, since its start and to starboard; None: its heading is not known."""
     if state is None or not state.heading.valid:
         return None
-    return round(state.heading.value / math.tau)
+    return whole_turns(state.heading.value)
 
 
 def chart_view(

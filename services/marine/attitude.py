@@ -4,7 +4,7 @@ Plain floats instead of arrays: at three or four numbers NumPy costs ten times t
 Source of all: Fossen 2011, §2.2.
 """
 
-from math import asin, atan2, cos, hypot, pi, sin, sqrt
+from math import asin, atan2, cos, hypot, pi, sin, sqrt, tau
 
 from messages.units import Quaternion, Vec3
 
@@ -83,6 +83,11 @@ def tilt(q_NB: Quaternion) -> float:
     """[rad] Angle between the body's and the world's down axis, 0 … π."""
     a, b, c = down_in_body(q_NB)
     return atan2(hypot(a, b), c)
+
+
+def whole_turns(heading: float) -> int:
+    """In an accumulated heading [rad], + clockwise: the drone's since its start, the tether's."""
+    return round(heading / tau)
 
 
 def wrapped(angle: float) -> float:

@@ -51,11 +51,17 @@ def ardusub_simulator(share: float) -> float:
     return 51.48 * share * abs(share)
 
 
+def ardusub_simulator_plane(share: float) -> float:
+    """[N] The same along its axis, where that is diagonal: as much forward as to the side."""
+    return 2.0**0.5 * ardusub_simulator(share)
+
+
 # The polynomial has its maximum at 97.2 %; the decrease beyond, 0.2 N, is an artefact of the fit.
 # The ESC does not turn for pulses of 1464 to 1532 µs of 1100 to 1900 (a public fit), and that of
 # ArduSub's simulator for 1475 to 1525.
 CURVES: dict[str, ThrustCurve] = {
     "t200": ThrustCurve(t200, top=0.9716, silent=0.085),
     "ardusub_simulator": ThrustCurve(ardusub_simulator, top=1.0, silent=0.0625),
+    "ardusub_simulator_plane": ThrustCurve(ardusub_simulator_plane, top=1.0, silent=0.0625),
 }
 LINEAR = "linear"  # no curve: limits and dead-band are those of the vehicle file

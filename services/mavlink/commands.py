@@ -53,6 +53,13 @@ class TellInterval(NamedTuple):
 
 Meaning = Ask | Refusal | Show | SetStream | TellInterval
 UNSUPPORTED = Refusal(MavResult.UNSUPPORTED)
+# Those without parameters that matter.
+PLAIN: dict[MavCommand, Meaning] = {
+    MavCommand.NAV_RETURN_TO_LAUNCH: Ask("home"),
+    MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: Show("AUTOPILOT_VERSION"),
+    MavCommand.GET_HOME_POSITION: Show("HOME_POSITION"),
+    **{command: Refusal(MavResult.DENIED, text) for command, text in REFUSED.items()},
+}
 NEVER = -1.0  # [µs] as an interval
 NO_INTERVAL = "an interval is in µs: 0 as by default, -1 never"
 
@@ -84,13 +91,8 @@ def meaning(fields: Mapping[str, Any]) -> Meaning:
         case MavCommand.REQUEST_MESSAGE:
             name = _message(first)
             return UNSUPPORTED if name is None else Show(name)
-        case MavCommand.REQUEST_AUTOPILOT_CAPABILITIES:
-            return Show("AUTOPILOT_VERSION")
-        case MavCommand.GET_HOME_POSITION:
-            return Show("HOME_POSITION")
         case _:
-            text = REFUSED.get(number)  # type: ignore[call-overload]
-            return UNSUPPORTED if text is None else Refusal(MavResult.DENIED, text)
+            return PLAIN.get(number, UNSUPPORTED)  # type: ignore[call-overload]
 
 
 def arming(arm: float, force: float) -> Meaning:

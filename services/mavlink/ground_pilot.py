@@ -123,7 +123,7 @@ class GroundPilot(GuestPilot[GroundStation]):
 
 def _kind(intent: Intent) -> RequestKind:
     match intent:
-        case "arm" | "disarm" | "stop" | "light":
+        case "arm" | "disarm" | "stop" | "light" | "home":
             return intent
         case _:
             raise ValueError(f"no command of a ground station asks for {intent}")

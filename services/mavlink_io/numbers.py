@@ -34,6 +34,7 @@ MESSAGE_IDS = {
 class MavCommand(IntEnum):
     """MAV_CMD: those that are sent, or answered with more than `unsupported`."""
 
+    NAV_RETURN_TO_LAUNCH = 20
     DO_SET_MODE = 176
     DO_SET_SERVO = 183
     DO_PAUSE_CONTINUE = 193

@@ -1,14 +1,13 @@
 """Which older requests a newer one withdraws, so that no late repetition arms the drone, ends
 a failsafe or starts an older manoeuvre again."""
 
-from messages.pilot import PilotRequest, RequestKind
+from messages.pilot import MANOEUVRES, PilotRequest, RequestKind
 
 OVERRULES: dict[RequestKind, tuple[RequestKind, ...]] = {
-    "stop": ("arm", "resume", "goto", "follow", "mode"),
-    "disarm": ("arm", "resume", "goto", "follow"),
-    "goto": ("goto", "follow", "mode"),
-    "follow": ("goto", "follow", "mode"),
-    "mode": ("goto", "follow", "mode"),
+    "stop": ("arm", "resume", *MANOEUVRES, "mode"),
+    "disarm": ("arm", "resume", *MANOEUVRES),
+    "mode": (*MANOEUVRES, "mode"),
+    **dict.fromkeys(MANOEUVRES, (*MANOEUVRES, "mode")),
     "light": ("light",),
 }  # newer request → older requests that are no longer repeated
 

@@ -11,7 +11,9 @@ FARTHEST = 100_000.0  # [m] north or east
 TURN = 360.0  # [deg] a heading is given within one turn either way
 
 # What a button can ask for. light_2: the second dimmer of the vehicle file; laser: its first switch
-Press = Literal["arm", "disarm", "stop", "light", "light_2", "laser", "resume"]
+Press = Literal[
+    "arm", "disarm", "stop", "light", "light_2", "laser", "resume", "home", "unwind"
+]  # fmt: skip
 
 
 class GotoIntent(NamedTuple):

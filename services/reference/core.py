@@ -32,6 +32,7 @@ from services.reference.guidance.axes import centred
 from services.reference.guidance.centring import CentredSticks
 from services.reference.guidance.ground_motion import whereabouts
 from services.reference.guidance.guidance import Guidance
+from services.reference.guidance.home import Home, HomePlace
 from services.reference.guidance.modes import lacking
 from services.reference.guidance.pilot_outputs import PilotOutputs
 from services.reference.guidance.refusals import refusal
@@ -53,6 +54,8 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     surfaced: bool = False
     armed_ns: int = 0  # [ns] stamp of the newest arm, later than every disarm before it
     disarmed_ns: int = 0  # [ns] stamp of the newest disarm
+    home: HomePlace | None = None
+    home_lost: bool = False
 
 
 SHORT = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
@@ -81,6 +84,7 @@ class ReferenceGenerator:
     authority: ControlAuthority = field(init=False)
     conditions: ConditionWatch = field(init=False)  # of the failsafes
     stopping: bool = False  # until at rest with the sticks centred
+    _mode_at_rest: FlightMode | None = None  # asked for while stopping
     _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafes: FailsafeMachine = field(init=False)
@@ -100,6 +104,7 @@ class ReferenceGenerator:
         self._armed_ns, self._disarmed_ns = b.armed_ns, b.disarmed_ns
         self.authority = ControlAuthority(b.lease, self.started_ns)
         self._guidance = Guidance(self.settings, self.outbox, b.flight_mode, self.law)
+        self._guidance.home = Home(b.home, b.home_lost)
         rows, memory = table(self.settings.failsafe), dict(b.failsafes)
         self._failsafes = FailsafeMachine(rows, self.outbox, memory, b.armed, b.surfaced)
         self.conditions = ConditionWatch(self.settings.failsafe, self.watched, self.started_ns)
@@ -116,6 +121,8 @@ class ReferenceGenerator:
             self._failsafes.surfaced,
             self._armed_ns,
             self._disarmed_ns,
+            self._guidance.home.place,
+            self._guidance.home.lost,
         )
 
     # Steps.
@@ -132,6 +139,7 @@ class ReferenceGenerator:
         if state is not None:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
+        guidance.home.see(state, guidance.ground, guidance.t, armed=self.armed)
         newest = self.conditions.newest
         guidance.bottom.see(newest.dvl, state, guidance.t, newest.altimeter)
         if guidance.state is None:
@@ -171,7 +179,7 @@ class ReferenceGenerator:
         else:
             guidance.end_rise()
         if command is not None and command.pilot == "present" and centred(command):
-            self.stopping = self.stopping and not guidance.settled
+            self._end_stop()
 
         # The axes at this instant, and where they go on to.
         if self.armed and self._initialised:
@@ -226,14 +234,14 @@ class ReferenceGenerator:
 
     def answer(self, request: PilotRequest, command: PilotCommand | None, now: Ns) -> PilotAnswer:
         """Grant or refuse a request."""
-        guidance = self._guidance
         reason = self.authority.refusal(request, now) or refusal(
             request,
             command,
             armed=self.armed,
             ready=self._running and events.STATE_LOST.name not in self._failsafes.holding,
             board=events.BOARD_SILENT.name not in self._failsafes.holding,
-            stopping=self.stopping or self._failsafes.acting is not None,
+            stopping=self.stopping,
+            acting=self._failsafes.acting is not None,
         )
         takes = request.kind in ("lease", "force")
         if takes or request.kind in ("offer", "release"):
@@ -245,11 +253,17 @@ class ReferenceGenerator:
             id=request.id,
             accepted=not reason,
             reason=reason,
-            note=(not reason and requests.onto_the_bottom(guidance, request.depth)) or UNSET,
+            note=(not reason and self._note(request)) or UNSET,
             stop=self._stop if request.kind == "stop" else None,
             epoch=self.authority.lease.epoch if takes and not reason else None,
             cause_ns=request.stamp_ns,
         )
+
+    def _note(self, request: PilotRequest) -> str:
+        """What the pilot should know of a request that is granted."""
+        if request.kind == "mode" and self._mode_at_rest is not None:
+            return "the drone is stopping; it changes when it is at rest"
+        return requests.onto_the_bottom(self._guidance, request.depth)
 
     def _pass_control(self, request: PilotRequest, reason: str, now: Ns) -> None:
         if not reason and (announcement := self.authority.grant(request, now)):
@@ -275,6 +289,7 @@ class ReferenceGenerator:
             case "disarm":
                 self._disarmed_ns = max(self._disarmed_ns, min(request.stamp_ns, now))
                 self.armed = self.stopping = False
+                self._mode_at_rest = None
                 self._failsafes.disarm()
                 self.outputs.disarm()
                 guidance.change(self.requested)
@@ -282,9 +297,10 @@ class ReferenceGenerator:
                 return self._failsafes.resume()
             case "stop":
                 self.stopping, self._stop = True, guidance.stop()
+                self._mode_at_rest = None
             case "light" | "output":
                 return self.outputs.set(request, now, armed=self.armed)
-            case "goto" | "follow" | "mode":
+            case "goto" | "follow" | "home" | "unwind" | "mode":
                 return self._move(request)
             case "lease" | "offer" | "release" | "force":
                 pass  # `_pass_control`
@@ -293,13 +309,38 @@ class ReferenceGenerator:
     def _move(self, request: PilotRequest) -> str:
         """Begin a manoeuvre or change the mode. Returns the reason for a refusal, or nothing."""
         guidance = self._guidance
-        if request.kind == "goto":
-            return requests.goto(guidance, request)
-        if request.kind == "follow":
-            return requests.follow(guidance, request.course)
+        match request.kind:
+            case "goto":
+                return requests.goto(guidance, request)
+            case "follow":
+                return requests.follow(guidance, request.course)
+            case "home":
+                return requests.home(guidance)
+            case "unwind":
+                return requests.unwind(guidance)
+            case _:
+                pass
+        if self.armed and self.stopping and request.flight_mode is not None:
+            self._mode_at_rest = request.flight_mode
+            return ""
         reason = requests.mode(guidance, request.flight_mode, armed=self.armed)
         self.requested = self.requested if reason else guidance.flight_mode
         return reason
+
+    def _end_stop(self) -> None:
+        """The sticks are centred: where the drone rests, too, a stop is over, and the mode that was
+        asked for in it is taken up, unless a failsafe acts."""
+        self.stopping = self.stopping and not self._guidance.settled
+        wanted = self._mode_at_rest
+        if self.stopping or wanted is None:
+            return
+        self._mode_at_rest = None
+        reason = "a failsafe acts" if self._acts else ""
+        reason = reason or requests.mode(self._guidance, wanted, armed=self.armed)
+        if reason:
+            self.outbox.tell(events.REFUSED("mode", detail=reason))
+        else:
+            self.requested = self._guidance.flight_mode
 
     def _arm(self) -> None:
         """Arm in the requested mode, if it is available; otherwise stabilised."""

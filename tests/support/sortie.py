@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from messages import topics
 from messages.control import ThrusterCommand, Wrench
-from messages.pilot import FlightMode, PilotAnswer, PilotRequest
+from messages.pilot import FlightMode, PilotAnswer, PilotRequest, RequestKind
 from messages.reference import Reference
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
 from messages.state import VehicleState
@@ -132,6 +132,10 @@ class Sortie:
     def go(self, north: float, east: float, depth: float | None = None) -> None:
         """Ask for a place [m]."""
         self._wish(kind="goto", north=north, east=east, depth=depth)
+
+    def ask(self, kind: RequestKind) -> None:
+        """Ask for what needs no more words."""
+        self._wish(kind=kind)
 
     def _wish(self, **wish: object) -> None:
         self._asked += 1

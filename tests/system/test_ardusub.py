@@ -3,10 +3,11 @@
 On virtual time, over an in-memory link that still encodes and decodes every frame.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from random import Random
+from statistics import fmean
 from typing import Any
 
 import pytest
@@ -15,7 +16,7 @@ from messages import topics
 from messages.control import ThrusterCommand
 from messages.health import LogLine
 from messages.state import VehicleState
-from messages.vehicle import Actuation, VehicleStatus
+from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.ardusub.service import wire_to
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.io.links import Received
@@ -117,6 +118,61 @@ def test_it_dives_and_holds_its_depth(tmp_path: Path, version: str) -> None:
         depths.append(flight.depth)
     assert max(depths) - min(depths) < 0.1
     assert abs(flight.states[-1].depth.value - flight.depth) < 0.1
+
+
+RELEASES = (
+    "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,1,0\n6,0,0,0,0\n"
+    "9,{surge},0,0,{yaw}\n13,0,0,0,0\n99,0,0,0,0\n"
+)
+
+
+def after_the_release(flight: Flight) -> list[Truth]:
+    """Five seconds, 20 times a second."""
+    flight.until_armed().run(13.0)
+    return [flight.run(0.05).double.hull.simulator.truth() for _ in range(100)]
+
+
+def beyond_rest(found: Sequence[float]) -> float:
+    rest = fmean(found[-20:])
+    return max(abs(one - rest) for one in found)
+
+
+@pytest.mark.slow
+def test_a_drone_that_pitches_in_surge_keeps_its_depth_when_surge_is_let_go(
+    tmp_path: Path,
+) -> None:
+    """Its bow is heavy, so that it lies pitched and its surge thrust pushes it down; and the flow
+    lifts its hull no more than that of ArduSub's own simulator."""
+    hull = (
+        "simulator.hull.gravity_shift=[0.012,0,0]",
+        "simulator.hull.added_mass=[6.36, 7.12, 6.36, 0.189, 0.135, 0.222]",
+        "simulator.wake_share=0.0",
+    )
+    script, off = RELEASES.format(surge=1, yaw=0), list[float]()
+    for n, more in enumerate(((), ("control.coupling.heave=false",))):
+        flight = Flight(_new(tmp_path / f"{n}"), script=script, overrides=(*hull, *more))
+        off.append(beyond_rest([truth.position[2] for truth in after_the_release(flight)]))
+    assert off[0] < 0.1 < 0.7 * off[1], off
+
+
+@pytest.mark.slow
+def test_a_turn_of_a_hull_with_more_drag_than_its_file_ends_where_it_should(
+    tmp_path: Path,
+) -> None:
+    """The drag that was learnt in the turn ends with it."""
+    script = RELEASES.format(surge=0, yaw=0.9)
+    drag = "simulator.hull.quadratic_damping=[141.0, 217.0, 190.0, 1.19, 0.47, 8.0]"
+    beyond = list[float]()
+    for n, more in enumerate(((), ("control.heading.drag_speed=0.0",))):
+        flight = Flight(_new(tmp_path / f"{n}"), script=script, overrides=(drag, *more))
+        headings = [truth.heading for truth in after_the_release(flight)]
+        beyond.append(max(headings) - fmean(headings[-20:]))
+    assert beyond[0] < 0.02 < 0.8 * beyond[1], beyond
+
+
+def _new(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
 
 
 def test_silence_makes_neutral_at_once_and_disarms_after_a_while(tmp_path: Path) -> None:

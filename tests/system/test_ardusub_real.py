@@ -196,6 +196,7 @@ def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> N
         wire.say(command(1, MavCommand.SET_MESSAGE_INTERVAL, 36, 10_000))
         wire.thrust = DOWN
         wire.wait_for(lambda: wire.armed)
+        wire.texts.clear()  # a board may say "Lost manual control" of the time before any sticks
         assert wire.until(lambda: bool(wire.servo) and wire.servo != NEUTRAL) < 5.0, wire.said
         wire.run(0.5)
         expected = 1500 - (wire.driver.mixed.pulses[2] - 1500)

@@ -137,7 +137,7 @@ def test_moving_sticks_do_nothing_and_resume_hands_back(tmp_path: Path) -> None:
     assert dive.status.reaction == "stop"
     assert dive.status.resumable
     assert "has ended" in dive.status.words
-    assert dive.ask("goto", depth=1.0) == "the drone is stopping"
+    assert dive.ask("goto", depth=1.0) == "a failsafe acts; first resume"
     assert dive.ask("resume") == ""
     assert (dive.status.failsafe, dive.status.words) == ("none", "")
     dive.run(2.0)

@@ -53,6 +53,25 @@ def summary(flight: Flight) -> str:
     return "; ".join(found)
 
 
+def table(flight: Flight) -> str:
+    """Random releases: median, nine of ten within, and worst of each figure."""
+    heave, turns = flight.releases, flight.turns
+    rows = [
+        ("heave let go: beyond the rest [mm]", [1e3 * r.bounce for r in heave]),
+        ("heave let go: swung back [mm]", [1e3 * r.short for r in heave]),
+        ("surge let go: depth off [mm]", [1e3 * off for off in flight.swayed]),
+        ("turn let go: beyond the rest [mrad]", [1e3 * r.bounce for r in turns]),
+        ("turn let go: swung back [mrad]", [1e3 * r.short for r in turns]),
+        ("turn let go: speed [mrad/s]", [1e3 * r.speed for r in turns]),
+    ]
+    lines = [f"{flight.name}, {len(heave)} of heave, {len(flight.swayed)} of surge, {len(turns)}"]
+    for words, found in rows:
+        low, high, most = np.quantile(found, (0.5, 0.9, 1.0))
+        each = ", ".join(f"{one:.1f}" for one in found)
+        lines.append(f"{words}: {low:.1f} / {high:.1f} / {most:.1f} ({each})")
+    return "\n".join(lines)
+
+
 def _range(flight: Flight, what: str, unit: float, words: str, digits: str) -> str:
     numbers = [unit * getattr(release, what) for release in flight.releases]
     least, most, middle = min(numbers), max(numbers), median(numbers)

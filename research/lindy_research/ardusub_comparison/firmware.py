@@ -8,16 +8,17 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from lindy_research.ardusub_comparison.releases import TrueDepth
+from lindy_research.ardusub_comparison.releases import TrueMotion
 from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
 from services.mavlink_io.numbers import MavCommand
-from services.mavlink_io.packet import command, heartbeat
+from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
 
 # No RC receiver, as on every tethered ROV, and a depth sensor without the noise that no water has.
 PARAMETERS = """FRAME_CONFIG 2
@@ -32,6 +33,9 @@ OBSERVER = 250  # system: its sticks would be ignored
 ASK_S = 1.0  # [s] between two requests
 
 
+Tells = Callable[[float, dict[str, Any]], list[MavlinkPacket]]
+
+
 def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
@@ -39,10 +43,16 @@ def free_port() -> int:
 
 
 @contextmanager
-def firmware(path: str, port: int, truth: int, folder: Path) -> Generator[None]:
-    """It calls `port` for the pilot and `truth` for the observer. Writes into `folder` only."""
+def firmware(
+    path: str, port: int, truth: int, folder: Path, parameters: str = ""
+) -> Generator[None]:
+    """It calls `port` for the pilot and `truth` for the observer. Writes into `folder` only.
+
+    Args:
+        parameters: besides those above.
+    """
     folder.mkdir(parents=True)
-    (folder / "lindy.parm").write_text(PARAMETERS)
+    (folder / "lindy.parm").write_text(PARAMETERS + parameters)
     said = [path, "--model", "vectored_6dof", "-S", "-I0", "--home", HOME]
     said += ["--defaults", "lindy.parm", "--serial0", f"udpclient:127.0.0.1:{port}"]
     said += ["--serial1", f"udpclient:127.0.0.1:{truth}"]
@@ -56,11 +66,16 @@ def firmware(path: str, port: int, truth: int, folder: Path) -> Generator[None]:
 
 
 class TruthObserver:
-    """Asks for SIM_STATE and keeps it, on a thread of its own."""
+    """Asks for SIM_STATE and keeps it, on a thread of its own.
 
-    def __init__(self, port: int) -> None:
-        self._rows: list[tuple[float, float, float]] = []  # [s] UTC, [m], [m/s]
-        self._codec = MavlinkCodec(OBSERVER, 191)
+    Args:
+        tells: makes of each what the board is to be told.
+    """
+
+    def __init__(self, port: int, tells: Tells | None = None) -> None:
+        self._tells = tells
+        self._rows: list[tuple[float, ...]] = []  # of TrueMotion
+        self._codec = MavlinkCodec(OBSERVER, 191, "ardupilotmega")
         self._reader = FrameReader(self._codec)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", port))
@@ -69,11 +84,13 @@ class TruthObserver:
         self._thread = threading.Thread(target=self._observe, daemon=True)
         self._thread.start()
 
-    def close(self) -> TrueDepth:
+    def close(self) -> TrueMotion:
         self._ended.set()
         self._thread.join()
         self._socket.close()
-        return TrueDepth(*np.array(self._rows).reshape(-1, 3).T)
+        rows = np.array(self._rows).reshape(-1, len(TrueMotion._fields))
+        rows[:, -1] = np.unwrap(rows[:, -1])
+        return TrueMotion(*rows.T)
 
     def _observe(self) -> None:
         asked = 0.0
@@ -90,4 +107,9 @@ class TruthObserver:
                     self._socket.sendto(self._codec.encode(packet), board)
             for packet in self._reader.read([data]):
                 if packet.name == "SIM_STATE":
-                    self._rows.append((now, -packet.fields["alt"], packet.fields["vd"]))
+                    said = packet.fields
+                    down, pitch = -said["alt"], said["pitch"]
+                    north, east = said["vn"], said["ve"]
+                    self._rows.append((now, down, said["vd"], north, east, pitch, said["yaw"]))
+                    for told in self._tells(now, said) if self._tells else ():
+                        self._socket.sendto(self._codec.encode(told), board)

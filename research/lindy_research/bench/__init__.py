@@ -17,6 +17,7 @@ SECTIONS = {
     "estimation": "lindy_research.bench.estimation",
     "heading": "lindy_research.bench.heading",
     "horizontal": "lindy_research.bench.horizontal",
+    "position": "lindy_research.bench.position",
     "control": "lindy_research.bench.control",
     "hulls": "lindy_research.bench.hulls",
     "other_hulls": "lindy_research.bench.other_hulls",
@@ -37,7 +38,7 @@ SECTIONS = {
     "busy": "lindy_research.bench.busy",
     "ardusub": "lindy_research.bench.ardusub",
 }
-QUICK = ("hulls", "other_hulls", "reality")  # sections that can fly fewer dives
+QUICK = ("hulls", "other_hulls", "reality", "position")  # sections that can fly fewer dives
 
 
 def bench(

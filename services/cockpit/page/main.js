@@ -101,7 +101,7 @@ phone.addEventListener("change", gather);
 gather();
 $("tools-open").addEventListener("click", () => menu.show(""));
 $("map-open").addEventListener("click", () => menu.show(""));
-for (const id of ["take", "offer", "give_back"]) $(id).addEventListener("click", () => wish(id));
+for (const id of ["take", "offer", "give_back", "home", "unwind"]) $(id).addEventListener("click", () => wish(id));
 $("lamp").addEventListener("click", () => wish("light"));
 $("flight_mode").addEventListener("change", (e) => { wish("mode", { flight_mode: e.target.value }); e.target.blur(); });
 $("gain").addEventListener("click", () => settings.next("speed"));

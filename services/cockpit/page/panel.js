@@ -141,7 +141,7 @@ export function buttons(you, view) {
   $("take").disabled = Boolean(you.taken || !view.activity);
   $("force").hidden = !(view.pilot && !you.in_control && !you.taken);
   for (const id of ["offer", "give_back"]) $(id).hidden = !mine;
-  for (const id of ["flight_mode", "lamp", "go", "darker", "brighter"]) $(id).disabled = !mine;
+  for (const id of ["flight_mode", "lamp", "go", "home", "unwind", "darker", "brighter"]) $(id).disabled = !mine;
   const mode = $("flight_mode");
   if (view.flight_mode && document.activeElement !== mode && mode.value !== view.flight_mode) mode.value = view.flight_mode;
   put("brightness", view.light === undefined ? UNKNOWN : `${units.number(100 * view.light)} %`);

@@ -69,7 +69,8 @@ def _messages(dialect: Dialect) -> tuple[Any, dict[str, Any]]:
     return module, {kind.msgname: kind for kind in module.mavlink_map.values()}
 
 
-MOST = 200  # frames decoded at once: a second of the telemetry that is asked for
+MOST = 100  # frames decoded at once: more than half a second of the telemetry that is asked for
+STICKS = (69, 70)  # MANUAL_CONTROL, RC_CHANNELS_OVERRIDE: of a flood the newest is never left out
 
 
 class HeardMessages(NamedTuple):
@@ -81,7 +82,8 @@ class HeardMessages(NamedTuple):
 
 class FrameReader:
     """Packets from what arrives over one link. The outbox is told of bytes outside of frames and
-    frames with a wrong check sum, and of the oldest frames of a flood, which are left out."""
+    frames with a wrong check sum, and of the oldest frames of a flood, which are left out: of
+    sticks, only those that are not the sender's newest."""
 
     def __init__(
         self, codec: MavlinkCodec, outbox: Outbox | None = None, heard: HeardMessages | None = None
@@ -95,11 +97,12 @@ class FrameReader:
         self, pieces: Iterable[bytes], *, datagrams: bool = False, link: str = ""
     ) -> list[MavlinkPacket]:
         frames, garbage = self._cutter.frames(pieces, datagrams=datagrams)
-        kept = [frame for frame in frames[-MOST:] if self._is_heard(frame)]
+        heard = [frame for frame in frames if self._is_heard(frame)]
+        kept = heard if len(heard) <= MOST else _newest(heard)
         packets = [self._codec.decode(frame, link) for frame in kept]
         good = [packet for packet in packets if packet is not None]
         self._outbox.tell(events.MALFORMED("mavlink"), garbage + len(kept) - len(good))
-        self._outbox.tell(events.OVERFLOWED("mavlink"), max(0, len(frames) - MOST))
+        self._outbox.tell(events.OVERFLOWED("mavlink"), len(heard) - len(kept))
         return good
 
     def _is_heard(self, frame: bytes) -> bool:
@@ -107,3 +110,12 @@ class FrameReader:
             return True
         *sender, message = header_of(frame)
         return sender != [self._board, AUTOPILOT] or message in self._heard
+
+
+def _newest(frames: list[bytes]) -> list[bytes]:
+    """As many as there may be at most, in order; and of sticks the newest of each sender, too."""
+    old, new = frames[:-MOST], frames[-MOST:]
+    newest = {header: frame for frame in old if (header := header_of(frame))[2] in STICKS}
+    since = {header_of(frame) for frame in new}
+    spared = [frame for header, frame in newest.items() if header not in since]
+    return spared[-MOST:] + new

@@ -30,12 +30,14 @@ from services.runtime.config.errors import LindyError
 from services.runtime.os import system
 
 ALLOWED = "udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD"
-DATAGRAMS = 32  # read at once; more wait in the system's buffer
-READ = 4096  # [bytes] read at once
+DATAGRAMS = 1024  # read at once: more than the system's buffer holds, so that the newest is read
+READ = 65_536  # [bytes] of a connection, read at once
+DATAGRAM = 4096  # [bytes] of the longest
 UNREAD = 32_768  # [bytes] that the other end of a connection has not read: seconds of telemetry
 AGAIN_S = 1.0  # [s] between two attempts to connect
 PAUSE_S = 0.003  # [s] between two calls of `notify`
-FLOOD_PAUSE_S = 0.02  # [s] after a look that left something unread: it must not take the processor
+FLOOD = 32  # datagrams of a look; with more it must not take the processor, …
+FLOOD_PAUSE_S = 0.01  # [s] … and the next look comes later; the buffer holds 200 of them and more
 # No room, or not connected yet.
 NOT_YET = (errno.EAGAIN, errno.EWOULDBLOCK, errno.ENOTCONN, errno.EINPROGRESS)
 Address = tuple[str, int]
@@ -133,7 +135,7 @@ class Links:
         self._peers: dict[str, _Peer] = {}
         self._readers: dict[End, Callable[[], None]] = {}
         self._arrived: dict[str, Received] = {}
-        self._left = False  # by the last look, something unread
+        self._floods = False  # by the last look, much was read
         self._selector = selectors.DefaultSelector()
         self._closing, self._closed = socket.socketpair()
         self._selector.register(self._closed, selectors.EVENT_READ)
@@ -156,7 +158,7 @@ class Links:
         self._thread.start()
 
     def receive(self) -> list[Received]:
-        self._left = False
+        self._floods = False
         for name, peer in self._peers.items():
             if peer.end is None and time.monotonic() >= peer.again_s:
                 self._connect(name, peer)
@@ -287,11 +289,12 @@ class Links:
 
     def _read_datagrams(self, end: socket.socket, *, listens: bool) -> None:
         now = time.monotonic()
-        for _ in range(DATAGRAMS):
+        for number in range(DATAGRAMS):
             try:
-                data, sender = end.recvfrom(READ)
+                data, sender = end.recvfrom(DATAGRAM)
             except OSError:  # nothing more, or nobody listens there yet
                 return
+            self._floods = self._floods or number > FLOOD
             name = _name("udp", sender)
             if name not in self._peers and not (listens and self._has_room()):
                 self._outbox.tell(self._limits.beyond)
@@ -300,7 +303,6 @@ class Links:
             peer.heard_s = max(peer.heard_s, now)
             arrival = self._arrived.setdefault(name, Received(name, [], datagrams=True))
             arrival.pieces.append(data)
-        self._left = True
 
     def _read(self, name: str, peer: _Peer) -> None:
         """Of a connection or a cable."""
@@ -317,7 +319,7 @@ class Links:
         if not data:
             self._lose(name, peer, why)
             return
-        self.trouble, self._left = "", self._left or len(data) == READ
+        self.trouble, self._floods = "", self._floods or len(data) == READ
         self._arrived[name] = Received(name, [data])
 
     def _lose(self, name: str, peer: _Peer, why: str) -> None:
@@ -340,7 +342,7 @@ class Links:
                 return
             if ready:
                 notify()
-                time.sleep(FLOOD_PAUSE_S if self._left else PAUSE_S)
+                time.sleep(FLOOD_PAUSE_S if self._floods else PAUSE_S)
 
 
 def _read(end: End) -> bytes:

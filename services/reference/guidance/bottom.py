@@ -50,7 +50,7 @@ class Bottom:
     speed: float = 0.0  # [m/s] over the ground, of the newest that was measured
     _doubted: tuple[float, float] | None = None  # [s], [m] the first of those that do not fit
     _stamp_ns: int = -1  # of the newest sample
-    _heard: float = 0.0  # [s] of the newest altitude, also of one that is doubted
+    _heard: float = 0.0  # [s] of the newest sample, also of one without an altitude
     _rhythm: SampleRhythm = field(default_factory=lambda: SampleRhythm(PATIENCE_S))
 
     @property
@@ -95,10 +95,10 @@ class Bottom:
             return
         self._stamp_ns = sample.stamp_ns
         self._rhythm.see(sample.stamp_ns)
-        if sample.altitude is None or not (state.depth.valid and state.depth_rate.valid):
-            return
         age = max(0.0, (state.sensor_ns - sample.stamp_ns) / 1e9)
         self._heard = t - age
+        if sample.altitude is None or not (state.depth.valid and state.depth_rate.valid):
+            return
         self._take(sample.altitude + state.depth.value - age * state.depth_rate.value, t - age)
 
     def shift(self, by: float) -> None:

@@ -28,6 +28,7 @@ from services.reference.guidance.guards import (
     is_released,
     tilt_of,
 )
+from services.reference.guidance.home import Home
 from services.reference.guidance.manoeuvre import Manoeuvre
 from services.reference.guidance.modes import HELD_AXES, HeldAxes, safe
 from services.reference.settings import Settings
@@ -64,6 +65,7 @@ class Guidance:
     near_floor: bool = False  # the stick points down, and leads no nearer to the bottom
     bottom: Bottom = field(default_factory=Bottom)
     height: HeightHold = field(init=False)
+    home: Home = field(default_factory=Home)
 
     def __post_init__(self) -> None:
         s = self.settings

@@ -1,7 +1,7 @@
 """Why the drone refuses a request of the pilot who has control."""
 
 from messages import events
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import MANOEUVRES, PilotAnswer, PilotCommand, PilotRequest
 from messages.units import Ns
 from services.reference.guidance.axes import centred
 
@@ -13,6 +13,7 @@ def refusal(
     armed: bool,
     ready: bool,
     stopping: bool,
+    acting: bool,
     board: bool = True,
 ) -> str:
     """Why a request cannot be granted now; empty when it can.
@@ -20,7 +21,8 @@ def refusal(
     Args:
         command: the newest fresh stick positions.
         ready: the drone knows its depth and attitude.
-        stopping: coming to rest, by request or by failsafe.
+        stopping: coming to rest, by request.
+        acting: a failsafe acts.
         board: the vehicle's board answers.
     """
     if request.kind == "arm" and not board:
@@ -32,11 +34,14 @@ def refusal(
             return "no pilot: no fresh stick positions arrive"
         if not centred(command):
             return "the sticks are not centred"
-    if request.kind in ("goto", "follow") and not armed:
+    moves = request.kind in MANOEUVRES
+    if moves and not armed:
         return "the drone is not armed"
-    if request.kind in ("goto", "follow", "mode") and armed and stopping:
-        return "the drone is stopping"
-    if request.kind in ("goto", "follow") and command is not None and not centred(command):
+    if (moves or request.kind == "mode") and armed and acting:
+        return "a failsafe acts; first resume"
+    if moves and armed and stopping:
+        return "the drone is stopping; ask again when it is at rest"
+    if moves and command is not None and not centred(command):
         return "the sticks are not centred, and they have priority"
     return ""
 

@@ -1,8 +1,11 @@
 """Requests that move the drone or change its mode. Each returns the reason for a refusal, or
 nothing."""
 
+from math import tau
+
 from messages.pilot import Course, FlightMode, PilotRequest
 from messages.units import Finite
+from services.marine.attitude import whole_turns
 from services.reference.guidance.ground_motion import Pair, north_offset
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking, safe
@@ -33,6 +36,27 @@ def goto(guidance: Guidance, request: PilotRequest) -> str:
     _prepare(guidance, hold_place=guidance.held.place, moves_depth=depth is not None)
     manoeuvre, t = guidance.manoeuvre, guidance.t
     manoeuvre.go(depth, None if heading is None else manoeuvre.turn_to(heading, t), t)
+    return ""
+
+
+def home(guidance: Guidance) -> str:
+    """Go straight, at this depth or height, to where the drone was first armed."""
+    place = guidance.home.place
+    if place is None:
+        return guidance.home.missing
+    if guidance.ground is None:
+        return "this drone does not know its position"
+    here, there = guidance.ground.position, (place.north, place.east)
+    return _follow(guidance, Course(waypoints=(here, there)), there)
+
+
+def unwind(guidance: Guidance) -> str:
+    """Turn back the whole turns since the start, for the tether's sake."""
+    here = guidance.axes.yaw.at(guidance.t).position
+    if (turns := whole_turns(here)) == 0:
+        return "the tether has no whole turn in it"
+    _prepare(guidance, hold_place=guidance.held.place, moves_depth=False)
+    guidance.manoeuvre.go(None, here - tau * turns, guidance.t)
     return ""
 
 
@@ -83,6 +107,8 @@ def _follow(
     offset = 0.0 if guidance.state is None else north_offset(guidance.state)
     moves_depth = planned.has_depth or depth is not None
     _prepare(guidance, hold_place=measured, moves_depth=moves_depth)
+    if goal is not None and not guidance.held.height:
+        guidance.flight_mode = "station_keeping"  # there it stays, whatever the current
     guidance.manoeuvre.follow(planned, guidance.t, measured=measured, offset=offset, goal=goal)
     if depth is not None:
         guidance.manoeuvre.go(depth, None, guidance.t)

@@ -1,6 +1,6 @@
 """The driver against the double, packet by packet: what it accepts, refuses, sends and says."""
 
-from math import inf, nan
+from math import hypot, inf, nan
 from typing import Any
 
 import pytest
@@ -122,7 +122,22 @@ def test_lights_and_tilt_as_the_version_allows(version: str) -> None:
         assert cable.board.set_servos == {13: 1500}
 
 
+def test_a_build_on_the_way_to_the_new_names_is_flown() -> None:
+    cable = Cable("4.7-early").run(1.5).flying()
+    assert cable.counts["refused:board"] == 0
+    fields = [m.field for _, m in cable.samples if isinstance(m, MagnetometerSample)]
+    assert 2e-5 < hypot(*fields[-1]) < 7e-5, "its HIGHRES_IMU says a million times as much"
+
+
 # A board that is not.
+
+
+def test_a_board_that_names_no_arming_checks_is_not_armed() -> None:
+    cable = Cable("4.7-early")
+    del cable.board.params["ARMING_CHECK"]
+    cable.run(6.0)
+    assert cable.driver.stage == "refused"
+    assert "ARMING_SKIPCHK and ARMING_CHECK are not answered" in cable.said[-1]
 
 
 @pytest.mark.parametrize(
@@ -150,6 +165,7 @@ def test_lights_and_tilt_as_the_version_allows(version: str) -> None:
         ({"version": "4.5", "params": {"SYSID_MYGCS": 1}}, "SYSID_MYGCS is 1; allowed: 255"),
         ({"version": "4.5", "params": {"RC3_TRIM": 1500}}, "RC3_TRIM is 1500; allowed: RC3_MIN"),
         ({"version": "4.5", "params": {"ARMING_CHECK": 0}}, "ARMING_CHECK is 0; allowed: not 0"),
+        ({"version": "4.7-early", "params": {"ARMING_CHECK": 0}}, "ARMING_CHECK is 0; allowed"),
     ],
 )
 def test_a_board_that_is_wrong_is_named_and_never_armed(board: dict[str, Any], words: str) -> None:

@@ -283,7 +283,7 @@ def test_any_pad_is_mapped_in_the_page_by_pressing_what_is_wanted(browser: Brows
     page.look("void (pad.axes[1] = -1, pad.timestamp++)")
     until(lambda: served.stick.surge > 0.4)
     page.look(f"void ({down}, pad.timestamp++)")
-    until(lambda: [wish.what for wish in served.wishes] == ["stop"])
+    until(lambda: {wish.what for wish in served.wishes} == {"stop"})  # repeated until it is heard
     page.close()
 
 

@@ -171,7 +171,7 @@ def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row
             HEAD + b"0,0,0,0,0,jump\n",
             2,
             "'jump'",
-            "light, light_2, laser, resume, lost",
+            "light, light_2, laser, resume, home, unwind, lost",
         ),
     ],
 )

@@ -242,6 +242,24 @@ def test_a_second_ground_station_moves_nothing_until_the_first_is_silent_for_lon
     assert dive.commands[-1].source == "ground station 254/190"
 
 
+def test_a_mode_chosen_while_the_drone_comes_to_rest_is_taken_up_then_and_that_is_said(
+    tmp_path: Path,
+) -> None:
+    dive = Dive(tmp_path).armed()
+    dive.steer(2.0, z=0)
+    dive.command(193, 0.0)  # DO_PAUSE_CONTINUE: stop
+    dive.steer(0.1)
+    dive.command(176, 1.0, 0.0)  # STABILIZE
+    dive.steer(0.3)
+    assert dive.acks[-1] == (176, 0)
+    assert dive.status.activity == "stopping"
+    assert "it changes when it is at rest" in str(
+        b"".join(m["text"] for m in dive.air.of("STATUSTEXT"))
+    )
+    dive.steer(4.0)
+    assert (dive.status.activity, dive.status.flight_mode) == ("piloted", "heading_hold")
+
+
 def test_a_restarted_service_goes_on_with_control(tmp_path: Path) -> None:
     dive = Dive(tmp_path).armed()
     epoch = dive.status.epoch

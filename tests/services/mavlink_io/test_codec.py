@@ -144,6 +144,21 @@ def test_of_a_flood_the_newest_are_read() -> None:
     assert reading.counts == {"overflowed:mavlink": 1000 - MOST}
 
 
+def test_a_flood_leaves_out_no_newest_sticks() -> None:
+    """However much else a ground station sends, and however early in it the sticks are."""
+    pulses = {f"chan{n}_raw": 1500 for n in range(1, 9)}
+    override = MavlinkPacket(
+        "RC_CHANNELS_OVERRIDE", {"target_system": 1, "target_component": 1, **pulses}
+    )
+    early = [STICKS._replace(fields=STICKS.fields | {"x": x}) for x in (1, 2, 3)]
+    reading = Reading()
+    found = reading.read(frames([*early, override, *[command(1, n) for n in range(1000)]]))
+    assert [p.name for p in found[:3]] == ["MANUAL_CONTROL", "RC_CHANNELS_OVERRIDE", "COMMAND_LONG"]
+    assert found[0].fields["x"] == 3
+    assert len(found) == 2 + MOST
+    assert reading.counts == {"overflowed:mavlink": 1002 - MOST}
+
+
 def test_bytes_that_are_no_frame_are_counted() -> None:
     reading = Reading()
     for _ in range(50):

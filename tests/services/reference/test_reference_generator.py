@@ -210,6 +210,44 @@ def test_stop_ignores_the_sticks_until_they_were_centred() -> None:
     assert guidance.fly(3.0, sticks(0, heave=1.0)).depth.velocity == Settings().heave.max_velocity
 
 
+def test_a_mode_asked_for_while_stopping_is_taken_up_at_rest() -> None:
+    guidance = armed()
+    guidance.fly(2.0, sticks(0, heave=1.0))
+    guidance.ask("stop")
+    answer = guidance.request("mode", flight_mode="heading_hold")
+    assert (answer.accepted, answer.note) == (
+        True,
+        "the drone is stopping; it changes when it is at rest",
+    )
+    guidance.fly(0.2, sticks(0))
+    assert guidance.generator.activity == "stopping"
+    assert guidance.generator.status(0).flight_mode == "stabilised"
+    guidance.fly(4.0, sticks(0))
+    assert guidance.generator.activity == "piloted"
+    assert guidance.generator.status(0).flight_mode == "heading_hold"
+
+
+@pytest.mark.parametrize("last", ["stop", "disarm"])
+def test_a_later_stop_or_disarm_forgets_the_mode(last: str) -> None:
+    guidance = armed()
+    guidance.fly(2.0, sticks(0, heave=1.0))
+    guidance.ask("stop")
+    guidance.ask("mode", flight_mode="heading_hold")
+    guidance.ask(last)
+    guidance.fly(4.0, sticks(0))
+    assert guidance.generator.status(0).flight_mode == "stabilised"
+
+
+def test_a_mode_that_is_not_to_be_had_at_rest_is_refused_then() -> None:
+    guidance = armed()
+    guidance.fly(2.0, sticks(0, heave=1.0))
+    guidance.ask("stop")
+    assert guidance.request("mode", flight_mode="station_keeping").accepted
+    guidance.fly(4.0, sticks(0))
+    assert "refused:mode" in told(guidance.generator.outbox)
+    assert guidance.generator.status(0).flight_mode == "stabilised"
+
+
 def test_held_back_by_the_floor_the_reference_waits() -> None:
     guidance, s = armed(), Settings()
     generator, now = guidance.generator, guidance.now

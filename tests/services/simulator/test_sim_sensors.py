@@ -119,7 +119,7 @@ def test_a_dvl_may_be_off_by_a_share_of_the_velocity_that_stays() -> None:
     for seed in range(200):
         sensors = Sensors(Settings(), seed)
         pair = [sensors.dvl(5, (v, 0.0, 0.0, 0.0, 0.0, 0.0), 4.0, device) for v in (1.0, 2.0)]
-        once, twice = ((s.velocity or (0.0,))[0] for s in pair if s is not None)
+        once, twice = ((s.velocity or (0.0,))[0] for s in pair)
         assert twice == pytest.approx(2 * once, abs=1e-6)
         shares.append(once - 1.0)
     assert np.std(shares) == pytest.approx(0.01, rel=0.15)

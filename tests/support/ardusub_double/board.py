@@ -14,7 +14,7 @@ from services.mavlink_io.packet import MavlinkPacket
 from services.simulator.core import Settings
 from tests.support.ardusub_double.motors import REST, SPOOL_S, axes_of, motor_pulses
 from tests.support.ardusub_double.settings import LIMITS, VERSIONS, defaults
-from tests.support.ardusub_double.telemetry import HullDouble
+from tests.support.ardusub_double.telemetry import MISSCALED, HullDouble
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 TICK_NS, INPUT_NS, GCS_CHECK_NS = 5 * MS, 20 * MS, S // 3
@@ -50,7 +50,7 @@ class BoardDouble:
     ) -> None:
         """
         Args:
-            version: "4.5" or "4.8".
+            version: of `settings.VERSIONS`.
             params: other than the defaults.
             kind: MAV_TYPE; 12 is a submarine.
         """
@@ -60,7 +60,8 @@ class BoardDouble:
         self.missing: set[str] = set()  # messages that it does not have
         self.refuses = ""  # to arm: why
         self.slowest_us: dict[str, int] = {}  # [µs] least interval of a message that it reaches
-        self.hull = HullDouble(vehicle, settings, seed, wired_as)
+        compass = MISSCALED if version == "4.7-early" else 1.0
+        self.hull = HullDouble(vehicle, settings, seed, wired_as, compass)
         self.armed, self.mode = False, MANUAL
         self.servo = [REST] * len(vehicle.thruster)  # [µs]
         self.texts: list[str] = []  # of STATUSTEXT, for tests
@@ -188,7 +189,9 @@ class BoardDouble:
             handler[packet.name](packet, now)
 
     def _gcs_id(self) -> int:
-        return int(self.params["MAV_GCS_SYSID" if self.version == "4.8" else "SYSID_MYGCS"])
+        return int(
+            self.params["MAV_GCS_SYSID" if "MAV_GCS_SYSID" in self.params else "SYSID_MYGCS"]
+        )
 
     def _is_gcs(self, system: int) -> bool:
         high = int(self.params.get("MAV_GCS_SYSID_HI", 0))
@@ -231,7 +234,7 @@ class BoardDouble:
             self._text(2, self.refuses)
             return FAILED
         throttle = self.override[2]
-        if self.version == "4.8" and abs(throttle - self.params["RC3_TRIM"]) > 30:
+        if self.version != "4.5" and abs(throttle - self.params["RC3_TRIM"]) > 30:
             self._text(2, "PreArm: Throttle not centered/close to trim")
             return FAILED
         if not self.armed:

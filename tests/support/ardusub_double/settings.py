@@ -1,6 +1,11 @@
 """The parameters that the double has, with the defaults of either version."""
 
-VERSIONS = {"4.5": 0x04050080, "4.8": 0x04080000}  # flight_sw_version of AUTOPILOT_VERSION
+# "4.7-early" is a build of 2025 on the way to 4.7, with some of the new names.
+VERSIONS = {
+    "4.5": 0x04050080,
+    "4.7-early": 0x04070000,
+    "4.8": 0x04080000,
+}  # flight_sw_version of AUTOPILOT_VERSION
 
 _BOTH: dict[str, float] = {
     "FRAME_CONFIG": 2,
@@ -27,6 +32,7 @@ _BOTH: dict[str, float] = {
 }
 _OF_VERSION: dict[str, dict[str, float]] = {
     "4.5": {"SYSID_MYGCS": 255, "SYSID_THISMAV": 1, "ARMING_CHECK": 448, "RC3_TRIM": 1100},
+    "4.7-early": {"MAV_GCS_SYSID": 255, "MAV_SYSID": 1, "ARMING_CHECK": 1},
     "4.8": {
         "MAV_GCS_SYSID": 255,
         "MAV_GCS_SYSID_HI": 0,

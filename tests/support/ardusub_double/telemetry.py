@@ -17,15 +17,19 @@ from services.simulator.core import Settings, Simulator, at_the_surface
 
 G = 9.80665  # [m/s²] of ArduPilot's milli-g
 GAUSS_PER_TESLA = 1e4
+MISSCALED = 1e6  # [-] the compass in HIGHRES_IMU of 4.7-early
 INSIDE = 31.5  # [°C] of the enclosure
 
 
 class HullDouble:
     """Lindy's simulator, driven by pulses."""
 
-    def __init__(self, vehicle: Vehicle, settings: Settings, seed: int, wired_as: int) -> None:
+    def __init__(
+        self, vehicle: Vehicle, settings: Settings, seed: int, wired_as: int, compass: float
+    ) -> None:
         """
         Args:
+            compass: [-] by which HIGHRES_IMU is wrong.
             wired_as: FRAME_CONFIG of the real wiring, whatever the parameter says.
         """
         self.simulator = Simulator(
@@ -36,6 +40,7 @@ class HullDouble:
         self._pressure: PressureSample | None = None
         self._fields: list[MagnetometerSample] = []
         self._field: MagnetometerSample | None = None
+        self._gauss = compass * GAUSS_PER_TESLA
         self._thrusters = vehicle.thruster
         self._senses = senses(FRAMES[wired_as], vehicle.thruster)
 
@@ -107,7 +112,7 @@ class HullDouble:
             return None
         if name == "HIGHRES_IMU":
             values = (*imu.specific_force, *imu.angular_rate,
-                      *[GAUSS_PER_TESLA * part for part in compass.field])  # fmt: skip
+                      *[self._gauss * part for part in compass.field])  # fmt: skip
             keys = [f"{axis}{part}" for part in ("acc", "gyro", "mag") for axis in "xyz"]
             rest = {"abs_pressure": 0.0, "diff_pressure": 0.0, "pressure_alt": 0.0,
                     "temperature": 30.0, "fields_updated": 0x1FF}  # fmt: skip

@@ -43,7 +43,8 @@ def interval(
 ) -> Interval:
     return Interval(
         seconds=seconds, acceleration=acceleration, attitude=from_euler(roll, pitch, heading),
-        heading_std=0.05, yaw_rate=yaw_rate, force=force, depth_rate=depth_rate, depth_rate_std=0.01,
+        heading_std=0.05, yaw_rate=yaw_rate, force=force, depth_rate=depth_rate,
+        depth_rate_std=0.01,
     )  # fmt: skip
 
 
@@ -182,7 +183,7 @@ def drawn(seed: int) -> tuple[list[float], list[float]]:
     truth = rng.multivariate_normal(estimate.x, estimate.P)
     first = interval()
     v_N = *truth[ekf.VELOCITY].tolist(), first.depth_rate
-    u, v, w = (ekf.true_rotation(HorizontalEstimate(truth, estimate.P), first) @ v_N).tolist()
+    u, v, w = (ekf.body_axes(first) @ v_N).tolist()
     u, v = u + 0.01 * rng.normal(), v + 0.01 * rng.normal()
     estimate = ekf.changed_to(estimate, first, (u, v, w), 0.01)
     errors, surprises, dt = list[float](), list[float](), 0.1
@@ -232,7 +233,7 @@ def moved(
         after = after + np.linalg.cholesky(Q) @ wander
         error = ekf.heading_error(HorizontalEstimate(after, Q), here)
         missing = ekf.balance(HorizontalEstimate(after, Q), here, HULL).off
-        level = ekf.true_rotation(HorizontalEstimate(after, Q), here)[:2, :2]
+        level = ekf.body_axes(here)[:2, :2]
         more = np.linalg.solve(level, noise - missing)
         acceleration = (acceleration[0] + float(more[0]), acceleration[1] + float(more[1]))
     return after, here

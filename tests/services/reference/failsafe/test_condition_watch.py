@@ -86,5 +86,7 @@ def test_arming_is_refused_while_the_board_does_not_answer(armed: bool) -> None:
     arm = PilotRequest(stamp_ns=0, id="1", kind="arm")
     sticks = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
     for board, words in ((True, ""), (False, "the vehicle's board does not answer")):
-        found = refusal(arm, sticks, armed=armed, ready=True, stopping=False, board=board)
+        found = refusal(
+            arm, sticks, armed=armed, ready=True, stopping=False, acting=False, board=board
+        )
         assert found == words

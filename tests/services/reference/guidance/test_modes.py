@@ -469,11 +469,11 @@ def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
     check(sea)
 
 
-def test_a_mode_is_refused_while_the_drone_stops() -> None:
+def test_a_manoeuvre_is_refused_while_the_drone_stops() -> None:
     sea = armed()
     sea.fly(1.0, sticks(heave=1.0))
     sea.ask("stop")
-    assert "stopping" in sea.ask("mode", flight_mode="manual")
+    assert "ask again when it is at rest" in sea.ask("goto", depth=1.0)
 
 
 def test_arming_brings_back_the_mode_that_was_asked_for() -> None:
