@@ -148,15 +148,16 @@ def _calibrate(
         name, text = vehicle_in(opened, vehicle)
         guide = guide_of(read_vehicle(name, text))
         replay(opened, guide)
-        source = recording.resolve().name
+        source, damage = recording.resolve().name, opened.damage
     else:
         running = dive_in(dive)
         name, text = vehicle_in(None, vehicle or running.vehicle)
         guide = guide_of(read_vehicle(name, text))
         guide_live(running, guide, lambda line: print(line, flush=True))
-        source = "the running vehicle"
+        source, damage = "the running vehicle", list[str]()
     found = guide.result()
-    print("\n".join([table(found.settings), "", *(f"# {remark}" for remark in found.remarks)]))
+    remarks = *found.remarks, *damage
+    print("\n".join([table(found.settings), "", *(f"# {remark}" for remark in remarks)]))
     if out is not None:
         text = with_settings(name, text, found.settings, f"from {source}")
         write_fresh(out, text.encode())

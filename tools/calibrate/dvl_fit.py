@@ -34,7 +34,7 @@ LEAST_STD = 0.001  # [m/s] no DVL is better
 SMOOTH = 9  # IMU samples of the acceleration that tells the stamps' offset
 # One standard deviation before anything is measured: tilt and yaw [rad], scale [-], lever arm [m],
 # biases of the IMU [m/s²] and [rad/s], offset of the stamps [s].
-PRIOR = np.array([0.2, 0.2, 2.0, 0.05, *[1.0] * 3, *[0.2] * 3, *[0.05] * 3, 0.1])
+PRIOR = np.array([0.2, 0.2, 2.0, 0.05, *[1.0] * 3, *[0.2] * 3, *[0.2] * 3, 0.1])
 ROUNDS, STEPS = 25, 30  # of what is taken away, and of the fit within each
 SETTLED = 1e-6  # [rad, -, m …] a smaller step ends it
 STARTS = 12  # headings from which the fit begins
@@ -163,11 +163,12 @@ def fitted(those: Sequence[DvlStretch]) -> DvlFit | None:
     """None: there are none.
 
     The gyroscope's bias and the stamps' offset enter through their first derivatives, so all is
-    done again with what was found of them.
+    done again with what was found of them, until nothing more is.
     """
     if not those:
         return None
-    taken: Floats = np.zeros(4)
+    rates = np.concatenate([stretch.imu[:, 1:4] for stretch in those])
+    taken: Floats = np.append(np.median(rates, axis=0), 0.0)  # most of the time it does not turn
     forms = [_form(stretch, taken, None) for stretch in those]
     found, kept = _robust(forms, taken, None)
     for _ in range(ROUNDS):
