@@ -432,6 +432,7 @@ CONFIGURED = row("configured", ROUTINE, "an instrument on board was set up", sai
 NOT_CONFIGURED = row("not_configured", SENSOR, "an instrument on board refuses a setting or command", said="warning")
 SECOND_INSTRUMENT = row("second_instrument", SENSOR, "two instruments on board measure the same: only the first is used", "leave one of them out of the stack", said="warning")
 SECOND_POSITION = row("second_position", ROUTINE, "two instruments on board know the position: the first is used, the other one when it is silent", said="info")
+NONSENSE = row("nonsense", SENSOR, "what an instrument on board measures cannot be", "look at its own page", said="warning")
 NO_FIX = row("no_fix", SENSOR, "an instrument on board has no position", said="info")
 ORIGIN = row("origin", ROUTINE, "north and east count from here", said="info")
 

@@ -122,7 +122,7 @@ def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
     if as_json:
         print(in_json(kind, answer))
     if not answer.accepted:
-        raise LindyError(f"{running.vehicle} refuses to {kind}: {answer.reason}")
+        raise LindyError(f"{running.vehicle} refuses ({kind}): {answer.reason}")
     if not as_json:
         print(f"{running.vehicle}: {in_words(kind, answer)}")
     return 0

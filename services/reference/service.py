@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from messages import topics
-from messages.pilot import PilotAnswer, PilotRequest
+from messages.pilot import MANOEUVRES, PilotAnswer, PilotRequest
 from messages.sensors import AltitudeSample, DvlSample
 from messages.state import VehicleState
 from services.marine.vehicle import Vehicle
@@ -70,7 +70,7 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
 
     def report(request: PilotRequest, answer: PilotAnswer, now: int) -> None:
         if answer.accepted:
-            node.log("info", f"{request.kind}: done")
+            node.log("info", f"{request.kind}: {'begun' if request.kind in MANOEUVRES else 'done'}")
         else:
             node.log("warning", f"{request.kind} refused: {answer.reason}")
         save()

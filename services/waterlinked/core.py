@@ -15,6 +15,7 @@ from services.marine.mounting import ALONG, Rotation
 from services.waterlinked.report import KNOWN, LONGEST, DvlReport, command, read
 
 S = 1_000_000_000  # [ns]
+FASTEST = 15.0  # [m/s] of any component; no vehicle with a DVL comes near it
 ASK_NS, ASKED_MOST = 2 * S, 5  # [ns] between two questions for its configuration; some never answer
 OFFSET = "mounting_rotation_offset"
 
@@ -103,25 +104,41 @@ class DvlDriver:
             text = f"the DVL speaks {report.format[:40]!r}, known are {KNOWN[0]} to {KNOWN[-1]}"
             self._outbox.say("info", text)
         self._status, self._format = report.status, report.format
-        lock = "no bottom lock" if report.velocity is None else f"{report.altitude or 0:.2f} m high"
+        high = max(0.0, report.altitude or 0.0)
+        lock = "no bottom lock" if report.velocity is None else f"{high:.2f} m high"
         self.told = f"{report.format or 'json_v1'}, {lock}"
+
+    def _cannot_be(self, report: DvlReport, arrival: Ns) -> None:
+        """Counts what cannot be of a report, and says it where it lasts."""
+        wrong = list[tuple[str, str]]()
+        if report.age is None and report.time_of_validity:
+            wrong.append(("time_of_validity", "its two times do not belong together"))
+        if (velocity := report.velocity) is not None:
+            if max(map(abs, velocity)) > FASTEST:
+                wrong.append(("velocity", f"{max(velocity, key=abs):g} m/s"))
+            if report.altitude is not None and report.altitude < 0.0:  # without lock it means that
+                wrong.append(("altitude", f"an altitude of {report.altitude:g} m"))
+        for what, why in wrong:
+            self._outbox.tell(events.IMPLAUSIBLE(what))
+            self.watch.measured_nothing(arrival, events.NONSENSE("dvl", detail=why))
+        if not wrong:
+            self.watch.measured()
 
     def _sample(self, report: DvlReport, arrival: Ns, newest: int | None) -> DvlSample | None:
         age = report.age
+        self._cannot_be(report, arrival)
         if age is not None and newest is not None and report.time_of_transmission is not None:
             waited = (newest - report.time_of_transmission) / 1e6  # [s] behind others
             age += waited if 0.0 <= waited <= 1.0 else 0.0
-        elif report.time_of_validity:
-            self._outbox.tell(events.IMPLAUSIBLE("time_of_validity"))
         stamp = arrival - round((self._settings.latency if age is None else age) * S)
         if self._stamp_ns is not None and stamp <= self._stamp_ns:
             self._outbox.tell(events.NOT_NEWER(topics.DVL.key))
             return None
         self._stamp_ns = stamp
         velocity, altitude = report.velocity, report.altitude
+        if velocity is not None and max(map(abs, velocity)) > FASTEST:
+            return None
         if altitude is not None and altitude < 0.0:
-            if velocity is not None:  # without lock it is how a DVL says that it has none
-                self._outbox.tell(events.IMPLAUSIBLE("altitude"))
             altitude = None
         return DvlSample(stamp_ns=stamp, velocity=velocity, std=report.std, altitude=altitude)
 

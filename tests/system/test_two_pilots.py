@@ -105,10 +105,10 @@ def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
 
         reason = asked(bob, "take")
         assert re.search(
-            r"refuses to take: ann has control since \d+ s; ask for an offer, or take by force",
+            r"refuses \(take\): ann has control since \d+ s; ask for an offer, or take by force",
             reason,
         ), reason
-        assert "refuses to disarm: ann has control since" in asked(bob, "disarm")
+        assert "refuses (disarm): ann has control since" in asked(bob, "disarm")
         second.send_signal(signal.SIGINT)
         second.wait(PATIENCE_S)
         begin = len(heard.all)
@@ -123,7 +123,7 @@ def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
         assert asked(ann, "offer", "--to", "bob2").endswith(": offer: accepted")
         assert asked(again, "take").endswith(": take: accepted")
         heard.until("bob2", armed=True)
-        assert "refuses to light: bob2 has control" in asked(ann, "light", "--value", "1")
+        assert "refuses (light): bob2 has control" in asked(ann, "light", "--value", "1")
         assert asked(again, "light", "--value", "1").endswith(": light: accepted")
         assert asked(ann, "take", "--force").endswith(": take: accepted")
         heard.until("ann", armed=True)

@@ -410,7 +410,7 @@ def test_a_real_drone_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         assert any(still_goes(out, heading, capsys) for heading in (30.0, 90.0) * 10)
         assert ask("disarm", dive=out) == 0
         capsys.readouterr()
-        with pytest.raises(LindyError, match=r"refuses to goto: the drone is not armed"):
+        with pytest.raises(LindyError, match=r"refuses \(goto\): the drone is not armed"):
             ask("goto", depth=2.0, dive=out, as_json=True)
         assert not json.loads(capsys.readouterr().out)["accepted"]
 

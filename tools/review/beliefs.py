@@ -48,7 +48,7 @@ def in_words(name: str) -> str:
 def _believed(name: str, belief: Belief) -> Believed:
     compared = np.isfinite(belief.innovation)
     weight = float(np.mean(belief.weight[compared])) if compared.any() else 0.0
-    events = {**belief.reasons, **belief.verdicts}
+    events = dict([*belief.reasons.most_common(), *belief.verdicts.most_common()])
     return Believed(
         name=name,
         samples=int(belief.samples.sum()),
@@ -58,7 +58,7 @@ def _believed(name: str, belief: Belief) -> Believed:
         spread_ratio=_rounded(belief.spread_ratio),
         distrusted=round(belief.verdicts.total() / len(belief.t), 4),
         reasons=dict(belief.reasons.most_common()),
-        words=[sentence(event) for event in dict.fromkeys(events)],
+        words=[sentence(event) for event in events],  # the commonest first
     )
 
 

@@ -209,6 +209,9 @@ class Links:
                 cable = partial(_cable, where, int(number))
                 self._call(f"serial {where}", cable, at_once=not self._limits.patient)
                 return
+            if kind == "tcp" and self._limits.patient:  # a name may become known later, too
+                self._call(f"tcp {where}:{number}", partial(_named, where, int(number)))
+                return
             address = socket.gethostbyname(where), int(number)
             if kind == "tcp":
                 self._call(f"tcp {where}:{number}", partial(_connection, address))
@@ -221,6 +224,11 @@ class Links:
                 raise LindyError(
                     f"{setting} {url}: another program has this port, perhaps another dive, `lindy "
                     f"doctor` or a ground station; end it, or choose another port"
+                ) from None
+            if isinstance(error, socket.gaierror):
+                raise LindyError(
+                    f"{setting} {url}: no computer is known here by the name {where}; "
+                    f"allowed: a name that is, or a number like 192.168.2.2"
                 ) from None
             if isinstance(error, FileNotFoundError | PermissionError):
                 raise LindyError(f"{setting} {url}: {error.strerror}") from None
@@ -385,6 +393,11 @@ def _cable(device: str, baud: int) -> FileIO:
     path = Path(device)
     there = sorted(path.parent.glob(path.name)) if "*" in path.name else []
     return system.serial(str(there[0]) if there else device, baud)
+
+
+def _named(host: str, port: int) -> socket.socket:
+    """As `_connection`, of a name that is looked up now."""
+    return _connection((socket.gethostbyname(host), port))
 
 
 def _connection(address: Address) -> socket.socket:

@@ -12,6 +12,7 @@ import pytest
 
 from messages.events import Outbox
 from services.ardusub.service import ONE_BOARD
+from services.instruments.io.shell import limits_of
 from services.mavlink_io.io.links import PAUSE_S, Links
 from services.runtime.config.errors import LindyError
 from tests.support.patience import PATIENCE_S, until
@@ -62,7 +63,7 @@ class Board:
      "udpin:no.such.host.invalid:14551"],
 )  # fmt: skip
 def test_a_link_that_cannot_be_opened_is_one_sentence(url: str) -> None:
-    with pytest.raises(LindyError, match="allowed: udpin:HOST:PORT") as error:
+    with pytest.raises(LindyError, match="allowed: (udpin:HOST:PORT|a name)") as error:
         Board(url)
     assert "\n" not in str(error.value)
     assert url in str(error.value)
@@ -229,3 +230,14 @@ def test_a_cable_that_was_pulled_is_opened_again_when_it_is_back(tmp_path: Path)
     assert b"".join(until(heard)).startswith(b"back")
     link.close()
     os.close(second[0])
+
+
+def test_an_instrument_by_a_name_that_nobody_knows_is_waited_for_and_a_board_refused() -> None:
+    """The name of an instrument may become known later, as its own start takes a while."""
+    url, outbox = "tcp:nobody.invalid:16171", Outbox()
+    with pytest.raises(LindyError, match=r"no computer is known here by the name nobody\.invalid"):
+        Links([url], "ardusub.url", ONE_BOARD, outbox)
+    links = Links([url], "waterlinked.url", limits_of("dvl"), outbox)
+    assert links.receive() == []
+    assert links.trouble
+    links.close()

@@ -246,3 +246,25 @@ def test_the_double_turns_back_what_it_is_told_and_says_the_same_twice() -> None
     assert sample.velocity == pytest.approx(SWIMS.velocity, abs=0.03)
     assert rate(SWIMS, faults) == 26.0
     assert hypot(*SWIMS.velocity) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("seen", "why"),
+    [
+        (SeenMotion(velocity=(1e9, 0.0, 0.0), altitude=2.0), "e+08 m/s"),
+        (SeenMotion(velocity=(0.5, 0.0, 0.0), altitude=-3.0), "an altitude of -3 m"),
+    ],
+)
+def test_what_cannot_be_is_said_once_when_it_has_lasted(seen: SeenMotion, why: str) -> None:
+    told = Told()
+    for k in range(60):
+        told.hears(report(seen, k / 10, 0), at=(100 * S) + k * S // 10)
+    (said,) = [text for text in told.said if "cannot be" in text]
+    assert why in said
+    assert "-3" not in told.driver.told
+    told.hears(report(SWIMS, 9.0, 0), at=110 * S)
+    assert len([text for text in told.said if "cannot be" in text]) == 1
+
+
+def test_a_velocity_that_no_vehicle_has_is_not_passed_on() -> None:
+    assert not Told().hears(report(SeenMotion(velocity=(0.0, 16.0, 0.0), altitude=2.0), 1.0, 0))
