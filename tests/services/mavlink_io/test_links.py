@@ -63,7 +63,7 @@ class Board:
      "udpin:no.such.host.invalid:14551"],
 )  # fmt: skip
 def test_a_link_that_cannot_be_opened_is_one_sentence(url: str) -> None:
-    with pytest.raises(LindyError, match="allowed: (udpin:HOST:PORT|a name)") as error:
+    with pytest.raises(LindyError, match=r"allowed: (udpin:HOST:PORT|a name)") as error:
         Board(url)
     assert "\n" not in str(error.value)
     assert url in str(error.value)
