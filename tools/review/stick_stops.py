@@ -145,11 +145,16 @@ def _let_go(
     dive: RecordedDive, axis: str, armed: Sequence[ArmedSpan] | None, begin_ns: int
 ) -> Iterator[tuple[float, float, float]]:
     """(sign of the deflection before, begin [s], end [s]) of every time a stick was let go. One
-    that ends with its armed span was not."""
+    that ends with its armed span was not; one that the vehicle then goes on from by itself ends
+    there."""
+    status = dive[topics.STATUS]
+    by_itself = status["stamp"][status["own way"] > 0.0] if status.count else np.zeros(0)
     for release in releases(dive, axis):
         begin, end = (release.begin - begin_ns) / 1e9, (release.end - begin_ns) / 1e9
         if (disarmed := _disarmed(armed, begin)) is not None:
-            yield release.sign, begin, min(end, disarmed, begin + WINDOW_S)
+            later = (by_itself[by_itself > release.begin] - begin_ns) / 1e9
+            goes = float(later[0]) if len(later) else inf
+            yield release.sign, begin, min(end, disarmed, goes, begin + WINDOW_S)
 
 
 def counting(dive: RecordedDive, armed: Sequence[ArmedSpan] | None, begin_ns: int) -> RecordedDive:

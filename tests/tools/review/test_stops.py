@@ -86,6 +86,17 @@ def test_a_stop_is_measured(bounce: float, centre: float, tmp_path: Path) -> Non
     assert stop.jerk is not None
 
 
+def test_a_stop_ends_where_the_drone_goes_on_by_itself(tmp_path: Path) -> None:
+    """What a manoeuvre does after it is no coming back: the drone was sent there."""
+    flown = dive("heave")
+    rows = np.zeros((2, len(STATUS)))
+    rows[:, STATUS.index("stamp")] = (1e9, (LET_GO + 3.5) * 1e9)
+    rows[:, STATUS.index("own way")] = (0.0, 1.0)
+    flown.streams[topics.STATUS.key] = StreamColumns(STATUS, rows)
+    (stop,) = reviewed_stops(flown, sinking(0.5), None, settings(tmp_path), 0, None).stops
+    assert stop.bounced_back == pytest.approx(0.0, abs=1e-3)
+
+
 def test_a_stop_upwards_is_the_same(tmp_path: Path) -> None:
     down = sinking(0.05)
     up = down._replace(depth=-down.depth, depth_rate=-down.depth_rate)
