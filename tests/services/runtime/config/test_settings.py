@@ -84,7 +84,7 @@ def test_a_mistake_is_named(tmp_path: Path, text: str, sentence: str) -> None:
     [
         ("simulator.waves={hieght=0.3,period=4}", r"simulator.waves.hieght: .*mean 'height'\?"),
         ("simulator.hull.masss=1", r"unknown key; did you mean 'mass'\? known: added_mass"),
-        ("simulator.mounting={foo=1}", r"simulator.mounting.foo: .*known: dvl, imu"),
+        ("simulator.mounting={foo=1}", r"simulator.mounting.foo: .*known: altimeter, dvl, imu"),
         ("simulator.water_density={temp=3}", r"density.temp: .*known: salinity, temperature"),
         (
             "simulator.vibration=-1",
