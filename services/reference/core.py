@@ -139,7 +139,7 @@ class ReferenceGenerator:
         if state is not None:
             self._running = state.phase == "running"
         guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
-        guidance.home.see(state, guidance.ground, guidance.t, armed=self.armed)
+        self._keep_home(state)
         newest = self.conditions.newest
         guidance.bottom.see(newest.dvl, state, guidance.t, newest.altimeter)
         if guidance.state is None:
@@ -208,6 +208,13 @@ class ReferenceGenerator:
             epoch=lease.acting,
             gripper=self.outputs.gripper,
         )
+
+    def _keep_home(self, state: VehicleState | None) -> None:
+        guidance, home = self._guidance, self._guidance.home
+        was_lost = home.lost
+        home.see(state, guidance.ground, guidance.t, armed=self.armed)
+        if home.lost and not was_lost:
+            self.outbox.say("warning", home.missing)
 
     @property
     def _obeys_sticks(self) -> bool:
@@ -347,6 +354,8 @@ class ReferenceGenerator:
         if self.armed:
             return
         guidance, self.armed = self._guidance, True
+        if guidance.home.lost:
+            guidance.home = Home()
         known = guidance.bottom.known
         if reason := lacking(self.requested, guidance.state, armed=True, bottom=known):
             self.outbox.tell(events.REFUSED(self.requested, detail=f"armed without it: {reason}"))

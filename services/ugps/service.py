@@ -20,7 +20,7 @@ def opened(
     if not settings.url:
         return None
     fixes = local_fixes(stack, name, "ugps", outbox, node)
-    poller = HttpPoller(settings.url, f"{name}.url", PATHS, 1.0 / settings.rate)
+    poller = HttpPoller(settings.url, f"{name}.url", PATHS, 1.0 / settings.rate, outbox)
     return Instrument(UgpsDriver(settings, fixes, outbox), poller)
 
 

@@ -108,25 +108,23 @@ class DvlDriver:
         lock = "no bottom lock" if report.velocity is None else f"{high:.2f} m high"
         self.told = f"{report.format or 'json_v1'}, {lock}"
 
-    def _cannot_be(self, report: DvlReport, arrival: Ns) -> None:
-        """Counts what cannot be of a report, and says it where it lasts."""
-        wrong = list[tuple[str, str]]()
-        if report.age is None and report.time_of_validity:
-            wrong.append(("time_of_validity", "its two times do not belong together"))
-        if (velocity := report.velocity) is not None:
-            if max(map(abs, velocity)) > FASTEST:
-                wrong.append(("velocity", f"{max(velocity, key=abs):g} m/s"))
-            if report.altitude is not None and report.altitude < 0.0:  # without lock it means that
-                wrong.append(("altitude", f"an altitude of {report.altitude:g} m"))
-        for what, why in wrong:
+    def _sample(self, report: DvlReport, arrival: Ns, newest: int | None) -> DvlSample | None:
+        wrong = dict[str, str]()  # what cannot be, in words
+        age, velocity, altitude = report.age, report.velocity, report.altitude
+        if age is None and report.time_of_validity:
+            wrong["time_of_validity"] = "its two times do not belong together"
+        if altitude is not None and altitude < 0.0:
+            if velocity is not None:  # without lock it is how a DVL says that it has none
+                wrong["altitude"] = f"an altitude of {altitude:g} m"
+            altitude = None
+        if velocity is not None and max(map(abs, velocity)) > FASTEST:
+            wrong["velocity"] = f"{max(velocity, key=abs):g} m/s"
+        for what, why in wrong.items():
             self._outbox.tell(events.IMPLAUSIBLE(what))
             self.watch.measured_nothing(arrival, events.NONSENSE("dvl", detail=why))
         if not wrong:
             self.watch.measured()
 
-    def _sample(self, report: DvlReport, arrival: Ns, newest: int | None) -> DvlSample | None:
-        age = report.age
-        self._cannot_be(report, arrival)
         if age is not None and newest is not None and report.time_of_transmission is not None:
             waited = (newest - report.time_of_transmission) / 1e6  # [s] behind others
             age += waited if 0.0 <= waited <= 1.0 else 0.0
@@ -135,11 +133,8 @@ class DvlDriver:
             self._outbox.tell(events.NOT_NEWER(topics.DVL.key))
             return None
         self._stamp_ns = stamp
-        velocity, altitude = report.velocity, report.altitude
-        if velocity is not None and max(map(abs, velocity)) > FASTEST:
+        if "velocity" in wrong:
             return None
-        if altitude is not None and altitude < 0.0:
-            altitude = None
         return DvlSample(stamp_ns=stamp, velocity=velocity, std=report.std, altitude=altitude)
 
     # How it is set up.

@@ -68,6 +68,7 @@ class Sortie:
         self.wrenches: list[Wrench] = []
         self.states: list[VehicleState] = []
         self.answers: list[PilotAnswer | FaultAnswer] = []
+        self.said: list[str] = []  # in the log, by all on board
         self.status: VehicleStatus | None = None
         self._asked = 0
         self._rows = Registry.read()
@@ -105,6 +106,7 @@ class Sortie:
         observer.each(topics.WRENCH, lambda m, _: self.wrenches.append(m))
         observer.each(topics.STATE, lambda m, _: self.states.append(m))
         observer.each(topics.STATUS, lambda m, _: self._see(m))
+        observer.each(topics.LOG, lambda m, _: self.said.append(m.text))
 
     def _see(self, status: VehicleStatus) -> None:
         self.status = status

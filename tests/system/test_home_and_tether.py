@@ -4,8 +4,11 @@ from math import dist, pi, tau
 
 import pytest
 
+from messages.pilot import RequestKind
+from services.estimation.horizontal.horizontal_observer import LOST_AFTER
 from tests.support.sortie import HANDS_OFF, Sortie
 
+REARMED: tuple[RequestKind, ...] = ("disarm", "arm", "home")
 A50 = ("sensors.dvl=a50", "simulator.floor_depth=20")
 
 
@@ -43,6 +46,25 @@ def test_it_turns_the_tethers_turns_back_and_looks_where_it_looked() -> None:
     sortie.ask("unwind")
     sortie.until(71.0)
     assert sortie.refused() == ["the tether has no whole turn in it"]
+
+
+@pytest.mark.slow
+@pytest.mark.system
+def test_home_is_lost_with_the_position_and_that_is_said_at_once() -> None:
+    """After so long without a DVL the position begins anew, and nobody knows where."""
+    sortie = Sortie([(0.5, HANDS_OFF)], vehicle="bluerov2_heavy", overrides=A50).until(5.0)
+    sortie.set_faults("sensor/dvl", "silent")
+    sortie.until(10.0 + LOST_AFTER)
+    sortie.set_faults("sensor/dvl", "none")
+    sortie.until(15.0 + LOST_AFTER)
+    assert any("home is not known any more" in line for line in sortie.said)
+    sortie.ask("home")
+    sortie.until(16.0 + LOST_AFTER)
+    assert "home is not known any more" in sortie.refused()[0]
+    for k, kind in enumerate(REARMED, start=17):
+        sortie.ask(kind)
+        sortie.until(k + LOST_AFTER)
+    assert len(sortie.refused()) == 1  # home is where it was armed anew
 
 
 @pytest.mark.system

@@ -28,14 +28,8 @@ from tools.recordings.recording import Recording, open_recording
 
 HANDED_OVER = "has the sticks"  # how the pilot's log line ends when the drone is armed
 APART_NS = 1000  # [ns] between two events of one instant: a row holds one
-PLAIN = (
-    "stop",
-    "disarm",
-    "arm",
-    "light",
-    "home",
-    "unwind",
-)  # requests that are an event of the same name
+# Requests that are an event of the same name.
+PLAIN = ("stop", "disarm", "arm", "light", "home", "unwind")
 # Control is asked for, and a failsafe is ended, by every script itself.
 BY_ITSELF = ("lease", "offer", "release", "force", "resume")
 KEYS = {

@@ -8,9 +8,8 @@ from messages.state import VehicleState
 from messages.units import Finite
 from services.reference.guidance.ground_motion import GroundMotion, Pair
 
-MOST_GAP_S = (
-    1.0  # [s] without a position over which a new origin is still known to be the same place
-)
+# [s] without a position; after a longer gap nobody knows where a new origin is.
+MOST_GAP_S = 1.0
 
 
 class HomePlace(msgspec.Struct, frozen=True):
@@ -53,5 +52,8 @@ class Home:
         if self.place is not None:
             return ""
         if self.lost:
-            return "home is not known any more: the position was lost on the way, and began anew"
+            return (
+                "home is not known any more: the position was lost on the way, and began anew; the "
+                "next place where the drone is armed will be home"
+            )
         return "home is not known: no position has been measured since the drone was armed"

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from http.client import HTTPConnection, HTTPException
 from urllib.parse import urlsplit
 
+from messages import events
+from messages.events import Outbox
 from services.mavlink_io.io.links import Received
 from services.runtime.config.errors import LindyError
 
@@ -18,10 +20,13 @@ class HttpPoller:
     """Links to one server: what arrives is, for each round of questions, the answer to each. A
     status other than 200 is `HTTP` and its number."""
 
-    def __init__(self, url: str, setting: str, paths: Sequence[str], period_s: float) -> None:
+    def __init__(
+        self, url: str, setting: str, paths: Sequence[str], period_s: float, outbox: Outbox
+    ) -> None:
         """
         Args:
             setting: where the URL comes from, for people.
+            outbox: told of answers that nobody came for.
 
         Raises:
             LindyError: it is no http URL.
@@ -36,7 +41,7 @@ class HttpPoller:
             raise LindyError(f"{setting}: found {url!r}; allowed: http://HOST or http://HOST:PORT")
         self.names, self.trouble = list[str](), ""  # nothing can be sent
         self._paths, self._period_s = paths, period_s
-        self._rounds = deque[Received](maxlen=4)
+        self._rounds, self._outbox = deque[Received](maxlen=4), outbox
         self._over = threading.Event()
         self._notify: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._run, name="http", daemon=True)
@@ -73,6 +78,7 @@ class HttpPoller:
                 self.trouble = str(error) or type(error).__name__
                 continue
             self.trouble = ""
+            self._outbox.tell(events.OVERFLOWED("ugps"), len(self._rounds) == self._rounds.maxlen)
             self._rounds.append(Received("http", answers))
             self._notify()
         connection.close()

@@ -241,3 +241,22 @@ def test_an_instrument_by_a_name_that_nobody_knows_is_waited_for_and_a_board_ref
     assert links.receive() == []
     assert links.trouble
     links.close()
+
+
+def test_nobody_waits_for_a_name_that_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other instruments are read by the same thread."""
+    found = threading.Event()
+
+    def slowly(_: str) -> str:
+        assert found.wait(PATIENCE_S)
+        return "127.0.0.1"
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        monkeypatch.setattr(socket, "gethostbyname", slowly)
+        url = f"tcp:dvl:{server.getsockname()[1]}"
+        links = Links([url], "waterlinked.url", limits_of("dvl"), Outbox())  # it does not hang …
+        assert links.receive() == []  # … nor does this
+        assert "dvl is being looked up" in links.trouble
+        found.set()
+        until(lambda: bool(links.receive() == [] and links.names))
+        links.close()

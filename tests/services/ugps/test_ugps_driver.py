@@ -76,7 +76,7 @@ def test_it_is_asked_over_http_and_again_when_it_was_gone() -> None:
         found.extend(exchange(instrument, lambda: now, now))
 
     with served(pages) as port:
-        poller = HttpPoller(f"http://127.0.0.1:{port}", "ugps.url", PATHS, 0.01)
+        poller = HttpPoller(f"http://127.0.0.1:{port}", "ugps.url", PATHS, 0.01, outbox)
         instrument = Instrument(driver, poller)
         poller.start(lambda: None)
         until(lambda: bool(found), meanwhile=look)
@@ -95,4 +95,15 @@ def test_it_is_asked_over_http_and_again_when_it_was_gone() -> None:
 @pytest.mark.parametrize("url", ["192.168.2.94", "https://box", "http://", "http://box:port"])
 def test_a_url_that_cannot_be_is_one_sentence(url: str) -> None:
     with pytest.raises(LindyError, match=r"ugps\.url: found"):
-        HttpPoller(url, "ugps.url", PATHS, 1.0)
+        HttpPoller(url, "ugps.url", PATHS, 1.0, Outbox())
+
+
+def test_answers_that_nobody_came_for_are_counted() -> None:
+    """The newest are kept."""
+    outbox = Outbox()
+    with served(answers(FLIES, 0.0, 0, TRONDHEIM, frozenset())) as port:
+        poller = HttpPoller(f"http://127.0.0.1:{port}", "ugps.url", PATHS, 0.01, outbox)
+        poller.start(lambda: None)
+        until(lambda: outbox.counts["overflowed:ugps"] > 0)
+        poller.close()
+    assert len(poller.receive()) == 4
