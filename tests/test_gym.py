@@ -43,6 +43,7 @@ def cost(env: FollowVectorEnv, how: str) -> tuple[float, float]:
             return total, float(np.sqrt(np.mean(errors)))
 
 
+@pytest.mark.slow
 def test_lindys_control_is_that_of_a_sweep_and_better_than_none() -> None:
     env = FollowVectorEnv(3, seconds=SECONDS)
     lindy, error = cost(env, "lindy")

@@ -434,6 +434,7 @@ class ReferenceGenerator:
             return "ready" if self._running else "starting"
         if self.stopping:
             return "stopping"
-        if self._guidance.manoeuvre.on_a_path:
+        manoeuvre = self._guidance.manoeuvre
+        if manoeuvre.on_a_path and manoeuvre.goal is None:
             return "follow"
-        return "goto" if self._guidance.manoeuvre.going else "piloted"
+        return "goto" if manoeuvre.busy else "piloted"

@@ -120,6 +120,7 @@ def test_the_pilots_choice_turns_it_round_within_a_second(flown: Flown) -> None:
     assert {said.large for _, said in flown.shares["down"]} == {"down"}
 
 
+@pytest.mark.slow
 def test_what_each_may_send_is_all_there_is_and_what_it_sends(flown: Flown) -> None:
     said = [m for _, m in sorted(flown.shares["front"] + flown.shares["down"], key=lambda e: e[0])]
     assert len(said) > 100
@@ -142,6 +143,7 @@ def test_where_there_is_no_room_the_small_one_stops_first_and_says_so(flown: Flo
     assert not any("front" in age.words for _, age in flown.ages["down"])
 
 
+@pytest.mark.slow
 def test_a_slide_show_is_no_alarm(flown: Flown) -> None:
     """A small picture may be older than a large one before it is said to be old."""
     small = [age for at, age in flown.ages["down"] if 4 * S < at < CHOSEN]

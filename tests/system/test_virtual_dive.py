@@ -104,6 +104,7 @@ def test_a_turn_ends_without_overshoot(tmp_path: Path) -> None:
     assert overshoot < 0.05
 
 
+@pytest.mark.slow
 @settings(
     max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

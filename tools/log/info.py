@@ -128,6 +128,11 @@ class Gathered:
         before, self._status = self._status, status
         if status.armed != (before is not None and before.armed):
             self.events.append(SeenEvent(round(t, 3), "armed" if status.armed else "disarmed"))
+        if status.armed and (before is None or status.flight_mode != before.flight_mode):
+            self.events.append(SeenEvent(round(t, 3), f"mode {status.flight_mode}"))
+        own_way = status.activity in ("goto", "follow")
+        if own_way and (before is None or status.activity != before.activity):
+            self.events.append(SeenEvent(round(t, 3), status.activity))
         now = status.failsafe, status.reaction
         if now != (("none", None) if before is None else (before.failsafe, before.reaction)):
             over = "failsafe over" if status.failsafe == "none" else ""

@@ -98,7 +98,8 @@ def _sensors(found: Review) -> Iterator[str]:
     if not found.sensors:
         yield "The recording holds no sensors."
     else:
-        yield f"Recorded: {names}. {'Odd: ' + '; '.join(odd) if odd else 'Nothing odd in them'}."
+        seen = f"Odd: {'; '.join(odd)}" if odd else "No gaps, repeats or wrong stamps"
+        yield f"Recorded: {names}. {seen}."
 
 
 def _vibration(found: Review) -> Iterator[str]:

@@ -112,7 +112,7 @@ def off(result: SensorFound, R: Floats) -> tuple[float, float, float]:
 @pytest.mark.parametrize(
     ("yaw", "lean", "arm", "current"),
     [
-        (90.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0)),
+        pytest.param(90.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0), marks=pytest.mark.slow),
         (-170.0, 3.0, (0.3, -0.1, 0.15), (0.2, -0.1)),
     ],
 )
@@ -130,6 +130,7 @@ def test_how_it_is_mounted_is_found(
     assert of("dvl_scale", result) is None  # it is 1
 
 
+@pytest.mark.slow
 def test_a_wrong_scale_and_late_stamps_are_found() -> None:
     R = rotation(45.0, 0.0)
     result = found(flown(1, R, scale=1.04, late=0.08))
@@ -140,6 +141,7 @@ def test_a_wrong_scale_and_late_stamps_are_found() -> None:
     assert any("ms later than its time stamps say" in remark for remark in result.remarks)
 
 
+@pytest.mark.slow
 def test_it_is_known_as_well_as_it_says() -> None:
     """Over seeds, the error of the yaw over its deviation is that of a normal distribution."""
     R, ratios = rotation(10.0, 0.0), list[float]()
@@ -152,6 +154,7 @@ def test_it_is_known_as_well_as_it_says() -> None:
     assert 0.2 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.7
 
 
+@pytest.mark.slow
 def test_a_bottom_that_swims_for_some_seconds_is_left_out() -> None:
     R = rotation(90.0, 0.0)
 
@@ -202,6 +205,7 @@ def test_what_does_not_tell_is_refused_in_one_sentence(
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.slow
 def test_without_a_turn_the_place_is_not_stated() -> None:
     straight = tuple(pulse for pulse in MANOEUVRE if pulse[0] != 3)
     result = found(flown(1, rotation(90.0, 0.0), flies=straight))

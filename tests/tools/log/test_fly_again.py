@@ -123,6 +123,7 @@ def test_without_the_script_the_recorded_sticks_are_flown(
     assert "not compared: it was flown by the clock" in said
 
 
+@pytest.mark.slow
 def test_a_recording_runs_no_code_of_a_stranger_s_unless_it_is_trusted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

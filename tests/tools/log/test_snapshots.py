@@ -58,6 +58,7 @@ def test_a_snapshot_is_the_newest_picture_by_then_and_says_where(
             assert float(gps[GPS.GPSImgDirection]) == pytest.approx(shot.drone.heading, abs=0.1)
 
 
+@pytest.mark.slow
 def test_place_is_in_the_comment(filmed_pictures: list[FilmedPicture]) -> None:
     import io
 
