@@ -10,7 +10,7 @@ import signal
 from collections import Counter
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
-from functools import cache
+from functools import cache, partial
 from io import StringIO
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
@@ -42,6 +42,7 @@ from services.runtime.node.gate import Gate
 from services.tether.io.profile_file import named, read_trace
 from tests.services.mavlink.test_any_packet import CODEC, Conversation
 from tests.support.ardusub_double.cable import MS, Cable
+from tests.tools.importing import logs
 from tools.__main__ import main
 from tools.checks import PilotChoice, checked, pilot_of
 from tools.choices import Choices
@@ -273,6 +274,48 @@ def recordings() -> dict[str, bytes]:
         return {"as Lindy writes it": file.path.read_bytes()}
 
 
+# Logs of other programs.
+
+
+def foreign(name: str) -> Callable[[bytes, Path], None]:
+    def run(data: bytes, folder: Path) -> None:
+        path = folder / name
+        path.write_bytes(data)
+        said = StringIO()
+        with redirect_stdout(said), redirect_stderr(said):
+            status = main(["import", str(path), "--out", str(folder / "dive")])
+        text = said.getvalue()
+        assert status in (0, 1), status
+        assert "in Lindy itself" not in text, text
+        assert not any(ord(c) < 32 and c not in "\n\t" for c in text), text
+        assert path.read_bytes() == data
+
+    return run
+
+
+def made(name: str) -> dict[str, bytes]:
+    """A log by the format's own library."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        FOREIGN[name](path)
+        return {name: path.read_bytes()}
+
+
+def table(path: Path) -> None:
+    columns = [f"{of}.{axis}" for of in ("angular_rate", "specific_force") for axis in "xyz"]
+    rows = [
+        f"{logs.BEGAN_NS + k * SECOND // 50},{k % 7 / 9},{k % 5},0.1,0,{k % 3},-9.8"
+        for k in range(80)
+    ]
+    path.write_text("\n".join([",".join(["publish_ns", *columns]), *rows]))
+
+
+FOREIGN: dict[str, Callable[[Path], object]] = {
+    "log.bag": logs.ros1, "log.bin": logs.dataflash, "log.tlog": logs.tlog, "log.ulg": logs.ulog,
+    "log.mcap": logs.mcap, "sensor_imu.csv": table,
+}  # fmt: skip
+
+
 # Files that are read when a dive begins.
 
 
@@ -354,7 +397,11 @@ def certificate(data: bytes, _: Path) -> None:
             judge(data)
 
 
-EXTRA: dict[str, Callable[[], dict[str, bytes]]] = {"gate": messages, "recording": recordings}
+EXTRA: dict[str, Callable[[], dict[str, bytes]]] = {
+    "gate": messages,
+    "recording": recordings,
+    **{name: partial(made, name) for name in FOREIGN},
+}
 TARGETS: dict[str, Target] = {
     "gate": Target("gate", gate),
     "ground station": Target("mavlink", ground_station),
@@ -390,4 +437,5 @@ TARGETS: dict[str, Target] = {
     "trace": Target("trace", text(read_trace, ".csv")),
     "admitted": Target("admitted", admitted),
     "certificate": Target("certificate", certificate),
+    **{f"import {name}": Target(name, foreign(name)) for name in FOREIGN},
 }

@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 import msgspec
 from cyclopts import Parameter
 
+from messages.text import harmless
 from services.runtime.config.errors import LindyError
 from tools.choices import named
 from tools.fresh import write_fresh
@@ -103,7 +104,7 @@ def import_log(
         report.remarks += unfit(wanted, sources, [*report.sources])
         data = json.dumps(msgspec.to_builtins(report), indent=1, ensure_ascii=False).encode()
         write_fresh(folder / REPORT, data + b"\n")
-    print(as_text(report, folder), flush=True)
+    print(harmless(as_text(report, folder)), flush=True)
     return 0
 
 

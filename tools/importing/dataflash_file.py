@@ -110,7 +110,8 @@ class DataflashFile:
             if form.name == "FMT" and said.Type != FMT[0]:
                 with contextlib.redirect_stdout(io.StringIO()):  # of a damaged one it says so
                     new = self._kind(said.Type, said.Name, said.Length, said.Format, said.Columns)
-                if 3 + calcsize(new.msg_struct) == new.len:
+                whole = 3 + calcsize(new.msg_struct) == new.len
+                if whole and len(new.columns) == len(new.msg_fmts):
                     self._formats[said.Type] = new
             elif form.name == "FMTU" and said.FmtType in self._formats:
                 self._formats[said.FmtType].set_unit_ids(said.UnitIds, {})

@@ -79,8 +79,8 @@ def refuse_other(path: Path, magic: bytes, kind: str) -> None:
 
 def began_by_file(path: Path, last_ns: Ns) -> tuple[Ns, str]:
     """[ns] UTC when a board's clock began, of which the log only knows how long it ran until its
-    end; and a remark on that."""
-    return path.stat().st_mtime_ns - last_ns, BY_FILE
+    end; and a remark on that. An end before 1970 is of a damaged log."""
+    return max(0, path.stat().st_mtime_ns - last_ns), BY_FILE
 
 
 def getter(path: str) -> Callable[[Any], Any]:

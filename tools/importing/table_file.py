@@ -17,6 +17,7 @@ from tools.importing.map_file import STAMP_UNITS, TakenMessage
 KINDS = (".csv", ".parquet")
 BLANK = ["", "--.--", "-.-", "--", "null", "NULL", "None", "NA", "N/A"]  # no sample; NaN is odd
 Stamps = NDArray[np.int64]  # [ns] UTC
+NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow calls them
 SHOWN = 12  # columns that a sentence lists
 
 
@@ -53,6 +54,7 @@ class TableFile:
             else:
                 blank = csv.ConvertOptions(null_values=BLANK, strings_can_be_null=True)
                 self._table = csv.read_csv(path, convert_options=blank)
+            self._names: list[str] = self._table.column_names  # of text that is none: ValueError
         except (pa.ArrowException, OSError, ValueError) as error:
             why = str(error).partition("\n")[0].rstrip(".")
             raise LindyError(f"{path} is damaged or no table: {why}") from None
@@ -60,7 +62,7 @@ class TableFile:
             raise LindyError(f"{path} has no rows below its names of columns")
 
     def sources(self) -> dict[str, LogSource]:
-        columns = frozenset[str](self._table.column_names)
+        columns = frozenset(self._names)
         return {self._path.stem: LogSource("table", self._table.num_rows, columns)}
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
@@ -72,9 +74,7 @@ class TableFile:
                 remark = f"{np.count_nonzero(~whole)} rows of {self._path.name} have no time"
                 self.remarks += [] if remark in self.remarks else [remark]
             named = named_columns(several)
-            columns = {
-                name: table[name].combine_chunks() for name in table.column_names if name in named
-            }
+            columns = {name: table[name].combine_chunks() for name in self._names if name in named}
             columns |= {taken.stamp: at_ns for taken in several if taken.stamp_unit == "date"}
             yield from column_rows(source, columns, at_ns)
 
@@ -87,7 +87,7 @@ class TableFile:
             LindyError: the map does not say in which column the time is, or there is none in it.
         """
         taken = several[0]
-        names = self._table.column_names
+        names = self._names
         if len({(each.stamp, each.stamp_unit) for each in several}) > 1:
             raise LindyError(
                 f"{self._path}: the map names several columns for its time; expected one of a table"
@@ -114,13 +114,14 @@ class TableFile:
 
     def _numbers(self, column: Any, taken: TakenMessage) -> Stamps:
         scale = STAMP_UNITS[taken.stamp_unit]
-        values = np.asarray(column.fill_null(0)) if str(column.type) != "string" else None
+        is_number = str(column.type).startswith(NUMBERS)
+        values = np.asarray(column.fill_null(0)) if is_number else None
         if values is None or taken.stamp_unit == "ros":
             raise LindyError(
                 f"{self._path}: {taken.stamp} is {column[0]} with the stamp_unit "
                 f"{taken.stamp_unit!r}; write at {taken.where} in the map ns, us, ms, s, or date "
                 f"for times as 2024-05-01T09:30:00.123"
             )
-        if values.dtype.kind == "i":
+        if values.dtype.kind in "iu":
             return values.astype(np.int64) * scale
         return np.round(np.nan_to_num(values) * scale).astype(np.int64)

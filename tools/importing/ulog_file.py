@@ -1,5 +1,6 @@
 """Logs of PX4 (.ulg), by the library pyulog."""
 
+import io
 from collections.abc import Iterator, Mapping
 from heapq import merge
 from pathlib import Path
@@ -14,11 +15,34 @@ from tools.importing.columns import cell, column_rows, named_columns
 from tools.importing.log_file import LogRow, LogSource, Wanted, began_by_file, refuse_other
 
 SUBMARINE = 12  # MAV_TYPE
+MOST_AGAIN = 100_000  # reads of what was read; it looks for the next message byte by byte
+LATEST_NS = 4_102_444_800 * 10**9  # [ns] UTC, the year 2100
 MAGIC = b"ULog\x01\x12\x35"
 
 
 def is_ulog(path: Path) -> bool:
     return path.suffix.lower() == ".ulg"
+
+
+class ForwardFile(io.BufferedReader):
+    """Where the end of a log is damaged, pyulog reads the same bytes for ever."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._farthest = self._again = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """
+        Raises:
+            EOFError: it gets no further.
+        """
+        found = super().read(size)
+        self._again += 1
+        if (at := self.tell()) > self._farthest:
+            self._farthest, self._again = at, 0
+        elif self._again > MOST_AGAIN:
+            raise EOFError("it cannot be read to its end")
+        return found
 
 
 class UlogFile:
@@ -43,12 +67,14 @@ class UlogFile:
                 f"logs of PX4 need pyulog, which is missing: {how_to_install('import')}"
             ) from None
         try:
-            self._log: Any = ULog(str(path))
+            with ForwardFile(path) as file:
+                self._log: Any = ULog(file)
         except Exception as error:  # of whatever kind: where bytes are wrong, pyulog does not say
             raise LindyError(f"{path} is damaged: {error or 'a message is none'}") from None
         self._topics: dict[str, Mapping[str, Any]] = {
             each.name + (f"[{each.multi_id}]" if each.multi_id else ""): each.data
             for each in self._log.data_list
+            if "timestamp" in each.data  # all have it, but in a damaged log
         }
         if self._log.file_corruption:
             self.remarks.append("a part of it is damaged, and left out")
@@ -87,10 +113,10 @@ class UlogFile:
         for name in ("vehicle_gps_position", "sensor_gps"):
             columns = self._topics.get(name, {})
             utc = columns.get("time_utc_usec", np.zeros(0))
-            known = np.flatnonzero(utc)
-            if len(known):
-                first = known[0]
-                return (int(utc[first]) - int(columns["timestamp"][first])) * 1000
+            for first in np.flatnonzero(utc)[:1]:
+                began = (int(utc[first]) - int(columns["timestamp"][first])) * 1000
+                if 0 <= began < LATEST_NS:  # else it is damaged
+                    return began
         began, remark = began_by_file(self._path, int(self._log.last_timestamp) * 1000)
         self.remarks.append(remark)
         return began
