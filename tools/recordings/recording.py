@@ -295,7 +295,7 @@ def open_recording(path: Path) -> Recording:
             if not MAGIC.startswith(beginning):
                 raise LindyError(f"{file} is not a recording: it does not begin as MCAP files do")
     except OSError as error:
-        raise LindyError(f"cannot read {error.filename}: {error.strerror}") from None
+        raise LindyError(f"cannot read {error.filename or path}: {error.strerror}") from None
     return Recording(files)
 
 
