@@ -51,6 +51,13 @@ NOT_COVERED = """
   `lateral` where nobody asks for sway. A drone with a single vertical thruster cannot hold its
   depth without it.
 - A hub that hangs for 0.3 s delays messages, and nothing expires that matters: no service is late.
+- A recorder or a viewer that hangs for 0.3 s loses nothing, because it takes what arrived from a
+  ring of a second and more; and four busy processes that make no service late cost nothing.
+
+## Physics
+
+- A drone that moves, or floats up, goes on while what commands it is dead or hangs: 0.1 to 0.25 m
+  until the service is started again.
 
 ## Not mended
 
