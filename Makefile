@@ -99,6 +99,7 @@ film: $(READY) ## the moving picture of the README; needs Chromium, and Vulkan a
 docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tests.support.docs.topics_page
 	$(BIN)/python -m tests.support.docs.failsafes_page
+	$(BIN)/python -m tests.support.docs.report_page
 	$(BIN)/python -m tests.support.docs.import_picture
 	$(BIN)/python -m lindy_research.scale --write
 

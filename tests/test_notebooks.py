@@ -11,7 +11,12 @@ import pytest
 from tests.support.patience import PATIENCE_S
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "examples/notebooks").glob("*.ipynb"))
-MAKES = {"many_dives": ["dives.parquet", "dives.pdf"], "own_law": ["laws.png"]}
+MAKES = {
+    "many_dives": ["dives.parquet", "dives.pdf"],
+    "own_controller": ["controllers.png"],
+    "own_estimator": ["estimators.png"],
+    "own_law": ["laws.png"],
+}
 SEEDS = ("1..50", "1..2")  # fewer dives than a reader flies
 
 

@@ -5,11 +5,13 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from services.runtime.config.extras import how_to_install
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.service_module import wire_of
 from tools.__main__ import main
@@ -81,3 +83,22 @@ def test_a_verb_of_research_says_what_to_install(
         f"lindy: `lindy {verb}` is in the package lindy-research, which is not installed; "
         f"in the folder of Lindy's source, `uv run lindy {verb}` installs and runs it\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("clone", "said"),
+    [
+        (True, "in the folder of Lindy's source, `uv sync --extra viewer` installs it"),
+        (
+            False,
+            rf"`pip install 'lindy-{version('lindy')}-py3-none-any.whl\[viewer\]'` installs it.*",
+        ),
+    ],
+)
+def test_an_extra_is_installed_as_lindy_itself_was(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, clone: bool, said: str
+) -> None:
+    monkeypatch.setattr("services.runtime.config.extras.DEPLOY", tmp_path / "deploy")
+    if clone:
+        (tmp_path / "pyproject.toml").touch()
+    assert re.fullmatch(said, how_to_install("viewer"))

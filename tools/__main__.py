@@ -267,21 +267,27 @@ def _mistyped(error: Any) -> str:
     verb = " ".join(("lindy", *(error.command_chain or ())))
     if len(error.command_chain or ()) == 1 and error.command_chain[0] not in VERBS:
         verb = verb.replace("lindy", "lindy log", 1)
-    kind, argument = type(error).__name__, error.argument
+    kind, argument, name = type(error).__name__, error.argument, verb.removeprefix("lindy ")
     if kind == "UnusedCliTokensError":
         word, verbs = error.unused_tokens[0], [name for name in error.app or () if name[0] != "-"]
         return (
-            f"{verb}: {word!r} is not expected{_meant(word, verbs)} `{verb} --help` shows what is"
+            f"{name}: {word!r} is not expected{_meant(word, verbs)} `{verb} --help` shows what is"
+        )
+    if kind == "UnknownOptionError":
+        known = [name for known in error.argument_collection or () for name in known.names]
+        word = error.token.keyword
+        return (
+            f"{name}: there is no {word}{_meant(word, known)} `{verb} --help` shows what there is"
         )
     if kind == "MissingArgumentError" and error.keyword is not None:
-        return f"{verb}: {error.keyword} needs a value; `{verb} --help` shows which"
+        return f"{name}: {error.keyword} needs a value; `{verb} --help` shows which"
     if kind == "MissingArgumentError":
         field, missing = argument.field_info, argument.name
         missing = missing if field.is_keyword_only else missing.removeprefix("--").upper()
-        return f"{verb}: {missing} is missing; `{verb} --help` shows what is expected"
+        return f"{name}: {missing} is missing; `{verb} --help` shows what is expected"
     if kind == "CoercionError" and error.token is not None and error.target_type in NUMBERS:
         wanted = NUMBERS[error.target_type]
-        return f"{verb}: {argument.name} is {error.token.value!r}, expected {wanted}"
+        return f"{name}: {argument.name} is {error.token.value!r}, expected {wanted}"
     return str(error)
 
 

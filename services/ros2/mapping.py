@@ -10,9 +10,9 @@ nothing.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import isfinite, nan, sqrt
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
@@ -33,8 +33,8 @@ from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Truth, VehicleStatus
-from messages.video import Assembler, VideoPart
-from services.marine.attitude import down_in_body
+from messages.video import AccessUnit, Assembler, VideoPart
+from services.marine.attitude import LEVEL, down_in_body
 from services.marine.mounting import Mounting
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import Sticks
@@ -113,11 +113,35 @@ class RosFrames(NamedTuple):
     imu: MountedAxes
     magnetometer: MountedAxes
     dvl: MountedAxes
+    places: Mapping[str, Vec3]  # [m] FRD, of each frame of a sensor; along the vehicle's axes
+
+    def at(self, sensor: str) -> str:
+        """The frame of what this sensor measures, in the vehicle's axes."""
+        frame = f"{self.base.partition('/')[0]}/{sensor}"
+        return frame if frame in self.places else self.base
 
 
-def frames_of(name: str, mounting: Mounting) -> RosFrames:
-    turned = (mounting.imu, mounting.magnetometer, mounting.dvl)
-    return RosFrames(f"{name}/base_link", f"{name}/odom", *map(MountedAxes, turned))
+def frames_of(name: str, mounting: Mounting | None) -> RosFrames:
+    """
+    Args:
+        mounting: None: not known. Sensors have no frames of their own, and the vehicle's axes.
+    """
+    places: dict[str, Vec3] = {}
+    if mounting is not None:
+        places = {
+            f"{name}/imu": mounting.imu.position,
+            f"{name}/dvl": mounting.dvl.position,
+            f"{name}/pressure": mounting.pressure.position,
+        }
+    known = mounting or Mounting()
+    return RosFrames(
+        f"{name}/base_link",
+        f"{name}/odom",
+        MountedAxes(known.imu),
+        MountedAxes(known.magnetometer),
+        MountedAxes(known.dvl),
+        places,
+    )
 
 
 # Messages. Each is made of the drone's frames, Lindy's message and its time [ns] UTC. None: nothing
@@ -131,7 +155,7 @@ def imu(frame: RosFrames, sample: ImuSample, utc_ns: int) -> Any:
     nothing = np.zeros(9)
     none = np.array([-1.0, *[0.0] * 8])
     return ros.sensor_msgs__msg__Imu(
-        header=_header(utc_ns, frame.base),
+        header=_header(utc_ns, frame.at("imu")),
         orientation=_quaternion((1.0, 0.0, 0.0, 0.0)),
         orientation_covariance=none,
         angular_velocity=_vector(flu(axes.to_body(sample.angular_rate))),
@@ -153,7 +177,7 @@ def magnetic_field(frame: RosFrames, sample: MagnetometerSample, utc_ns: int) ->
 def pressure(frame: RosFrames, sample: PressureSample, utc_ns: int) -> Any:
     """Absolute; its variance is not known, which is 0."""
     return ros.sensor_msgs__msg__FluidPressure(
-        header=_header(utc_ns, frame.base), fluid_pressure=sample.pressure, variance=0.0
+        header=_header(utc_ns, frame.at("pressure")), fluid_pressure=sample.pressure, variance=0.0
     )
 
 
@@ -167,7 +191,7 @@ def dvl(frame: RosFrames, sample: DvlSample, utc_ns: int) -> Any:
     )
     covariance = _diagonal([sample.std * sample.std] * 3 + [UNKNOWN] * 3)
     return ros.geometry_msgs__msg__TwistWithCovarianceStamped(
-        header=_header(utc_ns, frame.base),
+        header=_header(utc_ns, frame.at("dvl")),
         twist=ros.geometry_msgs__msg__TwistWithCovariance(twist=twist, covariance=covariance),
     )
 
@@ -261,18 +285,31 @@ def odometry(frame: RosFrames, state: VehicleState, utc_ns: int) -> Any:
     return said
 
 
+def _placed(header: Any, child: str, place: Vec3, turned: Quaternion) -> Any:
+    """A frame in that of the header, in whose axes `place` is."""
+    placed = ros.geometry_msgs__msg__Transform(
+        translation=_vector(place), rotation=_quaternion(turned)
+    )
+    return ros.geometry_msgs__msg__TransformStamped(
+        header=header, child_frame_id=child, transform=placed
+    )
+
+
 def transform(frame: RosFrames, state: VehicleState, utc_ns: int) -> Any:
     """The drone's frame in that of its odometry."""
     if not state_is_known(state):
         return None
-    placed = ros.geometry_msgs__msg__Transform(
-        translation=_vector(enu(place_of(state))),
-        rotation=_quaternion(enu_from_flu(state.attitude)),
+    turned = enu_from_flu(state.attitude)
+    placed = _placed(_header(utc_ns, frame.odom), frame.base, enu(place_of(state)), turned)
+    return ros.tf2_msgs__msg__TFMessage(transforms=[placed])
+
+
+def mounted(frame: RosFrames, utc_ns: int) -> Any:
+    """Where the sensors sit: their frames in the drone's."""
+    header = _header(utc_ns, frame.base)
+    return ros.tf2_msgs__msg__TFMessage(
+        transforms=[_placed(header, at, flu(r), LEVEL) for at, r in frame.places.items()]
     )
-    stamped = ros.geometry_msgs__msg__TransformStamped(
-        header=_header(utc_ns, frame.odom), child_frame_id=frame.base, transform=placed
-    )
-    return ros.tf2_msgs__msg__TFMessage(transforms=[stamped])
 
 
 def truth(frame: RosFrames, known: Truth, utc_ns: int) -> Any:
@@ -445,6 +482,8 @@ MADE = defaultdict[str, list[RosRow]](list)
 for _row in ROWS:
     MADE[_row.of.key].append(_row)
 PICTURE = "sensor_msgs/msg/CompressedImage"
+H264, JPEG = "h264", "jpeg"  # formats of pictures
+ENDS = {H264: "h264", JPEG: "compressed"}  # of their topics; the second as image_transport has it
 TAKEN = {"joy": JOY, "cmd_vel": TWIST}  # topics from which sticks are taken
 
 
@@ -469,17 +508,32 @@ class RosTopic(NamedTuple):
     kind: str
 
 
+class ToJpeg(Protocol):
+    """Of the pictures of one camera."""
+
+    def take(self, unit: AccessUnit) -> bytes | None: ...
+    def forget(self) -> None: ...
+
+
 class RosMessages:
     """Of one drone. Pictures come in parts, so it has a memory of each camera's newest."""
 
-    def __init__(self, name: str, namespace: str, mounting: Mounting | None) -> None:
+    def __init__(
+        self,
+        name: str,
+        namespace: str,
+        mounting: Mounting | None,
+        jpegs: Callable[[], ToJpeg] | None = None,
+    ) -> None:
         """
         Args:
             namespace: empty, or from a / on.
             mounting: of the sensors; None: not known, as if they had the body's axes.
+            jpegs: makes what decodes the pictures of one camera; None: there are none as JPEG.
         """
-        self._frame, self._namespace = frames_of(name, mounting or Mounting()), namespace
+        self._frame, self._namespace = frames_of(name, mounting), namespace
         self._pictures = defaultdict[str, Assembler](Assembler)
+        self._jpegs = None if jpegs is None else defaultdict[str, ToJpeg](jpegs)
 
     def whole(self, name: str) -> str:
         return name if name.startswith("/") else f"{self._namespace}/{name}"
@@ -487,8 +541,15 @@ class RosMessages:
     def offered(self, of_cameras: Iterable[str]) -> list[RosTopic]:
         """Every topic of a drone with these cameras."""
         found = [RosTopic(self.whole(row.name), row.kind) for row in ROWS]
-        pictures = [RosTopic(self._camera(camera), PICTURE) for camera in of_cameras]
-        return list(dict.fromkeys(found + pictures))
+        formats = (H264,) if self._jpegs is None else (H264, JPEG)
+        named = (self._camera(camera, each) for camera in of_cameras for each in formats)
+        return list(dict.fromkeys([*found, *(RosTopic(name, PICTURE) for name in named)]))
+
+    def static(self, utc_ns: int) -> RosMessage | None:
+        """What is so for the whole dive: where the sensors sit. None: that is not known."""
+        if not self._frame.places:
+            return None
+        return RosMessage("/tf_static", "tf2_msgs/msg/TFMessage", mounted(self._frame, utc_ns))
 
     def has(self, topic: AnyTopic) -> bool:
         """Do its messages become anything in ROS 2?"""
@@ -517,24 +578,35 @@ class RosMessages:
             if wanted(name) and (made := row.make(self._frame, message, utc_ns)) is not None:
                 yield RosMessage(name, row.kind, made)
 
-    def _camera(self, camera: str) -> str:
-        return self.whole("camera" if camera == cameras.FIRST else f"camera_{camera}")
+    def _camera(self, camera: str, form: str) -> str:
+        base = "camera" if camera == cameras.FIRST else f"camera_{camera}"
+        return self.whole(f"{base}/{ENDS[form]}")
 
     def _picture(
         self, key: str, part: VideoPart, utc_ns: int, wanted: Callable[[str], bool]
     ) -> Iterator[RosMessage]:
-        """An access unit of H.264 as it is: a keyframe begins with its parameter sets."""
+        """An access unit of H.264 as it is, where a keyframe begins with its parameter sets; and
+        its picture as JPEG."""
         unit = self._pictures[key].take(part)
-        name = self._camera(cameras.camera_of(key) or cameras.FIRST)
-        if unit is None or not wanted(name):
+        if unit is None:
             return
-        data = np.frombuffer(unit.data, np.uint8)
-        header = _header(utc_ns, self._frame.base)
-        yield RosMessage(
-            name,
-            PICTURE,
-            ros.sensor_msgs__msg__CompressedImage(header=header, format="h264", data=data),
+        camera = cameras.camera_of(key) or cameras.FIRST
+        if wanted(name := self._camera(camera, H264)):
+            yield self._compressed(name, H264, unit.data, utc_ns)
+        if self._jpegs is None:
+            return
+        if not wanted(name := self._camera(camera, JPEG)):
+            self._jpegs[key].forget()
+        elif (picture := self._jpegs[key].take(unit)) is not None:
+            yield self._compressed(name, JPEG, picture, utc_ns)
+
+    def _compressed(self, name: str, form: str, data: bytes, utc_ns: int) -> RosMessage:
+        made = ros.sensor_msgs__msg__CompressedImage(
+            header=_header(utc_ns, self._frame.base),
+            format=form,
+            data=np.frombuffer(data, np.uint8),
         )
+        return RosMessage(name, PICTURE, made)
 
 
 def type_hash(kind: str) -> str:

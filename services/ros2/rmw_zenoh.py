@@ -6,6 +6,7 @@ Source: docs/design.md of https://github.com/ros2/rmw_zenoh, as of its release 0
     key         <domain>/<topic>/<type>/<type hash>
     token       @ros2_lv/<domain>/<session>/<node>/<entity>/<kind>/<enclave>/<namespace>/<name>
                 … /<topic>/<type>/<type hash>/<QoS> for a publisher (MP) or a subscription (MS)
+    latched     an AdvancedPublisher of Zenoh with a cache, as of release 0.2.2
     attachment  int64 sequence number, int64 time [ns] UTC, uint8 16, 16 bytes of the publisher's id
 """
 
@@ -19,6 +20,7 @@ ID_BYTES = 16
 # Reliable, volatile and the last ten: what differs from rmw_zenoh's defaults is written, between
 # reliability : durability : history , depth : deadline : lifespan : liveliness.
 QOS = "::,10:,:,:,,"
+LATCHED = ":1:,1:,:,:,,"  # transient-local, the last one: who comes later gets it, too
 Kind = Literal["NN", "MP", "MS"]  # node, publisher, subscription
 
 
@@ -81,10 +83,10 @@ class RosNode:
     def token(self) -> str:
         return self._token("NN", 0)
 
-    def entity(self, kind: Kind, topic: str, of: str, type_hash: str) -> str:
+    def entity(self, kind: Kind, topic: str, of: str, type_hash: str, qos: str = QOS) -> str:
         """The token of one more publisher or subscription."""
         self._entities += 1
-        more = (_mangled(topic), dds_name(of), type_hash, QOS)
+        more = (_mangled(topic), dds_name(of), type_hash, qos)
         return "/".join((self._token(kind, self._entities), *more))
 
     def _token(self, kind: Kind, entity: int) -> str:

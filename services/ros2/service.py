@@ -15,7 +15,7 @@ from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
 from services.ros2.core import RosPilot, RosSticks, Settings
 from services.ros2.names import namespace_of, ros_name
-from services.ros2.rmw_zenoh import Attachment, Kind, RosNode, id_of, key_of
+from services.ros2.rmw_zenoh import LATCHED, QOS, Attachment, Kind, RosNode, id_of, key_of
 from services.runtime.bus.other_network import OtherNetwork, OtherPublisher
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.extras import how_to_install
@@ -23,7 +23,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 if TYPE_CHECKING:
-    from services.ros2.mapping import RosMessages, RosTopic
+    from services.ros2.mapping import RosMessages, RosTopic, ToJpeg
 
 LOOK_HZ = 50.0  # [1/s] how often what has arrived is sent on
 WAITING = 256  # messages from ROS at most; the oldest go first
@@ -46,6 +46,7 @@ class RosNetwork(Protocol):
     @property
     def connected(self) -> bool: ...
     def publisher(self, key: str) -> OtherPublisher: ...
+    def keep(self, key: str, payload: bytes, attachment: bytes) -> None: ...
     def hear(self, key: str, takes: Callable[[str, bytes, bytes], None]) -> None: ...
     def announce(self, token: str) -> None: ...
 
@@ -77,13 +78,22 @@ def connected(node: Node, stack: Stack, settings: Settings, network: RosNetwork)
     name = ros_name(stack.drone_name)
     namespace = namespace_of(settings, name)
     vehicle = stack.section("vehicle", Vehicle)
-    messages = RosMessages(name, namespace, vehicle.mounting)
+    messages = RosMessages(name, namespace, vehicle.mounting, _jpegs(node))
     of_cameras = stack.section("camera", CameraViews).by_name
     drone = DroneInRos(node, settings, network, namespace, messages, of_cameras)
     if settings.sticks:
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         SticksFromRos(node, drone, RosPilot(pilot))
     return drone
+
+
+def _jpegs(node: Node) -> "Callable[[], ToJpeg] | None":
+    try:
+        from services.ros2.io.jpeg import JpegOfVideo
+    except ImportError:
+        node.log("info", f"ROS 2: no JPEG of cameras without PyAV; {how_to_install('camera')}")
+        return None
+    return JpegOfVideo
 
 
 class DroneInRos:
@@ -108,14 +118,15 @@ class DroneInRos:
         network.announce(self._ros.token())
         for topic in messages.offered(of_cameras):
             self._offer(topic)
+        self._keep_static()
         node.watch(self._show)
         node.every(LOOK_HZ, lambda _: None)  # the step of the node hands over what has arrived
         node.every(ASK_HZ, self._look)
 
-    def entity(self, kind: Kind, topic: "RosTopic") -> tuple[str, str]:
+    def entity(self, kind: Kind, topic: "RosTopic", qos: str = QOS) -> tuple[str, str]:
         """Announce one more publisher or subscription. Its token and its key."""
         described = self._hash(topic.kind)
-        token = self._ros.entity(kind, topic.name, topic.kind, described)
+        token = self._ros.entity(kind, topic.name, topic.kind, described, qos)
         self.network.announce(token)
         return token, key_of(self._settings.domain, topic.name, topic.kind, described)
 
@@ -125,6 +136,14 @@ class DroneInRos:
     def _offer(self, topic: "RosTopic") -> None:
         token, key = self.entity("MP", topic)
         self._topics[topic.name] = RosPublisher(self.network.publisher(key), id_of(token))
+
+    def _keep_static(self) -> None:
+        from services.ros2.mapping import RosTopic
+
+        utc_ns = self._node.now() + self._node.wall_offset_ns
+        if (said := self._messages.static(utc_ns)) is not None:
+            token, key = self.entity("MP", RosTopic(said.topic, said.kind), LATCHED)
+            self.network.keep(key, said.cdr(), Attachment(1, utc_ns, id_of(token)).packed())
 
     def _wanted(self, name: str) -> bool:
         return name in self._topics and self._topics[name].heard

@@ -62,7 +62,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--seconds", "-3"], "--seconds is -3, expected more than 0"),
         (["--seconds", "nan"], "--seconds is nan"),
         (["--seconds", "soon"], "'soon'"),
-        (["--vehicel", "pioneer"], "Did you mean --vehicle?"),
+        (["--vehicel", "pioneer"], "did you mean '--vehicle'?"),
         (["--out", "/dev/null/x"], "cannot write into --out /dev/null/x"),
         (["left", "over"], "left"),
     ],
@@ -431,12 +431,14 @@ def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("link prfile", "lindy link: 'prfile' is not expected; did you mean 'profile'? `lindy"),
-        ("dive left", "lindy dive: 'left' is not expected; `lindy dive --help` shows what is"),
-        ("log compare base", "lindy log compare: B is missing; `lindy log compare --help`"),
-        ("simulate --out", "lindy simulate: --out needs a value; `lindy simulate --help`"),
+        ("link prfile", "lindy: link: 'prfile' is not expected; did you mean 'profile'? `lindy"),
+        ("dive left", "lindy: dive: 'left' is not expected; `lindy dive --help` shows what is"),
+        ("log compare base", "lindy: log compare: B is missing; `lindy log compare --help`"),
+        ("simulate --out", "lindy: simulate: --out needs a value; `lindy simulate --help`"),
         ("simulate --seconds 30s", "--seconds is '30s', expected a number, such as 1.5"),
-        ("sweep --seed 1", "lindy sweep: --out is missing; `lindy sweep --help` shows"),
+        ("sweep --seed 1", "lindy: sweep: --out is missing; `lindy sweep --help` shows"),
+        ("up drone --headless", "lindy: up: there is no --headless; `lindy up --help` shows what"),
+        ("dive --headles", "lindy: dive: there is no --headles; did you mean '--headless'? `lindy"),
         ("simulate --pilot first_dive", "did you mean 'script:first_dive'?"),
     ],
 )

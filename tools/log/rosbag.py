@@ -1,6 +1,7 @@
 """`lindy log rosbag`: a recording as a bag of ROS 2, by the same table as the service `ros2`."""
 
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,9 +22,10 @@ from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
 if TYPE_CHECKING:
-    from rosbags.interfaces import Connection
+    from rosbags.interfaces import Connection, Qos
+    from rosbags.rosbag2 import Writer
 
-    from services.ros2.mapping import RosMessages
+    from services.ros2.mapping import RosMessage, RosMessages, ToJpeg
 
 CLEAN, DATA_LOST = 0, 3  # exit statuses
 VERSION = 9  # of the format of bags, as ROS 2 Jazzy writes it
@@ -52,6 +54,8 @@ def rosbag(
             f"a bag needs rosbags, which is missing: {how_to_install('ros2')}"
         ) from None
     opened = open_recording(recording)
+    if (origin := opened.origin_ns()) is None:
+        raise opened.empty(recording)
     beside = recording if recording.is_dir() else recording.parent
     folder = out or beside / "rosbag"
     refuse_existing(folder)
@@ -60,10 +64,10 @@ def rosbag(
     flown = flown_dive(opened)
     name = "drone" if flown is None else ros_name(Path(flown.stack.vehicle).stem)
     mounting = None if vehicle is None else vehicle.mounting
-    messages = RosMessages(name, namespace_of(settings, name), mounting)
+    messages = RosMessages(name, namespace_of(settings, name), mounting, _jpegs())
     try:
         with reading("writing a bag", opened.size) as opened.advance:
-            written, left_out = _fill(opened, folder, messages)
+            written, left_out = _fill(opened, origin, folder, messages)
     except OSError as error:
         said = f"cannot write {folder}: {reason(error)}"
         raise LindyError(
@@ -79,19 +83,28 @@ def rosbag(
     return DATA_LOST if opened.unreadable or said else CLEAN
 
 
+def _jpegs() -> "Callable[[], ToJpeg] | None":
+    try:
+        from services.ros2.io.jpeg import JpegOfVideo
+    except ImportError:
+        print(f"no JPEG of cameras: PyAV is not installed; {how_to_install('camera')}", flush=True)
+        return None
+    return JpegOfVideo
+
+
 def _fill(
-    recording: Recording, folder: Path, messages: "RosMessages"
+    recording: Recording, origin_ns: int, folder: Path, messages: "RosMessages"
 ) -> tuple[Counter[str], set[str]]:
     """Messages written, by topic, and the keys that have no place in ROS 2."""
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-    from services.ros2.mapping import STORE
-
-    written, left_out = Counter[str](), set[str]()
-    of_topic: dict[str, Connection] = {}
+    left_out = set[str]()
     bag = Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP)
     bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with bag:
+        topics_of = BagTopics(bag)
+        if (static := messages.static(origin_ns)) is not None:
+            topics_of.write(static, origin_ns, latched=True)
         for key, message, log_ns, publish_ns in recording:
             topic = topics.find(key)
             if topic is None or not messages.has(topic):
@@ -99,14 +112,53 @@ def _fill(
                 continue
             for said in messages.of(topic, key, message, publish_ns):
                 try:
-                    data = said.cdr()
+                    topics_of.write(said, log_ns)
                 except ValueError:
                     recording.unreadable[key] += 1
-                    continue
-                connection = of_topic.get(said.topic)
-                if connection is None:
-                    connection = bag.add_connection(said.topic, said.kind, typestore=STORE)
-                    of_topic[said.topic] = connection
-                bag.write(connection, log_ns, data)
-                written[said.topic] += 1
-    return written, left_out
+    return topics_of.written, left_out
+
+
+class BagTopics:
+    """The topics of a bag that is being written, and how many messages each has."""
+
+    def __init__(self, bag: "Writer") -> None:
+        self._bag, self.written = bag, Counter[str]()
+        self._known: dict[str, Connection] = {}
+
+    def write(self, said: "RosMessage", log_ns: int, *, latched: bool = False) -> None:
+        """
+        Args:
+            latched: whoever plays the bag is to say it to those who come later, too.
+
+        Raises:
+            ValueError: a value has no room in its field.
+        """
+        from services.ros2.mapping import STORE
+
+        data = said.cdr()
+        if (connection := self._known.get(said.topic)) is None:
+            connection = self._known[said.topic] = self._bag.add_connection(
+                said.topic,
+                said.kind,
+                typestore=STORE,
+                offered_qos_profiles=[_latched()] if latched else [],
+            )
+        self._bag.write(connection, log_ns, data)
+        self.written[said.topic] += 1
+
+
+def _latched() -> "Qos":
+    from rosbags import interfaces as bags
+
+    never = bags.QosTime(9_223_372_036, 854_775_807)  # as rosbag2 writes an infinite time
+    return bags.Qos(
+        bags.QosHistory.KEEP_LAST,
+        1,
+        bags.QosReliability.RELIABLE,
+        bags.QosDurability.TRANSIENT_LOCAL,
+        never,
+        never,
+        bags.QosLiveliness.AUTOMATIC,
+        never,
+        avoid_ros_namespace_conventions=False,
+    )

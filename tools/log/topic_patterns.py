@@ -12,7 +12,10 @@ from services.runtime.config.settings import nearest
 
 Topics = Annotated[
     tuple[str, ...],
-    Parameter(consume_multiple=True, help="keys, or patterns such as 'sensor/*'; default: all"),
+    Parameter(
+        consume_multiple=True,
+        help="keys, or patterns such as 'sensor/*', with blanks between; default: all",
+    ),
 ]
 
 

@@ -9,14 +9,21 @@ import json
 import secrets
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import zenoh
+from zenoh.ext import (
+    AdvancedPublisher,
+    CacheConfig,
+    MissDetectionConfig,
+    declare_advanced_publisher,
+)
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.bus.zenoh_bus import common_settings
 from services.runtime.bus.zenoh_threads import keep_thread_state, use_one_thread
 
+HEARTBEAT_S = 5.0  # [s] of what is kept, at most, and only after something was said
 AGAIN_S = 1.0  # [s] between two attempts to reach a router that has not been there yet
 LONGEST = 65_536  # [B] of a message that is taken
 Takes = Callable[[str, bytes, bytes], None]  # key, payload and attachment, on Zenoh's thread
@@ -47,6 +54,27 @@ class OtherPublisher:
         self.heard = bool(now.matching)
 
 
+class Kept(NamedTuple):
+    """What whoever subscribes later is to hear, too."""
+
+    key: str
+    payload: bytes
+    attachment: bytes
+
+    def declare(self, session: zenoh.Session) -> AdvancedPublisher:
+        publisher = declare_advanced_publisher(
+            session,
+            self.key,
+            cache=CacheConfig(1),
+            publisher_detection=True,
+            sample_miss_detection=MissDetectionConfig(
+                heartbeat=None, sporadic_heartbeat=HEARTBEAT_S
+            ),
+        )
+        publisher.put(self.payload, attachment=self.attachment)
+        return publisher
+
+
 class OtherNetwork:
     """A client of that network's router."""
 
@@ -72,6 +100,10 @@ class OtherNetwork:
         publisher = OtherPublisher()
         self._declares.append(lambda session: publisher.declare(session, key))
         return publisher
+
+    def keep(self, key: str, payload: bytes, attachment: bytes) -> None:
+        """Say this once, and again to whoever subscribes later."""
+        self._declares.append(Kept(key, payload, attachment).declare)
 
     def hear(self, key: str, takes: Takes) -> None:
         def on_sample(sample: zenoh.Sample) -> None:

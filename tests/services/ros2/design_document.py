@@ -28,6 +28,7 @@ class ReadToken(NamedTuple):
     type: str = ""
     type_hash: str = ""
     depth: str = ""  # of its QoS
+    durability: str = ""  # empty: volatile; 1: transient-local
 
 
 def demangled(name: str) -> str:
@@ -48,10 +49,10 @@ def read_token(token: str) -> ReadToken:
         return ReadToken(*of_node, *named)
     topic, dds, described, qos = more
     reliability, durability, history, deadline, lifespan, liveliness = qos.split(":")
-    assert (reliability, durability, deadline, lifespan, liveliness) == ("", "", ",", ",", ",,")
+    assert (reliability, deadline, lifespan, liveliness) == ("", ",", ",", ",,")
     policy, depth = history.split(",")
     assert policy == ""
-    return ReadToken(*of_node, *named, demangled(topic), dds, described, depth)
+    return ReadToken(*of_node, *named, demangled(topic), dds, described, depth, durability)
 
 
 class ReadAttachment(NamedTuple):

@@ -1,5 +1,6 @@
 """What each message is in ROS 2: frames, units, and that readers of others understand it."""
 
+import io
 from collections.abc import Iterable
 from dataclasses import fields, is_dataclass, make_dataclass
 from math import cos, isnan, pi, sin
@@ -10,6 +11,8 @@ import pycdr2
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
+from PIL import Image
 from pycdr2 import types as cdr_types
 from rosbags.interfaces import Nodetype
 
@@ -18,10 +21,15 @@ from messages.message import Estimate
 from messages.pilot import PilotCommand
 from messages.sensors import ImuSample
 from messages.units import Quaternion, Vec3
+from messages.video import AccessUnit, VideoPart
+from services.camera.core import Order
+from services.camera.io.encoder import VideoEncoder
+from services.camera.sea import Picture
 from services.marine.attitude import from_euler, to_world
 from services.marine.mounting import Mount, Mounting
 from services.piloting.sticks import Sticks
 from services.ros2 import mapping
+from services.ros2.io.jpeg import JpegOfVideo
 from services.ros2.mapping import (
     ROWS,
     STORE,
@@ -236,11 +244,82 @@ def test_a_picture_is_there_once_all_of_its_parts_are() -> None:
     first, second = replace(part, parts=2), replace(part, parts=2, part=1, data=b"more")
     assert not list(messages.of(topic, key, first, UTC_NS))
     (said,) = messages.of(topic, key, second, UTC_NS)
-    assert (said.topic, said.made.format) == ("/rov/camera", "h264")
+    assert (said.topic, said.made.format) == ("/rov/camera/h264", "h264")
     assert bytes(said.made.data) == b"\0\0\0\1picturemore"
     down = replace(part, data=b"x")
     (said,) = messages.of(topics.FURTHER_VIDEO, "camera/video/down", down, UTC_NS)
-    assert said.topic == "/rov/camera_down"
+    assert said.topic == "/rov/camera_down/h264"
+
+
+def film(pictures: int) -> list[VideoPart]:
+    """Pictures that become brighter from each to the next, the first of them a keyframe."""
+    encoder, parts = VideoEncoder(320, 180), list[VideoPart]()
+    for number in range(pictures):
+        grey = np.full((180, 320), 20 + 8 * number, np.uint8)
+        blue = np.full((90, 160), 128, np.uint8)
+        stamp_ns = number * 40_000_000
+        data = encoder.encode(Picture(grey, blue, blue), stamp_ns, Order(2000.0, 25.0, number == 0))
+        _, _, part = EVERY[11]
+        about = {"picture": number, "keyframe": number == 0, "stamp_ns": stamp_ns}
+        sizes = {"width": 320, "height": 180, "encoded_ns": number + 1}
+        parts.append(structs.replace(part, data=data, **about, **sizes))
+    return parts
+
+
+def shown(messages: RosMessages, part: VideoPart, wanted: bool = True) -> float | None:
+    """Brightness of the picture that a viewer of ROS shows; None: there is none."""
+    said = list(messages.of(topics.VIDEO, "camera/video", part, UTC_NS, lambda name: (
+        wanted and name == "/rov/camera/compressed")))  # fmt: skip
+    if not said:
+        return None
+    (picture,) = said
+    assert (picture.kind, picture.made.format) == ("sensor_msgs/msg/CompressedImage", "jpeg")
+    with Image.open(io.BytesIO(bytes(picture.made.data))) as opened:
+        assert (opened.format, opened.size) == ("JPEG", (320, 180))
+        return float(np.asarray(opened.convert("L")).mean())
+
+
+def test_each_picture_is_a_jpeg_too_and_pictures_follow_on_each_other() -> None:
+    messages = RosMessages("rov", "/rov", None, JpegOfVideo)
+    seen = [shown(messages, part) for part in film(8)]
+    assert None not in seen
+    assert seen == sorted(seen, key=lambda each: each or 0.0)
+    assert cast(float, seen[-1]) - cast(float, seen[0]) > 50.0
+
+
+def test_who_hears_the_jpeg_later_sees_nothing_before_the_next_keyframe() -> None:
+    messages = RosMessages("rov", "/rov", None, JpegOfVideo)
+    one, two = film(3), film(3)
+    assert [shown(messages, part, wanted=False) for part in one[:2]] == [None, None]
+    assert shown(messages, one[2]) is None
+    later = [structs.replace(part, encoded_ns=part.encoded_ns + 10) for part in two]
+    assert None not in [shown(messages, part) for part in later]
+
+
+@given(st.binary(max_size=300), st.booleans())
+def test_garbage_is_no_jpeg(data: bytes, keyframe: bool) -> None:
+    part = structs.replace(EVERY[11][2], data=data, keyframe=keyframe)
+    assert JpegOfVideo().take(AccessUnit(part, data)) is None
+
+
+@given(vectors, vectors)
+def test_a_sensors_frame_is_where_it_sits_and_its_samples_are_in_it(r: Vec3, s: Vec3) -> None:
+    mounting = Mounting(imu=Mount(position=r), dvl=Mount(position=s))
+    messages = RosMessages("rov", "/rov", mounting)
+    said = messages.static(UTC_NS)
+    assert said is not None
+    assert said.topic == "/tf_static"
+    placed = {each.child_frame_id: each.transform for each in said.made.transforms}
+    for name, place in (("rov/imu", r), ("rov/dvl", s)):
+        at, turn = placed[name].translation, placed[name].rotation
+        assert (at.x, at.y, at.z) == pytest.approx(flu(place))
+        assert (turn.w, turn.x, turn.y, turn.z) == (1.0, 0.0, 0.0, 0.0)
+    for number in (0, 2, 3):  # IMU, pressure, DVL
+        (sample,) = messages.of(*EVERY[number], UTC_NS)
+        assert sample.made.header.frame_id in placed
+        (unplaced,) = RosMessages("rov", "/rov", None).of(*EVERY[number], UTC_NS)
+        assert unplaced.made.header.frame_id == "rov/base_link"
+    assert RosMessages("rov", "/rov", None).static(UTC_NS) is None
 
 
 def test_every_row_of_the_table_is_tried_here() -> None:

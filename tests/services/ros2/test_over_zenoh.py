@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zenoh
+from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
 
 from messages import topics
 from messages.events import MALFORMED
@@ -108,6 +109,33 @@ def test_a_subscriber_of_ros_hears_the_odometry_and_knows_whose_it_is(machine: R
     said: Any = STORE.deserialize_cdr(heard[0].payload.to_bytes(), "nav_msgs/msg/Odometry")
     assert (said.header.frame_id, said.child_frame_id) == ("rov1/odom", "rov1/base_link")
     assert said.pose.pose.position.z == -2.0
+
+
+def test_who_subscribes_later_learns_where_the_sensors_sit(machine: RosMachine) -> None:
+    token = machine.entity("/tf_static", "MP")
+    assert (token.durability, token.depth) == ("1", "1")
+    key = machine.key(token)
+    for _ in range(2):  # as a subscription of rmw_zenoh that is transient-local and reliable
+        heard: list[zenoh.Sample] = []
+        subscriber = declare_advanced_subscriber(
+            machine.session,
+            key,
+            heard.append,
+            history=HistoryConfig(detect_late_publishers=True, max_samples=1),
+            recovery=RecoveryConfig(periodic_queries=None, heartbeat=True),
+        )
+        until(lambda heard=heard: heard)
+        subscriber.undeclare()
+        assert len(heard) == 1
+        assert heard[0].attachment is not None
+        assert document.read_attachment(heard[0].attachment.to_bytes()).sequence == 1
+        said: Any = STORE.deserialize_cdr(heard[0].payload.to_bytes(), "tf2_msgs/msg/TFMessage")
+        assert {each.child_frame_id for each in said.transforms} == {
+            "rov1/imu",
+            "rov1/dvl",
+            "rov1/pressure",
+        }
+        assert {each.header.frame_id for each in said.transforms} == {"rov1/base_link"}
 
 
 def test_sticks_of_a_publisher_of_ros_arrive_and_rubbish_is_counted(machine: RosMachine) -> None:

@@ -48,7 +48,7 @@ def page() -> str:
         StopDistance,
         PlaceAhead,
     ]  # parts of messages
-    return "\n".join([HEADING, *rows, "", *map(_section, kinds)])
+    return "\n".join([HEADING, *rows, "", *map(section, kinds)])
 
 
 def _row(topic: AnyTopic) -> str:
@@ -60,7 +60,7 @@ def _row(topic: AnyTopic) -> str:
     return f"| `{topic.key}` | {where} | {rate} | {travels} | {thinned} |"
 
 
-def _section(kind: type[msgspec.Struct]) -> str:
+def section(kind: type[msgspec.Struct]) -> str:
     """A message: its docstring and its fields with the comment on their line."""
     about = inspect.cleandoc(kind.__dict__.get("__doc__") or "").replace("\n", " ")
     fields = [

@@ -1,5 +1,5 @@
-"""The table of wheels in `docs/platforms.md` (`make wheels`): what `pip install lindy[all]` brings
-to each platform, as uv finds it in the package index, from wheels alone."""
+"""The table of wheels in `docs/platforms.md` (`make wheels`): what Lindy with the extra `all`
+brings to each platform, as uv finds it in the package index, from wheels alone."""
 
 import subprocess
 import sys

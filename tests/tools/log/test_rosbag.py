@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
 
 from messages import topics
 from messages.vehicle import Truth
@@ -38,12 +40,17 @@ def test_rosbags_reads_every_message_back_in_its_order(dive: ShortDive, bag: Pat
             assert at_ns >= before
             before = at_ns
             assert message.__msgtype__ == connection.msgtype
+        (latched,) = (each for each in reader.connections if each.topic == "/tf_static")
         digests = {each.topic: each.digest for each in reader.connections}
     assert found["/my_drone/imu/data_raw"] == expected["sensor/imu"] > 100
     assert found["/my_drone/truth"] == expected["simulator/truth"]
     assert found["/my_drone/sticks"] == expected["pilot/command"]
     assert found["/diagnostics"] == expected["vehicle/status"] + expected["health/*"]
     assert found["/tf"] == found["/my_drone/odom"] > 100
+    assert found["/tf_static"] == 1
+    assert isinstance(latched.ext, ConnectionExtRosbag2)
+    (offered,) = latched.ext.offered_qos_profiles
+    assert (offered.durability, offered.depth) == (QosDurability.TRANSIENT_LOCAL, 1)
     assert digests["/tf"] == STORE.hash_rihs01("tf2_msgs/msg/TFMessage")
 
 
@@ -78,6 +85,18 @@ def test_it_says_what_has_no_place_in_ros(
     assert "not in ROS 2's words: " in said
     assert "control/wrench" in said
     assert "sensor/imu" not in said
+
+
+def test_of_a_recording_without_messages_there_is_no_bag_but_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (tmp_path / "bare.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.finish()
+    assert main(["log", "rosbag", str(tmp_path / "bare.mcap")]) == 1
+    assert "bare.mcap holds no messages" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["bare.mcap"]
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(

@@ -160,6 +160,9 @@ def test_parquet_has_the_same_rows_with_types(
             value: Any = table.column(name)[middle].as_py()
             same = float(there) == value if isinstance(value, float) else there == cell(value)
             assert same, (path, name)
+    stored = parquet.ParquetFile(out / "state.parquet").metadata.row_group(0)
+    codecs = {stored.column(number).compression for number in range(stored.num_columns)}
+    assert codecs == {"SNAPPY"}  # which MATLAB reads
     state = parquet.read_table(out / "state.parquet").schema
     kinds = [str(state.field(name).type) for name in ("stamp_ns", "depth.value", "depth.valid")]
     assert kinds == ["int64", "double", "bool"]

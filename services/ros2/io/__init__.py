@@ -1,0 +1,1 @@
+"""The H.264 decoder and the encoder of JPEG, by PyAV and Pillow."""
