@@ -41,7 +41,7 @@ class ParquetTable:
         }
         self._schema: Any = self._pyarrow.schema([(c.name, types[c.kind]) for c in columns])
         self._file = path.open("xb")
-        # MATLAB reads snappy, and does not say that it reads zstd, which is a seventh smaller.
+        # Snappy is what every reader of Parquet has; zstd is a seventh smaller.
         self._writer: Any = parquet.ParquetWriter(self._file, self._schema, compression="snappy")
         self._rows: list[Row] = []
 

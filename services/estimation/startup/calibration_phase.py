@@ -224,7 +224,7 @@ class CalibrationPhase:
         before, self._finding = self._finding, finding
         if finding is None:
             if before is not None:
-                self._outbox.say("info", "what kept the calibration from ending is gone")
+                self._outbox.say("info", "calibration can finish now")
             return
         if before is not None and before.name == finding.name:
             return
