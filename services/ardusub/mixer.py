@@ -141,9 +141,8 @@ class Mixer:
         for _ in range(STEPS):
             effect = (self._effect * slopes) @ self._factors
             square = effect.T @ effect
-            step = np.linalg.solve(
-                square + DAMPING * square.trace() * IDENTITY, effect.T @ missing
-            )
+            damping = DAMPING * float(square.trace()) * IDENTITY
+            step = np.asarray(np.linalg.solve(square + damping, effect.T @ missing), np.float64)
             further = axes + step
             thrust, slopes = self._curves.thrust_and_slopes(self._factors @ further)
             left = wanted - self._effect @ thrust

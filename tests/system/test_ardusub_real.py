@@ -17,7 +17,6 @@ from pathlib import Path
 
 import pytest
 
-from messages import topics
 from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.sensors import ImuSample, PressureSample
@@ -224,21 +223,26 @@ def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> N
     wire.links.close()
 
 
+def dive(folder: Path, port: int, vehicle: str, *overrides: str) -> Path:
+    """The folder of a dive that ended in order."""
+    script, out = folder / "script.csv", folder / "out"
+    script.write_text(SCRIPT)
+    command = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
+    command += ["--vehicle", vehicle, "--pilot", f"script:{script}", "--out", str(out)]
+    told = (f"ardusub.url=udpin:127.0.0.1:{port}", "estimation.calibration.still_time=3")
+    for assignment in (*told, *overrides):
+        command += ["--set", assignment]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert said.returncode == 0, said.stdout + said.stderr
+    return out
+
+
 @pytest.mark.slow
 @pytest.mark.system
 @pytest.mark.parametrize("kind", BOARDS)
 def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
-    script, out = tmp_path / "script.csv", tmp_path / "out"
-    script.write_text(SCRIPT)
-    command = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub"]
-    command += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}", "--headless"]
-    command += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(out)]
-    command += ["--set", "estimation.calibration.still_time=3"]
     with board_process(kind, port, tmp_path):
-        said = subprocess.run(
-            command, capture_output=True, text=True, timeout=PATIENCE_S, check=False
-        )
-    assert said.returncode == 0, said.stdout + said.stderr
+        out = dive(tmp_path, port, "bluerov2_heavy")
     report = json.loads((out / "report.json").read_text())
     assert report["exit"] == "clean"
     assert report["services"]["ardusub"]["restarts"] == 0
@@ -246,10 +250,10 @@ def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
 
 
 def six_thrusters(folder: Path) -> Path:
-    """The BlueROV2 that is not a Heavy: it has two vertical thrusters, and pitch is left alone."""
+    """The BlueROV2 that is not a Heavy: two vertical thrusters, none of which can pitch it."""
     head, *thrusters = deploy_file("vehicles", "bluerov2_heavy").read_text().split(THRUSTER)
     rest = thrusters[7][thrusters[7].index("\n[sensors]") :]
-    middle = [thrusters[n].replace("position = [0.12, ", "position = [0.0, ") for n in (4, 5)]
+    middle = [text.replace("position = [0.12, ", "position = [0.0, ") for text in thrusters[4:6]]
     path = folder / "bluerov2.toml"
     path.write_text(THRUSTER.join([head, *thrusters[:4], *middle]) + rest)
     return path
@@ -261,21 +265,14 @@ def six_thrusters(folder: Path) -> Path:
 def test_a_bluerov2_with_six_thrusters_dives_and_holds_its_depth(
     tmp_path: Path, kind: str, port: int
 ) -> None:
-    script, out = tmp_path / "script.csv", tmp_path / "out"
-    script.write_text(SCRIPT)
-    command = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub"]
-    command += ["--vehicle", str(six_thrusters(tmp_path)), "--pilot", f"script:{script}"]
-    command += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(out), "--headless"]
-    command += ["--set", "estimation.calibration.still_time=3"]
+    vehicle, no_pitch = str(six_thrusters(tmp_path)), "control.pitch={ kp = 0.0, kd = 0.0 }"
     with board_process(kind, port, tmp_path, {"FRAME_CONFIG": 1.0}, model="vectored"):
-        said = subprocess.run(
-            command, capture_output=True, text=True, timeout=PATIENCE_S, check=False
-        )
-    assert said.returncode == 0, said.stdout + said.stderr
-    states = [found.message for found in open_recording(out) if found.key == topics.STATE.key]
-    depths = [s.depth.value for s in states if isinstance(s, VehicleState) and s.depth.valid]
-    assert max(depths) > 0.3
-    resting = depths[-100:]  # the last second of four in which the sticks rest
+        out = dive(tmp_path, port, vehicle, no_pitch)
+    recorded = [found.message for found in open_recording(out)]
+    last = max(m.stamp_ns for m in recorded if isinstance(m, ThrusterCommand) and m.armed)
+    states = [m for m in recorded if isinstance(m, VehicleState) and m.stamp_ns < last]
+    resting = [m.depth.value for m in states if m.stamp_ns > last - S]  # sticks centred for 3 s
+    assert min(resting) > 0.3
     assert max(resting) - min(resting) < 0.03
 
 

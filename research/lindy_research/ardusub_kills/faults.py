@@ -101,7 +101,7 @@ def fault_in_a_dive(path: str, fault: str, folder: Path) -> BoardFault:
         if not observer.until(lambda: goes(observer), PATIENCE_S):
             raise RuntimeError(f"it does not fly:\n{(folder / 'dive.log').read_text()}")
         observer.run(STEADY_S)
-        before, began = len(_told(folder)), time.monotonic()
+        before, began = _told(folder), time.monotonic()
         mend = _break(fault, folder, observer, cable)
         observer.seen.clear()  # of before
         stopped = _until(observer, lambda: _rests(observer), FOR_S, began)
@@ -110,16 +110,14 @@ def fault_in_a_dive(path: str, fault: str, folder: Path) -> BoardFault:
         mend()
         alone = _until(observer, lambda: goes(observer), ALONE_S, began)
         again = alone or _until(observer, lambda: goes(observer), BACK_S, began)
-        return BoardFault(stopped, alone, again is not None, _told(folder)[before:])
+        return BoardFault(stopped, alone, again is not None, _said_since(folder, before))
 
 
 def _rests(observer: OutputObserver) -> bool:
     return bool(observer.seen) and observer.seen[-1].pulses == REST
 
 
-def _break(
-    fault: str, folder: Path, observer: OutputObserver, cable: Cable
-) -> Callable[[], None]:
+def _break(fault: str, folder: Path, observer: OutputObserver, cable: Cable) -> Callable[[], None]:
     """What mends it, too."""
     running = msgspec.json.decode((folder / "out" / RUNNING).read_bytes(), type=Running)
     pid = running.pids["ardusub"]
@@ -132,9 +130,7 @@ def _break(
         cable.plugged = False
         return lambda: setattr(cable, "plugged", True)
     else:
-        observer.say(
-            command(1, MavCommand.PREFLIGHT_REBOOT_SHUTDOWN, 1, 0, 0, 0, 0, FORCED)
-        )
+        observer.say(command(1, MavCommand.PREFLIGHT_REBOOT_SHUTDOWN, 1, 0, 0, 0, 0, FORCED))
     return lambda: None
 
 
@@ -151,9 +147,14 @@ def _until(
     return time.monotonic() - began if happened else None
 
 
-def _told(folder: Path) -> list[str]:
-    """Lines of all services, in the order of their files."""
-    lines = list[str]()
-    for path in sorted((folder / "out" / "logs").glob("*.log")):
-        lines += [line for line in path.read_text().splitlines() if line.startswith(LEVELS)]
-    return lines
+def _told(folder: Path) -> dict[str, list[str]]:
+    """What each service has said so far."""
+    return {
+        path.stem: [line for line in path.read_text().splitlines() if line.startswith(LEVELS)]
+        for path in sorted((folder / "out" / "logs").glob("*.log"))
+    }
+
+
+def _said_since(folder: Path, before: dict[str, list[str]]) -> list[str]:
+    now = _told(folder)
+    return [line for name, lines in now.items() for line in lines[len(before.get(name, [])) :]]
