@@ -30,7 +30,7 @@ from services.marine.vehicle import Thruster, total_wrench, wrench_per_newton
 
 Floats = NDArray[np.float64]
 CHANNELS = (PITCH, ROLL, THROTTLE, YAW, FORWARD, LATERAL)  # axis of the override channels 1 to 6
-STEPS = 4  # of Gauss-Newton at most; the second already leaves less than a microsecond
+STEPS = 2  # of Gauss-Newton at most; with more the wrench is no nearer, for the dead bands
 SMALL = (
     0.5 / PULSE_SPAN
 )  # [-] of a motor's output: a smaller step is lost in the rounding of pulses
@@ -135,20 +135,22 @@ class Mixer:
     def _refined(self, axes: Floats, asked: Floats) -> Floats:
         """The axes that give the wrench of this thrust [N] best; never worse than those given."""
         wanted = self._effect @ asked
-        motors = self._factors @ axes
-        missing = wanted - self._effect @ self._curves.thrust(motors)
+        thrust, slopes = self._curves.thrust_and_slopes(self._factors @ axes)
+        missing = wanted - self._effect @ thrust
+        square_missing = missing @ missing
         for _ in range(STEPS):
-            slopes = self._curves.slopes(motors)
             effect = (self._effect * slopes) @ self._factors
             square = effect.T @ effect
-            damping = DAMPING * float(np.trace(square)) * IDENTITY
+            damping = DAMPING * float(square.trace()) * IDENTITY
             step = np.asarray(np.linalg.solve(square + damping, effect.T @ missing), np.float64)
-            motors = self._factors @ (axes + step)
-            left = wanted - self._effect @ self._curves.thrust(motors)
-            if not float(left @ left) < float(missing @ missing):
+            further = axes + step
+            thrust, slopes = self._curves.thrust_and_slopes(self._factors @ further)
+            left = wanted - self._effect @ thrust
+            square_left = left @ left
+            if not square_left < square_missing:
                 break
-            axes, missing = axes + step, left
-            if float(np.abs(self._factors @ step).max()) < SMALL:
+            axes, missing, square_missing = further, left, square_left
+            if np.abs(self._factors @ step).max() < SMALL:
                 break
         return axes
 
@@ -171,16 +173,15 @@ class Mixer:
     def _sent(self, axes: Floats, was_limited: bool) -> MixedSticks:
         shares: list[float] = axes.tolist()
         shares[YAW] /= self._yaw_scale
-        pulses = tuple(
-            [round(channel.pulse(shares[axis]))
-             for axis, channel in zip(CHANNELS, self._channels, strict=True)]
-        )  # fmt: skip
-        read = np.zeros(6)
-        for axis, channel, pulse in zip(CHANNELS, self._channels, pulses, strict=True):
-            read[axis] = channel.share(pulse)
+        pulses, read = list[int](), [0.0] * 6
+        for axis, channel in zip(CHANNELS, self._channels, strict=True):
+            pulses.append(round(channel.pulse(shares[axis])))
+            read[axis] = channel.share(pulses[-1])
         read[YAW] *= self._yaw_scale
-        thrust = tuple((self._curves.thrust(self._factors @ read) * self._senses).tolist())
-        return MixedSticks(pulses, thrust, total_wrench(self._columns, thrust), was_limited)
+        motors = self._factors @ np.array(read)
+        thrust = tuple((self._curves.thrust(motors) * self._senses).tolist())
+        wrench = total_wrench(self._columns, thrust)
+        return MixedSticks(tuple(pulses), thrust, wrench, was_limited)
 
 
 def _groups(factors: Floats) -> list[list[int]]:

@@ -33,38 +33,32 @@ class MotorCurves:
                 for thruster, sense in zip(thrusters, senses, strict=True)
             ]
         )
+        slopes = np.maximum(np.gradient(table, STEP, axis=1), FLAT)
         # Lists: for a handful of motors Python is faster than an array library.
         self._tables: list[list[float]] = table.tolist()
-        self._slopes: list[list[float]] = np.maximum(
-            np.gradient(table, STEP, axis=1), FLAT
-        ).tolist()
         self._silent = [_silent(thruster) for thruster in thrusters]
-        self._turning = [silent - EDGE for silent in self._silent]
         self._dead_bands = [thruster.dead_band for thruster in thrusters]
+        turning = [silent - EDGE for silent in self._silent]
+        self._motors = list(zip(turning, self._tables, slopes.tolist(), strict=True))
 
     def thrust(self, outputs: Floats) -> Floats:
         """[N] At which the motors settle; nothing inside their dead bands."""
-        newtons = list[float]()
-        for output, table, silent in zip(
-            outputs.tolist(), self._tables, self._turning, strict=True
-        ):
-            if -silent < output < silent:  # most motors at most times
+        return self.thrust_and_slopes(outputs)[0]
+
+    def thrust_and_slopes(self, outputs: Floats) -> tuple[Floats, Floats]:
+        """[N] As `thrust`, and per unit of output the slopes of the curves without dead bands."""
+        newtons, slopes = list[float](), list[float]()
+        for output, (turning, table, slope) in zip(outputs.tolist(), self._motors, strict=True):
+            at = (output + 1.0) / STEP
+            at = 0.0 if at < 0.0 else at if at < POINTS - 1 else POINTS - 1.0
+            slopes.append(slope[round(at)])
+            if -turning < output < turning:  # most motors at most times
                 newtons.append(0.0)
                 continue
-            at = (min(1.0, max(-1.0, output)) + 1.0) / STEP
-            low = min(int(at), POINTS - 2)
+            low = int(at) if at < POINTS - 1 else POINTS - 2
             share = at - low
             newtons.append((1.0 - share) * table[low] + share * table[low + 1])
-        return np.array(newtons)
-
-    def slopes(self, outputs: Floats) -> Floats:
-        """[N] Per unit of output, of the curves without their dead bands."""
-        return np.array(
-            [
-                slope[round((min(1.0, max(-1.0, output)) + 1.0) / STEP)]
-                for output, slope in zip(outputs.tolist(), self._slopes, strict=True)
-            ]
-        )
+        return np.array(newtons), np.array(slopes)
 
     def outputs_for(self, thrust: Floats) -> Floats:
         """[-] Per motor. Thrust at the edge of a dead band gets 1 µs more, so that rounding does

@@ -25,7 +25,9 @@ from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
-TICK_HZ = 100.0  # [1/s] what is due is sent, whatever arrives; as often as actuation is reported
+# What is due is sent, and actuation is reported, with every command: this often where none comes.
+TICK_HZ = topics.ACTUATION.hz  # [1/s]
+TICK_NS = round(1e9 / TICK_HZ)
 CONNECT_HZ = 10.0  # [1/s] what arrives is read at once; this connects again what is lost
 SHOW_HZ = 10.0  # [1/s] lights and camera tilt
 # Of several that send datagrams, the board is the one that speaks first, as long as it speaks.
@@ -60,12 +62,14 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
         raise LindyError(f"{stack.vehicle_path}: {error}") from None
     heard = HeardMessages(settings.board, HEARD)
     board = MavlinkEndpoint(links, node.outbox, settings.system, settings.component, heard=heard)
-    pass_on = _passing_on(driver, board, node)
+    pass_on, actuation = _passing_on(driver, board, node), node.publisher(topics.ACTUATION)
 
     def obey(command: ThrusterCommand, now: int) -> None:
         driver.obey(command, now)
         pass_on()
         end.set(None if driver.ends_ns is None else driver.ends_ns + 1)
+        look(now)
+        ticking.start(now + TICK_NS)  # the next command comes before
 
     def hear(request: PilotRequest, now: int) -> None:
         if request.kind == "disarm":
@@ -89,6 +93,7 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     def look(now: int) -> None:
         driver.tick(now)
         pass_on()
+        actuation.put(driver.actuation(now))
 
     def close() -> None:
         driver.disarm()
@@ -98,22 +103,12 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     end = node.alarm(lapse)
     node.each(topics.THRUSTERS, obey)
     node.each(topics.PILOT_REQUEST, hear)
-    node.every(TICK_HZ, look)
+    ticking = node.every(TICK_HZ, look)
     node.every(CONNECT_HZ, listen)
-    _report_actuation(node, driver)
     _report_the_enclosure(node, driver)
     _show_light_and_tilt(node, driver)
     node.on_close(close)
     links.start(node.from_outside(listen))
-
-
-def _report_actuation(node: Node, driver: ArdusubDriver) -> None:
-    actuation = node.publisher(topics.ACTUATION)
-
-    def report(now: int) -> None:
-        actuation.put(driver.actuation(now))
-
-    node.every(topics.ACTUATION.hz, report)
 
 
 def _report_the_enclosure(node: Node, driver: ArdusubDriver) -> None:

@@ -20,6 +20,7 @@ import pytest
 from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.sensors import ImuSample, PressureSample
+from messages.state import VehicleState
 from services.ardusub.core import ArdusubDriver, Settings
 from services.ardusub.service import ONE_BOARD
 from services.marine.vehicle import Vehicle
@@ -27,6 +28,7 @@ from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import Links
 from services.mavlink_io.numbers import MavCommand
 from services.mavlink_io.packet import MavlinkPacket, command
+from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from tests.support.patience import PATIENCE_S, until
 from tools.recordings.recording import open_recording
@@ -45,21 +47,27 @@ SIM_BAR2_RND 0.002
 SIM_MAG_RND 3
 FS_PILOT_TIMEOUT 1
 """
-BOARDS = [
-    "4.8",  # the double's 4.5 is flown on virtual time: test_ardusub.py
-    *(FIRMWARE or [pytest.param("", marks=pytest.mark.skip("LINDY_ARDUSUB names no firmware"))]),
-]
+NO_FIRMWARE = pytest.param("", marks=pytest.mark.skip("LINDY_ARDUSUB names no firmware"))
+# The double's 4.5 is flown on virtual time: test_ardusub.py
+BOARDS = ["4.8", *(FIRMWARE or [NO_FIRMWARE])]
+THRUSTER = "[[vehicle.thruster]]"
 
 
 @contextmanager
 def board_process(
-    kind: str, port: int, folder: Path, params: dict[str, float] | None = None, beside: int = 0
+    kind: str,
+    port: int,
+    folder: Path,
+    params: dict[str, float] | None = None,
+    beside: int = 0,
+    model: str = "vectored_6dof",
 ) -> Generator[None]:
     """The double of a version, or a firmware by its path, which calls this port.
 
     Args:
         params: besides those above.
         beside: port of a second link.
+        model: of a firmware's simulator.
     """
     values = params or {}
     if kind in ("4.5", "4.8"):
@@ -70,8 +78,9 @@ def board_process(
         (folder / "lindy.parm").write_text(
             DEFAULTS + "".join(f"{name} {value:g}\n" for name, value in values.items())
         )
-        said = [kind, "--model", "vectored_6dof", "-S", "-I0", "--home", "63.4,10.4,0,90"]
+        said = [kind, "--model", model, "-S", "-I0", "--home", "63.4,10.4,0,90"]
         said += ["--defaults", "lindy.parm", "--serial0", f"udpclient:127.0.0.1:{port}"]
+        said += ["--serial2", "none:"]  # else port 5763, which another one beside may have
         said += ["--serial1", f"udpclient:127.0.0.1:{beside}"] if beside else []
     with (folder / "board.log").open("wb") as log:
         process = subprocess.Popen(said, cwd=_root(kind, folder), stdout=log, stderr=log)
@@ -214,25 +223,57 @@ def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> N
     wire.links.close()
 
 
+def dive(folder: Path, port: int, vehicle: str, *overrides: str) -> Path:
+    """The folder of a dive that ended in order."""
+    script, out = folder / "script.csv", folder / "out"
+    script.write_text(SCRIPT)
+    command = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
+    command += ["--vehicle", vehicle, "--pilot", f"script:{script}", "--out", str(out)]
+    told = (f"ardusub.url=udpin:127.0.0.1:{port}", "estimation.calibration.still_time=3")
+    for assignment in (*told, *overrides):
+        command += ["--set", assignment]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert said.returncode == 0, said.stdout + said.stderr
+    return out
+
+
 @pytest.mark.slow
 @pytest.mark.system
 @pytest.mark.parametrize("kind", BOARDS)
 def test_a_dive_as_processes(tmp_path: Path, kind: str, port: int) -> None:
-    script, out = tmp_path / "script.csv", tmp_path / "out"
-    script.write_text(SCRIPT)
-    command = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub"]
-    command += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}", "--headless"]
-    command += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(out)]
-    command += ["--set", "estimation.calibration.still_time=3"]
     with board_process(kind, port, tmp_path):
-        said = subprocess.run(
-            command, capture_output=True, text=True, timeout=PATIENCE_S, check=False
-        )
-    assert said.returncode == 0, said.stdout + said.stderr
+        out = dive(tmp_path, port, "bluerov2_heavy")
     report = json.loads((out / "report.json").read_text())
     assert report["exit"] == "clean"
     assert report["services"]["ardusub"]["restarts"] == 0
     assert (read_dive(open_recording(out)).max_depth_m or 0.0) > 0.3
+
+
+def six_thrusters(folder: Path) -> Path:
+    """The BlueROV2 that is not a Heavy: two vertical thrusters, none of which can pitch it."""
+    head, *thrusters = deploy_file("vehicles", "bluerov2_heavy").read_text().split(THRUSTER)
+    rest = thrusters[7][thrusters[7].index("\n[sensors]") :]
+    middle = [text.replace("position = [0.12, ", "position = [0.0, ") for text in thrusters[4:6]]
+    path = folder / "bluerov2.toml"
+    path.write_text(THRUSTER.join([head, *thrusters[:4], *middle]) + rest)
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.system
+@pytest.mark.parametrize("kind", FIRMWARE or [NO_FIRMWARE])
+def test_a_bluerov2_with_six_thrusters_dives_and_holds_its_depth(
+    tmp_path: Path, kind: str, port: int
+) -> None:
+    vehicle, no_pitch = str(six_thrusters(tmp_path)), "control.pitch={ kp = 0.0, kd = 0.0 }"
+    with board_process(kind, port, tmp_path, {"FRAME_CONFIG": 1.0}, model="vectored"):
+        out = dive(tmp_path, port, vehicle, no_pitch)
+    recorded = [found.message for found in open_recording(out)]
+    last = max(m.stamp_ns for m in recorded if isinstance(m, ThrusterCommand) and m.armed)
+    states = [m for m in recorded if isinstance(m, VehicleState) and m.stamp_ns < last]
+    resting = [m.depth.value for m in states if m.stamp_ns > last - S]  # sticks centred for 3 s
+    assert min(resting) > 0.3
+    assert max(resting) - min(resting) < 0.03
 
 
 @pytest.mark.slow
@@ -298,9 +339,7 @@ class Beside:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize(
-    "kind", FIRMWARE or [pytest.param("", marks=pytest.mark.skip("LINDY_ARDUSUB is not set"))]
-)
+@pytest.mark.parametrize("kind", FIRMWARE or [NO_FIRMWARE])
 def test_when_all_of_lindy_is_killed_the_board_is_neutral_after_its_timeout(
     tmp_path: Path, kind: str, port: int
 ) -> None:

@@ -55,7 +55,7 @@ def firmware(
     (folder / "lindy.parm").write_text(PARAMETERS + parameters)
     said = [path, "--model", "vectored_6dof", "-S", "-I0", "--home", HOME]
     said += ["--defaults", "lindy.parm", "--serial0", f"udpclient:127.0.0.1:{port}"]
-    said += ["--serial1", f"udpclient:127.0.0.1:{truth}"]
+    said += ["--serial1", f"udpclient:127.0.0.1:{truth}", "--serial2", "none:"]  # not port 5763
     with (folder / "board.log").open("wb") as log:
         process = subprocess.Popen(said, cwd=folder, stdout=log, stderr=log)
         try:

@@ -54,14 +54,14 @@ EK3_SRC1_VELXY 6
 EK3_SRC1_POSZ 1
 """
 POSHOLD_SURGE = 0.28  # [-] of its full stick, for about 0.3 m/s
-# Gains by the rule of bluerov2_heavy for this simulator's 10.5 kg, ω = 1 rad/s.
+# Gains by the rule of bluerov2_heavy for this simulator's 10.5 kg, ω = 2 rad/s.
 PLACE = (
-    "control.surge.kp=10.5",
-    "control.surge.kd=20.0",
-    "control.surge.ki=2.1",
-    "control.sway.kp=10.5",
-    "control.sway.kd=20.0",
-    "control.sway.ki=2.1",
+    "control.surge.kp=42.0",
+    "control.surge.kd=40.0",
+    "control.surge.ki=8.4",
+    "control.sway.kp=42.0",
+    "control.sway.kd=40.0",
+    "control.sway.ki=8.4",
 )
 
 

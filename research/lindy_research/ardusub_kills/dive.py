@@ -18,13 +18,23 @@ from services.ardusub.service import ONE_BOARD
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import Links
 from services.mavlink_io.numbers import MavCommand
-from services.mavlink_io.packet import command
+from services.mavlink_io.packet import MavlinkPacket, command
 from services.runtime.config.running import RUNNING, Running
 
 SERVICES = ("gamepad", "hub_topside", "tether", "hub_drone", "reference", "estimation", "control",
             "ardusub")  # fmt: skip
-# Down, then forward: without a DVL the stick in surge is a force.
-SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,1,0\n4,0.6,0,0,0\n90,0,0,0,0\n"
+# Down, then forward: without a DVL the stick in surge is a force. Later the pilot lets go, disarms,
+# arms and goes on: he must where the board was disarmed by itself or is another one.
+FORWARD_S, AGAIN_S = 4.0, 30.0  # [s]
+SCRIPT = f"""t,surge,sway,heave,yaw,event
+0,0,0,0,0,
+1,0,0,1,0,
+{FORWARD_S:g},0.6,0,0,0,
+{AGAIN_S:g},0,0,0,0,disarm
+{AGAIN_S + 2:g},0,0,0,0,arm
+{AGAIN_S + 5:g},0.6,0,0,0,
+90,0,0,0,0,
+"""
 PATIENCE_S = 90.0  # [s] until it goes forward
 STEADY_S = 4.0  # [s] of that before the kill: the ramps have ended
 AFTER_S = 3.0  # [s] looked at after it
@@ -59,6 +69,9 @@ class OutputObserver:
 
     def close(self) -> None:
         self._links.close()
+
+    def say(self, packet: MavlinkPacket) -> None:
+        self._board.send(packet)
 
     def until(self, condition: Callable[[], bool], seconds: float) -> bool:
         end, ask = time.monotonic() + seconds, 0.0
@@ -100,8 +113,8 @@ def kill_in_a_dive(path: str, service: str, folder: Path) -> KilledService:
     port, second = free_port(), free_port()
     folder.mkdir(parents=True)
     observer = OutputObserver(second)
-    with firmware(path, port, second, folder / "board"), _dive(port, folder):
-        going = observer.until(lambda: _goes(observer), PATIENCE_S)
+    with firmware(path, port, second, folder / "board"), dive_on(port, folder):
+        going = observer.until(lambda: goes(observer), PATIENCE_S)
         if not going:
             said = (folder / "dive.log").read_text()
             raise RuntimeError(f"it does not fly:\n{said}")
@@ -121,7 +134,7 @@ def kill_in_a_dive(path: str, service: str, folder: Path) -> KilledService:
     )
 
 
-def _goes(observer: OutputObserver) -> bool:
+def goes(observer: OutputObserver) -> bool:
     return bool(observer.seen) and max(observer.seen[-1].pulses[2:4]) > GOING
 
 
@@ -130,7 +143,7 @@ def _first(rows: list[OutputsSeen], condition: Callable[[OutputsSeen], bool]) ->
 
 
 @contextmanager
-def _dive(port: int, folder: Path) -> Generator[None]:
+def dive_on(port: int, folder: Path) -> Generator[None]:
     """Lindy as processes; everything is ended when the block is left."""
     script = folder / "sticks.csv"
     script.write_text(SCRIPT)

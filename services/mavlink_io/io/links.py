@@ -345,13 +345,16 @@ class Links:
     # Waiting, on the thread of its own.
 
     def _wait(self, notify: Callable[[], None]) -> None:
+        next_s = 0.0
         while True:
             ready = self._selector.select()
             if any(key.fileobj is self._closed for key, _ in ready):
                 return
             if ready:
+                if (early := next_s - time.monotonic()) > 0.0:
+                    time.sleep(early)
                 notify()
-                time.sleep(FLOOD_PAUSE_S if self._floods else PAUSE_S)
+                next_s = time.monotonic() + (FLOOD_PAUSE_S if self._floods else PAUSE_S)
 
 
 def _read(end: End) -> bytes:
