@@ -3,9 +3,9 @@
 The board stamps with the time since its boot. An answer to TIMESYNC was stamped after the question
 was sent and before the answer arrived, and any message was stamped before it arrived: each bounds
 the offset, and it lies within all bounds (Marzullo and Owicki 1983). Crystals differ, so a bound
-widens with its age. Where bounds contradict each other by little, the clock was shifted, and the
-newest bound holds: the clock of ArduSub's own simulator does so by some milliseconds whenever its
-computer is busy. By more, or where the board's time runs backwards, the clock jumped.
+widens with its age. Where bounds contradict each other, the clock was shifted, and the newest bound
+holds: the clock of ArduSub's own simulator stands still and catches up whenever its computer is
+busy. By more, or where the board's time runs backwards, the clock jumped.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from messages.units import Ns
 
 DRIFT = 100e-6  # [-] greatest difference of two crystals
 ROUNDING_NS = 2_000_000  # [ns] contradictions up to this come from stamps in whole milliseconds
-SHIFT_NS = 100_000_000  # [ns] contradictions beyond this are jumps
+SHIFT_NS = 1_000_000_000  # [ns] contradictions beyond this are of a board that was started anew
 BACKWARDS_NS = 500_000_000  # [ns] messages are out of order by far less
 
 

@@ -50,7 +50,21 @@ def test_a_clock_that_shifts_a_little_is_followed(shifts: list[int]) -> None:
     assert clock.jumps == 0
 
 
-@pytest.mark.parametrize("jump", [-10 * S, -S, -200 * MS, 200 * MS, 10 * S])
+@given(st.lists(st.integers(-900 * MS, 900 * MS), max_size=30))
+def test_a_clock_that_stands_still_and_catches_up_is_followed(shifts: list[int]) -> None:
+    """As of ArduSub's simulator on a busy computer; a dive must not end by it."""
+    clock, now, offset = BoardClock(), 100 * S, 50 * S
+    for shift in [0, *shifts]:
+        offset += shift
+        assert clock.answered(now, now + MS - offset, now + 2 * MS)
+        ours = clock.ours(now + MS - offset, now + 2 * MS)
+        assert ours is not None
+        assert abs(ours - now - MS) <= 2 * MS
+        now += S
+    assert clock.jumps == 0
+
+
+@pytest.mark.parametrize("jump", [-10 * S, -S, 1200 * MS, 10 * S])
 def test_a_jump_is_noticed_with_the_next_answer(jump: int) -> None:
     clock, now = BoardClock(), 100 * S
     for _ in range(10):
