@@ -1,7 +1,7 @@
 """What every dive was, byte for byte: 3 vehicles × 3 links × 20 seeds on virtual time, with a hash
-of each stream of each. As a script, `python -m tests.long.ledger` compares today's code with
-`tests/golden/ledger.json` and says which streams differ in how many dives of which link;
-`--every 10` flies each tenth only, `--write` replaces the file.
+of each stream of each. As a script, `python -m tests.long.ledger FILE` writes the file where there
+is none, which is for the code before a change; else it compares today's code with it and says which
+streams differ in how many dives of which link. `--every 10` flies each tenth only.
 
 Each seed draws its own sticks and events beside its noise and the link's fates, so a change of
 behaviour that one dive does not show another one does. A pure move changes nothing. Where messages
@@ -9,10 +9,12 @@ change on purpose, the streams that say what the vehicle does (`MOTION`) stay; n
 whose rate is so low that a longer message delays the next one.
 """
 
+import argparse
 import hashlib
 import json
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from random import Random
@@ -25,7 +27,6 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.sweep.all_cores import in_order
 
-LEDGER = Path(__file__).parent.parent / "golden" / "ledger.json"
 VEHICLES = ("pioneer", "bluerov2_heavy", "minerva")
 LINKS = ("perfect", "tether", "severe")
 SEEDS = range(20)
@@ -117,15 +118,17 @@ def differences(
     return found
 
 
-def main(arguments: list[str]) -> int:
-    every = int(arguments[arguments.index("--every") + 1]) if "--every" in arguments else 1
-    now = fly(every)
-    if "--write" in arguments:
-        rows = [f" {json.dumps(name)}: {json.dumps(keys)}" for name, keys in now.items()]
-        LEDGER.write_text("{\n" + ",\n".join(rows) + "\n}\n")
+def main(words: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(prog="ledger", description=__doc__)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--every", type=int, default=1)
+    args = parser.parse_args(words)
+    now = fly(args.every)
+    if not args.file.exists():
+        args.file.write_text(json.dumps(now, indent=0))
         print(f"{len(now)} dives written")
         return 0
-    before = cast(dict[str, dict[str, str]], json.loads(LEDGER.read_text()))
+    before = cast(dict[str, dict[str, str]], json.loads(args.file.read_text()))
     found = differences(before, now)
     same = sum(before.get(name) == keys for name, keys in now.items())
     print(f"{same} of {len(now)} dives are the same in all their streams")
