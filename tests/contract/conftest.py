@@ -1,4 +1,5 @@
-"""Which vehicle side is held to the contract. Without options: the simulator and the example.
+"""Which vehicle side, law and estimator are held to their contracts. Without options: what is
+shipped, and the examples.
 
 pytest tests/contract --stack my_stack.toml --vehicle my_vehicle.toml [--still]
 """
@@ -13,6 +14,12 @@ KNOWN = (
     ("simulated", "bluerov2_heavy"),
     (f"{EXAMPLE}/stack.toml", f"{EXAMPLE}/vehicle.toml"),
 )
+OWN = Path(__file__).parents[2] / "examples" / "library"
+CHAINS = (
+    ("simulated", "pioneer"),
+    (f"{OWN}/own_law_stack.toml", "pioneer"),
+    (f"{OWN}/own_estimator_stack.toml", "pioneer"),
+)
 REAL = KNOWN[-1]  # the one that is also run as a process
 
 
@@ -25,14 +32,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    for fixture, sides in (("side", KNOWN), ("real_side", (REAL,))):
+    for fixture, sides in (("side", KNOWN), ("real_side", (REAL,)), ("chain", CHAINS)):
         if fixture in metafunc.fixturenames:
             # Options are not there when pytest is told of this folder only by its settings.
             stack: str | None = metafunc.config.getoption("--stack", None)
             if stack is not None:
                 sides = ((stack, str(metafunc.config.getoption("--vehicle"))),)
-            names = [f"{Path(s).parent.name or s}-{Path(v).stem}" for s, v in sides]
-            metafunc.parametrize(fixture, sides, ids=names)
+            names = [f"{Path(s).parent.name or s}-{Path(s).stem}-{Path(v).stem}" for s, v in sides]
+            slow = stack is None and fixture == "chain"
+            marks = [pytest.mark.slow] if slow else []
+            metafunc.parametrize(
+                fixture, [pytest.param(each, marks=marks) for each in sides], ids=names
+            )
 
 
 @pytest.fixture
