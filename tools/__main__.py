@@ -174,7 +174,7 @@ def _run(words: Sequence[str]) -> int | None:
 
         print(version("lindy"))
         return 0
-    return _loaded(program, words[0], verbs)(
+    return _loaded(program, words[0], verbs, helps=not {*HELP}.isdisjoint(words))(
         words, exit_on_error=False, print_error=False, result_action="return_value"
     )
 
@@ -189,8 +189,11 @@ def overview(program: str, about: str, groups: Mapping[str, Mapping[str, Verb]])
     return "\n\n".join([*blocks, f"`{program} COMMAND --help` shows its options.\n{EPILOGUE}"])
 
 
-def _loaded(program: str, name: str, verbs: Mapping[str, Verb]) -> Any:
+def _loaded(program: str, name: str, verbs: Mapping[str, Verb], *, helps: bool) -> Any:
     """A command line of this verb alone. Ctrl-C while it loads is one sentence, as it is later on.
+
+    Args:
+        helps: its help will be shown.
 
     Raises:
         LindyError: there is no such verb.
@@ -205,11 +208,17 @@ def _loaded(program: str, name: str, verbs: Mapping[str, Verb]) -> Any:
 
         from cyclopts import App, Parameter
 
+        formatter = None
+        if helps:  # it takes half of a tenth of a second to load
+            from tools.flowing_help import FlowingHelp
+
+            formatter = FlowingHelp()
         verb = function_of(name, verbs[name].place)
         app = App(
             name=program,
             help_epilogue=EPILOGUE,
             help_format="plaintext",
+            help_formatter=formatter,
             version=lambda: version("lindy"),
             suppress_keyboard_interrupt=False,  # it would be silent
             default_parameter=Parameter(negative=(), show_default=_shown),

@@ -15,6 +15,7 @@ import pytest
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import ERROR, INTERRUPTED, LOG, UNREAD, VERBS, Verb, function_of, main
+from tools.flowing_help import flowing
 from tools.live import pads
 from tools.live.outcome import DATA_LOST
 from tools.live.stop_signals import BROKEN_OFF, StopSignals
@@ -447,3 +448,9 @@ def test_a_mistyped_command_line_is_said_in_plain_words(
 ) -> None:
     assert main(words.split()) == 1
     assert said in capsys.readouterr().err
+
+
+def test_the_help_flows_and_examples_stay_in_lines_of_their_own():
+    text = "First line of\na paragraph.\n\nExample: lindy a\n         lindy b\n\nAnother\none."
+    shown = "First line of a paragraph.\n\nExample: lindy a\n         lindy b\n\nAnother one."
+    assert flowing(text) == shown

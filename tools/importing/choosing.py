@@ -41,8 +41,9 @@ def chosen(
         if lacking := unfit(import_map, sources, ()):
             raise LindyError(f"{name}: {lacking[0]}; write there the columns that it has")
         named = listed([f"{source} ({kind.kind})" for source, kind in sources.items()])
+        takes = listed([*dict.fromkeys(each.topic or each.type for each in import_map.take)])
         raise LindyError(
-            f"{name}: nothing in it is in this map; it has {named}; "
+            f"{name}: nothing in it is in this map, which takes {takes}; it has {named}; "
             f"write a map that says which of these is which sensor"
         )
     return found

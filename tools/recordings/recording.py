@@ -288,7 +288,9 @@ def open_recording(path: Path) -> Recording:
     try:
         files = parts_in(path) if path.is_dir() else [path]
         if not files:
-            raise LindyError(f"there is no recording in {path}")
+            near = path / "latest"
+            meant = f"; did you mean {near}?" if near.exists() else ""
+            raise LindyError(f"there is no recording in {path}{meant}")
         for file in files:
             with file.open("rb") as stream:
                 beginning = stream.read(len(MAGIC))
