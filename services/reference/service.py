@@ -51,13 +51,14 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
 
     def on_state(state: VehicleState | None, now: int) -> None:
         attitude = None if state is None else state.attitude
+        depth = state.depth.value if state is not None and state.depth.valid else None
         conditions.newest = WatchedMessages(  # a wet detector that falls silent is still wet
             wrench=wrench.newest(now),
             battery=battery.newest(now),
             leak=leak.newest(now),
             temperature=temperature.newest(now),
-            dvl=of_dvl.of(dvl.fresh(now), attitude),
-            altimeter=of_altimeter.of(altimeter.fresh(now), attitude),
+            dvl=of_dvl.of(dvl.fresh(now), attitude, depth),
+            altimeter=of_altimeter.of(altimeter.fresh(now), attitude, depth),
         )
         if (out := generator.step(state, commands.fresh(now), now)) is not None:
             reference.put(out)

@@ -38,14 +38,14 @@ MEASURED: dict[str, tuple[str, ...]] = {
     "sensor/imu": ("angular_rate", "specific_force"),  # [rad/s], [m/s²]
     "sensor/magnetometer": ("field",),  # [T]
     "sensor/pressure": ("pressure",),  # [Pa]
-    "sensor/dvl": ("velocity",),  # [m/s]
+    "sensor/dvl": ("velocity", "altitude"),  # [m/s], [m]
     "sensor/usbl": ("north", "east"),  # [m]
     "sensor/battery": ("voltage",),  # [V]
     "sensor/leak": (),  # neither noise nor bias
     "sensor/temperature": ("temperature",),  # [°C]
 }
 # The fields with the bias, where not all of them; they set its unit.
-BIASED = {"sensor/imu": ("angular_rate",)}
+BIASED = {"sensor/imu": ("angular_rate",), "sensor/dvl": ("velocity",)}
 S = TypeVar("S", bound=Message)
 
 

@@ -33,6 +33,7 @@ from services.marine.vehicle import GRAVITY
 
 SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; typically two samples
 LONGEST_STEP = 0.1  # [s] no differencing over a longer gap
+REPEATED = 0.3  # [m] of the vehicle's depth through which no altitude repeats to the last digit
 REMEMBERED_NS = 10_000_000_000  # [ns] no sample may be older: twice what estimation uses
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 UNCORRECTED = SensorCalibration()
@@ -174,22 +175,35 @@ class AtOrigin:
 
 class AltitudeAtOrigin(Generic[S]):
     """Altitudes of one sensor as those of the vehicle's origin, by the attitude when a sample is
-    first seen."""
+    first seen; none of a sensor that repeats one to the last digit while the depth changes."""
 
     def __init__(self, arm: Vec3) -> None:
         self._arm = arm  # [m]
         self._raw: S | None = None  # newest
         self._there: S | None = None  # the same at the origin
+        self._since: tuple[float, float] | None = None  # [m] its altitude, and the depth at first
 
-    def of(self, sample: S | None, attitude: Quaternion | None) -> S | None:
-        """`attitude` None: not known, taken as level."""
-        if self._arm == ORIGIN or sample is None or sample.altitude is None:
+    def of(self, sample: S | None, attitude: Quaternion | None, depth: float | None) -> S | None:
+        """
+        Args:
+            attitude: None: not known, taken as level.
+            depth: [m] of the vehicle; None: not known.
+        """
+        if sample is None or sample.altitude is None:
             return sample
         if sample is not self._raw:
-            lower = self._arm[2] if attitude is None else to_world(attitude, self._arm)[2]  # [m]
-            altitude = max(0.0, sample.altitude + lower)
-            self._raw, self._there = sample, replace(sample, altitude=altitude)
+            self._raw, altitude = sample, None
+            if not self._is_frozen(sample.altitude, depth):
+                lower = self._arm[2] if attitude is None else to_world(attitude, self._arm)[2]
+                altitude = max(0.0, sample.altitude + lower)
+            self._there = replace(sample, altitude=altitude)
         return self._there
+
+    def _is_frozen(self, altitude: float, depth: float | None) -> bool:
+        if depth is None or self._since is None or altitude != self._since[0]:
+            self._since = None if depth is None else (altitude, depth)
+            return False
+        return abs(depth - self._since[1]) > REPEATED
 
 
 class Turning:

@@ -34,7 +34,6 @@ LEVEL = 0.04  # [m/s] a bottom that changes more slowly counts as flat
 RETURN_S = 1.0  # [s] time constant of the return to the height
 AHEAD_S = 1.5  # [s] so much of the way ahead is added to the least height: nobody measures there
 SAME = 0.01  # [m/s] a velocity that differs by less is not asked for anew
-REPEATED = 0.3  # [m] of the vehicle's own depth through which no altitude repeats to the last digit
 
 
 @dataclass(slots=True)
@@ -52,7 +51,6 @@ class Bottom:
     _doubted: tuple[float, float] | None = None  # [s], [m] the first of those that do not fit
     _stamp_ns: int = -1  # of the newest sample
     _heard: float = 0.0  # [s] of the newest sample, also of one without an altitude
-    _repeats: tuple[float, float] | None = None  # [m] altitude, and the depth it was first said at
     _rhythm: SampleRhythm = field(default_factory=lambda: SampleRhythm(PATIENCE_S))
 
     @property
@@ -101,13 +99,7 @@ class Bottom:
         self._heard = t - age
         if sample.altitude is None or not (state.depth.valid and state.depth_rate.valid):
             return
-        depth = state.depth.value - age * state.depth_rate.value
-        if self._repeats is None or sample.altitude != self._repeats[0]:
-            self._repeats = sample.altitude, depth
-        if abs(depth - self._repeats[1]) > REPEATED:
-            self._at, self._doubted = None, None  # its sensor is frozen
-        else:
-            self._take(sample.altitude + depth, t - age)
+        self._take(sample.altitude + state.depth.value - age * state.depth_rate.value, t - age)
 
     def shift(self, by: float) -> None:
         """The depths [m] by which it is known were measured anew."""

@@ -99,22 +99,40 @@ def test_a_mounted_dvl_is_put_right(
     assert heard.velocity == pytest.approx(velocity, abs=1e-9)
 
 
+@given(st.floats(0.05, 0.8), st.sampled_from((0.001, 0.01, 0.05)), ARMS)
+def test_an_altitude_that_repeats_while_the_depth_changes_is_none(
+    sinks: float, step: float, arm: Vec3
+) -> None:
+    """`sinks` [m/s] over ground at 12 m; altitudes are rounded to `step` [m]."""
+    frozen, alive = AltitudeAtOrigin[AltitudeSample](arm), AltitudeAtOrigin[AltitudeSample](arm)
+    for k in range(1, 80):
+        depth, q = 5.0 + sinks * k / 10, from_euler(0.0, 0.02 * (k % 5), 0.0)
+        rounded = round((12.0 - depth) / step) * step
+        still = frozen.of(AltitudeSample(stamp_ns=k, altitude=7.0), q, depth)
+        assert still is not None
+        sunk = depth - 5.0 - sinks / 10
+        assert (still.altitude is not None) == (sunk < 0.3) or abs(sunk - 0.3) < 1e-9
+        there = alive.of(AltitudeSample(stamp_ns=k, altitude=rounded), q, depth)
+        assert there is not None
+        assert there.altitude is not None
+
+
 @given(ARMS, ANGLES)
 def test_an_altitude_is_of_the_origin(arm: Vec3, lies: Vec3) -> None:
     """However it lies, and by where it lay when the sample came."""
     q, at_origin = from_euler(*lies), AltitudeAtOrigin[AltitudeSample](arm)
     height = 9.0 - place_of(arm, (0.0, 0.0, 4.0), q)[2]
     sample = AltitudeSample(stamp_ns=1, altitude=height)
-    there = at_origin.of(sample, q)
+    there = at_origin.of(sample, q, 4.0)
     assert there is not None
     assert there.altitude == pytest.approx(5.0)
-    assert at_origin.of(sample, from_euler(0.0, 0.0, 0.0)) is there
-    assert at_origin.of(None, q) is None
-    level = AltitudeAtOrigin[AltitudeSample](arm).of(sample, None)
+    assert at_origin.of(sample, from_euler(0.0, 0.0, 0.0), 4.0) is there
+    assert at_origin.of(None, q, 4.0) is None
+    level = AltitudeAtOrigin[AltitudeSample](arm).of(sample, None, None)
     assert level is not None
     assert level.altitude == pytest.approx(height + arm[2])
     no_lock = DvlSample(stamp_ns=1, velocity=None, std=0.01)
-    assert AltitudeAtOrigin[DvlSample](arm).of(no_lock, q) is no_lock
+    assert AltitudeAtOrigin[DvlSample](arm).of(no_lock, q, 4.0) is no_lock
 
 
 @given(ARMS, ANGLES, VECTORS)

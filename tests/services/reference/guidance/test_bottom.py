@@ -1,8 +1,6 @@
 """What is known of the bottom, by which instrument."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from messages.message import Estimate
 from messages.sensors import AltitudeSample, DvlSample
@@ -12,14 +10,14 @@ from services.reference.guidance.bottom import Bottom
 S = 1_000_000_000  # [ns]
 
 
-def state(now: int, depth: float = 5.0) -> VehicleState:
+def state(now: int) -> VehicleState:
     known = Estimate(0.0, 0.01, valid=True)
     return VehicleState(
         stamp_ns=now,
         sensor_ns=now,
         phase="running",
         calibration_left=None,
-        depth=Estimate(depth, 0.01, valid=True),
+        depth=Estimate(5.0, 0.01, valid=True),
         depth_rate=known,
         depth_acceleration=known,
         attitude=(1.0, 0.0, 0.0, 0.0),
@@ -76,20 +74,3 @@ def test_a_step_of_the_floor_does_not_lose_it() -> None:
         bottom.see(None, state(now), now / S, sample)
         assert bottom.known
     assert bottom.depth(7.9) == pytest.approx(11.0, abs=0.1)
-
-
-@given(st.floats(0.05, 0.8), st.sampled_from((0.001, 0.01, 0.05)))
-def test_an_altitude_that_repeats_while_the_depth_changes_is_of_a_frozen_sensor(
-    sinks: float, step: float
-) -> None:
-    """`sinks` [m/s] over ground at 12 m; altitudes are rounded to `step` [m]."""
-    frozen, alive = Bottom(), Bottom()
-    for k in range(1, 100):
-        now, depth = k * S // 10, 5.0 + sinks * k / 10
-        rounded = round((12.0 - depth) / step) * step
-        for bottom, altitude in ((frozen, 7.0), (alive, rounded)):
-            sample = AltitudeSample(stamp_ns=now, altitude=altitude)
-            bottom.see(None, state(now, depth), now / S, sample)
-        sunk = depth - 5.0 - sinks / 10
-        assert alive.known
-        assert frozen.known == (sunk < 0.3) or abs(sunk - 0.3) < 1e-9
