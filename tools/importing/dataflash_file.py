@@ -87,7 +87,7 @@ class DataflashFile:
         while at + 3 <= len(data):
             kind = data[at + 2]
             form = self._formats.get(kind) if data[at : at + 2] == HEAD else None
-            if form is None:
+            if form is None or not self._is_followed(at + form.len):
                 after = data.find(HEAD, at + 1)
                 after = len(data) if after < 0 else after
                 skipped += after - at if after < len(data) else 0
@@ -103,6 +103,11 @@ class DataflashFile:
             self.remarks.append(f"{skipped} bytes between its messages are damaged")
         if (left := len(data) - end) > SLACK:
             self.remarks.append(f"its last {left} bytes are no whole message: it was cut off")
+
+    def _is_followed(self, end: int) -> bool:
+        """By another message, or by none any more: else what ends there is damage that looked like
+        one."""
+        return self._data[end : end + 2] == HEAD or self._data.find(HEAD, end) < 0
 
     def _learn(self, form: Any, said: Any) -> None:
         """A format, or which of its fields is the number of the sensor."""

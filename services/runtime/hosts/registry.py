@@ -39,6 +39,7 @@ NEEDED: dict[str, AnyTopic] = {
     "reference": topics.REFERENCE,
     "control": topics.THRUSTERS,
 }
+OF_ONE = (topics.ACTUATION, topics.STATE, topics.REFERENCE, topics.THRUSTERS)
 ROLES: dict[str, Role] = {"recorder": "recorder", "link_monitor": "clock"}
 INSTEAD = {"gamepad": ("mavlink", "cockpit", "ros2")}  # which others publish the same
 PILOTS = ("gamepad", *INSTEAD["gamepad"])  # of Lindy's own services, those that command
@@ -138,17 +139,18 @@ class Registry(Mapping[str, ServiceSpec]):
             published: topics by service.
 
         Raises:
-            LindyError: names what nobody publishes, or two that both are the vehicle.
+            LindyError: names what nobody publishes, or two of which there may be one only.
         """
         everything = {topic for own in published.values() for topic in own}
         if missing := [own for own, topic in NEEDED.items() if topic not in everything]:
             raise self._unpublished(missing)
-        vehicles = [name for name, own in published.items() if topics.ACTUATION in own]
-        if len(vehicles) > 1:
-            raise LindyError(
-                f"{place(self.file, vehicles[1])}: it publishes {topics.ACTUATION.key}, and so "
-                f"does {vehicles[0]}; allowed is one vehicle"
-            )
+        for topic in OF_ONE:
+            names = [name for name, own in published.items() if topic in own]
+            if len(names) > 1:
+                raise LindyError(
+                    f"{place(self.file, names[1])}: it publishes {topic.key}, and so does "
+                    f"{names[0]}; allowed is one"
+                )
 
     def _unpublished(self, missing: Collection[str]) -> LindyError:
         keys = " and ".join(NEEDED[own].key for own in missing)

@@ -16,6 +16,7 @@ SideName = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
 NAME = r"[a-z0-9_]+"  # of a service: it becomes part of a key
 TAKEN = (BODY, "supervisor", "hub_topside", "hub_drone")  # they mean something else
 SIMULATOR = "simulator"  # a whole vehicle; a driver may be one part of several
+ONE_EACH = ("estimation", "reference", "control")  # two of them contradict each other
 
 
 class ServiceSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -76,8 +77,16 @@ def require_possible(specs: Specs, file: Path) -> None:
 def require_one_of_a_kind(specs: Specs, file: Path) -> None:
     """
     Raises:
-        LindyError: two services are the gateway, or two are a whole vehicle.
+        LindyError: two services are the gateway, a whole vehicle, or one of `ONE_EACH`.
     """
+    first = dict[str, str]()  # name, by code
+    for name, spec in specs.items():
+        code = code_of(name, spec)
+        if spec.module is None and code in ONE_EACH and first.setdefault(code, name) != name:
+            raise LindyError(
+                f"{place(file, name)}: it runs the code of {code}, and so does {first[code]}; "
+                f"the two would contradict each other, allowed is one"
+            )
     gateways = [name for name, spec in specs.items() if spec.gateway]
     if len(gateways) > 1:
         raise LindyError(

@@ -11,6 +11,7 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.vehicle import VehicleEstimate, VehicleStatus
 from services.marine.vehicle import GRAVITY
 from tests.tools.test_cli_verbs import complaint
+from tools.__main__ import main
 
 from .logs import (
     BEGAN_NS,
@@ -167,3 +168,18 @@ def test_a_real_log_is_imported(name: str, tmp_path: Path) -> None:
         pytest.skip(f"LINDY_REAL names no folder with {name}")
     key, count = REAL[name]
     assert len(messages(imported(folder / name, tmp_path / "dive"), key)) == count
+
+
+def test_a_hole_of_rubbish_is_left_out_and_what_is_behind_it_is_there(tmp_path: Path) -> None:
+    """Also where the rubbish looks like messages, of which the times would be absurd."""
+    data = bytearray(dataflash(tmp_path / "whole.bin").read_bytes())
+    middle = len(data) // 2
+    rubbish = bytes(range(256)) * 8 + b"\xa3\x95\x83" + b"\xff" * 40
+    data[middle : middle + len(rubbish)] = rubbish
+    path = tmp_path / "hole.bin"
+    path.write_bytes(data)
+    assert main(["import", str(path), "--out", str(tmp_path / "dive")]) == 0
+    stamps = [m.log_ns for m in messages(tmp_path / "dive", "sensor/imu")]
+    assert len(stamps) > 150
+    assert 3.5e9 < stamps[-1] - stamps[0] < 4.1e9
+    assert "between its messages are damaged" in " ".join(report(tmp_path / "dive")["remarks"])

@@ -255,10 +255,16 @@ def test_what_is_published_is_checked_where_it_is_known(tmp_path: Path) -> None:
     services.require_published({**published, "control": [], "mine": [topics.THRUSTERS]})
     with pytest.raises(LindyError, match=r"nobody publishes control/thrusters, "):
         services.require_published({**published, "control": [], "mine": [topics.WRENCH]})
-    with pytest.raises(
-        LindyError, match=r"services.mine: it publishes vehicle/actuation, and so d"
-    ):
-        services.require_published({**published, "mine": [topics.ACTUATION]})
+    for twice in (topics.ACTUATION, topics.STATE, topics.REFERENCE, topics.THRUSTERS):
+        with pytest.raises(LindyError, match=rf"services.mine: it publishes {twice.key}, and so d"):
+            services.require_published({**published, "mine": [twice]})
+
+
+@pytest.mark.parametrize("name", ["estimation", "reference", "control"])
+def test_what_must_be_one_is_not_there_twice(tmp_path: Path, name: str) -> None:
+    more = f'[services.second]\nsides = ["drone"]\nservice = "{name}"\n'
+    with pytest.raises(LindyError, match=rf"services.second: it runs the code of {name}, and so"):
+        without(tmp_path, more=more)
 
 
 def test_without_shared_names_every_service_is_a_process_of_its_own_name() -> None:
