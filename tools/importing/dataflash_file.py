@@ -6,7 +6,7 @@ import mmap
 from array import array
 from collections.abc import Iterator
 from heapq import merge
-from itertools import repeat
+from itertools import chain, pairwise, repeat
 from pathlib import Path
 from struct import calcsize, unpack
 from typing import Any
@@ -22,6 +22,7 @@ GPS_EPOCH_S, LEAP_S = 315_964_800, 18  # [s] of GPS time, and its seconds ahead 
 WEEK_S = 604_800
 FIRMWARE = "ArduSub"
 OTHERS = ("ArduCopter", "ArduPlane", "ArduRover", "Copter", "Plane", "Rover", "Blimp")
+APART_NS = 1_000_000_000  # [ns] messages are out of order by less
 SLACK = 528  # [bytes] some boards write whole pages: so much at the end may be nothing
 
 
@@ -71,6 +72,23 @@ class DataflashFile:
         return {name: LogSource(name, len(at)) for name, (_, at) in self._places.items()}
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
+        """A message whose time is beyond those of the two beside it has a damaged one."""
+        before: LogRow | None = None
+        left_out = 0
+        for row, after in pairwise(chain(self._all(wanted), [None])):
+            assert row is not None
+            if before is not None and after is not None:
+                least, most = sorted((before.arrival_ns, after.arrival_ns))
+                if not least - APART_NS <= row.arrival_ns <= most + APART_NS:
+                    left_out += 1
+                    continue
+            yield row
+            before = row
+        remark = f"{left_out} messages with a damaged time are left out"
+        if left_out and remark not in self.remarks:  # it is read more than once
+            self.remarks.append(remark)
+
+    def _all(self, wanted: Wanted) -> Iterator[LogRow]:
         named = [
             zip(places, repeat(name), repeat(kind), strict=False)
             for name, (kind, places) in self._places.items()

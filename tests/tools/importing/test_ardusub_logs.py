@@ -183,3 +183,18 @@ def test_a_hole_of_rubbish_is_left_out_and_what_is_behind_it_is_there(tmp_path: 
     assert len(stamps) > 150
     assert 3.5e9 < stamps[-1] - stamps[0] < 4.1e9
     assert "between its messages are damaged" in " ".join(report(tmp_path / "dive")["remarks"])
+
+
+@pytest.mark.parametrize("bit", [25, 40, 63])
+def test_a_message_with_a_damaged_time_is_left_out(tmp_path: Path, bit: int) -> None:
+    data = bytearray(dataflash(tmp_path / "whole.bin").read_bytes())
+    at = data.index(b"\xa3\x95\x83", len(data) // 2) + 3  # the time of an IMU's message
+    data[at + bit // 8] ^= 1 << bit % 8
+    path = tmp_path / "torn.bin"
+    path.write_bytes(data)
+    assert main(["import", str(path), "--out", str(tmp_path / "dive")]) == 0
+    stamps = [m.log_ns for m in messages(tmp_path / "dive", "sensor/imu")]
+    assert len(stamps) >= 199
+    assert stamps == sorted(stamps)
+    assert 3.5e9 < stamps[-1] - stamps[0] < 4.1e9
+    assert "1 messages with a damaged time" in " ".join(report(tmp_path / "dive")["remarks"])
