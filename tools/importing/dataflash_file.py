@@ -84,7 +84,7 @@ class DataflashFile:
                     continue
             yield row
             before = row
-        remark = f"{left_out} messages with a damaged time are left out"
+        remark = f"messages with a damaged time, left out: {left_out}"
         if left_out and remark not in self.remarks:  # it is read more than once
             self.remarks.append(remark)
 
