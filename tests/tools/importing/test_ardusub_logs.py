@@ -197,4 +197,6 @@ def test_a_message_with_a_damaged_time_is_left_out(tmp_path: Path, bit: int) -> 
     assert len(stamps) >= 199
     assert stamps == sorted(stamps)
     assert 3.5e9 < stamps[-1] - stamps[0] < 4.1e9
-    assert "messages with a damaged time, left out: 1" in " ".join(report(tmp_path / "dive")["remarks"])
+    assert "messages with a damaged time, left out: 1" in " ".join(
+        report(tmp_path / "dive")["remarks"]
+    )
