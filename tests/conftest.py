@@ -24,7 +24,7 @@ settings.register_profile(
 settings.register_profile("whole", settings.get_profile("same"))  # `make slow`
 settings.load_profile("same")
 
-PART, LEAST = 3, 5  # `make test` draws a third of each test's cases, `make slow` all of them
+PART, LEAST = 6, 5  # `make test` draws a sixth of each test's cases, `make slow` all of them
 SETTINGS = "_hypothesis_internal_use_settings"  # where hypothesis keeps those of a test
 
 

@@ -24,7 +24,7 @@ class ArmedSpan(msgspec.Struct):
     """From the first status that says armed to the first that does not."""
 
     from_s: float  # [s]
-    to_s: float  # [s]; where it does not end in the recording, the last status
+    to_s: float  # [s]; where it does not end in the recording, that of the recording
     ended: bool = False
 
     @property
@@ -58,6 +58,13 @@ class ArmedSpans:
         elif status.armed:
             self.found.append(ArmedSpan(t, t))
         return True
+
+    def until(self, end: float) -> list[ArmedSpan]:
+        """All of them, of a recording that ends at `end` [s]: a log of another program says that it
+        is armed once, and nothing more where its power was lost."""
+        if self.found and not self.found[-1].ended:
+            self.found[-1].to_s = max(self.found[-1].to_s, end)
+        return self.found
 
 
 class Seconds(NamedTuple):

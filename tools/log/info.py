@@ -169,6 +169,8 @@ def info_of(recording: Recording) -> Info:
     damage = recording.damage
     seen = {key: topic for key, topic in sorted(gathered.topics.items()) if topic.count}
     clock = gathered.clock
+    last = max((topic.last_s for topic in seen.values()), default=0.0)
+    armed = gathered.armed.until(last)
     first = min((topic.first_s for topic in seen.values()), default=0.0)
     about = dict[str, str]()
     attached = dict[str, Attached]()
@@ -188,9 +190,9 @@ def info_of(recording: Recording) -> Info:
         utc=f"{datetime.fromtimestamp((origin or 0) / 1e9, UTC):%Y-%m-%dT%H:%M:%SZ}"
         if real
         else None,
-        seconds=max((topic.last_s for topic in seen.values()), default=0.0) - first,
-        armed_seconds=sum(span.seconds for span in gathered.armed.found),
-        dives=gathered.armed.found,
+        seconds=last - first,
+        armed_seconds=sum(span.seconds for span in armed),
+        dives=armed,
         clock_offset_ms=None if clock is None else (clock.offset_ns or 0) / 1e6,
         clock_bound_ms=None if clock is None or clock.bound_ns is None else clock.bound_ns / 1e6,
         log_hash=recording.metadata("hash").get("sha256"),

@@ -100,7 +100,7 @@ def read(path: Path, overrides: tuple[str, ...] = ()) -> Recorded:
         settings=settings,
         begin_ns=begin_ns,
         seconds=(first_last[1] - first_last[0]) / 1e9,
-        armed=None if armed is None else armed.found,
+        armed=None if armed is None else armed.until((first_last[1] - source.origin_ns) / 1e9),
     )
 
 

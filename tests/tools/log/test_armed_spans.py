@@ -155,3 +155,14 @@ def test_of_many_dives_the_sentence_shows_some() -> None:
     spans = [ArmedSpan(10.0 * n, 10.0 * n + 5.0, ended=True) for n in range(40)]
     with pytest.raises(LindyError, match=r"there are 40 dives .*, and 28 more"):
         around(spans, 41, "here")
+
+
+@given(heard(), st.floats(0.0, 1000.0))
+def test_who_is_armed_last_is_so_to_the_end_of_the_recording(statuses: Heard, after: float) -> None:
+    spans, end = ArmedSpans(), after + (statuses[-1][0] if statuses else 0.0)
+    for t, status in statuses:
+        spans.see(status, t)
+    ended = [span for span in spans.found if span.ended]
+    found = spans.until(end)
+    assert [span for span in found if span.ended] == ended
+    assert [span.to_s for span in found if not span.ended] == [end] * (len(found) - len(ended))
