@@ -40,6 +40,8 @@ def chosen(
     if not found:
         if lacking := unfit(import_map, sources, ()):
             raise LindyError(f"{name}: {lacking[0]}; write there the columns that it has")
+        if not any(kind.messages for kind in sources.values()):
+            raise LindyError(f"{name} holds no whole message")
         named = listed([f"{source} ({kind.kind})" for source, kind in sources.items()])
         takes = listed([*dict.fromkeys(each.topic or each.type for each in import_map.take)])
         raise LindyError(

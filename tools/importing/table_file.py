@@ -18,6 +18,8 @@ KINDS = (".csv", ".parquet")
 BLANK = ["", "--.--", "-.-", "--", "null", "NULL", "None", "NA", "N/A"]  # no sample; NaN is odd
 Stamps = NDArray[np.int64]  # [ns] UTC
 NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow calls them
+BACK_NS = 1_000_000_000  # [ns] a row further back than this is not by the jitter of its logger
+MOST_BACK = 5  # rows: a clock that was set, or a logger that was started again
 SHOWN = 12  # columns that a sentence lists
 
 
@@ -73,10 +75,23 @@ class TableFile:
                 table, at_ns = table.filter(whole), at_ns[whole]
                 remark = f"{np.count_nonzero(~whole)} rows of {self._path.name} have no time"
                 self.remarks += [] if remark in self.remarks else [remark]
+            self._require_order(at_ns)
             named = named_columns(several)
             columns = {name: table[name].combine_chunks() for name in self._names if name in named}
             columns |= {taken.stamp: at_ns for taken in several if taken.stamp_unit == "date"}
             yield from column_rows(source, columns, at_ns)
+
+    def _require_order(self, at_ns: Stamps) -> None:
+        """
+        Raises:
+            LindyError: so many rows are before the ones above them that the table was shuffled.
+        """
+        back = np.flatnonzero(np.diff(at_ns) < -BACK_NS)
+        if len(back) > max(MOST_BACK, len(at_ns) // 100):
+            raise LindyError(
+                f"{self._path}: its rows are not in the order of their times ({len(back)} are "
+                f"before the one above, the first is at about line {back[0] + 3}); sort it by time"
+            )
 
     def _times(
         self, several: Sequence[TakenMessage]

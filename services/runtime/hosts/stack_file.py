@@ -129,6 +129,8 @@ def _require_possible_sides(name: str, spec: ServiceSpec, file: Path) -> None:
     at = place(file, name, "sides")
     if len(set(spec.sides)) < len(spec.sides):
         raise LindyError(f"{at}: {spec.sides[0]!r} is there twice; allowed is each side once")
+    if spec.module is None and code_of(name, spec) in ONE_EACH and spec.sides != ["drone"]:
+        raise LindyError(f'{at}: it is on board; allowed is ["drone"], found {spec.sides}')
     if spec.vehicle_side and spec.sides != ["drone"]:
         raise LindyError(
             f'{at}: a service with vehicle_side = true is on board; allowed is ["drone"], '

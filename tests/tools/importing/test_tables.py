@@ -210,3 +210,21 @@ def test_files_of_several_dives_are_one_sentence(
         out = tmp_path / "dive"
         assert said in complaint(capsys, "import", *map(str, logs), "--out", str(out))
         assert not out.exists()
+
+
+def test_rows_in_no_order_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A few that go back are of a clock that was set; half of them are of a table that was
+    shuffled, which would become a recording of nonsense."""
+    head, *rows = table(tmp_path / "whole.csv").read_text().splitlines()
+    slow = [row.replace(row.split(",")[0], f"{BEGAN + timedelta(seconds=3 * k):%Y-%m-%d %H:%M:%SZ}")
+            for k, row in enumerate(rows)]  # fmt: skip
+    path = tmp_path / "shuffled.csv"
+    path.write_text("\n".join([head, *slow[::2], *slow[1::2]]))  # goes back once
+    assert main(["import", str(path), *column_map(tmp_path), "--out", str(tmp_path / "once")]) == 0
+    path.write_text("\n".join([head, *slow[::-1]]))
+    capsys.readouterr()
+    said = complaint(
+        capsys, "import", str(path), *column_map(tmp_path), "--out", str(tmp_path / "x")
+    )
+    assert "its rows are not in the order of their times (39 are before the one above" in said
+    assert "at about line 3" in said

@@ -204,6 +204,10 @@ def test_a_stack_with_a_camera_and_no_cockpit_is_left_as_it_is(
             r"mine.toml:6: services.gamepad.process: process 'mine' has control, whose home is the "
             r"drone, and gamepad, whose home is the topside; allowed are .* the same home",
         ),
+        (
+            "[services.reference]\nsides = ['topside']",
+            r"mine.toml:2: services.reference.sides: it is on board; allowed is \[.drone.\], found",
+        ),
     ],
 )
 def test_a_mistake_in_a_stack_file_is_named(tmp_path: Path, text: str, sentence: str) -> None:
