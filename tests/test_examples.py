@@ -127,6 +127,7 @@ def test_an_own_controller_flies_the_whole_stack(tmp_path: Path, pilot: tuple[st
     assert report["depth_error_rms_m"] < 0.2  # without thrust it would be a metre
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "instead", "most"), [("own_law", "", 0.05), ("own_estimator", "estimation", 0.1)]
 )

@@ -132,6 +132,7 @@ def test_what_each_may_send_is_all_there_is_and_what_it_sends(flown: Flown) -> N
         assert kbit(flown.sent[name], 0, END) < 1.1 * may
 
 
+@pytest.mark.slow
 def test_where_there_is_no_room_the_small_one_stops_first_and_says_so(flown: Flown) -> None:
     begin = NARROW + 6 * S
     assert not [at for at, _ in flown.sent["front"] if at > begin]

@@ -92,6 +92,7 @@ def test_the_viewer_shows_the_jerk_of_the_report(axis: str, who: str) -> None:
     assert drawn == pytest.approx(expected, rel=AGREES)
 
 
+@pytest.mark.slow
 def test_the_viewer_counts_the_starts_and_reversals_of_the_report() -> None:
     times, rows = flown().curves["thruster_changes"]
     dive = flown().dive

@@ -193,7 +193,11 @@ def unlocked() -> Iterator[Message]:
             (s for s in flown(0, LEVEL) if isinstance(s, DvlSample)),
             "beside 0 samples of sensor/imu",
         ),
-        (flown(0, LEVEL, flies=()), "fly surge, stop, sway, stop, turn on the spot, dive and rise"),
+        pytest.param(
+            flown(0, LEVEL, flies=()),
+            "fly surge, stop, sway, stop, turn on the spot, dive and rise",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_does_not_tell_is_refused_in_one_sentence(

@@ -76,6 +76,7 @@ def test_a_dive_that_fails_is_a_row_and_the_exit_status_says_so(
     assert "1 of 2 dives ended with an error; the first, dive 1: the drone did not arm" in error
 
 
+@pytest.mark.slow
 def test_the_row_is_the_report(script: str, tmp_path: Path):
     """Of the same dive, once in memory and once recorded."""
     dive = PlannedDive(3, Combination("pioneer", "severe", script, (QUICK,)), 5)

@@ -70,6 +70,7 @@ def test_in_a_dive_roll_and_pitch_are_nearer_to_the_truth_than_those_of_ahrs() -
     assert sums[0] < sums[1]
 
 
+@pytest.mark.slow
 def test_the_heading_drifts_as_that_of_imufusion(dive: runs.HeadingSamples) -> None:
     imufusion = package("imufusion")
     theirs = imufusion.Ahrs()
