@@ -467,7 +467,7 @@ NOT_GIVEN = row("not_given", DANGER, "the board does not send a message that it 
 REFUSED_SERVO = row("refused:servo", PILOT, "the board refuses to move an output", "choose a free output of the board in the vehicle file", said="warning")
 UNANSWERED_SERVO = row("unanswered:servo", PILOT, "the board does not answer for an output; it is asked again", said="warning")
 SLOW = row("slow", SENSOR, "a message of the board comes more rarely than it was asked for", said="warning")
-SHIFTED_BOARD_CLOCK = row("shifted:board_clock", MESSAGE, "the clock of the vehicle's board shifted by some milliseconds")
+SHIFTED_BOARD_CLOCK = row("shifted:board_clock", MESSAGE, "the clock of the vehicle's board shifted by less than a second")
 
 # Of ground stations on MAVLink.
 REFUSED_COMMAND = row("refused:command", PILOT, "a command of a ground station was refused")

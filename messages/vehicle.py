@@ -24,6 +24,7 @@ from messages.units import (
 )
 
 Activity = Literal["starting", "ready", "piloted", "stopping", "goto", "follow"]
+OWN_WAY: tuple[Activity, ...] = ("goto", "follow")  # it moves by itself, as it was asked to
 # The conditions that make the drone act by itself; services/reference/failsafe/ has their table.
 Failsafe = Literal[
     "none", "leak", "battery_critical", "state_lost", "imu_lost", "link_lost", "pilot_lost"

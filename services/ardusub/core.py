@@ -148,12 +148,15 @@ class ArdusubDriver:
             self._meet_stranger(now)
         if (packet.system, packet.component) != (self._settings.board, AUTOPILOT):
             return
+        shifts = self._clock.shifts
         if packet.name in self._handlers:
             self._handlers[packet.name](packet.fields, now)
         elif self.stage == "accepted" and not self._measurements.heard(
             packet.name, packet.fields, now
         ):
             self._jumped(now)
+        if self._clock.shifts > shifts:
+            self._outbox.tell(events.SHIFTED_BOARD_CLOCK())
 
     def _on_heartbeat(self, fields: dict[str, Any], now: Ns) -> None:
         self._introduction.heard_heartbeat(fields)

@@ -84,11 +84,8 @@ class BoardMeasurements:
         board = readings.stamp_of(fields)
         if board is None:
             return True
-        shifts = self._clock.shifts
         if not self._clock.heard(board, now):
             return False
-        if self._clock.shifts > shifts:
-            self._outbox.tell(events.SHIFTED_BOARD_CLOCK())
         stamp = self._clock.ours(board, now)
         if stamp is not None:
             self._stamped(name, fields, stamp)

@@ -6,7 +6,7 @@ none of them; it is shown as ALT_HOLD and cannot be chosen from a ground station
 """
 
 from messages.pilot import FlightMode
-from messages.vehicle import VehicleStatus
+from messages.vehicle import OWN_WAY, VehicleStatus
 
 NAMES = {0: "STABILIZE", 2: "ALT_HOLD", 4: "GUIDED", 16: "POSHOLD", 19: "MANUAL", 21: "SURFTRAK"}
 GUIDED = 4  # the drone goes to a place or follows a path by itself
@@ -29,7 +29,7 @@ CHOSEN: dict[int, FlightMode] = {
 
 
 def custom_mode(status: VehicleStatus) -> int:
-    return GUIDED if status.activity in ("goto", "follow") else SHOWN[status.flight_mode]
+    return GUIDED if status.activity in OWN_WAY else SHOWN[status.flight_mode]
 
 
 def choosable() -> str:

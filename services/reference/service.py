@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from messages import topics
+from messages import events, topics
 from messages.pilot import MANOEUVRES, PilotAnswer, PilotRequest
 from messages.sensors import AltitudeSample, DvlSample
 from messages.state import VehicleState
@@ -40,8 +40,12 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
     wrench, battery = node.latest(topics.WRENCH), node.latest(topics.BATTERY)
     leak, dvl = node.latest(topics.LEAK), node.latest(topics.DVL)
     temperature, altimeter = node.latest(topics.TEMPERATURE), node.latest(topics.ALTITUDE)
-    of_dvl = AltitudeAtOrigin[DvlSample](vehicle.mounting.dvl.position)
-    of_altimeter = AltitudeAtOrigin[AltitudeSample](vehicle.mounting.altimeter.position)
+    of_dvl = AltitudeAtOrigin[DvlSample](
+        vehicle.mounting.dvl.position, lambda: node.tell(events.FROZEN(topics.DVL.key))
+    )
+    of_altimeter = AltitudeAtOrigin[AltitudeSample](
+        vehicle.mounting.altimeter.position, lambda: node.tell(events.FROZEN(topics.ALTITUDE.key))
+    )
 
     reference = node.publisher(topics.REFERENCE)
     status = node.publisher(topics.STATUS)

@@ -11,6 +11,7 @@ the specific force f + ω × (ω × r) + ω̇ × r.
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Callable
 from math import exp
 from typing import Generic, NamedTuple, TypeVar
 
@@ -177,11 +178,17 @@ class AltitudeAtOrigin(Generic[S]):
     """Altitudes of one sensor as those of the vehicle's origin, by the attitude when a sample is
     first seen; none of a sensor that repeats one to the last digit while the depth changes."""
 
-    def __init__(self, arm: Vec3) -> None:
-        self._arm = arm  # [m]
+    def __init__(self, arm: Vec3, frozen: Callable[[], None] = lambda: None) -> None:
+        """
+        Args:
+            arm: [m] of the sensor.
+            frozen: called whenever it begins to repeat one.
+        """
+        self._arm, self._tell = arm, frozen
         self._raw: S | None = None  # newest
         self._there: S | None = None  # the same at the origin
         self._since: tuple[float, float] | None = None  # [m] its altitude, and the depth at first
+        self._frozen = False
 
     def of(self, sample: S | None, attitude: Quaternion | None, depth: float | None) -> S | None:
         """
@@ -201,9 +208,12 @@ class AltitudeAtOrigin(Generic[S]):
 
     def _is_frozen(self, altitude: float, depth: float | None) -> bool:
         if depth is None or self._since is None or altitude != self._since[0]:
-            self._since = None if depth is None else (altitude, depth)
+            self._since, self._frozen = None if depth is None else (altitude, depth), False
             return False
-        return abs(depth - self._since[1]) > REPEATED
+        if not self._frozen and abs(depth - self._since[1]) > REPEATED:
+            self._frozen = True  # until it says another one
+            self._tell()
+        return self._frozen
 
 
 class Turning:

@@ -16,7 +16,7 @@ from messages.link import Clock
 from messages.message import Message
 from messages.payload import UNDECODABLE
 from messages.text import harmless
-from messages.vehicle import VehicleStatus
+from messages.vehicle import OWN_WAY, VehicleStatus
 from services.runtime.config.errors import LindyError
 from tools.choices import Json
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
@@ -130,8 +130,7 @@ class Gathered:
             self.events.append(SeenEvent(round(t, 3), "armed" if status.armed else "disarmed"))
         if status.armed and (before is None or status.flight_mode != before.flight_mode):
             self.events.append(SeenEvent(round(t, 3), f"mode {status.flight_mode}"))
-        own_way = status.activity in ("goto", "follow")
-        if own_way and (before is None or status.activity != before.activity):
+        if status.activity in OWN_WAY and (before is None or status.activity != before.activity):
             self.events.append(SeenEvent(round(t, 3), status.activity))
         now = status.failsafe, status.reaction
         if now != (("none", None) if before is None else (before.failsafe, before.reaction)):

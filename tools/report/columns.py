@@ -30,7 +30,7 @@ from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.topic import AnyTopic
-from messages.vehicle import Actuation, Failsafe, Reaction, Truth, VehicleStatus
+from messages.vehicle import OWN_WAY, Actuation, Failsafe, Reaction, Truth, VehicleStatus
 from messages.video import PICTURE_STAGES, PictureAge
 from services.recorder.io.open_chunk import write_at
 from services.runtime.config.disk import reason
@@ -224,7 +224,7 @@ def _request(m: PilotRequest) -> Figures:
 
 def _status(m: VehicleStatus) -> Figures:
     reaction = -1 if m.reaction is None else REACTIONS.index(m.reaction)
-    own_way = m.activity in ("goto", "follow")
+    own_way = m.activity in OWN_WAY
     flight_mode = FLIGHT_MODES.index(m.flight_mode)
     failsafe = FAILSAFES.index(m.failsafe)
     return m.stamp_ns, failsafe, reaction, m.since_ns, own_way, flight_mode, m.armed

@@ -22,6 +22,7 @@ from services.runtime.hosts.processes import (
 )
 from services.runtime.hosts.service_module import ServiceModule, Wire, own_services, own_settings
 from services.runtime.hosts.stack_file import (
+    ONE_EACH,
     ServiceSpec,
     code_of,
     module_of,
@@ -39,7 +40,7 @@ NEEDED: dict[str, AnyTopic] = {
     "reference": topics.REFERENCE,
     "control": topics.THRUSTERS,
 }
-OF_ONE = (topics.ACTUATION, topics.STATE, topics.REFERENCE, topics.THRUSTERS)
+OF_ONE = (topics.ACTUATION, *(NEEDED[own] for own in ONE_EACH))
 ROLES: dict[str, Role] = {"recorder": "recorder", "link_monitor": "clock"}
 INSTEAD = {"gamepad": ("mavlink", "cockpit", "ros2")}  # which others publish the same
 PILOTS = ("gamepad", *INSTEAD["gamepad"])  # of Lindy's own services, those that command

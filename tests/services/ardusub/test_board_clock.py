@@ -37,31 +37,24 @@ def test_nothing_is_known_before_an_answer() -> None:
     assert clock.ours(5 * S, 9 * S) is None
 
 
-@given(st.lists(st.integers(-40 * MS, 40 * MS), max_size=30))
-def test_a_clock_that_shifts_a_little_is_followed(shifts: list[int]) -> None:
+@given(
+    st.lists(st.integers(-40 * MS, 40 * MS), max_size=30).map(lambda some: (200 * MS, some))
+    | st.lists(st.integers(-900 * MS, 900 * MS), max_size=30).map(lambda some: (S, some))
+)
+def test_a_clock_that_shifts_is_followed(shifted: tuple[int, list[int]]) -> None:
+    """By milliseconds, and as of ArduSub's simulator on a busy computer, which stands still and
+    catches up: a dive must not end by it."""
     clock, now, offset = BoardClock(), 100 * S, 50 * S
+    every, shifts = shifted
     for shift in [0, *shifts]:
         offset += shift
         assert clock.answered(now, now + MS - offset, now + 2 * MS)
         ours = clock.ours(now + MS - offset, now + 2 * MS)
         assert ours is not None
         assert abs(ours - now - MS) <= 1.1 * MS
-        now += 200 * MS
+        now += every
     assert clock.jumps == 0
-
-
-@given(st.lists(st.integers(-900 * MS, 900 * MS), max_size=30))
-def test_a_clock_that_stands_still_and_catches_up_is_followed(shifts: list[int]) -> None:
-    """As of ArduSub's simulator on a busy computer; a dive must not end by it."""
-    clock, now, offset = BoardClock(), 100 * S, 50 * S
-    for shift in [0, *shifts]:
-        offset += shift
-        assert clock.answered(now, now + MS - offset, now + 2 * MS)
-        ours = clock.ours(now + MS - offset, now + 2 * MS)
-        assert ours is not None
-        assert abs(ours - now - MS) <= 2 * MS
-        now += S
-    assert clock.jumps == 0
+    assert clock.shifts >= sum(abs(shift) > 4 * MS for shift in shifts)
 
 
 @pytest.mark.parametrize("jump", [-10 * S, -S, 1200 * MS, 10 * S])

@@ -104,7 +104,9 @@ def test_an_altitude_that_repeats_while_the_depth_changes_is_none(
     sinks: float, step: float, arm: Vec3
 ) -> None:
     """`sinks` [m/s] over ground at 12 m; altitudes are rounded to `step` [m]."""
-    frozen, alive = AltitudeAtOrigin[AltitudeSample](arm), AltitudeAtOrigin[AltitudeSample](arm)
+    told = list[int]()
+    frozen = AltitudeAtOrigin[AltitudeSample](arm, lambda: told.append(1))
+    alive = AltitudeAtOrigin[AltitudeSample](arm)
     for k in range(1, 80):
         depth, q = 5.0 + sinks * k / 10, from_euler(0.0, 0.02 * (k % 5), 0.0)
         rounded = round((12.0 - depth) / step) * step
@@ -112,6 +114,7 @@ def test_an_altitude_that_repeats_while_the_depth_changes_is_none(
         assert still is not None
         sunk = depth - 5.0 - sinks / 10
         assert (still.altitude is not None) == (sunk < 0.3) or abs(sunk - 0.3) < 1e-9
+        assert len(told) == (still.altitude is None)
         there = alive.of(AltitudeSample(stamp_ns=k, altitude=rounded), q, depth)
         assert there is not None
         assert there.altitude is not None
