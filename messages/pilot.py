@@ -85,6 +85,8 @@ class StopDistance(msgspec.Struct, frozen=True):
     depth: Finite  # [m] positive down
     heading: Finite  # [rad] positive clockwise
     seconds: NotNegative  # [s]
+    # [m] Straight from here to there over the ground; absent: no position is measured.
+    over_ground: NotNegative | UnsetType = UNSET
 
 
 class PilotAnswer(Answer, frozen=True, kw_only=True):

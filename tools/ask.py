@@ -7,6 +7,7 @@ from typing import Annotated, Any, cast, get_args
 
 import msgspec
 from cyclopts import Parameter
+from msgspec import UNSET
 
 from messages import topics
 from messages.fly import FlyRequest
@@ -258,9 +259,13 @@ def in_words(kind: str, answer: PilotAnswer) -> str:
         return "; ".join(filter(None, (f"{kind}: accepted", answer.note or "")))
     vertical = "up" if stop.depth < 0 else "down"
     turn = "counter-clockwise" if stop.heading < 0 else "clockwise"
+    known = isinstance(stop.over_ground, float)
+    ground = f"{stop.over_ground:.3f} m over the ground, " if known else ""
+    unknown = "" if known else "; how far surge and sway carry it is not known, without a position"
     return (
-        f"{kind}: accepted; still goes {abs(stop.depth):.3f} m {vertical} and "
+        f"{kind}: accepted; still goes {ground}{abs(stop.depth):.3f} m {vertical} and "
         f"{abs(math.degrees(stop.heading)):.2f} deg {turn}, at rest after {stop.seconds:.2f} s"
+        f"{unknown}"
     )
 
 
@@ -270,6 +275,7 @@ def in_json(kind: str, answer: PilotAnswer) -> str:
         "depth_m": answer.stop.depth,
         "heading_deg": math.degrees(answer.stop.heading),
         "seconds": answer.stop.seconds,
+        "over_ground_m": None if answer.stop.over_ground is UNSET else answer.stop.over_ground,
     }
     return json.dumps(
         {

@@ -56,6 +56,7 @@ def fault(
             "parts are broken on the drone's machine only: no other machine can ask for it; call "
             "this there"
         )
+    part = part.removeprefix("sensor/")  # as its topic is called
     request = FaultRequest(stamp_ns=0, id="", part=part, fault=kinds[kind], value=value)
     answer = answer_to(
         lambda node: at_once(node, request, topics.FAULT_REQUEST, topics.FAULT_ANSWER),

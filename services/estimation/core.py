@@ -80,9 +80,6 @@ class Estimator:
             checkpoint: of an earlier run; None: calibrate.
             vehicle: for thrust and drag; None: the current stays unknown.
             outbox: for events. Its counts of refused samples name the cause of a missing sensor.
-
-        Raises:
-            ValueError: a thruster without direction.
         """
         self.outbox = Outbox() if outbox is None else outbox
         self._lacking: set[str] = set()  # sensors that the state lacks, and the pilot was told so

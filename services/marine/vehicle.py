@@ -40,6 +40,7 @@ SEA_WATER = 1025.0  # [kg/m³]
 LIGHTEST = 1e-3  # [-] mass over that of as much water as the box around the hull has room for
 GYRATION = (0.02, 1.0)  # [-] least and most radius of gyration over the box's diagonal
 FARTHEST = 2.0  # [-] of the box's diagonal: a thruster on an outrigger
+SHORTEST = 1e-6  # of a direction
 LONGEST_NAME = 40  # letters of a thruster's name, which stands in messages and on screens
 ATMOSPHERE = 101_325.0  # [Pa] standard
 
@@ -110,8 +111,8 @@ class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A propeller and its driver, which takes commands in newtons.
 
     Raises:
-        ValueError: an unknown curve, limits or a dead-band that it cannot have, or a dead-band
-            beyond a limit.
+        ValueError: an unknown curve, limits or a dead-band that it cannot have, a dead-band beyond
+            a limit, or a direction without length.
     """
 
     name: str
@@ -130,6 +131,8 @@ class Thruster(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 f"thruster {self.name[:LONGEST_NAME]!r}: expected a name of at most {LONGEST_NAME} "
                 "printable letters"
             )
+        if hypot(*self.direction) < SHORTEST:
+            raise ValueError(f"thruster {self.name}: direction must not be (0, 0, 0)")
         reverse, forward = self.limits
         if self.dead_band >= min(-reverse, forward):
             raise ValueError(
@@ -226,8 +229,7 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """[N] Most upwards and downwards, with every thruster that helps, when level."""
         up = down = 0.0
         for thruster in self.thruster:
-            length = hypot(*thruster.direction)
-            share = thruster.direction[2] / length if length > 0.0 else 0.0
+            share = thruster.direction[2] / hypot(*thruster.direction)
             ends = [share * limit for limit in thruster.limits]
             up, down = up - min(ends), down + max(ends)
         return up, down
@@ -245,15 +247,9 @@ class Vehicle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def wrench_per_newton(thruster: Thruster) -> Vec6:
     """The thruster's column of the configuration matrix T: force and moment about the origin of
-    one newton, [-, m] (Fossen 2011, eq. 12.226: f, r × f).
-
-    Raises:
-        ValueError: its direction has no length.
-    """
+    one newton, [-, m] (Fossen 2011, eq. 12.226: f, r × f)."""
     dx, dy, dz = thruster.direction
     length = sqrt(dx * dx + dy * dy + dz * dz)
-    if not length > 0:
-        raise ValueError(f"thruster {thruster.name}: direction must not be (0, 0, 0)")
     x, y, z = thruster.position
     dx, dy, dz = dx / length, dy / length, dz / length
     return dx, dy, dz, y * dz - z * dy, z * dx - x * dz, x * dy - y * dx

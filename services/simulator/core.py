@@ -66,7 +66,7 @@ class Simulator:
             world: initial state, see `at_the_surface`.
 
         Raises:
-            ValueError: a thruster without direction, or a negative seed.
+            ValueError: a negative seed.
         """
         self._vessel = Vessel(vehicle, settings, world.state, world.thrust, seed)
         self._mounting = settings.mounting or vehicle.mounting

@@ -342,7 +342,13 @@ def test_a_stop_tells_in_words_and_in_json_how_far_it_still_goes():
     stop = StopDistance(depth=-0.25, heading=math.pi / 2, seconds=1.5)
     answer = PilotAnswer(stamp_ns=0, id="i", accepted=True, stop=stop)
     assert in_words("stop", answer) == (
-        "stop: accepted; still goes 0.250 m up and 90.00 deg clockwise, at rest after 1.50 s"
+        "stop: accepted; still goes 0.250 m up and 90.00 deg clockwise, at rest after 1.50 s; how "
+        "far surge and sway carry it is not known, without a position"
+    )
+    measured = msgspec.structs.replace(stop, over_ground=0.125)
+    assert in_words("stop", msgspec.structs.replace(answer, stop=measured)) == (
+        "stop: accepted; still goes 0.125 m over the ground, 0.250 m up and 90.00 deg clockwise, "
+        "at rest after 1.50 s"
     )
     assert json.loads(in_json("stop", answer)) == {
         "id": "i",
@@ -350,7 +356,7 @@ def test_a_stop_tells_in_words_and_in_json_how_far_it_still_goes():
         "accepted": True,
         "reason": "",
         "note": "",
-        "stop": {"depth_m": -0.25, "heading_deg": 90.0, "seconds": 1.5},
+        "stop": {"depth_m": -0.25, "heading_deg": 90.0, "seconds": 1.5, "over_ground_m": None},
     }
     granted = PilotAnswer(stamp_ns=0, id="i", accepted=True)
     assert in_words("arm", granted) == "arm: accepted"

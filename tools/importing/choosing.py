@@ -1,6 +1,7 @@
 """Which messages of a log a map takes: pure."""
 
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 
 from services.runtime.config.errors import LindyError
 from tools.importing.columns import named_columns
@@ -106,8 +107,8 @@ def _fits(taken: TakenMessage, source: str, kind: LogSource) -> bool:
 
 def _is_meant(taken: TakenMessage, source: str, kind: LogSource) -> bool:
     if taken.topic:
-        same = source.strip("/") == taken.topic.strip("/")
-        return same and taken.type in ("", kind.kind)
+        pattern = taken.topic.strip("/").replace("[", "[[]")
+        return fnmatchcase(source.strip("/"), pattern) and taken.type in ("", kind.kind)
     return kind.kind == taken.type
 
 

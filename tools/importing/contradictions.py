@@ -12,7 +12,7 @@ from services.marine.mounting import Rotation
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
 from tools.importing.map_file import TakenMessage
-from tools.importing.quantities import UNITS
+from tools.importing.quantities import TYPICAL, UNITS
 
 WINDOW_NS = 500_000_000  # [ns] of which means are compared
 WINDOWS = 20  # fewer tell no ratio
@@ -26,6 +26,7 @@ DENSITY = 1000.0  # [kg/m³] of water
 NEAR_NS = 500_000_000  # [ns] between three samples of pressure; longer, waves bend it
 BENDS = 100  # fewer tell no noise
 NOISIEST = 1000.0  # [Pa] a middle bend; a sensor of 1000 m has 300
+NO_WATER = 20_000.0  # [Pa] a middle bend that not even a broken sensor has
 STILL_S, STILL = 10.0, 1.0  # [s], [Pa] in so long the noise alone has a wider range
 
 Series = dict[int, NDArray[np.float64]]  # by number of the window
@@ -115,6 +116,10 @@ class SensorsHeard:
         noise = float(np.median(self._bends)) if len(self._bends) >= BENDS else 0.0
         return noise if noise > NOISIEST else None
 
+    def mean_pressure(self) -> float:
+        """[Pa] As the map has it."""
+        return float(np.mean([p[0] for p in self._pressure.series().values()]))
+
     def pressure_range(self) -> float | None:
         """[Pa] Where it is too small for a sensor that lives, that of the log; None: it is not."""
         least, most, first, last = self._range
@@ -197,7 +202,8 @@ def require_turns(taken: TakenMessage, sensors: SensorsHeard) -> None:
 def require_pressure(taken: TakenMessage, sensors: SensorsHeard) -> None:
     """
     Raises:
-        LindyError: pressure moves as in no water.
+        LindyError: pressure moves as in no water. A noise that no other unit explains is a noisy
+            sensor's.
     """
     field = taken.fields["pressure"]
     noise, span = sensors.pressure_noise(), sensors.pressure_range()
@@ -206,8 +212,16 @@ def require_pressure(taken: TakenMessage, sensors: SensorsHeard) -> None:
     units = UNITS["pressure"]
     now = units.get(field.unit, 1.0)
     if noise is not None:
+        least, most = TYPICAL["pressure"]
         said = f"jumps by {noise:.0f} Pa from sample to sample"
-        fitting = [u for u, of in units.items() if STILL < noise * of / now < NOISIEST]
+        fitting = [
+            u
+            for u, of in units.items()
+            if STILL < noise * of / now < NOISIEST
+            and (field.zero or least < sensors.mean_pressure() * of / now < most)
+        ]
+        if not fitting and noise < NO_WATER:
+            return
     else:
         said = f"stays within {span:.2g} Pa all the time"
         fitting = [u for u, of in units.items() if of > now]

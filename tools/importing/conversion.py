@@ -42,6 +42,7 @@ from tools.importing.quantities import (
     is_possible,
 )
 
+LONGEST_WORD = 30  # letters of it that are shown where a number was expected
 S = 1_000_000_000  # [ns]
 JUDGED = 100  # samples after which the unit of a stream is judged
 STEP_NS = S  # [ns] of the logger's clock backwards; less is the order in which it wrote
@@ -237,7 +238,7 @@ class _Stream:
         try:
             return all(take(fields) == value for take, value in self._only)
         except (AttributeError, IndexError, TypeError):
-            raise self._without(list(self.taken.only)) from None
+            raise self._without(list(self.taken.only), fields) from None
 
     def stamp(self, fields: Any) -> Ns:
         """[ns] By the clock that the map says."""
@@ -251,7 +252,7 @@ class _Stream:
             scale = STAMP_UNITS[self.taken.stamp_unit]
             return raw * scale if isinstance(raw, int) else round(float(raw) * scale)
         except (AttributeError, IndexError, TypeError, ValueError, OverflowError):
-            raise self._without([self.taken.stamp]) from None
+            raise self._without([self.taken.stamp], fields) from None
 
     # What it says before anything is made of it.
 
@@ -302,6 +303,8 @@ class _Stream:
             require_turns(self.taken, self._sensors)
         elif self.topic.key == topics.PRESSURE.key:
             require_pressure(self.taken, self._sensors)
+            if (noise := self._sensors.pressure_noise()) is not None:
+                self._odd("jumps from sample to sample [Pa]", noise)
         for name, said in self._said.items():
             times = ratio(said.series(), references[name]) if name in references else None
             if times is not None and is_far(times):
@@ -365,7 +368,7 @@ class _Stream:
                 self._odd(f"{name} {unknown.args[0]} is not in the map, left out")
                 return None
             except (AttributeError, IndexError, TypeError, ValueError):
-                raise self._without(field.from_) from None
+                raise self._without(field.from_, fields) from None
         return found or None
 
     def _values(self, fields: Any) -> dict[str, Values] | None:
@@ -380,7 +383,7 @@ class _Stream:
                     return None
                 continue
             except (AttributeError, IndexError, TypeError, ValueError):
-                raise self._without(self.taken.fields[name].from_) from None
+                raise self._without(self.taken.fields[name].from_, fields) from None
             possible = all(map(isfinite, values))
             if not possible:
                 self._odd(f"{name} is not a number, left out")
@@ -485,7 +488,20 @@ class _Stream:
     def _odd(self, what: str, size: float | None = None) -> None:
         self._oddities.tell(self.topic.key, what, self._clock.elapsed_s, size)
 
-    def _without(self, paths: Sequence[str]) -> LindyError:
+    def _without(self, paths: Sequence[str], fields: Any) -> LindyError:
+        words: list[str] = []
+        for path in paths:
+            try:
+                float(found := self._take(path)(fields))
+            except ValueError:  # a word
+                words.append(f"{path} is {str(found)[:LONGEST_WORD]!r}")
+            except (BlankError, AttributeError, IndexError, TypeError):
+                continue
+        if words:
+            return LindyError(
+                f"{self.source}: {', '.join(words)}, which is no number; mend the log, or leave "
+                f"it out of the map at {self.taken.where}"
+            )
         named = ", ".join(paths)
         return LindyError(
             f"{self.source} has no number {named}, which the map names at {self.taken.where}; "

@@ -9,6 +9,17 @@ from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.map_file import TakenMessage
 
+MCAP, ROSBAG, ULOG = b"\x89MCAP0\r\n", b"#ROSBAG V2.0", b"ULog\x01\x12\x35"
+DATAFLASH, PARQUET = b"\xa3\x95\x80", b"PAR1"
+KINDS = {  # how a file begins: what it is, and how its name ends
+    MCAP: ("an MCAP recording", ".mcap"),
+    ROSBAG: ("a bag of ROS 1", ".bag"),
+    ULOG: ("a log of PX4", ".ulg"),
+    DATAFLASH: ("a log of ArduSub", ".bin"),
+    PARQUET: ("a Parquet table", ".parquet"),
+}
+LONGEST_MAGIC = max(map(len, KINDS))  # [B]
+
 Wanted = Mapping[str, Sequence[TakenMessage]]  # what a map takes, by source
 
 BY_FILE = (
@@ -71,10 +82,20 @@ def refuse_other(path: Path, magic: bytes, kind: str) -> None:
         LindyError: the file does not begin as those of this kind do.
     """
     with path.open("rb") as file:
-        beginning = file.read(len(magic))
-    if beginning != magic:
-        found = "it is empty" if not beginning else f"it begins with {beginning!r}"
+        beginning = file.read(LONGEST_MAGIC)
+    if not beginning:
+        raise LindyError(f"{path} is not {kind}: it is empty")
+    if not beginning.startswith(magic):
+        found = other_kind(beginning) or f"it begins with {beginning[: len(magic)]!r}"
         raise LindyError(f"{path} is not {kind}: {found}")
+
+
+def other_kind(beginning: bytes) -> str:
+    """What a file is that begins so, where its name says something else; empty: not known."""
+    for magic, (kind, ending) in KINDS.items():
+        if beginning.startswith(magic):
+            return f"it begins as {kind} does; if it is one, name it so ({ending})"
+    return ""
 
 
 def began_by_file(path: Path, last_ns: Ns) -> tuple[Ns, str]:

@@ -53,7 +53,7 @@ class TakenMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     """One of our messages from one of the log's."""
 
     as_: str = msgspec.field(name="as")  # key of ours
-    topic: str = ""  # its topic or name in the log
+    topic: str = ""  # its topic or name in the log; * stands for any letters
     type: str = ""  # or the type of its messages
     only: dict[str, float | bool | str] = {}  # field → value; other rows are left out
     stamp: str = ""  # field with the time at which it was measured; empty: it has none

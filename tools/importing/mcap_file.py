@@ -9,10 +9,9 @@ from typing import Any
 
 from mcap.records import Channel, Metadata, Schema
 
-from services.recorder.io.open_chunk import MAGIC
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from tools.importing.log_file import LogRow, LogSource, Wanted, getter, refuse_other
+from tools.importing.log_file import MCAP, LogRow, LogSource, Wanted, getter, refuse_other
 from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
 
 Decode = Callable[[bytes], Any]
@@ -37,7 +36,7 @@ class McapLog:
         """
         self.remarks: list[str] = []
         self._path = path
-        refuse_other(path, MAGIC, "an MCAP file")
+        refuse_other(path, MCAP, "an MCAP file")
 
     def sources(self) -> dict[str, LogSource]:
         counts: Counter[int] = Counter()

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from tools.importing.log_file import LogRow, LogSource, Wanted, getter
+from tools.importing.log_file import ROSBAG, LogRow, LogSource, Wanted, getter, refuse_other
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
 
 ROS1, METADATA = ".bag", "metadata.yaml"
-MAGIC = b"#ROSBAG V2.0"
 
 
 def is_rosbag(path: Path) -> bool:
@@ -39,11 +38,7 @@ class RosbagFile:
                 f"{path}: a bag of ROS 2 is the folder with {METADATA}; name that folder"
             )
         if path.is_file():
-            with path.open("rb") as file:
-                beginning = file.read(len(MAGIC))
-            if beginning != MAGIC:
-                found = "it is empty" if not beginning else f"it begins with {beginning[:8]!r}"
-                raise LindyError(f"{path} is not a bag of ROS 1: {found}")
+            refuse_other(path, ROSBAG, "a bag of ROS 1")
 
     def sources(self) -> dict[str, LogSource]:
         with self._opened() as reader:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.importing.columns import cell, column_rows, named_columns
-from tools.importing.log_file import LogRow, LogSource, Wanted
+from tools.importing.log_file import PARQUET, LogRow, LogSource, Wanted, other_kind, refuse_other
 from tools.importing.map_file import STAMP_UNITS, TakenMessage
 
 KINDS = (".csv", ".parquet")
@@ -20,6 +20,7 @@ Stamps = NDArray[np.int64]  # [ns] UTC
 NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow calls them
 BACK_NS = 1_000_000_000  # [ns] a row further back than this is not by the jitter of its logger
 MOST_BACK = 5  # rows: a clock that was set, or a logger that was started again
+SNIFFED = 4096  # [B] of a table that tell whether it is text
 SHOWN = 12  # columns that a sentence lists
 
 
@@ -42,6 +43,7 @@ class TableFile:
         self._path = path
         if not path.stat().st_size:
             raise LindyError(f"{path} is empty")
+        _refuse_other(path)
         try:
             pa: Any = import_module("pyarrow")  # without types
             csv: Any = import_module("pyarrow.csv")
@@ -58,7 +60,8 @@ class TableFile:
                 self._table = csv.read_csv(path, convert_options=blank)
             self._names: list[str] = self._table.column_names  # of text that is none: ValueError
         except (pa.ArrowException, OSError, ValueError) as error:
-            why = str(error).partition("\n")[0].rstrip(".")
+            # Behind a second colon are the bytes that it could not read.
+            why = ":".join(str(error).partition("\n")[0].split(":")[:2]).rstrip(".")
             raise LindyError(f"{path} is damaged or no table: {why}") from None
         if not self._table.num_rows:
             raise LindyError(f"{path} has no rows below its names of columns")
@@ -140,3 +143,19 @@ class TableFile:
         if values.dtype.kind in "iu":
             return values.astype(np.int64) * scale
         return np.round(np.nan_to_num(values) * scale).astype(np.int64)
+
+
+def _refuse_other(path: Path) -> None:
+    """
+    Raises:
+        LindyError: its name says a table, and it holds none.
+    """
+    if path.suffix.lower() == ".parquet":
+        refuse_other(path, PARQUET, "a Parquet table")
+        return
+    with path.open("rb") as file:
+        beginning = file.read(SNIFFED)
+    if found := other_kind(beginning):
+        raise LindyError(f"{path} is no table: {found}")
+    if b"\0" in beginning:
+        raise LindyError(f"{path} is no table: it holds bytes that are no text in UTF-8")

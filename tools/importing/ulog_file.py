@@ -12,12 +12,11 @@ from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.importing.columns import cell, column_rows, named_columns
-from tools.importing.log_file import LogRow, LogSource, Wanted, began_by_file, refuse_other
+from tools.importing.log_file import ULOG, LogRow, LogSource, Wanted, began_by_file, refuse_other
 
 SUBMARINE = 12  # MAV_TYPE
 MOST_AGAIN = 100_000  # reads of what was read; it looks for the next message byte by byte
 LATEST_NS = 4_102_444_800 * 10**9  # [ns] UTC, the year 2100
-MAGIC = b"ULog\x01\x12\x35"
 
 
 def is_ulog(path: Path) -> bool:
@@ -59,7 +58,7 @@ class UlogFile:
         """
         self.remarks: list[str] = []
         self._path = path
-        refuse_other(path, MAGIC, "a log of PX4")
+        refuse_other(path, ULOG, "a log of PX4")
         try:
             from pyulog import ULog  # pyright: ignore[reportMissingTypeStubs]
         except ModuleNotFoundError:

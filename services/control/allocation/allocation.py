@@ -60,8 +60,7 @@ class Allocation:
     def __init__(self, vehicle: Vehicle, settings: AllocationSettings | None = None) -> None:
         """
         Raises:
-            ValueError: a thruster's direction has no length, or the layout does not allow the
-                configured bias.
+            ValueError: the layout does not allow the configured bias.
         """
         self._thrusters = vehicle.thruster
         self._settings = settings or AllocationSettings()

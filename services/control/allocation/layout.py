@@ -25,11 +25,7 @@ SINGULAR = 0.01  # [-] a singular value this small costs far more than that
 
 
 def effect_matrix(vehicle: Vehicle) -> Matrix:
-    """(6, n) wrench about the origin per newton of each thruster (Fossen 2011, §12.3).
-
-    Raises:
-        ValueError: a thruster's direction has no length.
-    """
+    """(6, n) wrench about the origin per newton of each thruster (Fossen 2011, §12.3)."""
     return np.array([wrench_per_newton(thruster) for thruster in vehicle.thruster]).T
 
 
@@ -67,8 +63,7 @@ def on_any_processor(solved: Matrix) -> Matrix:
 def require_pilotable(vehicle: Vehicle) -> None:
     """
     Raises:
-        ValueError: the thrusters cannot drive the axes that a pilot needs, or a thruster's
-            direction has no length.
+        ValueError: the thrusters cannot drive the axes that a pilot needs.
     """
     strength = [min(-t.limits[0], t.limits[1]) for t in vehicle.thruster]
     driven = drivable(effect_matrix(vehicle), strength)

@@ -36,9 +36,6 @@ class ThrustSpeed:
             vehicle: of the vehicle file.
             wake_share: [-] of the Munk moment that the wake cancels, see `wake_fins`.
             at_rest: it begins with a vehicle at rest; otherwise its velocity is unknown.
-
-        Raises:
-            ValueError: a thruster without direction.
         """
         self.surge = self.sway = 0.0  # [m/s] through the water
         # [m/s²] forward and starboard, that an accelerometer should measure beside gravity.

@@ -32,11 +32,7 @@ class ExpectedAcceleration(NamedTuple):
 
 class HullModel:
     def __init__(self, vehicle: Vehicle, wake_share: float) -> None:
-        """`wake_share` [-] of the Munk moment is cancelled by the wake, see `wake_fins`.
-
-        Raises:
-            ValueError: a thruster without direction.
-        """
+        """`wake_share` [-] of the Munk moment is cancelled by the wake, see `wake_fins`."""
         self.thrusters = len(vehicle.thruster)
         self._columns = [wrench_per_newton(thruster) for thruster in vehicle.thruster]
         self._linear, self._quadratic = vehicle.linear_damping, vehicle.quadratic_damping

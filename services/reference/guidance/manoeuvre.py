@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from math import dist
 
+from msgspec import UNSET
+
 from messages.pilot import Course, StopDistance
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.ground_motion import Pair
@@ -124,9 +126,20 @@ class Manoeuvre:
             here = following.point(t)
             self.following, end = following.stop(axes.settings.place.stop, t)
             there = self.following.point(end)
-            return StopDistance(there.down - here.down, there.heading - here.heading, end - t)
+            ground = dist((here.north, here.east), (there.north, there.east))
+            return StopDistance(
+                there.down - here.down,
+                there.heading - here.heading,
+                end - t,
+                ground if self.measured else UNSET,
+            )
         axes.stop(t)
-        return StopDistance(axes.heave.to_go(t), axes.yaw.to_go(t), axes.settles() - t)
+        return StopDistance(
+            axes.heave.to_go(t),
+            axes.yaw.to_go(t),
+            axes.settles() - t,
+            axes.place.to_go(axes.yaw.at) if axes.place.held else UNSET,
+        )
 
     def end(self, t: float, *, hold_place: bool) -> None:
         """Hand the motion to the axes without a step. With `hold_place`, a measured path ends in

@@ -13,8 +13,10 @@ integral of v by the trapezoid rule with end correction, which is exact for cubi
 constant heading, of fourth order while turning.
 """
 
+from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
-from math import hypot
+from math import dist, hypot
 
 from services.marine.summation import plain_sum
 from services.reference.guidance.ground_motion import GroundMotion, Pair, turned
@@ -23,6 +25,7 @@ from services.reference.trajectory.vector import VectorRamp, bounded_plan
 
 STILL = (0.0, 0.0)
 NOTHING = Sample(0.0, 0.0, 0.0, 0.0)
+AHEAD_STEPS = 20  # to the end of a stop: 0.1 mm of the way, also where the drone turns meanwhile
 
 
 @dataclass(slots=True)
@@ -99,6 +102,17 @@ class StationKeeping:
         return max(
             ramp.since + plain_sum(stage[0].duration for stage in ramp.stages) for ramp in ramps
         )
+
+    def to_go(self, heading_at: Callable[[float], Sample]) -> float:
+        """[m] Straight from the newest step to where the target velocity is reached, if the heading
+        reference will be `heading_at` a time [s]."""
+        ahead, since = copy(self), self._stepped
+        time = max(0.0, self.settles() - since)
+        for step in range(1, AHEAD_STEPS + 1):
+            t = since + time * step / AHEAD_STEPS
+            ahead.step(heading_at(t), self.offset, t)
+        here, there = ([each.position for each in place.now] for place in (self, ahead))
+        return dist(here, there)
 
     def error(self, ground: GroundMotion) -> tuple[Pair, float]:
         """[m] From the vehicle to the reference: north and east, and the norm."""

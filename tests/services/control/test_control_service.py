@@ -11,7 +11,6 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.vehicle import Actuation
-from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
@@ -129,6 +128,5 @@ def test_a_vehicle_that_cannot_be_flown_is_refused_by_the_name_of_its_file(
     broken = tmp_path / "broken.toml"
     broken.write_text(re.sub(wrong, replacement, sound, count=1, flags=re.DOTALL))
     stack = Stack(vehicle=str(broken))
-    assert stack.section("vehicle", Vehicle).name
-    with pytest.raises(LindyError, match=rf"broken\.toml: .*{sentence}"):
+    with pytest.raises(LindyError, match=rf"broken\.toml(:\d+)?: .*{sentence}"):
         VirtualHost().add("control", ROW, stack)

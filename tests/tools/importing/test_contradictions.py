@@ -133,6 +133,13 @@ def test_a_log_at_rest_says_nothing_of_a_gyroscope() -> None:
     heard(dive(0.0), taken(rate="deg/s"))
 
 
+def test_a_noisy_pressure_sensor_is_counted_and_imported() -> None:
+    odd = heard(dive(0.3, noise=750.0), taken()).oddities.all()
+    (noisy,) = (each for each in odd if each.what == "jumps from sample to sample [Pa]")
+    assert 1000.0 < (noisy.most or 0.0) < 1500.0
+    assert "another field" in refusal(dive(0.3, noise=20_000.0), taken())
+
+
 def test_hectopascals_that_the_map_calls_pascals_stay_too_still() -> None:
     rows = dive(0.0, noise=20.0)
     for row in rows:

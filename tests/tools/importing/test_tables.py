@@ -122,6 +122,12 @@ def test_rows_without_a_time_are_counted(tmp_path: Path) -> None:
         (None, {"unit": "s"}, 'when has dates; write stamp_unit = "date" at'),
         (None, {"stamp": "seconds"}, "seconds has no dates; write its unit at"),
         (None, {"pressure": "Pa"}, "write zero = -101325 where it counts from the surface or unit"),
+        ("a\0b\n", {}, "a.csv is no table: it holds bytes that are no text"),
+        (
+            f"when,press.abs [mbar],water\n{BEGAN:%Y-%m-%d %H:%M:%SZ},deep,12\n",
+            {},
+            "press.abs [mbar] is 'deep', which is no number",
+        ),
         ("when,x\n1,2\n", {}, "a has no press.abs [mbar], which the map names at table as"),
     ],
 )
@@ -144,7 +150,31 @@ def test_a_wrong_table_is_one_sentence_and_leaves_nothing(
 def test_no_parquet_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "a.parquet"
     log.write_bytes(b"PK\x03\x04 no table")
+    assert "a.parquet is not a Parquet table: it begins with" in complaint(
+        capsys, "import", str(log)
+    )
+    log.write_bytes(b"PAR1 no table")
     assert "a.parquet is damaged or no table" in complaint(capsys, "import", str(log))
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.bin", "a.ulg", "a.bag"])
+def test_a_recording_by_another_name_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    log = tmp_path / name
+    log.write_bytes(b"\x89MCAP0\r\n" + bytes(9))
+    said = complaint(capsys, "import", str(log))
+    assert "it begins as an MCAP recording does; if it is one, name it so (.mcap)" in said
+
+
+def test_what_cannot_be_read_of_a_table_is_not_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "a.csv"
+    log.write_text("a,b\n1,2\n3,4,\x1b[31mred\n")
+    said = complaint(capsys, "import", str(log))
+    assert "Expected 2 columns, got 3" in said
+    assert "red" not in said
 
 
 def imu_table(folder: Path, name: str, *, later_s: int = 0) -> Path:

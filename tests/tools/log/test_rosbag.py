@@ -12,6 +12,7 @@ from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
 from messages import topics
 from messages.vehicle import Truth
 from services.ros2.mapping import MADE, STORE
+from services.runtime.config.settings import deploy_file
 from tools.__main__ import main
 from tools.recordings.recording import open_recording
 
@@ -64,6 +65,26 @@ def test_the_depth_of_the_bag_is_that_of_the_recording(dive: ShortDive, bag: Pat
         ]
     heights = [each.pose.pose.position.z for each in odometry]
     assert heights == [-message.position[2] for message in truths]
+
+
+def test_the_bag_imported_again_has_the_samples_of_the_recording(
+    dive: ShortDive, bag: Path, tmp_path: Path
+) -> None:
+    """By the map that is taken where none is named, with a time, for virtual time has none."""
+    out, own = tmp_path / "again", tmp_path / "own.toml"
+    own.write_text("began = 2024-05-01T09:30:00Z\n" + deploy_file("imports", "ros").read_text())
+    assert main(["import", str(bag), "--map", str(own), "--out", str(out)]) == 0
+    for key in ("sensor/imu", "sensor/pressure"):
+        before, after = (
+            [each.message for each in open_recording(folder) if each.key == key]
+            for folder in (dive.folder, out)
+        )
+        fields = ("specific_force", "pressure")
+        assert [[getattr(one, name, None) for name in fields] for one in after] == [
+            [getattr(one, name, None) for name in fields] for one in before
+        ]
+        assert after
+    assert any(each.key == "vehicle/estimate" for each in open_recording(out))
 
 
 def test_what_is_there_already_is_not_touched(

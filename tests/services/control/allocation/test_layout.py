@@ -145,6 +145,6 @@ def test_two_thrusters_on_the_same_line_do_not_give_yaw(pioneer: Vehicle) -> Non
 
 
 def test_a_direction_without_length_is_refused(pioneer: Vehicle) -> None:
-    nowhere = msgspec.structs.replace(pioneer.thruster[0], direction=(0.0, 0.0, 0.0))
-    with pytest.raises(ValueError, match="port: direction must not be"):
-        require_pilotable(with_thrusters(pioneer, nowhere, *pioneer.thruster[1:]))
+    for nowhere in ((0.0, 0.0, 0.0), (0.0, -1e-200, 0.0)):
+        with pytest.raises(ValueError, match="port: direction must not be"):
+            msgspec.structs.replace(pioneer.thruster[0], direction=nowhere)

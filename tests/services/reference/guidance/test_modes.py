@@ -9,6 +9,7 @@ import msgspec
 import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
+from msgspec import UNSET
 
 from messages.events import Outbox
 from messages.message import Estimate
@@ -424,7 +425,15 @@ def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: Fligh
     assert abs(end.depth.position - before.depth.position - stop.depth) < 1e-9
     assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
     assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
-    assert end.north is None or hypot(end.north.velocity, end.north.acceleration) == 0.0
+    assert (end.north is None) == (stop.over_ground is UNSET) == (before.north is None)
+    if end.north and end.east and before.north and before.east:
+        assert hypot(end.north.velocity, end.north.acceleration) == 0.0
+        went = [
+            now.position - then.position
+            for now, then in ((end.north, before.north), (end.east, before.east))
+        ]
+        assert isinstance(stop.over_ground, float)
+        assert abs(hypot(*went) - stop.over_ground) < 1e-4
     assert sea.generator.activity == "stopping"
     sea.fly(0.1)
     assert sea.generator.activity == "piloted"
