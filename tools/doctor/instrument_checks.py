@@ -85,7 +85,7 @@ def of_instruments(
         try:
             instrument = INSTRUMENTS[name](stack, name, outbox)
         except LindyError as error:
-            yield VehicleFinding("missing", name, str(error))
+            yield VehicleFinding("change", name, str(error))
             continue
         assert instrument is not None
         heard[name] = HeardInstrument(instrument, outbox)
