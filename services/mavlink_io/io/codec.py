@@ -81,9 +81,9 @@ class HeardMessages(NamedTuple):
 
 
 class FrameReader:
-    """Packets from what arrives over one link. The outbox is told of bytes outside of frames and
-    frames with a wrong check sum, and of the oldest frames of a flood, which are left out: of
-    sticks, only those that are not the sender's newest."""
+    """Packets from what arrives over one link. The outbox is told of each read with bytes outside
+    of frames, of frames with a wrong check sum, and of the oldest frames of a flood, which are left
+    out: of sticks, only those that are not the sender's newest."""
 
     def __init__(
         self, codec: MavlinkCodec, outbox: Outbox | None = None, heard: HeardMessages | None = None
@@ -101,7 +101,9 @@ class FrameReader:
         kept = heard if len(heard) <= MOST else _newest(heard)
         packets = [self._codec.decode(frame, link) for frame in kept]
         good = [packet for packet in packets if packet is not None]
-        self._outbox.tell(events.MALFORMED("mavlink"), garbage + len(kept) - len(good))
+        # What a board's boot loader says is one message that nobody can read, not one per byte.
+        bad = bool(garbage) + len(kept) - len(good)
+        self._outbox.tell(events.MALFORMED("mavlink"), bad)
         self._outbox.tell(events.OVERFLOWED("mavlink"), len(heard) - len(kept))
         return good
 
