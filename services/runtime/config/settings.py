@@ -275,8 +275,11 @@ def in_words(key: Key) -> str:
 
 def line_of(path: Path, key: Key, *, exact: bool = False) -> str:
     """`:12` where a key stands in a TOML file; of a key that is missing, unless `exact`, the line
-    of the nearest table or array around it. Empty when there is none."""
-    lines = _lines(kept(path).read_text(encoding="utf-8"))
+    of the nearest table or array around it. Empty when there is none, or the file has gone."""
+    try:
+        lines = _lines(kept(path).read_text(encoding="utf-8"))
+    except OSError:
+        return ""
     for length in range(len(key), 0, -1):
         if (number := lines.get(key[:length])) is not None:
             return f":{number}"

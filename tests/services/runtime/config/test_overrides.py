@@ -160,6 +160,8 @@ def test_the_line_of_a_table_and_of_a_key_is_where_they_stand(
         assert line_of(path, (name, f"{name}_x")) == f":{heading + 1}"
         assert line_of(path, (name, "missing")) == f":{heading}"
         assert line_of(path, (name, "missing"), exact=True) == ""
+    path.unlink()
+    assert line_of(path, (names[0],)) == ""  # of a recorded dive, flown again in another folder
 
 
 @pytest.mark.parametrize(
