@@ -56,7 +56,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (
             ["--set", "link.up.delay_ms=3"],
             "--set link.up.delay_ms=3: link: unknown table of a "
-            "vehicle file; the link is in the file of --link",
+            "vehicle file for the stack simulated; the link is in the file of --link",
         ),
         (["--set", "vehicle.mass=11500"], "vehicle: a mass of 11500 kg and an inertia"),
         (["--set", "control.depth.kp"], "expected key.path=value"),

@@ -111,11 +111,13 @@ class RecordedDive:
 
     @property
     def max_depth_m(self) -> float | None:
-        """[m] Of the vehicle's origin: true where that is known, else estimated."""
-        for topic in (topics.TRUTH, topics.STATE):
-            if self[topic].count:
-                return float(np.max(self[topic]["heave"]))
-        return None
+        """[m] Of the vehicle's origin: true where that is known, else as estimated while it was
+        known."""
+        if self[topics.TRUTH].count:
+            return float(np.max(self[topics.TRUTH]["heave"]))
+        state = self[topics.STATE]
+        known = state["heave"][state["heave known"] > 0.0] if state.count else np.empty(0)
+        return float(np.max(known)) if len(known) else None
 
     def truth(self, axis: str) -> tuple[Array, Array] | None:
         """(times [ns], true depth [m] or heading [rad]), or None on a dive without a simulator.

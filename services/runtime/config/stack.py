@@ -169,7 +169,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                     raise self._blamed(f"{where}: {NO_SETTINGS}")
                 allowed = sorted(name for name, kind in known.items() if kind is not None)
                 hint = LINK if name == "link" else nearest(name, allowed)
-                raise self._blamed(f"{where}: unknown table of a vehicle file{hint}")
+                what = f"unknown table of a vehicle file for the stack {self.services}"
+                raise self._blamed(f"{where}: {what}{hint}")
         for name, kind in known.items():
             if kind is not None:
                 self.section(name, kind)

@@ -379,6 +379,21 @@ def test_a_dive_is_of_a_drone_and_its_type_is_named_where_it_is_another(tmp_path
         assert words in summary(named).splitlines()[0].replace("Dive", "", 1)
 
 
+def test_the_deepest_is_of_a_depth_that_was_known(tmp_path: Path) -> None:
+    """What is carried on after the last pressure sample is a guess that grows."""
+    key, message = state(START, START)
+    assert isinstance(message, VehicleState)
+    said = [
+        (key, msgspec.structs.replace(message, stamp_ns=START + k * MS, depth=depth))
+        for k, depth in enumerate(
+            [Estimate(1.5, 0.01), Estimate(2.25, 0.01), Estimate(4.7, 3.6, valid=False)]
+        )
+    ]
+    assert read_dive(open_recording(record(tmp_path, said))).max_depth_m == 2.25
+    said = said[-1:]
+    assert read_dive(open_recording(record(tmp_path / "lost", said))).max_depth_m is None
+
+
 def test_the_summary_fits_and_says_what_a_pilot_cares_about(tmp_path: Path):
     said = one_way_through(START, START - 20 * MS, [2, 3, 1, 4])
     said += [truth(START, depth=4.25), truth(START + MS, depth=7.96)]

@@ -397,7 +397,7 @@ def test_settings_of_a_module_that_declares_none_are_refused_with_how_to(tmp_pat
     ):
         Stack(vehicle=str(path)).check(known)
     with pytest.raises(
-        LindyError, match=r"unknown table of a vehicle file; did you mean 'control'"
+        LindyError, match=r"unknown table of a vehicle file for the stack simulated; did you mean 'control'"
     ):
         Stack(overrides=["contrl.x=1"]).check(known)
 
