@@ -53,6 +53,15 @@ def lindy(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
+def test_it_keeps_its_contract_as_its_readme_checks_it() -> None:
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "tests/contract", *SIDE]
+    done = subprocess.run(
+        command, cwd=EXAMPLE.parents[1], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
 def test_the_example_dives_on_virtual_time_and_ends_cleanly(
     tmp_path: Path, pilot: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:

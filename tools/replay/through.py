@@ -87,7 +87,7 @@ def through(
     with TemporaryDirectory(prefix="lindy-") as folder, rare_collections():
         stack = source.stack(Path(folder))
         stack.overrides.extend(overrides)
-        stack.check(known_tables(services))
+        stack.check(known_tables(services), recorded=True)
         ordered = tuple(name for name in services if name in names)
         kind = OnBoard if side == "drone" else Topside
         replay = kind(source, ordered, services, stack)

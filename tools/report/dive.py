@@ -81,8 +81,11 @@ class RecordedDive:
         told = self[topics.REFERENCE]
         if not len(told["stamp"]):
             told = self[topics.STATUS]
-        begins = told["armed"][:-1] > 0
-        return float(np.sum(np.diff(told["stamp"])[begins])) / 1e9
+        stamp, armed = told["stamp"], told["armed"]
+        if np.any(stamp[1:] < stamp[:-1]):  # in the order of their samples, of which one is late
+            order = np.argsort(stamp, kind="stable")
+            stamp, armed = stamp[order], armed[order]
+        return float(np.sum(np.diff(stamp)[armed[:-1] > 0])) / 1e9
 
     @property
     def vehicle_silences(self) -> list[float]:

@@ -94,7 +94,7 @@ def estimate(
     with TemporaryDirectory(prefix="lindy-") as folder, rare_collections():
         stack = source.stack(Path(folder))
         stack.overrides.extend(overrides)
-        stack.check(known_tables(services))
+        stack.check(known_tables(services), recorded=True)
         replay = OnBoard(source, (ESTIMATION,), services, stack)
         heard = _Heard(replay, origin - source.utc_offset_ns)
         with reading(what, source.recording.size) as bar:

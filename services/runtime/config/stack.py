@@ -150,20 +150,23 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         override(tree, self.overrides)
         return tree.get(BODY, {})
 
-    def check(self, known: Mapping[str, type | None]) -> None:
+    def check(self, known: Mapping[str, type | None], *, recorded: bool = False) -> None:
         """Read every table of the vehicle file once, so that a mistake stops a dive before it
         starts.
 
         Args:
             known: the tables that are allowed, and the type each is read into; None: that of a
                 service whose module declares no settings.
+            recorded: the vehicle file is of a recording: its tables for services that are not here
+                are passed over.
 
         Raises:
             LindyError: an unknown table, a mistake in one, or a name that is not allowed in a key.
         """
         _ = self.vehicle_name
+        others = read_toml(self.vehicle_path) if recorded else {}
         for name in self._vehicle_tree():
-            if known.get(name) is None:
+            if known.get(name) is None and name not in others:
                 where = f"{self.vehicle_path}{line_of(self.vehicle_path, (name,))}: {name}"
                 if name in known:
                     raise self._blamed(f"{where}: {NO_SETTINGS}")

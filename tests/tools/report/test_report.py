@@ -379,6 +379,14 @@ def test_a_dive_is_of_a_drone_and_its_type_is_named_where_it_is_another(tmp_path
         assert words in summary(named).splitlines()[0].replace("Dive", "", 1)
 
 
+def test_an_imu_that_falls_silent_makes_no_dive_longer(tmp_path: Path) -> None:
+    """Its last sample stays behind, but in the moments without any state."""
+    stamps = [START + 10 * MS * k for k in range(101)]
+    silent = [None if k % 30 == 0 else min(at, stamps[40]) for k, at in enumerate(stamps)]
+    said = [reference(at, sensor=of) for at, of in zip(stamps, silent, strict=True)]
+    assert report_of(tmp_path, said).armed_seconds == pytest.approx(1.0)
+
+
 def test_the_deepest_is_of_a_depth_that_was_known(tmp_path: Path) -> None:
     """What is carried on after the last pressure sample is a guess that grows."""
     key, message = state(START, START)

@@ -396,10 +396,22 @@ def test_settings_of_a_module_that_declares_none_are_refused_with_how_to(tmp_pat
         LindyError, match=rf"boat.toml:{line}: driver: .* class Settings\(msgspec.S"
     ):
         Stack(vehicle=str(path)).check(known)
-    with pytest.raises(
-        LindyError, match=r"unknown table of a vehicle file for the stack simulated; did you mean 'control'"
-    ):
+    unknown = r"unknown table of a vehicle file for the stack simulated; did you mean 'control'"
+    with pytest.raises(LindyError, match=unknown):
         Stack(overrides=["contrl.x=1"]).check(known)
+
+
+def test_a_recorded_vehicle_file_may_have_tables_of_services_that_are_not_here(
+    tmp_path: Path,
+) -> None:
+    """A dive of one's own driver is reviewed and replayed without it."""
+    path, known = tmp_path / "boat.toml", known_tables(Registry.read())
+    path.write_text(deploy_file("vehicles", "pioneer").read_text() + "\n[driver]\nport = 'x'\n")
+    Stack(vehicle=str(path)).check(known, recorded=True)
+    with pytest.raises(LindyError, match="driver: unknown table"):
+        Stack(vehicle=str(path)).check(known)
+    with pytest.raises(LindyError, match="contrl: unknown table"):
+        Stack(vehicle=str(path), overrides=["contrl.x=1"]).check(known, recorded=True)
 
 
 def test_the_other_machine_needs_no_driver(tmp_path: Path) -> None:
