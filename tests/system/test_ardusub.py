@@ -286,7 +286,7 @@ def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_dep
     flight.run(5.0)
     assert flight.double.armed
     assert abs(flight.depth - depth) < 0.15
-    assert flight.counts["malformed:mavlink"] > 10_000
+    assert flight.counts["malformed:mavlink"] > 400
     assert flight.counts["jumped:board_clock"] == 0
 
 

@@ -7,7 +7,6 @@ from services.ardusub.authority import MODES
 from services.ardusub.streams import ENOUGH
 from services.estimation.sensor_watch import WatchSettings
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.framing import LONGEST
 from services.mavlink_io.numbers import ARDUPILOT, GROUND_STATION
 from tools.doctor.finding import VehicleFinding, Verdict
 from tools.doctor.parameter_checks import number, of_parameters
@@ -22,6 +21,7 @@ STAGES = {0: "dev", 64: "alpha", 128: "beta", 192: "release candidate", 255: "of
 ACTIONS = {0.0: "nothing", 1.0: "a warning", 2.0: "disarm", 3.0: "surface"}
 USUAL_FORCE = (9.3, 10.3)  # [m/s²] of an accelerometer at rest
 CHANGE: Verdict = "change"
+FEW = 10  # times: a frame that was under way when the link was opened, a byte that was lost
 MOST = 8  # other systems that are named
 
 
@@ -53,7 +53,7 @@ def _link(visit: BoardVisit, url: str, trouble: str) -> Iterator[VehicleFinding]
             told += "ardusub.board names the board's system" + (flood if visit.left_out else "")
             yield VehicleFinding("missing", "board", told)
         elif visit.garbage:
-            told = f"{visit.garbage} bytes at {url} in {waited} were no MAVLink"
+            told = f"what came to {url} in {waited} was no MAVLink"
             yield VehicleFinding("missing", "board", f"{told}: is it the speed of the serial port?")
         elif visit.unknown or visit.left_out:
             frames = visit.unknown + visit.left_out
@@ -74,9 +74,9 @@ def _link(visit: BoardVisit, url: str, trouble: str) -> Iterator[VehicleFinding]
 
 
 def _troubles(visit: BoardVisit) -> list[str]:
-    """Of a link: less than a frame of garbage is one that was under way when it was opened."""
+    """Of a link."""
     found = {
-        "bytes were no MAVLink": visit.garbage if visit.garbage > LONGEST else 0,
+        "times what came was no MAVLink": visit.garbage if visit.garbage > FEW else 0,
         "frames of a flood were not looked at": visit.left_out,
         "datagrams came from another sender than the board": visit.other_senders,
     }

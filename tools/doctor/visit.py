@@ -97,7 +97,7 @@ class BoardVisit:
 
     @property
     def garbage(self) -> int:
-        """Bytes outside of frames, and frames with a wrong check sum."""
+        """Reads with bytes outside of frames, and frames with a wrong check sum."""
         return self.lost.counts[events.MALFORMED("mavlink").name]
 
     @property

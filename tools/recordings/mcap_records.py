@@ -91,6 +91,7 @@ class Damage:
         self.messages = 0  # that were read, or passed over in a sound chunk
         self.passed_over = False  # chunks were: what is in them is not known
         self.joined_at: int | None = None  # [bytes] where another recording begins, not read
+        self.written = False  # somebody wrote it meanwhile
         self.metadata: set[str] = set()  # names of those that were read
         self.index = FileIndex()
 
@@ -100,6 +101,8 @@ class Damage:
         Args:
             name: of the file.
         """
+        if self.written:
+            return [f"{name} is still being written: look again when the dive has ended"]
         named = self.index.messages
         lost = None if named is None or self.passed_over else named - self.messages
         summary = self.index.damaged_at if self.joined_at is None else None
@@ -162,7 +165,8 @@ def records(
     """
     damage = Damage() if damage is None else damage
     with path.open("rb") as stream:
-        size = path.stat().st_size
+        began = path.stat()
+        size = began.st_size
         reader = _RecordReader(stream, size, damage, readings, within, open_chunks=open_chunks)
         described = False
         position = len(MAGIC)
@@ -171,6 +175,8 @@ def records(
             try:
                 opcode, found, after = reader.read(position)
             except DAMAGE:
+                now = path.stat()
+                damage.written |= (now.st_size, now.st_mtime_ns) != (size, began.st_mtime_ns)
                 beyond = reader.beyond(position)
                 if beyond is None:
                     damage.cut_off = True

@@ -254,7 +254,7 @@ def test_another_autopilot_is_named_and_asked_no_more(board: dict[str, Any], tol
     ("noise", "told"),
     [
         (b"", "nothing heard at udpin:127.0.0.1:14551 in 4 s: is the board on"),
-        (bytes(range(60)) * 40, "were no MAVLink: is it the speed of the serial port?"),
+        (bytes(range(60)) * 40, "was no MAVLink: is it the speed of the serial port?"),
     ],
 )
 def test_without_a_board_it_ends_in_seconds(noise: bytes, told: str) -> None:
@@ -272,7 +272,7 @@ def test_a_flood_of_garbage_hides_no_board_and_is_counted() -> None:
     bench.noise = b"\x00garbage, and more of it" * 50
     [found] = wrong(bench.visited())
     assert found.what == "link"
-    assert found.text.endswith("bytes were no MAVLink")
+    assert found.text.endswith("times what came was no MAVLink")
 
 
 def test_a_flood_of_others_ends_and_is_counted() -> None:

@@ -23,7 +23,7 @@ from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.open_chunk import MAGIC
 from services.runtime.config.errors import LindyError
-from tools.recordings.mcap_records import Noticed, StoredMessage
+from tools.recordings.mcap_records import Damage, Noticed, StoredMessage, records
 from tools.recordings.recording import is_whole, log_hash, merge_parts, open_recording
 
 PER_CHUNK, CHUNKS = 7, 5
@@ -218,6 +218,21 @@ def test_what_others_compress_by_lz4_is_read_and_a_damaged_chunk_of_it_is_damage
     recording = open_recording(path)
     assert list(recording) == []
     assert recording.damage
+
+
+def test_a_recording_that_is_still_written_is_no_damaged_one(tmp_path: Path) -> None:
+    path = tmp_path / "dive.mcap"
+    write(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    cut = Damage()
+    assert sum(1 for _ in records(path, damage=cut)) > 0
+    assert cut.in_words("a") == ["a was not finished: what was recorded last may be missing"]
+    live, more = Damage(), whole[len(whole) // 2 :][:50]
+    for number, _ in enumerate(records(path, damage=live)):
+        if number == 0:
+            path.write_bytes(path.read_bytes() + more)
+    assert live.in_words("a") == ["a is still being written: look again when the dive has ended"]
 
 
 def test_a_missing_recording_is_one_sentence(tmp_path: Path):
