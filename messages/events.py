@@ -258,6 +258,8 @@ CONTROL_SILENT = _condition(
     "control_silent", "control does not answer: the thrusters have stopped", "wait, or disarm")
 BOARD_SILENT = _condition(
     "board_silent", "the vehicle's board does not answer", "check the board's power and cable")
+# While one of these holds, nobody obeys the reference.
+UNMOVED = frozenset({CONTROL_SILENT.name, BOARD_SILENT.name})
 SERVICE_SILENT = _condition("service_silent", "a service on board does not answer", "come back")
 SERVICE_LATE = _condition(
     "service_late", "a service on board is late", "end other programs on the drone's computer")

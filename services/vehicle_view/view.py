@@ -8,6 +8,7 @@ from msgspec import UNSET, UnsetType
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.events import UNMOVED
 from messages.link import Clock, LatencyBudget, LinkStatus
 from messages.message import Estimate
 from messages.reference import Reference
@@ -26,6 +27,7 @@ DOES: dict[Reaction, str] = {
     "ascend": "rising",
     "surface": "staying at the surface",
 }
+NOT_OBEYED = "not obeyed"  # the reference is, whatever a failsafe makes it do
 
 
 class Newest(NamedTuple):
@@ -143,6 +145,8 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
 
 
 def _doing(status: VehicleStatus) -> str:
+    if status.reaction in DOES and not UNMOVED.isdisjoint(status.conditions):
+        return NOT_OBEYED
     stops = status.activity == "stopping" and status.reaction == "stop"
     return status.activity if stops else DOES.get(status.reaction or "notice", status.activity)
 

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from messages.events import RESUMED_SHORT_LOSS, RETURN, Outbox, short
+from messages.events import RESUMED_SHORT_LOSS, RETURN, UNMOVED, Outbox, short
 from messages.units import Ns
 from messages.vehicle import Reaction, Returns
 from services.reference.failsafe.table import ACTING, SEVERITY, SHORT_NS, FailsafeRow
@@ -37,6 +37,7 @@ DOES: dict[Reaction, str] = {
     "ascend": "the drone rises slowly",
     "surface": "the drone stays at the surface",
 }
+CANNOT_MOVE = "nothing moves the drone: its board or control does not answer"
 
 
 class Holding(NamedTuple):
@@ -260,7 +261,8 @@ class FailsafeMachine:
             *map(self._sentence, held),
             *(f"{short(row.condition.acted.name)} has ended" for row in ended),
         ]
-        return "; ".join([*causes, DOES[reaction], RETURN[self.returns or "wait"]])
+        does = DOES[reaction] if UNMOVED.isdisjoint(self._holding) else CANNOT_MOVE
+        return "; ".join([*causes, does, RETURN[self.returns or "wait"]])
 
     @property
     def notices(self) -> str:

@@ -1,6 +1,7 @@
 """The vehicle as a pilot sees it: what is old is said so, what is gone is not shown, and in a
 failsafe nobody has the sticks."""
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -66,6 +67,14 @@ def test_in_a_failsafe_nobody_is_told_that_he_has_the_sticks(
     assert view.doing != "piloted"
     assert words.said(view)[0].tone == "alarm"
     assert words.said(view)[0].text.endswith(": what")
+
+
+def test_a_drone_that_nobody_moves_holds_nothing() -> None:
+    acts = status(failsafe="state_lost", reaction="stop", words="what", since_ns=0)
+    for conditions in ((), ("board_silent",), ("control_silent", "service_silent")):
+        told = msgspec.structs.replace(acts, conditions=conditions)
+        doing = vehicle_view(Newest(status=told), 0).doing
+        assert doing == ("not obeyed" if conditions else "holding")
 
 
 def test_a_pilot_who_has_stopped_the_drone_is_told_to_centre_the_sticks():

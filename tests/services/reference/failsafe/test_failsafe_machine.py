@@ -163,6 +163,18 @@ def test_outages_do_not_add_up():
         clocked.hold(seconds=1.0)
 
 
+@pytest.mark.parametrize("unheard", ["board_silent", "control_silent"])
+def test_a_drone_that_nobody_moves_is_not_said_to_have_stopped(unheard: str) -> None:
+    clocked = Clocked()
+    clocked.hold("state_lost")
+    assert "the drone has stopped and holds" in clocked.machine.words
+    clocked.hold("state_lost", unheard)
+    assert "stopped and holds" not in clocked.machine.words
+    assert "nothing moves the drone: its board or control does not answer" in clocked.machine.words
+    clocked.hold("state_lost")
+    assert "the drone has stopped and holds" in clocked.machine.words
+
+
 def test_resume_is_refused_in_words_while_the_pilot_is_away():
     clocked = Clocked()
     assert "nothing to resume" in clocked.machine.resume()
