@@ -267,7 +267,7 @@ class ArdusubDriver:
             self._outbox.tell(events.OUTDONE_ARDUSUB(detail=said))
 
     def _work(self, now: Ns) -> None:
-        self._measurements.ask(now)
+        self._measurements.ask(now, there=self.authority.heard(now))
         accepted = self._introduction.accepted_ns
         waited = accepted is not None and now - accepted >= NEUTRAL_FIRST_NS
         alone = self._stranger is None or now - self._stranger > STRANGER_NS

@@ -51,9 +51,11 @@ class BoardMeasurements:
         """[W] of the battery."""
         return self._battery.power
 
-    def ask(self, now: Ns) -> None:
-        """Send what is due now, and say what comes too slowly."""
+    def ask(self, now: Ns, *, there: bool) -> None:
+        """Send what is due now, and say what comes too slowly of a board that is there."""
         self._outbox.packets += self._streams.due(now)
+        if not there:
+            self._streams.pause()
         for name, rate, asked in self._streams.judge(now):
             detail = f"{rate:.1f} times a second; asked for {asked:g}"
             self._outbox.tell(events.SLOW(name.lower(), detail=detail))

@@ -76,7 +76,7 @@ class TelemetryStreams:
     def judge(self, now: Ns) -> list[tuple[str, float, float]]:
         """At the end of a window: message, rate and the rate asked for [1/s] of what is slow."""
         if self._next is not None:
-            self._since = None
+            self.pause()
             return []
         if self._since is None:
             self._restart(now)
@@ -92,6 +92,10 @@ class TelemetryStreams:
         self.slow = {name: rate for name, rate, _ in found}
         self._restart(now)
         return found
+
+    def pause(self) -> None:
+        """Nothing is judged of this window."""
+        self._since = None
 
     def _restart(self, now: Ns) -> None:
         self._since = now

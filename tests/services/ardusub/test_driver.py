@@ -455,6 +455,8 @@ def test_a_cable_cut_in_flight_ends_in_the_boards_failsafe() -> None:
     assert silent >= 1
     cable.run(5.0)
     assert cable.counts["silent:board"] == silent + 5, "one for each second"
+    slow = [name for name in cable.counts if name.startswith("slow")]
+    assert not slow, "nobody asks a board that is away to send faster"
     cable.deaf = cable.dumb = False
     cable.run(3.0)
     assert not cable.board.armed, "it comes back without arming by itself"
