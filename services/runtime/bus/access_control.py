@@ -63,9 +63,11 @@ def access_control(hub_side: HubSide) -> dict[str, Any]:
         is_here=[here_key(space)] if of_drone else EVERYBODY,
         sees=[here_key(space)],
     )
+    # Only a router brings the token of another drone of that name.
+    pilot = other._replace(is_here=[here_key(space, "topside")])
     listener = Rights(hears=other.hears, asks=other.asks, sees=other.sees)
     # A role that is not named may do nothing.
-    roles = {"pilot": other, "observer": listener} if of_drone else {"drone": other}
+    roles = {"pilot": pilot, "observer": listener} if of_drone else {"drone": other}
     services: Subject = {"id": "services", "link_protocols": [LOCAL]}
     own = _rule("own", ("ingress", "egress"), ALL_MESSAGES, ["**", "**/@v1/**"])
     if credentials is None:

@@ -159,6 +159,22 @@ ANY_KEY = st.one_of(
 )
 
 
+def test_a_pilot_shows_no_token_of_a_drone_and_a_router_brings_one() -> None:
+    """Else he makes both screens say that two drones have this name."""
+    known = Credentials(KeyFiles("", "", ""), ("pilot:bob", "router:shore", "observer:eve"))
+    for side, may in (
+        ("drone", {"router:shore"}),
+        ("topside", {"pilot:bob", "router:shore"}),
+    ):
+        token = here_key(SPACE, side, "9")
+        found = {
+            who
+            for who in known.admitted
+            if passes("drone", "tls", "ingress", "liveliness_token", token, known, who)
+        }
+        assert found == may
+
+
 @given(SIDES, KEYS, NAMES, FLOWS, MESSAGE, ANY_KEY)
 def test_who_is_not_on_the_list_may_do_nothing(
     side: Side, credentials: Credentials, caller: str, flow: str, message: str, key: str
