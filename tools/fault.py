@@ -40,7 +40,8 @@ def fault(
     """
     kinds: dict[str, FaultKind] = {name: name for name in get_args(FaultKind)}
     if kind not in kinds:
-        raise LindyError(f"unknown fault {kind!r}{nearest(kind, list(kinds))}")
+        repair = "; none repairs a part"
+        raise LindyError(f"unknown fault {kind!r}{nearest(kind, list(kinds))}{repair}")
     if value is not None and not isfinite(value):
         raise LindyError(f"--value is {value}, expected a finite number")
     if value is not None and abs(value) > MOST_VALUE:

@@ -1,6 +1,6 @@
 """When a dive begins and ends. The same for real and for virtual time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from messages.vehicle import VehicleStatus
@@ -21,6 +21,8 @@ class DiveTimeline:
     script_s: float | None  # [s] length of the stick log; None: a person is the pilot
     seconds: float | None = None  # [s] after arming, as asked for with --seconds
     in_control: Callable[[VehicleStatus], bool] = lambda _: True  # is it this side's pilot?
+    # What crashed and was started again, in words: often why a sensor lacks.
+    crashed: Callable[[], Sequence[str]] = list
     began_ns: int = 0  # [ns] when we began to wait for arming
     armed_ns: int | None = None  # [ns] when the drone was first armed
     controlled: bool = False  # this side's pilot has control
@@ -69,4 +71,6 @@ class DiveTimeline:
 
     def _never_armed(self, now: int) -> None:
         if self.script_s is not None and now - self.began_ns > ARMING_S * 1e9:
-            raise LindyError(f"the drone did not arm within {ARMING_S:g} s: {self.note}")
+            crashed = ", ".join(self.crashed())
+            why = f"started again: {crashed}, its lines say why; " if crashed else ""
+            raise LindyError(f"the drone did not arm within {ARMING_S:g} s: {why}{self.note}")

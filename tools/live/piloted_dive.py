@@ -17,6 +17,7 @@ from tools.live.monitor_loop import MonitorLoop
 from tools.live.own_pilot import OwnPilot
 from tools.live.pads import pad_is_there
 from tools.live.stop_signals import StopSignals
+from tools.report.restarted import restarted
 
 KNOWN_S = 0.25  # [s] until a status tells who has control now
 GAMEPAD = "gamepad"  # the pilot, unless the stack has one of these in its place
@@ -73,7 +74,12 @@ class PilotedDive:
         shown: Display,
     ) -> None:
         self._own = OwnPilot(local.node)
-        self._timeline = DiveTimeline(pilot.script_s, seconds, self._own.in_control)
+        self._timeline = DiveTimeline(
+            pilot.script_s,
+            seconds,
+            self._own.in_control,
+            lambda: restarted(local.restarts, local.plan.services.shared),
+        )
         self._monitor = MonitorLoop(local, self._timeline, stop, shown)
         self._disarming = Disarming(local.node, self._own)
         self._releases = local.stack.apart  # other pilots may go on with the drone

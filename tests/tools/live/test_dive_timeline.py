@@ -68,6 +68,15 @@ def test_a_script_that_waits_too_long_for_arming_ends_with_the_drones_own_reason
         timeline.over(ns(ARMING_S) + 1)
 
 
+def test_what_crashed_is_named_before_what_it_left_undone():
+    timeline = DiveTimeline(script_s=10.0, crashed=lambda: ["driver 10 ×"])
+    timeline.see(status(armed=False, note="no usable samples of its IMU"), 0)
+    with pytest.raises(
+        LindyError, match=r"30 s: started again: driver 10 ×, its lines say why; no usable"
+    ):
+        timeline.over(ns(ARMING_S) + 1)
+
+
 def test_a_person_may_wait_for_arming_and_dive_as_long_as_wanted():
     timeline = DiveTimeline(script_s=None)
     assert timeline.over(ns(3600)) is None
