@@ -344,6 +344,7 @@ WRONG_LENGTH_ACTUATION = row("wrong_length:vehicle/actuation", SENSOR, "a thrust
 REPLAYED = row("replayed", MESSAGE, "a recorded message that was played again was refused")
 WRONG_EPOCH = row("wrong_epoch", MESSAGE, "a command came from a pilot who is not in control")
 UNKNOWN = row("unknown", MESSAGE, "a message arrived on an unknown key", breaks="understood")
+MISNAMED = row("misnamed", MESSAGE, "a message was in the name of another service than its key", breaks="understood")
 UNKNOWN_KEY = row("unknown_key", MESSAGE, UNKNOWN.sentence, breaks="understood")
 TOO_MANY_KEYS = row("too_many_keys", MESSAGE, "a message arrived on more keys than are accepted", breaks="understood")
 FROM_FUTURE = row("from_future", MESSAGE, "a message had a time stamp in the future", breaks="understood")

@@ -23,13 +23,19 @@ class PayloadDecoder(Generic[M]):
         self._encoding = topic.replayed if replayed else topic.encoding
         self._replayed = topic.replayed
         self._decode = msgspec.msgpack.Decoder(topic.message).decode
+        # The access control knows keys: who may say health/camera must not speak as control.
+        self._names_itself = topic.is_family and "service" in topic.message.__struct_fields__
+        self._before_name = len(topic.key) - 1
 
-    def read(self, encoding: str, payload: bytes) -> M | Row:
-        """The message, or why it is not used: it is of another type or replayed, malformed, or a
-        value is outside its limits."""
+    def read(self, key: str, encoding: str, payload: bytes) -> M | Row:
+        """The message, or why it is not used: it is of another type or replayed, malformed, of
+        another service than that of its key, or a value is outside its limits."""
         if encoding != self._encoding:
             return events.REPLAYED if encoding == self._replayed else events.WRONG_TYPE
         try:
-            return self._decode(payload)
+            message = self._decode(payload)
         except UNDECODABLE:
             return events.MALFORMED
+        if self._names_itself and getattr(message, "service", "") != key[self._before_name :]:
+            return events.MISNAMED
+        return message

@@ -115,7 +115,7 @@ class Intake:
             return self._unknown_key(key)
         # A rejected member of a family is counted under the family: anybody can invent members.
         name = key if key in self._topics else topic.key
-        message = self._decoders[topic.key].read(encoding, payload)
+        message = self._decoders[topic.key].read(key, encoding, payload)
         if isinstance(message, Row):
             return message(name)
         stamp_ns = self._local_ns(topic, message.stamp_ns)

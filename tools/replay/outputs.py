@@ -61,7 +61,7 @@ class Outputs:
             topic = topics.find(envelope.key)
             assert topic is not None  # nodes publish rows of the topic table only
             decoder = self._decoders[envelope.key] = PayloadDecoder(topic)
-        message = decoder.read(envelope.encoding, envelope.payload)
+        message = decoder.read(envelope.key, envelope.encoding, envelope.payload)
         if isinstance(message, Row):  # damaged on the link
             return
         sample = getattr(message, "sensor_ns", None)

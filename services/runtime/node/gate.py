@@ -29,8 +29,9 @@ class Authority(Protocol):
 
 class Gate(Generic[M]):
     """Admits the messages of one key. Reasons counted: wrong_type, replayed, malformed,
-    from_future, expired, reordered, duplicated, wrong_epoch, unsynchronised (from another machine,
-    whose clock is not known yet); and `lost` for gaps in the sequence numbers, which are admitted.
+    misnamed, from_future, expired, reordered, duplicated, wrong_epoch, unsynchronised (from another
+    machine, whose clock is not known yet); and `lost` for gaps in the sequence numbers, which are
+    admitted.
 
     Ages include the greatest error of the clock offset, so that no message is taken to be fresher
     than it is.
@@ -72,7 +73,7 @@ class Gate(Generic[M]):
 
     def admit(self, envelope: Envelope, now: int) -> M | None:  # noqa: C901 - one check after another
         """The message inside, or None with the reason counted."""
-        message = self._read(envelope.encoding, envelope.payload)
+        message = self._read(envelope.key, envelope.encoding, envelope.payload)
         if isinstance(message, Row):
             return self._refuse(message, envelope)
 

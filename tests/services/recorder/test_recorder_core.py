@@ -105,21 +105,30 @@ def test_a_flood_of_invented_keys_ends_up_under_one_name():
     assert "unknown:others" in names
 
 
+def line(service: str) -> bytes:
+    return msgspec.msgpack.encode(LogLine(stamp_ns=1, service=service, level="info", text=""))
+
+
 def test_a_family_has_room_for_members_but_not_for_a_flood():
     intake = Desk()
-    line = msgspec.msgpack.encode(LogLine(stamp_ns=1, service="x", level="info", text=""))
-    taken = [intake.take(f"log/s{n}", topics.LOG.encoding, line, 0) for n in range(3 * MEMBERS)]
+    taken = [
+        intake.take(f"log/s{n}", topics.LOG.encoding, line(f"s{n}"), 0) for n in range(3 * MEMBERS)
+    ]
     assert sum(isinstance(row, RecordedRow) for row in taken) == MEMBERS
     assert {row for row in taken if isinstance(row, str)} == {"too_many_keys:log/*"}
-    assert isinstance(intake.take("log/s0", topics.LOG.encoding, line, 0), RecordedRow)
+    assert isinstance(intake.take("log/s0", topics.LOG.encoding, line("s0"), 0), RecordedRow)
 
 
 def test_garbage_takes_no_room_in_a_family():
     intake = Desk()
     refused = {intake.take(f"log/s{n}", topics.LOG.encoding, b"", 0) for n in range(3 * MEMBERS)}
     assert refused == {"malformed:log/*"}
-    line = msgspec.msgpack.encode(LogLine(stamp_ns=1, service="x", level="info", text=""))
-    assert isinstance(intake.take("log/late", topics.LOG.encoding, line, 0), RecordedRow)
+    assert isinstance(intake.take("log/late", topics.LOG.encoding, line("late"), 0), RecordedRow)
+
+
+def test_a_line_in_the_name_of_another_service_is_not_recorded_as_its_own():
+    intake = Desk()
+    assert intake.take("log/camera", topics.LOG.encoding, line("control"), 0) == "misnamed:log/*"
 
 
 Heard = tuple[str, int, int]

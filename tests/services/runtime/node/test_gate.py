@@ -291,9 +291,9 @@ def test_an_older_stamp_is_of_a_clock_started_anew_only_if_the_newest_cannot_be_
         assert counts == ({} if more > 0 else {"reordered:pilot/command": 1})
 
 
-def health(stamp_ns: int, seq: int) -> bytes:
+def health(stamp_ns: int, seq: int, service: str) -> bytes:
     said = Health(
-        stamp_ns=stamp_ns, seq=seq, service="s", loop_hz=1.0, lateness_p50_ms=None,
+        stamp_ns=stamp_ns, seq=seq, service=service, loop_hz=1.0, lateness_p50_ms=None,
         lateness_p99_ms=None, cpu_percent=None, rss_mb=None, sent=0, received=0, counts={},
     )  # fmt: skip
     return msgspec.msgpack.encode(said)
@@ -321,7 +321,7 @@ def test_a_family_is_one_door_for_each_member(
     alone: dict[str, Gate[Health]] = {}
     expected: Counter[str] = Counter()
     for key, stamp, seq, encoding, is_whole in heard:
-        payload = health(NOW + stamp, seq) if is_whole else b"garbage"
+        payload = health(NOW + stamp, seq, key.partition("/")[2]) if is_whole else b"garbage"
         envelope = Envelope(key, payload, encoding)
         found = family.admit(envelope, NOW)
         if key not in {"health/a", "health/b", "health/c"}:
@@ -344,7 +344,10 @@ def test_a_family_has_sixty_four_members_and_the_rest_are_counted_under_its_name
             k
             for k in range(count)
             if family.admit(
-                Envelope(f"health/s{k}", health(NOW + stamp, stamp), topics.HEALTH.encoding), NOW
+                Envelope(
+                    f"health/s{k}", health(NOW + stamp, stamp, f"s{k}"), topics.HEALTH.encoding
+                ),
+                NOW,
             )
         ]
         assert admitted == list(range(min(count, 64)))
@@ -365,7 +368,7 @@ def test_only_an_onlooker_of_all_doors_gets_what_is_too_old(age: int) -> None:
 @given(ahead, st.integers(0, 10**13))
 def test_what_either_side_may_have_sent_has_no_stamp_to_judge(ahead: int, stamp: int) -> None:
     """With one clock it has; with two it may be of either, and so it is never moved."""
-    envelope = Envelope("health/a", health(stamp, 0), topics.HEALTH.encoding)
+    envelope = Envelope("health/a", health(stamp, 0, "a"), topics.HEALTH.encoding)
     for offset in (known(ahead, 0, NOW), ClockOffset("drone")):
         found = Gates(topics.HEALTH, Outbox(), offset).admit(envelope, NOW)
         assert found is not None

@@ -291,34 +291,39 @@ def test_more_than_can_be_collected_is_counted() -> None:
     assert listener.counts == {"overflowed:sensor/imu": 39}
 
 
-def invented(host: VirtualHost, names: list[str], payload: bytes) -> None:
-    """Somebody says health under these names."""
+def invented(
+    host: VirtualHost, names: list[str], payload: bytes | None, own: str | None = None
+) -> None:
+    """Somebody says these bytes as health under these names; None: what such a service says, or
+    the service `own` in its place."""
     stranger, encoding = host.side("drone"), topics.HEALTH.encoding
     for name in names:
-        stranger.forward(Envelope(f"health/{name}", payload, encoding))
+        said = healthy(own or name[:64]) if payload is None else payload
+        stranger.forward(Envelope(f"health/{name}", said, encoding))
         host.nodes["listener"].step()
 
 
-HEALTHY = msgspec.msgpack.encode(
-    Health(
-        stamp_ns=0, service="x", loop_hz=1.0, lateness_p50_ms=None, lateness_p99_ms=None,
-        cpu_percent=None, rss_mb=None, sent=0, received=0, counts={},
-    )
-)  # fmt: skip
+def healthy(service: str) -> bytes:
+    return msgspec.msgpack.encode(
+        Health(
+            stamp_ns=0, service=service, loop_hz=1.0, lateness_p50_ms=None, lateness_p99_ms=None,
+            cpu_percent=None, rss_mb=None, sent=0, received=0, counts={},
+        )
+    )  # fmt: skip
 
 
 @given(
     st.lists(
         st.tuples(
             st.lists(st.text(st.characters(exclude_characters="/"), min_size=1), max_size=5),
-            st.sampled_from([HEALTHY, b"", b"garbage"]),
+            st.sampled_from([None, healthy("x"), b"", b"garbage"]),
         ),
         max_size=5,
     )
 )
 @settings(max_examples=50, deadline=None)
 def test_what_is_counted_never_carries_a_name_that_no_member_may_have(
-    said: list[tuple[list[str], bytes]],
+    said: list[tuple[list[str], bytes | None]],
 ) -> None:
     host = VirtualHost()
     listener = host.node("listener", DRONE)
@@ -337,13 +342,25 @@ def test_a_flood_of_invented_members_is_heard_up_to_a_limit_and_counted_under_on
     invented(host, names, b"garbage")  # takes up no place
     assert listener.counts == {"malformed:health/*": 3 * MEMBERS}
     listener.outbox.counts.clear()
-    invented(host, names, HEALTHY)
+    invented(host, names, None)
     assert len(heard) == MEMBERS
     assert listener.counts == {"too_many_keys:health/*": 2 * MEMBERS}
     invented(host, ["s0"], b"garbage")
     assert listener.counts["malformed:health/s0"] == 1
-    invented(host, ["My ROV!", "x" * 65], HEALTHY)
+    invented(host, ["My ROV!", "x" * 65], None)
     assert listener.counts["unknown_key:health/*"] == 2
+
+
+def test_nobody_speaks_in_the_name_of_another_service_than_that_of_his_key() -> None:
+    """Who may say health/camera, by his certificate, says nothing of control."""
+    host = VirtualHost()
+    listener, heard = host.node("listener", DRONE), list[Health]()
+    listener.each(topics.HEALTH, lambda m, _: heard.append(m))
+    invented(host, ["camera"], None, own="control")
+    assert not heard
+    assert listener.counts == {"misnamed:health/*": 1}
+    invented(host, ["camera"], None)
+    assert [each.service for each in heard] == ["camera"]
 
 
 def test_what_comes_from_outside_is_handled_once_for_however_many_calls() -> None:

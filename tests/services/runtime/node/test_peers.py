@@ -42,12 +42,14 @@ def test_the_identity_of_an_older_and_of_a_newer_version_is_understood() -> None
     decoder = PayloadDecoder(topics.IDENTITY)
     newer = Newer(side="drone", version="2.0", messages="xyz")
     for said, version in ((Older(stamp_ns=5), "0.0.3"), (newer, "2.0")):
-        heard = decoder.read(topics.IDENTITY.encoding, msgspec.msgpack.encode(said))
+        heard = decoder.read(
+            topics.IDENTITY.key, topics.IDENTITY.encoding, msgspec.msgpack.encode(said)
+        )
         assert isinstance(heard, SideIdentity)
         assert heard.version == version
         assert "install the same" in difference(TOPSIDE, heard)
     empty = msgspec.msgpack.encode({})
-    assert decoder.read(topics.IDENTITY.encoding, empty) == SideIdentity()
+    assert decoder.read(topics.IDENTITY.key, topics.IDENTITY.encoding, empty) == SideIdentity()
 
 
 def test_a_side_that_is_the_same_is_no_difference() -> None:
@@ -174,10 +176,16 @@ def test_another_version_on_board_is_on_the_pilots_screen() -> None:
     assert host.nodes["link_monitor"].counts["alarm:peers"] == 1
 
 
+def twin_of(host: VirtualHost, name: str) -> None:
+    """A second service of that name, in another process."""
+    twin = host.node("twin", ["drone"])
+    twin.name, twin.instance = name, Instance(8, 8)
+    twin._health = twin.publisher(topics.HEALTH.of(name))  # pyright: ignore[reportPrivateUsage]
+
+
 def test_two_references_are_on_the_pilots_screen() -> None:
     host, told = stack_with({})
-    twin = host.node("twin", ["drone"])
-    twin.name, twin.instance = "reference", Instance(8, 8)
+    twin_of(host, "reference")
     host.run(4 * S)
     assert told[-1].startswith("two services call themselves reference: pids 7, 8")
 
@@ -193,8 +201,7 @@ def test_bytes_that_nobody_understands_are_counted() -> None:
 
 def test_nobody_arms_while_two_services_on_board_have_one_name() -> None:
     host, _ = stack_with({})
-    twin = host.node("twin", ["drone"])
-    twin.name, twin.instance = "control", Instance(8, 8)
+    twin_of(host, "control")
     pilot, answers = host.node("pilot", ["drone"]), list[PilotAnswer]()
     sticks, ask = pilot.publisher(topics.PILOT_COMMAND), pilot.publisher(topics.PILOT_REQUEST)
     centred = PilotCommand(stamp_ns=0, surge=0, sway=0, heave=0, yaw=0)
