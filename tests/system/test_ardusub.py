@@ -267,6 +267,7 @@ def test_a_packet_that_arrives_while_the_service_is_held_up_is_no_jump_of_the_cl
     assert not flight.said("jumped")
 
 
+@pytest.mark.slow
 def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_depth(
     tmp_path: Path,
 ) -> None:

@@ -316,7 +316,7 @@ def add_reference(host: VirtualHost, folder: Path) -> None:
     host.add("reference", Registry.read()["reference"], Stack(out=str(folder), arm=False))
 
 
-@pytest.mark.parametrize("forgets", [True, False])
+@pytest.mark.parametrize("forgets", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_after_three_leases_a_reference_may_lose_its_memory_and_the_drone_is_flown_on(
     hand_over: Scene, tmp_path: Path, forgets: bool
 ) -> None:
@@ -343,6 +343,7 @@ def test_after_three_leases_a_reference_may_lose_its_memory_and_the_drone_is_flo
     assert truth[-1].position[2] > truth[0].position[2] + 0.3, "down, as the one in control says"
 
 
+@pytest.mark.slow
 def test_one_thruster_command_with_a_huge_epoch_locks_nobody_out_for_good(
     hand_over: Scene,
 ) -> None:

@@ -121,7 +121,12 @@ def dive(tmp_path: Path) -> Dive:
     return Dive(tmp_path).arm_and_dive()
 
 
-@pytest.mark.parametrize("stopped", ["reference", "control", "estimation"])
+ELSE = pytest.param("reference", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    "stopped", ["control", ELSE, pytest.param("estimation", marks=pytest.mark.slow)]
+)
 def test_a_disarm_stops_the_thrusters_and_they_stay_stopped(dive: Dive, stopped: str) -> None:
     dive.stop(stopped, 3.0)
     dive.run(0.15)
@@ -137,7 +142,7 @@ def test_a_disarm_stops_the_thrusters_and_they_stay_stopped(dive: Dive, stopped:
     assert dive.reference.stamp_ns > asked + 3 * S
 
 
-@pytest.mark.parametrize("stopped", ["reference", "control"])
+@pytest.mark.parametrize("stopped", ["control", ELSE])
 def test_an_arm_after_the_disarm_arms_again(dive: Dive, stopped: str) -> None:
     dive.heave = 0.0
     dive.stop(stopped, 1.0)
@@ -153,7 +158,7 @@ def test_an_arm_after_the_disarm_arms_again(dive: Dive, stopped: str) -> None:
     assert dive.turning
 
 
-@pytest.mark.parametrize("stopped", ["reference", "control"])
+@pytest.mark.parametrize("stopped", ["reference", pytest.param("control", marks=pytest.mark.slow)])
 def test_a_disarm_and_a_later_arm_in_one_silence(dive: Dive, stopped: str) -> None:
     dive.heave = 0.0
     dive.stop(stopped, 1.0)
@@ -181,7 +186,7 @@ def test_screens_say_disarmed_while_the_reference_that_says_armed_hangs(dive: Di
     assert not dive.shown.last_known
 
 
-@pytest.mark.parametrize("stopped", ["reference", "control"])
+@pytest.mark.parametrize("stopped", ["control", ELSE])
 def test_what_hangs_without_a_disarm_is_shown_as_armed(dive: Dive, stopped: str) -> None:
     dive.stop(stopped, 1.0)
     for _ in range(20):

@@ -105,6 +105,7 @@ class Dive:
         self._answers[answer.id] = answer
 
 
+@pytest.mark.slow
 def test_without_a_pilot_it_stops_holds_rises_and_stays_at_the_surface(tmp_path: Path) -> None:
     dive = Dive(tmp_path).armed_at(3.0)
     dive.heave = 0.5

@@ -19,6 +19,7 @@ def test_the_heading_does_not_rest_off_and_swing_later() -> None:
     assert degrees(np.abs(seen.heading[200:] - seen.heading[:-200]).max()) <= 0.4  # in 2 s
 
 
+@pytest.mark.slow
 def test_a_turn_that_stops_while_the_vehicle_is_tilted_does_not_run_on() -> None:
     """Surge, dive and turn at once pitch it by more than twenty degrees."""
     together = (0.75, 0.48, 1.0, 0.5)

@@ -93,6 +93,7 @@ def test_a_gripper_stands_still_at_most_one_life_of_its_commands_after_the_link_
                and m.stamp_ns - dive.began_ns < 13.9 * S)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_button_held_through_the_loss_moves_nothing_until_it_was_let_go() -> None:
     dive = cut()
     later = [at for at in dive.moves("gripper") if at > 9 * S]

@@ -224,13 +224,16 @@ def test_an_accelerometer_with_three_times_the_bias_is_seen_in_the_depth() -> No
     assert found.nees("rate") < 3.0
 
 
+@pytest.mark.slow
 def test_a_lever_arm_that_the_file_does_not_say_is_no_disaster() -> None:
     found = row(2, real=Mounting(imu=Mount(position=(0.2, 0.05, 0.1))))
     assert found.rms("rate") < 0.021  # [m/s]
     assert found.nees("depth") < 1.5
 
 
-@pytest.mark.parametrize(("real", "off"), [(ROLLED, 18.0), (PITCHED, 4.5)])
+@pytest.mark.parametrize(
+    ("real", "off"), [(ROLLED, 18.0), pytest.param(PITCHED, 4.5, marks=pytest.mark.slow)]
+)
 def test_a_turned_imu_that_the_file_does_not_say_costs_the_compass_its_trust(
     real: Mounting, off: float
 ) -> None:

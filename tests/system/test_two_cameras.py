@@ -222,6 +222,7 @@ def test_both_are_recorded_and_each_has_a_film(dive: Path, tmp_path: Path) -> No
     assert films[0] == films[1]
 
 
+@pytest.mark.slow
 def test_each_picture_is_of_its_camera_at_its_time(dive: Path) -> None:
     """By the time in it; and the camera that looks down sees the floor alone, which is darker than
     the water far ahead."""

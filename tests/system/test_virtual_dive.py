@@ -80,7 +80,9 @@ def depth_after_release(dive: Dive, seconds: float) -> list[float]:
     return [truth.position[2] for truth in dive.truth[start:]]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]
+)
 def test_the_drone_stops_where_the_stick_was_let_go(tmp_path: Path, seed: int) -> None:
     dive = Dive(tmp_path, "0,0,0,0,0\n1,0,0,1,0\n7,0,0,0,0\n30,0,0,0,0", seed=seed)
     dive.until_armed().run(7.0)

@@ -109,6 +109,7 @@ def test_the_viewer_counts_the_starts_and_reversals_of_the_report() -> None:
     assert rows[-1][0] + since == pytest.approx(sum(starts) * minutes, abs=0.1)
 
 
+@pytest.mark.slow
 def test_few_points_are_drawn_and_all_have_a_look() -> None:
     styled = {look.path for look in computed()}
     for path, (times, _) in flown().curves.items():
