@@ -491,8 +491,10 @@ class _Stream:
     def _without(self, paths: Sequence[str], fields: Any) -> LindyError:
         words: list[str] = []
         for path in paths:
+            found: Any = None
             try:
-                float(found := self._take(path)(fields))
+                found = self._take(path)(fields)
+                float(found)
             except ValueError:  # a word
                 words.append(f"{path} is {str(found)[:LONGEST_WORD]!r}")
             except (BlankError, AttributeError, IndexError, TypeError):

@@ -21,6 +21,10 @@ NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow ca
 BACK_NS = 1_000_000_000  # [ns] a row further back than this is not by the jitter of its logger
 MOST_BACK = 5  # rows: a clock that was set, or a logger that was started again
 SNIFFED = 4096  # [B] of a table that tell whether it is text
+WIDTH = 8  # [B] of a number
+LARGEST = 200_000_000  # [B] of a table of any size …
+MOST_PACKED = 50  # … or so many times what the file has: columns that repeat one value pack well
+LONGEST_WORD = 1000  # letters
 SHOWN = 12  # columns that a sentence lists
 
 
@@ -47,14 +51,13 @@ class TableFile:
         try:
             pa: Any = import_module("pyarrow")  # without types
             csv: Any = import_module("pyarrow.csv")
-            parquet: Any = import_module("pyarrow.parquet")
         except ModuleNotFoundError:
             raise LindyError(
                 f"tables need pyarrow, which is missing: {how_to_install('import')}"
             ) from None
         try:
             if path.suffix.lower() == ".parquet":
-                self._table: Any = parquet.read_table(path)
+                self._table: Any = _flat_columns(pa, path)
             else:
                 blank = csv.ConvertOptions(null_values=BLANK, strings_can_be_null=True)
                 self._table = csv.read_csv(path, convert_options=blank)
@@ -143,6 +146,35 @@ class TableFile:
         if values.dtype.kind in "iu":
             return values.astype(np.int64) * scale
         return np.round(np.nan_to_num(values) * scale).astype(np.int64)
+
+
+def _flat_columns(pa: Any, path: Path) -> Any:
+    """The columns that a map can name: numbers, times and words. Words stay the few that a column
+    repeats.
+
+    Raises:
+        LindyError: a file of this size cannot hold so much by honest means.
+    """
+    parquet: Any = import_module("pyarrow.parquet")
+    compute: Any = import_module("pyarrow.compute")
+    size, about = path.stat().st_size, parquet.ParquetFile(path)
+    types, kinds = pa.types, {field.name: field.type for field in about.schema_arrow}
+    words = [n for n, kind in kinds.items() if types.is_string(kind) or types.is_large_string(kind)]
+    flat = [*words, *(n for n, kind in kinds.items() if types.is_primitive(kind))]
+    groups = [about.metadata.row_group(k) for k in range(about.metadata.num_row_groups)]
+    unpacked = max(
+        sum(g.total_byte_size for g in groups), WIDTH * len(flat) * about.metadata.num_rows
+    )
+    told = f"{path}: its {size} bytes mean far more than a log of that size: not read"
+    if unpacked > max(LARGEST, MOST_PACKED * size):
+        raise LindyError(told)
+    table: Any = parquet.read_table(path, columns=flat, read_dictionary=words)
+    chunks: list[Any] = [chunk for name in words for chunk in table[name].chunks]
+    for chunk in chunks:
+        longest: int = compute.max(compute.binary_length(chunk.dictionary)).as_py() or 0
+        if longest > LONGEST_WORD:
+            raise LindyError(told)
+    return table
 
 
 def _refuse_other(path: Path) -> None:

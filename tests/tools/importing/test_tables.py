@@ -1,8 +1,11 @@
 """Tables, alone and several together, become one recording."""
 
 from datetime import UTC, datetime, timedelta
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from messages.sensors import PressureSample
@@ -258,3 +261,20 @@ def test_rows_in_no_order_are_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     )
     assert "its rows are not in the order of their times (39 are before the one above" in said
     assert "at about line 3" in said
+
+
+@pytest.mark.parametrize("kind", ["rows", "letters"])
+def test_a_small_table_that_means_much_is_not_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    pa: Any = import_module("pyarrow")  # without types
+    pq: Any = import_module("pyarrow.parquet")
+    log, columns = tmp_path / "a.parquet", {"t": pa.array(np.zeros(3_000_000))}
+    if kind == "letters":
+        columns = {"t": pa.array(range(100)), "said": pa.array(["x" * 2_000_000] * 100)}
+    with pq.ParquetWriter(log, pa.table(columns).schema, compression="zstd") as writer:
+        for _ in range(10 if kind == "rows" else 1):
+            writer.write_table(pa.table(columns))
+    assert log.stat().st_size < 1_000_000
+    said = complaint(capsys, "import", str(log))
+    assert "bytes mean far more than a log of that size: not read" in said
