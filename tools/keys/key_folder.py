@@ -58,6 +58,8 @@ def own_keys(keys: Path, roles: Collection[Role], now: datetime) -> Own:
         raise LindyError(f"{folder / CERTIFICATE} is that of {found.who}, but {wanted} is needed")
     said(folder / KEY, certificates.check_pair, data[CERTIFICATE], data[KEY])
     _private(folder / KEY)
+    for path in (folder, *(folder / name for name in (*WHOLE, ADMITTED))):
+        _own(path)
     admitted = read_list(folder / ADMITTED)
     files = KeyFiles(*(str((folder / name).absolute()) for name in (CA, CERTIFICATE, KEY)))
     return Own(found, Credentials(files, tuple(str(who) for who in admitted), found.who.name))
@@ -235,6 +237,16 @@ def _own_folder(keys: Path, roles: Collection[Role]) -> Path:
             f"{keys} has the keys of more than one {kinds} ({names}); name one: --keys {found[0]}"
         )
     return found[0]
+
+
+def _own(path: Path) -> None:
+    """Whoever may write the list of names lets himself in."""
+    try:
+        written_by_others = system.others_can_write(path)
+    except OSError:
+        return  # what is missing is said where it is read
+    if written_by_others:
+        raise LindyError(f"{path} can be written by others on this computer: chmod go-w {path}")
 
 
 def _private(key: Path) -> None:

@@ -147,8 +147,8 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
         ),
         FailsafeRow(
             events.SERVICE_SILENT,
-            "no `health` of the vehicle side, estimation, control or a module of yours on "
-            "board for 3 s, after there was some",
+            "no `health` of the vehicle side, estimation, control, a module of yours on board or, "
+            "where it is another machine, its supervisor for 3 s, after there was some",
             (NOTICE,),
         ),
         FailsafeRow(

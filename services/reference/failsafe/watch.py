@@ -172,7 +172,7 @@ class ConditionWatch:
             if now - at > HEALTH_PATIENCE_NS:
                 silent.append(name)
         if silent:
-            if stopped := [name for name in silent if self.watched[name] == "motion"]:
+            if stopped := [name for name in silent if self.watched[name] in ("motion", "keeper")]:
                 holds[events.SERVICE_SILENT.name] = Holding(detail=", ".join(stopped))
             if any(self.watched[name] == "recorder" for name in silent):
                 holds[events.RECORDER_DOWN.name] = Holding()

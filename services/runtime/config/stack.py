@@ -28,8 +28,9 @@ from services.runtime.config.settings import (
 )
 
 S = TypeVar("S")
-# What a service is watched for: the motion depends on it, it records, it compares the clocks.
-Role = Literal["motion", "recorder", "clock"]
+# What a service is watched for: the motion depends on it, it starts the others again, it records,
+# it compares the clocks.
+Role = Literal["motion", "keeper", "recorder", "clock"]
 NO_SETTINGS = (
     "the module of this service has no settings; declare them in it as "
     "class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True)"

@@ -155,6 +155,10 @@ def others_can_read(path: Path) -> bool:
     return False  # Windows says by other means who may; the home folder is its user's
 
 
+def others_can_write(path: Path) -> bool:
+    return others_can_read(path)
+
+
 def point(pointer: Path, name: str) -> None:
     with suppress(FileNotFoundError):
         pointer.unlink()  # Windows does not put one link to a folder in the place of another

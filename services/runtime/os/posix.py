@@ -237,6 +237,17 @@ def others_can_read(path: Path) -> bool:
     return bool(path.stat().st_mode & 0o077)
 
 
+def others_can_write(path: Path) -> bool:
+    """Also those of a group, unless it is this user's own.
+
+    Raises:
+        OSError: there is no such file or folder.
+    """
+    found = path.stat()
+    own_group = found.st_gid == os.getgid()
+    return bool(found.st_mode & (0o002 if own_group else 0o022))
+
+
 def point(pointer: Path, name: str) -> None:
     """Make `pointer` a link to a folder beside it, at once: it always points somewhere.
 

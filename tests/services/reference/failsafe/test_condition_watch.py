@@ -18,6 +18,7 @@ WATCHED = {
     "control": "motion",
     "recorder": "recorder",
     "link_monitor": "clock",
+    "supervisor_drone": "keeper",
 }
 
 
@@ -61,7 +62,7 @@ def test_a_service_that_falls_silent_is_said_by_its_role(service: str, silence_n
     watch.health(health(service, 0.0), 0)
     found = watch.holding(None, None, (), silence_ns, armed=True, limited=False, above_floor=False)
     long, role = silence_ns > HEALTH_PATIENCE_NS, WATCHED.get(service)
-    assert ("service_silent" in found) == (long and role == "motion")
+    assert ("service_silent" in found) == (long and role in ("motion", "keeper"))
     assert ("recorder_down" in found) == (long and role == "recorder")
     if "service_silent" in found:
         assert found["service_silent"].detail == service
