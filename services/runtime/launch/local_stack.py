@@ -313,11 +313,10 @@ def local_stack(
     """
     for endpoint in filter(None, (listen, *(other_side.listen if other_side is not None else ()))):
         require_free(endpoint, stack, credentials)
-    if not stack.watched:
-        watched = services.watched
-        if other_side is not None and other_side.side == "drone":  # nobody on board is above it
-            watched[supervisor_of(other_side)] = "keeper"
-        stack = msgspec.structs.replace(stack, watched=watched)
+    watched = stack.watched or services.watched
+    if other_side is not None and other_side.side == "drone":  # nobody on board is above it
+        watched = {**watched, supervisor_of(other_side): "keeper"}
+    stack = msgspec.structs.replace(stack, watched=watched)
     with tempfile.TemporaryDirectory(  # whose disk may have become read-only meanwhile
         prefix="lindy-", dir=_socket_folder(), ignore_cleanup_errors=True
     ) as folder:
