@@ -19,6 +19,7 @@ import pytest
 from messages import topics
 from messages.health import LogLine
 from messages.link import Clock
+from messages.vehicle import VehicleStatus
 from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
 from tools.__main__ import main
@@ -280,3 +281,21 @@ def test_a_drone_whose_supervisor_was_killed_goes_on_and_one_that_was_ended_cali
     with side(tmp_path / "third", "drone", "--listen", endpoint) as third:
         third.until(lambda: "calibrating" in third.said)
         assert "goes on" not in third.said
+
+
+@pytest.mark.slow
+def test_a_supervisor_on_board_that_hangs_is_said_while_it_hangs(tmp_path: Path):
+    """Nobody would start the services again, so whoever flies has to know."""
+    with drone_alone(tmp_path / "drone") as drone:
+        drone.process.send_signal(signal.SIGSTOP)
+        try:
+            until(lambda: "service_silent" in conditions(drone), lambda: drone.said)
+        finally:
+            drone.process.send_signal(signal.SIGCONT)
+        assert drone.end(signal.SIGTERM) == 0, drone.said
+
+
+def conditions(of: Side) -> set[str]:
+    """All that its recording knows of so far."""
+    told = (each.message for each in open_recording(of.out))
+    return {name for each in told if isinstance(each, VehicleStatus) for name in each.conditions}
