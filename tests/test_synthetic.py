@@ -31,7 +31,9 @@ def test_every_message_is_valid_and_of_its_own_drone(side: Side) -> None:
         row = topics.find(row_of(stream.topic.key))
         assert row is not None
         message = said(stream, 7, 123_456)
-        read = PayloadDecoder(row).read(row.encoding, msgspec.msgpack.encode(message))
+        read = PayloadDecoder(row).read(
+            row_of(stream.topic.key), row.encoding, msgspec.msgpack.encode(message)
+        )
         assert read == message
         assert (message.seq, message.stamp_ns) == (7, 123_456)
         assert row.hz in (stream.hz, 0)

@@ -138,7 +138,7 @@ def test_no_sequence_of_numbers_makes_a_count_that_cannot_be_sent(numbers: list[
         gate.admit(Envelope("log/z", msgspec.msgpack.encode(line), topics.LOG.encoding), at)
     health = LoopStats().report("z", SECOND, 0, 0, counts, None)
     payload = msgspec.msgpack.encode(health)
-    assert PayloadDecoder(topics.HEALTH).read(topics.HEALTH.encoding, payload) == health
+    assert PayloadDecoder(topics.HEALTH).read("health/z", topics.HEALTH.encoding, payload) == health
 
 
 @given(

@@ -391,7 +391,7 @@ def test_the_deepest_is_of_a_depth_that_was_known(tmp_path: Path) -> None:
     """What is carried on after the last pressure sample is a guess that grows."""
     key, message = state(START, START)
     assert isinstance(message, VehicleState)
-    said = [
+    said: Said = [
         (key, msgspec.structs.replace(message, stamp_ns=START + k * MS, depth=depth))
         for k, depth in enumerate(
             [Estimate(1.5, 0.01), Estimate(2.25, 0.01), Estimate(4.7, 3.6, valid=False)]

@@ -39,7 +39,7 @@ def free_port() -> int:
 
 
 def said_by(who: Envelope) -> LogLine:
-    line = PayloadDecoder(topics.LOG).read(who.encoding, who.payload)
+    line = PayloadDecoder(topics.LOG).read(who.key, who.encoding, who.payload)
     assert isinstance(line, LogLine)
     return line
 
