@@ -201,6 +201,7 @@ def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: P
         tmp_path / "topside", "topside", "--connect", free_endpoint(), "--pilot", "gamepad"
     ) as topside:
         topside.until(lambda: topside.pid("link_monitor") is not None)
+        topside.until((topside.out / "dive.mcap").exists)
         topside.kill("link_monitor")
         topside.kill("hub_topside")
         assert topside.end(signal.SIGINT) == 3, topside.said  # the hub heard nothing for a while

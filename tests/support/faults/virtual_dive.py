@@ -32,6 +32,7 @@ from services.runtime.node.node import Node
 from tests.support.faults.hindrance import Hindrance
 from tests.support.faults.modes import VERTICAL, FlownMode
 from tests.support.faults.observed import Observed
+from tests.support.twin import take_name
 
 SECOND = 1_000_000_000  # [ns]
 STEP_NS = 40_000_000  # [ns] between two steps of the supervisor, at most as in a real dive
@@ -227,7 +228,9 @@ class VirtualDive:
         instance = Instance(self._instances, FIRST_PID + self._instances)
 
         def wire(node: Node, stack: Stack) -> None:
-            node.instance, node.name = instance, spec.service or name
+            node.instance = instance
+            if spec.service is not None:
+                take_name(node, spec.service)
             wire_of(spec.service or name)(node, stack)
 
         self.host.add(name, spec, self._stack, wire)

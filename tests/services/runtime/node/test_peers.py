@@ -16,6 +16,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.peers import PATIENCE_NS, RECENT_NS, Peers
+from tests.support.twin import take_name
 
 S = 1_000_000_000  # [ns]
 TOPSIDE = SideIdentity(side="topside", instance=1, version="0.1", messages="abc", vehicle="pioneer")
@@ -179,8 +180,8 @@ def test_another_version_on_board_is_on_the_pilots_screen() -> None:
 def twin_of(host: VirtualHost, name: str) -> None:
     """A second service of that name, in another process."""
     twin = host.node("twin", ["drone"])
-    twin.name, twin.instance = name, Instance(8, 8)
-    twin._health = twin.publisher(topics.HEALTH.of(name))  # pyright: ignore[reportPrivateUsage]
+    twin.instance = Instance(8, 8)
+    take_name(twin, name)
 
 
 def test_two_references_are_on_the_pilots_screen() -> None:
