@@ -160,7 +160,9 @@ def _flat_columns(pa: Any, path: Path) -> Any:
     size, about = path.stat().st_size, parquet.ParquetFile(path)
     types, kinds = pa.types, {field.name: field.type for field in about.schema_arrow}
     words = [n for n, kind in kinds.items() if types.is_string(kind) or types.is_large_string(kind)]
-    flat = [*words, *(n for n, kind in kinds.items() if types.is_primitive(kind))]
+    # Of numbers too, and of words that somebody else's program keeps as categories.
+    others = (types.is_primitive, types.is_decimal, types.is_dictionary)
+    flat = [*words, *(n for n, kind in kinds.items() if any(is_one(kind) for is_one in others))]
     groups = [about.metadata.row_group(k) for k in range(about.metadata.num_row_groups)]
     unpacked = max(
         sum(g.total_byte_size for g in groups), WIDTH * len(flat) * about.metadata.num_rows
@@ -169,8 +171,10 @@ def _flat_columns(pa: Any, path: Path) -> Any:
     if unpacked > max(LARGEST, MOST_PACKED * size):
         raise LindyError(told)
     table: Any = parquet.read_table(path, columns=flat, read_dictionary=words)
-    chunks: list[Any] = [chunk for name in words for chunk in table[name].chunks]
+    chunks: list[Any] = [chunk for column in table.columns for chunk in column.chunks]
     for chunk in chunks:
+        if not types.is_dictionary(chunk.type) or not types.is_string(chunk.type.value_type):
+            continue
         longest: int = compute.max(compute.binary_length(chunk.dictionary)).as_py() or 0
         if longest > LONGEST_WORD:
             raise LindyError(told)

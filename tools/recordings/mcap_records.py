@@ -5,6 +5,7 @@ looked for. The mcap library's own reader makes ten calls for each message and e
 index; this one makes one.
 """
 
+import os
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -165,7 +166,7 @@ def records(
     """
     damage = Damage() if damage is None else damage
     with path.open("rb") as stream:
-        began = path.stat()
+        began = os.fstat(stream.fileno())  # also of a file that is moved away meanwhile
         size = began.st_size
         reader = _RecordReader(stream, size, damage, readings, within, open_chunks=open_chunks)
         described = False
@@ -175,7 +176,7 @@ def records(
             try:
                 opcode, found, after = reader.read(position)
             except DAMAGE:
-                now = path.stat()
+                now = os.fstat(stream.fileno())
                 damage.written |= (now.st_size, now.st_mtime_ns) != (size, began.st_mtime_ns)
                 beyond = reader.beyond(position)
                 if beyond is None:

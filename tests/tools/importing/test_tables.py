@@ -11,6 +11,7 @@ import pytest
 from messages.sensors import PressureSample
 from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
+from tools.importing.table_file import TableFile
 
 from .logs import BEGAN_NS, IMU_HZ, SECONDS, S, dataflash, messages, odd, report, ros1, tlog
 from .test_rosbags import imported
@@ -278,3 +279,18 @@ def test_a_small_table_that_means_much_is_not_read(
     assert log.stat().st_size < 1_000_000
     said = complaint(capsys, "import", str(log))
     assert "bytes mean far more than a log of that size: not read" in said
+
+
+def test_words_that_are_categories_and_decimal_numbers_are_columns(tmp_path: Path) -> None:
+    pa: Any = import_module("pyarrow")  # without types
+    pq: Any = import_module("pyarrow.parquet")
+    said, exact = pa.array(["manual", "hold", "manual"]), pa.array([1.5, 2.5, 3.5])
+    columns = {
+        "plain": said,
+        "category": said.dictionary_encode(),
+        "exact": exact.cast(pa.decimal128(9, 2)),
+        "large": said.cast(pa.large_string()),
+    }
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
+    found = TableFile(tmp_path / "a.parquet").sources()
+    assert found["a"].columns == {*columns}
