@@ -65,6 +65,8 @@ class TableFile:
         except (pa.ArrowException, OSError, ValueError) as error:
             # Behind a second colon are the bytes that it could not read.
             why = ":".join(str(error).partition("\n")[0].split(":")[:2]).rstrip(".")
+            if "straddling" in why:
+                why = "a row of more than 1 MB, as where a quotation mark is missing"
             raise LindyError(f"{path} is damaged or no table: {why}") from None
         if not self._table.num_rows:
             raise LindyError(f"{path} has no rows below its names of columns")

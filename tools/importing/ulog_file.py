@@ -104,6 +104,8 @@ class UlogFile:
         try:
             with ForwardFile(path) as file, redirect_stdout(io.StringIO()):  # it prints
                 self._log: Any = bounded(ULog)(file)
+        except RecursionError:
+            raise LindyError(f"{path} is damaged: one of its formats holds itself") from None
         except Exception as error:  # of whatever kind: where bytes are wrong, pyulog does not say
             raise LindyError(f"{path} is damaged: {error or 'a message is none'}") from None
         self._topics: dict[str, Mapping[str, Any]] = {

@@ -87,7 +87,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """
     try:
         return parsed_toml(read_text(path))
-    except ValueError as error:  # not TOML, or a number of thousands of digits
+    except ValueError as error:
         raise LindyError(f"{path}: not valid TOML: {error}") from None
 
 
@@ -107,8 +107,12 @@ def parsed_toml(text: str) -> dict[str, Any]:
                     raise ValueError(f"a key of more than {DEEPEST} parts (at line {number})")
     try:
         return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
     except RecursionError:
         raise ValueError("tables or arrays too deep") from None
+    except ValueError:  # Python's own sentence about it is no help
+        raise ValueError("a number of thousands of digits") from None
 
 
 def read_text(path: Path) -> str:

@@ -93,3 +93,6 @@ def test_formats_that_hold_formats_do_not_fill_the_memory(
     assert "holds no whole message" in complaint(capsys, "import", str(log))
     assert tracemalloc.get_traced_memory()[1] < 50_000_000
     tracemalloc.stop()
+    text = b"n0:n0 x;uint64_t timestamp;"
+    log.write_bytes(blocks[0] + struct.pack("<Hc", len(text), b"F") + text + blocks[-1])
+    assert "is damaged: one of its formats holds itself" in complaint(capsys, "import", str(log))

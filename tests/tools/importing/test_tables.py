@@ -122,6 +122,7 @@ def test_rows_without_a_time_are_counted(tmp_path: Path) -> None:
         ("", {}, "a.csv is empty"),
         ("when,x\n", {}, "a.csv has no rows below its names of columns"),
         ("when,x\n1,2,3\n", {}, "a.csv is damaged or no table"),
+        ("when,x\n1," + "2" * 3_000_000, {}, "a row of more than 1 MB, as where a quotation mark"),
         (None, {"stamp": "time"}, "has no column 'time' for the time; write at table as"),
         (None, {"unit": "s"}, 'when has dates; write stamp_unit = "date" at'),
         (None, {"stamp": "seconds"}, "seconds has no dates; write its unit at"),

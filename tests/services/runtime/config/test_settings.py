@@ -212,6 +212,7 @@ def test_a_value_out_of_limits_stops_the_dive_before_it_starts() -> None:
      (f"[{'a . ' * 20_000}a]", "a key of more than 100 parts (at line 1)"),
      (f"x = 1\ny = {{{'a.' * 20_000}a = 1}}", "a key of more than 100 parts (at line 2)"),
      (f"a = {'[' * 100_000}", "tables or arrays too deep"),
+     (f"a = {'9' * 10_000}", "a number of thousands of digits"),
      ("# " + "a" * 1_000_000, "1000002 letters, at most 1000000 are allowed")],
 )  # fmt: skip
 def test_a_file_that_was_made_to_take_minutes_is_refused(
