@@ -13,6 +13,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+import zenoh
 
 from messages import topics
 from messages.reference import Reference
@@ -98,6 +99,23 @@ class Side:
             self.process.kill()
 
 
+class Topside:
+    """An ear on the topside's own hub: how many stick positions pass it."""
+
+    def __init__(self, running: Running) -> None:
+        self.commands = 0
+        self.session = connected(running.endpoints["topside"], namespace(running.vehicle))
+        self._ear = self.session.declare_subscriber(topics.PILOT_COMMAND.key, self._hear)
+
+    def _hear(self, _: zenoh.Sample) -> None:
+        self.commands += 1
+
+    def heard_in(self, seconds: float) -> int:
+        before = self.commands
+        time.sleep(seconds)  # what is counted is a rate
+        return self.commands - before
+
+
 class OnBoard:
     """An ear on the drone's own hub: a socket file, which no namespace hides."""
 
@@ -169,9 +187,15 @@ def test_a_cable_that_is_pulled_and_put_back(tmp_path: Path, way: tuple[str, ...
         pids = drone.running().pids, topside.running().pids
         until(lambda: bool(port.references) and port.references[-1].depth.velocity > 0.1, said)
 
+        ashore = Topside(topside.running())
+        usual = ashore.heard_in(CUT_S)
+
         cable.pull()
         until(lambda: port.failsafe() == "pilot_lost", said)
-        time.sleep(CUT_S)  # the cut is to outlast the lease, so that the link has to come again
+        # The cut is to outlast the lease, so that the link has to come again. What is topside goes
+        # on meanwhile: its hub does not wait for the end of a link that nobody acknowledges.
+        assert ashore.heard_in(CUT_S) > 0.5 * usual > 0
+        ashore.session.close()
         assert port.references[-1].depth.velocity == 0.0, "it came to rest and holds"
 
         cable.put_back()

@@ -24,8 +24,6 @@ class Budget(NamedTuple):
     links: int  # at the same time
 
 
-LOUD = 2_000_000  # [bytes] of a link of which nothing is read, until the kernel has no more room
-
 # An observer says that it lives and what it wants to hear. A topside sends 30 kB/s with every
 # service that it has. A drone may have four cameras of 50 Mbit/s, and a router a fleet of drones.
 BUDGETS = {
@@ -100,19 +98,18 @@ class Budgets:
         bucket = self.buckets.get(name)
         return bucket is not None and now < bucket.barred_until
 
-    def beyond(
-        self, links: Mapping[Ends, str], received: Mapping[Ends, int], now: int
-    ) -> list[Ends]:
+    def beyond(self, links: Mapping[Ends, str], now: int) -> list[Ends]:
         """Links of those barred that are to be cut, although that brings them back at once: of each
-        certificate the oldest beyond its number, and any that goes on all the same."""
+        certificate the oldest beyond its number."""
         held: dict[str, list[Ends]] = {}
         for link, name in links.items():
             if self.barred(name, now):
                 held.setdefault(name, []).append(link)
-        most = {name: self._bucket(name).budget.links for name in held}
-        many = [link for name, own in held.items() for link in own[: max(0, len(own) - most[name])]]
-        loud = [link for own in held.values() for link in own if received.get(link, 0) > LOUD]
-        return list(dict.fromkeys([*many, *loud]))
+        return [
+            link
+            for name, own in held.items()
+            for link in own[: max(0, len(own) - self._bucket(name).budget.links)]
+        ]
 
     def _bucket(self, name: str) -> Bucket:
         if name not in self.buckets:

@@ -5,6 +5,7 @@ is in TCP_INFO, and `shutdown` of one of its descriptors ends it for Zenoh as if
 Elsewhere nothing is known here, and nobody is cut off.
 """
 
+import ctypes
 import os
 import socket
 import stat
@@ -18,7 +19,8 @@ DESCRIPTORS = "/proc/self/fd"
 RECEIVED = 128  # place of tcpi_bytes_received in Linux's struct tcp_info
 INFO_LENGTH = RECEIVED + 8
 HOUR_S = 3600
-HELD = 2**30  # [bytes] Linux makes as many of it as its buffers allow
+ATTACH_FILTER = 26  # SO_ATTACH_FILTER of Linux, which Python does not name
+TAKE_NOTHING = struct.pack("HBBI", 0x06, 0, 0, 0)  # such a filter's one instruction: return 0 bytes
 NETWORKS = (socket.AF_INET, socket.AF_INET6)
 
 
@@ -47,19 +49,28 @@ class TcpLinks:
                 found[ends] = struct.unpack_from("<Q", info, RECEIVED)[0]
         return found
 
+    def close_without_waiting(self, links: Collection[Ends]) -> None:
+        """Whoever closes these links is not kept waiting until the other end has all that was sent
+        (SO_LINGER off): Linux goes on trying by itself."""
+        for _, link in self._of(links):
+            with suppress(OSError):
+                link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
+
     def cut(self, unwanted: Collection[Ends]) -> None:
         """End these links."""
         for _, link in self._of(unwanted):
             with suppress(OSError):
                 link.shutdown(socket.SHUT_RDWR)
 
-    def hold(self, unwanted: Collection[Ends]) -> None:
-        """Read nothing more of these links, until they hold megabytes: Zenoh ends them as dead
-        after their lease of a second or more. Who is cut is back within milliseconds, with a
-        handshake."""
+    def ignore(self, unwanted: Collection[Ends]) -> None:
+        """Let the kernel drop what comes on these links from now on, as if the cable were cut in
+        this direction: Zenoh ends them as dead after their lease, of a second for our own services.
+        Who is cut is back within milliseconds, with a handshake."""
+        instruction = ctypes.create_string_buffer(TAKE_NOTHING)
+        program = struct.pack("@HP", 1, ctypes.addressof(instruction))
         for _, link in self._of(unwanted):
             with suppress(OSError):
-                link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, HELD)
+                link.setsockopt(socket.SOL_SOCKET, ATTACH_FILTER, program)
 
     def _of(self, wanted: Collection[Ends]) -> Iterator[tuple[Ends, socket.socket]]:
         """Second descriptors of these links, closed behind the caller."""

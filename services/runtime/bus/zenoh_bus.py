@@ -20,7 +20,7 @@ from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
-from services.runtime.bus.tcp_links import Ends, ends_of
+from services.runtime.bus.tcp_links import Ends, TcpLinks, ends_of
 from services.runtime.bus.zenoh_threads import (
     ONE_THREAD,
     QUEUES,
@@ -172,10 +172,29 @@ def watch_callers(session: zenoh.Session, changed: Callable[[str, bool, Ends], N
     """Call `changed(common name, connected, ends of the link)` for everybody who comes with a
     certificate, present and future, as long as what is returned is kept."""
 
-    def on_link(event: zenoh.LinkEvent) -> None:
-        link = event.link
+    def on_link(link: zenoh.Link, there: bool) -> None:
         if (name := link.auth_identifier) is not None:
-            changed(name, event.kind == zenoh.SampleKind.PUT, ends_of(link.src, link.dst))
+            changed(name, there, ends_of(link.src, link.dst))
+
+    return _watch_links(session, on_link)
+
+
+def close_without_waiting(session: zenoh.Session) -> object:
+    """Let every link over TCP end at once, present and future, as long as what is returned is kept.
+    Zenoh has Linux wait up to ten seconds for what the other end has not acknowledged, and a hub
+    whose one thread waits so serves nobody meanwhile."""
+    links = TcpLinks()
+
+    def on_link(link: zenoh.Link, there: bool) -> None:
+        if there and link.src.startswith(("tcp/", "tls/")):
+            links.close_without_waiting([ends_of(link.src, link.dst)])
+
+    return _watch_links(session, on_link)
+
+
+def _watch_links(session: zenoh.Session, changed: Callable[[zenoh.Link, bool], None]) -> object:
+    def on_link(event: zenoh.LinkEvent) -> None:
+        changed(event.link, event.kind == zenoh.SampleKind.PUT)
 
     handler = zenoh.handlers.Callback(on_link, indirect=False)
     return session.info.declare_link_events_listener(handler, history=True)

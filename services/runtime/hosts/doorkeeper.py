@@ -46,7 +46,7 @@ class Doorkeeper:
         if connected:
             self._links[link] = name
             if self._budgets.barred(name, time.monotonic_ns()):
-                self._tcp.hold([link])
+                self._tcp.ignore([link])
         else:
             self._links.pop(link, None)
         self._times[name, connected] += 1
@@ -58,7 +58,7 @@ class Doorkeeper:
         """Call it every `LOOK_S`: cut off at `now` [ns] whoever sends too much."""
         links = dict(self._links)
         sent = self._tcp.received(links)
-        unwanted = self._budgets.beyond(links, sent, now)
+        unwanted = self._budgets.beyond(links, now)
         for verdict in self._budgets.look(links, sent, now):
             if verdict.what == "cut":
                 unwanted += [link for link, name in links.items() if name == verdict.name]

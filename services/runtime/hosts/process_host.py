@@ -27,6 +27,7 @@ from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.spaces import leave_key
 from services.runtime.bus.zenoh_bus import (
     announce_here,
+    close_without_waiting,
     line_to,
     listening,
     open_bus,
@@ -168,6 +169,7 @@ def run_hub(launch: HubLaunch) -> int:
         _sentences("hub"),
         listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
+        _closing = close_without_waiting(session)
         doorkeeper, border = None, launch.hub_side
         if border is not None and border.credentials is not None:
             hub = f"hub_{border.side}"

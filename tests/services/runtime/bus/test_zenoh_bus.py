@@ -1,10 +1,13 @@
 """The bus over Zenoh, with real sessions through a hub of this test's own."""
 
+import os
 import re
 import socket
+import struct
+import sys
 from collections import deque
 from collections.abc import Generator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -17,7 +20,13 @@ from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
-from services.runtime.bus.zenoh_bus import UNIX, ZenohBus, connected, listening
+from services.runtime.bus.zenoh_bus import (
+    UNIX,
+    ZenohBus,
+    close_without_waiting,
+    connected,
+    listening,
+)
 from services.runtime.config.errors import LindyError
 from services.runtime.os import portable
 from tests.support.patience import PATIENCE_S, until
@@ -274,3 +283,29 @@ def test_a_hub_with_a_password_calls_another_machines_and_lets_none_in(
     both = f"cannot listen on {far}: to let other machines in at {far} needs linux or macos"
     with pytest.raises(LindyError, match=re.escape(both)):
         listening(near, far)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux knows a process's own sockets")
+def test_no_link_of_a_hub_keeps_it_waiting_at_its_end() -> None:
+    endpoint = free_endpoint()
+    port = int(endpoint.rpartition(":")[2])
+    with listening(endpoint) as hub, connected(endpoint, None, PATIENCE_S):
+        assert lingers(port) == {True}, "Zenoh's own way, which this test is about"
+        _closing = close_without_waiting(hub)
+        until(lambda: lingers(port) == {False})
+        with connected(endpoint, None, PATIENCE_S):
+            until(lambda: lingers(port) == {False})
+
+
+def lingers(port: int) -> set[bool]:
+    """Of the accepted connections at this port of this process: does Linux keep waiting whoever
+    closes one until all that was sent has been acknowledged?"""
+    found: set[bool] = set()
+    for name in os.listdir("/proc/self/fd"):  # noqa: PTH208
+        with suppress(OSError), socket.socket(fileno=os.dup(int(name))) as link:
+            if link.family == socket.AF_INET and link.getsockname()[1] == port:
+                link.getpeername()  # it does not listen
+                length = struct.calcsize("ii")
+                option = link.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, length)
+                found.add(bool(struct.unpack("ii", option)[0]))
+    return found

@@ -174,17 +174,24 @@ def test_what_came_on_a_connection_is_counted_and_the_connection_can_be_ended() 
 
 
 @LINUX
-def test_nothing_is_read_any_more_of_a_connection_that_is_held() -> None:
+def test_nothing_arrives_any_more_on_a_connection_that_is_ignored() -> None:
     with (
         socket.create_server(("127.0.0.1", 0)) as server,
         socket.create_connection(server.getsockname()) as there,
     ):
         here, _ = server.accept()
         with here:
-            TcpLinks().hold([Ends(*("{}:{}".format(*e.getsockname()) for e in (here, there)))])
-            there.sendall(bytes(1000))
-            until(lambda: len(here.recv(2000, socket.MSG_PEEK | socket.MSG_DONTWAIT)) == 1000)
+            there.sendall(b"heard")
+            assert here.recv(10) == b"heard"
+            TcpLinks().ignore([Ends(*("{}:{}".format(*e.getsockname()) for e in (here, there)))])
+            there.setblocking(False)
+            with pytest.raises(BlockingIOError):  # the kernel has no more room on that side
+                while True:
+                    there.send(bytes(100_000))
             assert select.select([here], [], [], 0.05)[0] == []
+            here.sendall(b"said")
+            assert select.select([there], [], [], PATIENCE_S)[0] == [there]
+            assert there.recv(10) == b"said"
 
 
 def test_a_caller_who_tries_for_hours_does_not_fill_the_log(
