@@ -27,24 +27,33 @@ class Work(msgspec.Struct, frozen=True):
     """What to run, as one line of JSON on stdin."""
 
     arguments: list[str]  # of `python -m services`
-    log: str  # file for stdout and stderr, which is appended to
 
 
 def wait_for_work(prewarming: Prewarming) -> list[str] | None:
     """The arguments that it is told; None: it is not needed any more.
 
-    It closes the stdout that it was started with once it has imported everything.
+    It closes the stdout that it was started with once it has imported everything; what it prints
+    then goes to its stderr.
     """
-    until_imported = os.dup(1)
-    os.dup2(2, 1)  # some libraries greet
+    until_imported, log = os.dup(1), os.dup(2)
+    _become(os.devnull, 1, 2)  # some libraries greet
     _import(prewarming)
     os.close(until_imported)
     line = sys.stdin.buffer.readline()
     if not line.endswith(b"\n"):
         return None
     work = msgspec.json.decode(line, type=Work)
-    _append_to(work.log)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    os.close(log)
+    _become(os.devnull, 0)
     return work.arguments
+
+
+def _become(path: str, *descriptors: int) -> None:
+    with Path(path).open("r+b") as file:
+        for descriptor in descriptors:
+            os.dup2(file.fileno(), descriptor)
 
 
 def _import(prewarming: Prewarming) -> None:
@@ -63,12 +72,3 @@ def _import_io(service: str) -> None:
         for module in pkgutil.iter_modules([f"{folder}/{service}/io"]):
             with suppress(ImportError):
                 importlib.import_module(f"{services.__name__}.{service}.io.{module.name}")
-
-
-def _append_to(log: str) -> None:
-    # Where it cannot be opened, what is printed is lost, and everything else works.
-    with suppress(OSError), Path(log).open("ab") as file:
-        os.dup2(file.fileno(), 1)
-        os.dup2(file.fileno(), 2)
-    with Path(os.devnull).open("rb") as nothing:
-        os.dup2(nothing.fileno(), 0)

@@ -1,19 +1,16 @@
 """One child process: start, watch, end."""
 
 import contextlib
-import os
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO, NamedTuple, Protocol
 
-from services.runtime.config.disk import reason
 from services.runtime.os import system
 
 KILL_S = 0.5  # [s] in which a killed process is normally gone
 IDLE = "STt"  # states of a thread: asleep, stopped, stopped by a debugger
-TAIL = 4096  # [bytes] of a log in which its last line is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +33,10 @@ class Task:
 class Child(Protocol):
     """A process that was started."""
 
-    unlogged: str  # why what it prints is not kept; empty: it is
+    @property
+    def printed(self) -> IO[bytes] | None:
+        """What it prints; None: that is read elsewhere."""
+        ...
 
     @property
     def pid(self) -> int: ...
@@ -53,34 +53,37 @@ class Child(Protocol):
         """End it, and everything it has started."""
         ...
 
-    def last_words(self) -> str:
-        """The last line this process has written; empty if none."""
-        ...
+
+class Started(NamedTuple):
+    """A process, and what it prints."""
+
+    process: subprocess.Popen[bytes]
+    printed: IO[bytes]
 
 
-def started(task: Task, log: IO[bytes]) -> subprocess.Popen[bytes]:
+def started(task: Task) -> Started:
     """A new process in a session of its own, so that Ctrl-C in the terminal reaches only this
     program. Started, never forked: Zenoh's threads would not survive in a forked copy."""
-    return subprocess.Popen(
+    process = subprocess.Popen(
         task.command,
         stdin=system.STDIN,
-        stdout=log,
+        stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         **system.APART,
     )
+    assert process.stdout is not None
+    return Started(process, process.stdout)
 
 
 class OsChild:
     """A process of the operating system."""
 
-    def __init__(
-        self, task: Task, start: Callable[[Task, IO[bytes]], subprocess.Popen[bytes]] = started
-    ) -> None:
-        self._log = task.log
-        log_file, self.unlogged = _log_file(task.log)
-        with log_file as log:
-            self._begin = log.tell() if log.seekable() else 0
-            self._process = start(task, log)
+    def __init__(self, task: Task, start: Callable[[Task], Started] = started) -> None:
+        """
+        Raises:
+            OSError: it cannot be started now.
+        """
+        self._process, self.printed = start(task)
 
     @property
     def pid(self) -> int:
@@ -100,16 +103,6 @@ class OsChild:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(KILL_S)
 
-    def last_words(self) -> str:
-        try:
-            with self._log.open("rb") as log:
-                size = log.seek(0, os.SEEK_END)
-                log.seek(max(self._begin, size - TAIL))
-                lines = log.read().decode(errors="replace").split("\n")
-        except OSError:  # the log was removed, or never made
-            return ""
-        return next((line.strip() for line in reversed(lines) if line.strip()), "")
-
 
 def is_stuck(pid: int) -> bool:
     """Does a process do nothing, nor wait for a processor or a disk? False also where nobody can
@@ -120,15 +113,3 @@ def is_stuck(pid: int) -> bool:
     except OSError:  # a thread has just ended
         return False
     return bool(stats) and all(stat.rpartition(")")[2].split()[0] in IDLE for stat in stats)
-
-
-def _log_file(path: Path) -> tuple[IO[bytes], str]:
-    """The log, opened to append to it, for its owner alone: with the address in the cockpit's
-    whoever reads it could fly. If it cannot be: nowhere, and why, because a service matters more
-    than what it prints."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch(mode=0o600)
-        return path.open("ab"), ""
-    except OSError as error:
-        return Path(os.devnull).open("ab"), f"cannot write {path}: {reason(error)}"

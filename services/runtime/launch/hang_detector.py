@@ -13,6 +13,7 @@ from services.runtime.launch.lifecycle import Life
 
 SILENT_S = 1.0  # [s] without a heartbeat, which comes ten times a second at least
 STUCK_S = 0.3  # [s] the same, of one that does not even wait for a processor: it is not just late
+STARTING_S = 12.0  # [s] longer than a service waits for its hub
 PUNCTUAL_S = 0.25  # [s] between two looks: the time in between was there for everybody
 LATE_S = 0.5  # [s] between two looks: the whole computer was busy or asleep, not one process
 
@@ -34,6 +35,7 @@ class HangDetector:
     _looked: int | None = None  # [ns] last look
     _since: int = 0  # [ns] before this nothing is held against anybody
     _hopeless: set[str] = field(default_factory=set[str])
+    _given_up: dict[str, int] = field(default_factory=dict[str, int])  # lives that never began
 
     def look(
         self,
@@ -41,6 +43,7 @@ class HangDetector:
         lives: Mapping[str, Life],
         now: int,
         stuck: Callable[[str], bool] = lambda _: False,
+        idle: Callable[[str], bool] = lambda _: False,
     ) -> list[SilenceChange]:
         """What has changed.
 
@@ -48,6 +51,7 @@ class HangDetector:
             beats: [ns] newest heartbeat of each process; None: it has none yet.
             stuck: does it do nothing now, nor wait for a processor or a disk, and is not to be
                 waited for? Asked of those that are silent.
+            idle: does it do nothing now? Asked of those that take long to begin.
         """
         punctual = self._looked is not None and now - self._looked <= PUNCTUAL_S * 1e9
         if self._looked is None or now - self._looked > LATE_S * 1e9:
@@ -60,11 +64,22 @@ class HangDetector:
                 self._forget(name)  # it was started again meanwhile
             if life.phase != "running" or beat is None or beat < life.at:
                 self._forget(name)  # it has ended, or has not begun
+                waits = life.phase == "running" and now - life.at > STARTING_S * 1e9
+                if waits and life.lives > 1 and punctual and idle(name):
+                    changes += self._never_begins(name, life.lives)
                 continue
             silence_s = (now - max(beat, self._since)) / 1e9
             is_stuck = punctual and silence_s > STUCK_S and stuck(name)
             changes += self._judge(name, life.lives, silence_s, stuck=is_stuck)
         return changes
+
+    def _never_begins(self, name: str, lives: int) -> list[SilenceChange]:
+        """A process that was started again where there was no room for all its threads."""
+        if self._given_up.get(name) == lives:
+            return []
+        self._given_up[name] = lives
+        self.times[name] += 1
+        return [SilenceChange(name, "silent"), SilenceChange(name, "hopeless")]
 
     def _judge(
         self, name: str, lives: int, silence_s: float, *, stuck: bool

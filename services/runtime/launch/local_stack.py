@@ -246,7 +246,8 @@ class LocalStack:
             self._spares.keep(self._spared)  # earlier the others need the processor
         self._restore_sockets(now)
         beats = {name: last_beat(self.plan.heartbeat(name)) for name in self.supervisor.lives}
-        for name, what in self.hang_detector.look(beats, self.supervisor.lives, now, self._stuck):
+        lives = self.supervisor.lives
+        for name, what in self.hang_detector.look(beats, lives, now, self._stuck, self._idle):
             if what == "silent":
                 self._tell("error", f"{name} does not answer any more")
             elif what == "again":
@@ -261,9 +262,12 @@ class LocalStack:
 
     def _stuck(self, process: str) -> bool:
         """One on the way of the pilot's disarm, where a spare waits to take over."""
-        pid = self.supervisor.pids.get(process)
         spared = process in self.plan.spares and self._spares.has(process)
-        return spared and pid is not None and is_stuck(pid)
+        return spared and self._idle(process)
+
+    def _idle(self, process: str) -> bool:
+        pid = self.supervisor.pids.get(process)
+        return pid is not None and is_stuck(pid)
 
     def _restore_sockets(self, now: int) -> None:
         """A hub whose socket was removed is started again: no service that ends could come back."""

@@ -6,13 +6,12 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import IO
 
 import msgspec
 
 import services
 from services.runtime.hosts.prewarmed_process import Prewarming, Work
-from services.runtime.launch.child import Child, OsChild, Task, started
+from services.runtime.launch.child import Child, OsChild, Started, Task, started
 from services.runtime.os import system
 
 PYTHON = [sys.executable, "-P", "-m", services.__name__]  # -P: nothing of the user's folder
@@ -72,15 +71,17 @@ class ProcessPool:
                 process.wait()
         self._waiting.clear()
 
-    def _start(self, task: Task, log: IO[bytes]) -> Process:
+    def _start(self, task: Task) -> Started:
         waiting = self._waiting.pop(task.name, None)
         if waiting is None:
-            return started(task, log)
-        if _told(waiting, task, log):
-            return waiting
+            return started(task)
+        if _told(waiting, task):
+            assert waiting.stderr is not None
+            return Started(waiting, waiting.stderr)
         waiting.kill()
         waiting.wait()
-        return started(task, log)
+        _close(waiting)
+        return started(task)
 
 
 def _started(prewarming: Prewarming) -> Process:
@@ -88,7 +89,7 @@ def _started(prewarming: Prewarming) -> Process:
         [*PYTHON, "prewarm", msgspec.json.encode(prewarming).decode()],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
         **system.APART,
     )
 
@@ -99,24 +100,23 @@ def _has_imported(process: Process) -> bool:
     return process.stdout.closed or bool(select.select([process.stdout], [], [], 0.0)[0])
 
 
-def _told(waiting: Process, task: Task, log: IO[bytes]) -> bool:
+def _told(waiting: Process, task: Task) -> bool:
     """Hand a prewarmed process its task. False: it has ended, or the task is too long."""
-    work = Work(task.command[len(PYTHON) :], str(log.name))
-    line = msgspec.json.encode(work) + b"\n"
-    assert waiting.stdin is not None
+    line = msgspec.json.encode(Work(task.command[len(PYTHON) :])) + b"\n"
     told = waiting.poll() is None and len(line) <= LONGEST
     try:
         if told:
+            assert waiting.stdin is not None
             waiting.stdin.write(line)
             waiting.stdin.flush()
+            _close(waiting, but=waiting.stderr)
     except OSError:
         told = False
-    _close(waiting)
     return told
 
 
-def _close(process: Process) -> None:
-    for pipe in (process.stdin, process.stdout):
+def _close(process: Process, but: object = None) -> None:
+    for pipe in (process.stdin, process.stdout, process.stderr):
         with suppress(OSError):
-            if pipe is not None:
+            if pipe is not None and pipe is not but:
                 pipe.close()

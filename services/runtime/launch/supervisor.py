@@ -12,6 +12,7 @@ from typing import Literal
 
 from services.runtime.config.disk import reason
 from services.runtime.launch.child import Child, OsChild, Task
+from services.runtime.launch.child_log import ChildLog
 from services.runtime.launch.lifecycle import Action, Ended, Life, LifeEvent, advance
 
 NAME = "supervisor"  # its name on the bus
@@ -36,6 +37,8 @@ class Supervisor:
         self._tasks: dict[str, Task] = {}
         self._children: dict[str, Child] = {}
         self._seen: deque[str] = deque()  # filled from the bus's thread
+        self._logs: dict[str, ChildLog] = {}
+        self._unlogged: set[str] = set()  # of which it was said
         self._tell = tell
         self._spawn = spawn
         self._clock = clock
@@ -44,6 +47,7 @@ class Supervisor:
         """Start these at the next step."""
         for task in tasks:
             self._tasks[task.name] = task
+            self._logs[task.name] = ChildLog(task.log)
             self.lives[task.name] = Life(at=self._clock())
 
     def seen(self, name: str) -> None:
@@ -74,8 +78,11 @@ class Supervisor:
         while self._seen:
             self._handle(self._seen.popleft(), LifeEvent.SEEN)
         for name, child in list(self._children.items()):
+            if (why := self._logs[name].unlogged) and name not in self._unlogged:
+                self._unlogged.add(name)
+                self._tell("warning", f"{name} runs without a log: {why}")
             if (status := child.ended()) is not None:
-                self._ended(name, child, status)
+                self._ended(name, status)
         for name in self.lives:
             self._handle(name, LifeEvent.TICK)
 
@@ -86,6 +93,8 @@ class Supervisor:
             for name in names:
                 self._handle(name, LifeEvent.STOP)
             self._wait_for(names)
+        for log in self._logs.values():
+            log.close()
 
     def _wait_for(self, names: list[str]) -> None:
         deadline = self._clock() + round(PATIENCE_S * 1e9)
@@ -121,13 +130,14 @@ class Supervisor:
             why = reason(error) if isinstance(error, OSError) else why
             self._tell("error", f"{who} could not be started: {why}; tried again")
             return
-        if child.unlogged:
-            self._tell("warning", f"{name} runs without a log: {child.unlogged}")
+        self._unlogged.discard(name)
+        if child.printed is not None:
+            self._logs[name].follow(child.printed)
 
-    def _ended(self, name: str, child: Child, status: int) -> None:
+    def _ended(self, name: str, status: int) -> None:
         del self._children[name]
         self._handle(name, Ended(status))
-        words = child.last_words()
+        words = self._logs[name].last_line()
         phase = self.lives[name].phase
         if phase == "failed":
             sentence = in_words(name, words, self._tasks[name])

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
+from services.runtime.config.disk import reason
 from services.runtime.os import system
 
 CLOSE_S = 1.0  # [s] at most, for the last checkpoint to reach a slow disk
@@ -54,6 +55,7 @@ class CheckpointFile:
     While one checkpoint is being written, only the newest of the following ones is kept."""
 
     def __init__(self, path: Path) -> None:
+        self.why = ""  # the last one could not be written
         self._path = path
         self._newest: bytes | None = None  # waits to be written
         self._failed = 0
@@ -89,9 +91,10 @@ class CheckpointFile:
         while (data := self._next()) is not None:
             try:
                 write_safely(self._path, data)
-            except (OSError, MemoryError):  # the thread goes on: later there may be room again
+            except (OSError, MemoryError) as error:  # later there may be room again
                 with self._changed:
                     self._failed += 1
+                    self.why = reason(error) if isinstance(error, OSError) else "no memory"
 
     def _next(self) -> bytes | None:
         """Wait for a checkpoint to write; None: there is none and the file is being closed."""

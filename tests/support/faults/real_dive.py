@@ -34,14 +34,20 @@ class RealFaultDive:
     """Armed and settled when `real_dive` yields it."""
 
     def __init__(
-        self, mode: FlownMode, folder: Path, exits: ExitStack, more: Sequence[str]
+        self,
+        mode: FlownMode,
+        folder: Path,
+        exits: ExitStack,
+        more: Sequence[str],
+        out: Path,
+        modules: Path | None,
     ) -> None:
         """
         Raises:
             RuntimeError: it ends before it is armed.
         """
         self.seen = Observed()
-        self.folder, self.out = folder, folder / "dive"
+        self.folder, self.out, self._modules = folder, out, modules
         self.ended: float | None = None
         self._vertical = mode.vertical
         self._read = 0  # [bytes] of the terminal
@@ -78,9 +84,16 @@ class RealFaultDive:
         command += ["--pilot", f"script:{script}", "--vehicle", mode.vehicle, *more]
         for setting in SETTINGS:
             command += ["--set", setting]
+        environment = dict(os.environ)
+        if self._modules is not None:
+            environment["PYTHONPATH"] = str(self._modules)
         with self._screen.open("wb") as screen:
             return subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=screen, stderr=subprocess.STDOUT
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=screen,
+                stderr=subprocess.STDOUT,
+                env=environment,
             )
 
     def _node(self, side: str, exits: ExitStack) -> Node:
@@ -199,11 +212,19 @@ class RealFaultDive:
 
 
 @contextmanager
-def real_dive(mode: FlownMode, folder: Path, *more: str) -> Generator[RealFaultDive]:
+def real_dive(
+    mode: FlownMode,
+    folder: Path,
+    *more: str,
+    out: Path | None = None,
+    modules: Path | None = None,
+) -> Generator[RealFaultDive]:
     """
     Args:
         folder: an empty one, for the script, the terminal's output and the dive's folder.
         more: words for the command line.
+        out: another dive's folder.
+        modules: folder where Python looks for modules before its own.
     """
     with ExitStack() as exits:
-        yield RealFaultDive(mode, folder, exits, more)
+        yield RealFaultDive(mode, folder, exits, more, out or folder / "dive", modules)

@@ -57,13 +57,12 @@ FIRST_PID = 1000
 class VirtualProcess:
     """A child of the supervisor: a service, or a hub."""
 
-    unlogged = ""
     pid = 0
+    printed = None
 
     def __init__(self, end: Callable[[], None]) -> None:
         self._end = end
         self._status: int | None = None
-        self._words = ""
 
     def ended(self) -> int | None:
         return self._status
@@ -74,12 +73,9 @@ class VirtualProcess:
     def kill(self) -> None:
         self.end(-9)
 
-    def last_words(self) -> str:
-        return self._words
-
-    def end(self, status: int, words: str = "") -> None:
+    def end(self, status: int) -> None:
         if self._status is None:
-            self._status, self._words = status, words
+            self._status = status
             self._end()
 
 
@@ -250,8 +246,7 @@ class VirtualDive:
 
     def fail(self, name: str) -> None:
         """As an exception in a handler does."""
-        words = f"lindy {name}: an error in Lindy itself: {name} failed: ValueError"
-        self._processes[name].end(1, words)
+        self._processes[name].end(1)
 
     def stop(self, name: str) -> None:
         """As SIGSTOP does."""

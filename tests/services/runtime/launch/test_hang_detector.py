@@ -7,6 +7,7 @@ from services.runtime.launch.hang_detector import (
     LATE_S,
     PUNCTUAL_S,
     SILENT_S,
+    STARTING_S,
     STUCK_S,
     HangDetector,
     SilenceChange,
@@ -89,3 +90,19 @@ def test_each_time_is_counted() -> None:
             now += STEP_NS
             answering.look({"control": beat}, life, now)
         assert answering.times == {"control": times}
+
+
+@given(st.integers(1, 3), st.booleans(), st.booleans())
+def test_what_was_started_again_and_does_nothing_never_begins_and_is_ended_once(
+    lives: int, idle: bool, has_beaten: bool
+) -> None:
+    """The first start is waited for by who starts the dive."""
+    answering, life = HangDetector(), Life(phase="running", at=1, lives=lives)
+    named: list[tuple[float, SilenceChange]] = []
+    for now in range(1, round(3 * STARTING_S * 1e9), STEP_NS):
+        beats = {"control": 0 if has_beaten else None}  # of the life before
+        changes = answering.look(beats, {"control": life}, now, idle=lambda _: idle)
+        named += [(now / 1e9, change) for change in changes]
+    expected = ["silent", "hopeless"] if idle and lives > 1 else []
+    assert [change.what for _, change in named] == expected
+    assert all(at > STARTING_S for at, _ in named)

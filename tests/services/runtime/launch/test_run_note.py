@@ -1,5 +1,7 @@
 """The note of a running dive, where the disk takes it only for a while."""
 
+import itertools
+import os
 from pathlib import Path
 
 import msgspec
@@ -10,21 +12,22 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.process_plan import ProcessPlan
 from services.runtime.launch.run_note import RETRY_NS, RunNote
+from tests.support.patience import until
 
 
 def test_a_note_that_cannot_be_written_is_said_once_and_tried_again(tmp_path: Path) -> None:
-    out, said = tmp_path / "dive", list[str]()
+    out, said, now = tmp_path / "dive", list[str](), itertools.count(0, RETRY_NS // 10)
     note = RunNote(ProcessPlan(Stack(out=str(out)), Registry.read(), tmp_path), said.append)
-    for now in range(0, 3 * RETRY_NS, RETRY_NS // 10):
-        note.update({"control": 7}, now)
-    assert said == [f"cannot write {out / RUNNING}: no such file or directory"]
+    until(lambda: note.update({"control": 7}, next(now)) or said)
+    for _ in range(30):
+        note.update({"control": 7}, next(now))
     out.mkdir()
-    note.update({"control": 7}, 3 * RETRY_NS)
+    until(lambda: note.update({"control": 7}, next(now)) or (out / RUNNING).exists())
     found = msgspec.json.decode((out / RUNNING).read_bytes(), type=Running)
     assert found.pids == {"control": 7}
     note.remove()
     assert list(out.iterdir()) == []
-    assert len(said) == 1
+    assert said == [f"cannot write {out / RUNNING}: no such file or directory"]
 
 
 def test_a_disk_that_has_become_read_only_ends_nothing(
@@ -33,12 +36,26 @@ def test_a_disk_that_has_become_read_only_ends_nothing(
     said = list[str]()
     note = RunNote(ProcessPlan(Stack(out=str(tmp_path)), Registry.read(), tmp_path), said.append)
     note.update({"control": 7}, 0)
+    until(lambda: (tmp_path / RUNNING).exists())
 
     def refuse(*_: object, **__: object) -> None:
         raise OSError(30, "Read-only file system")
 
-    for change in ("write_bytes", "replace", "unlink"):
-        monkeypatch.setattr(Path, change, refuse)
-    note.update({"control": 8}, 1)
-    note.remove()
+    with monkeypatch.context() as patched:
+        for change in ("open", "replace", "unlink"):
+            patched.setattr(Path, change, refuse)
+        until(lambda: note.update({"control": 8}, 1) or said)
+        note.remove()
     assert said == [f"cannot write {tmp_path / RUNNING}: read-only file system"]
+
+
+def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "run.new")  # whoever opens it waits for a reader
+    note = RunNote(ProcessPlan(Stack(out=str(tmp_path)), Registry.read(), tmp_path), print)
+    now = itertools.count(0, RETRY_NS)
+    for pid in range(5):
+        note.update({"control": pid}, next(now))  # returns
+    assert not (tmp_path / RUNNING).exists()
+    reader = os.open(tmp_path / "run.new", os.O_RDONLY | os.O_NONBLOCK)
+    until(lambda: note.update({"control": 5}, next(now)) or (tmp_path / RUNNING).exists())
+    os.close(reader)

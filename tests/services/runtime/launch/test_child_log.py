@@ -1,0 +1,64 @@
+"""The log of a child, also on a disk that hangs."""
+
+import os
+import stat
+from pathlib import Path
+from typing import IO
+
+from services.runtime.launch.child_log import ChildLog
+from tests.support.patience import until
+
+
+def pipe() -> tuple[int, IO[bytes]]:
+    reads, writes = os.pipe()
+    return writes, os.fdopen(reads, "rb")
+
+
+def printed(log: ChildLog, *texts: bytes) -> None:
+    """By one process that then ends."""
+    writes, reads = pipe()
+    log.follow(reads)
+    for text in texts:
+        os.write(writes, text)
+    os.close(writes)
+
+
+def test_what_several_processes_print_is_appended_and_the_last_line_is_the_newest_ones(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "logs" / "toy.log"
+    log = ChildLog(path)
+    assert log.last_line() == ""
+    printed(log, b"first\n", b"of one\n")
+    until(lambda: log.last_line() == "of one")
+    printed(log, b"of another\n\n")
+    until(lambda: log.last_line() == "of another")
+    printed(log)
+    until(lambda: log.last_line() == "")
+    assert path.read_text() == "first\nof one\nof another\n\n"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert log.unlogged == ""
+    log.close()
+
+
+def test_whoever_prints_goes_on_while_the_disk_hangs(tmp_path: Path) -> None:
+    path = tmp_path / "toy.log"
+    os.mkfifo(path)  # whoever opens it to write waits for a reader
+    log = ChildLog(path)
+    printed(log, b"printed\n")  # returns
+    printed(log, b"by another one\n")
+    assert log.last_line() == ""
+    reader = os.open(path, os.O_RDONLY)
+    until(lambda: log.last_line() == "by another one")
+    assert os.read(reader, 1000) == b"printed\nby another one\n"
+    os.close(reader)
+    log.close()
+
+
+def test_a_log_that_cannot_be_written_is_said_and_the_last_line_is_known(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    log = ChildLog(tmp_path / "file" / "toy.log")
+    printed(log, b"printed\n")
+    until(lambda: log.last_line() == "printed")
+    assert log.unlogged.startswith(f"cannot write {tmp_path}/file/toy.log: ")
+    log.close()
