@@ -197,6 +197,9 @@ def judged(folder: Path, soak: FleetSoak) -> bool:
         lost = missing > 0 and not stopped
         well = well and not (lost or damage or found.mixed_up or found.stale)
     for topside in sorted(folder.glob("desk*-*/")):
+        if not any(topside.rglob("*.mcap")):
+            print(f"{topside.name}: nothing recorded: its drone was not reached in its time")
+            continue
         recording = open_recording(topside)
         messages = sum(1 for _ in recording)
         damage = "; ".join(recording.damage) or "whole"
