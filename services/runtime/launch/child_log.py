@@ -35,10 +35,16 @@ class ChildLog:
 
     def follow(self, printed: IO[bytes]) -> None:
         """What comes from there, to its end."""
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._copy_all, daemon=True)
-            self._thread.start()
         self.unlogged, self._tail = "", b""
+        if self._thread is None:
+            thread = threading.Thread(target=self._copy_all, daemon=True)
+            try:
+                thread.start()
+            except RuntimeError:
+                self.unlogged = "this computer has no room for another thread"
+                printed.close()
+                return
+            self._thread = thread
         self._whole.clear()
         self._pipes.put(printed)
 

@@ -2,8 +2,11 @@
 
 import os
 import stat
+import threading
 from pathlib import Path
 from typing import IO
+
+import pytest
 
 from services.runtime.launch.child_log import ChildLog
 from tests.support.patience import until
@@ -61,4 +64,22 @@ def test_a_log_that_cannot_be_written_is_said_and_the_last_line_is_known(tmp_pat
     printed(log, b"printed\n")
     until(lambda: log.last_line() == "printed")
     assert log.unlogged.startswith(f"cannot write {tmp_path}/file/toy.log: ")
+    log.close()
+
+
+def test_a_computer_without_room_for_a_thread_starts_a_child_without_a_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    log, (writes, reads) = ChildLog(tmp_path / "toy.log"), pipe()
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", refuse)
+        log.follow(reads)
+    assert log.unlogged == "this computer has no room for another thread"
+    os.close(writes)
+    printed(log, b"later\n")
+    until(lambda: log.last_line() == "later")
+    assert log.unlogged == ""
     log.close()

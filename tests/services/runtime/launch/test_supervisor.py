@@ -255,11 +255,9 @@ def test_a_child_whose_log_cannot_be_written_or_read_runs_all_the_same(
 ) -> None:
     (tmp_path / "file").touch()
     toys.supervisor.add([Task("toy", [sys.executable, "-S", "-c", SLEEP], tmp_path / "file/log")])
-    toys.supervisor.step()
-    toys.supervisor.seen("toy")
-    first = toys.supervisor.pids["toy"]
-    os.kill(first, 9)
-    toys.until(lambda: toys.supervisor.pids.get("toy", first) != first)
     warning = f"toy runs without a log: cannot write {tmp_path}/file/log: "
+    toys.until(lambda: sum(text.startswith(warning) for text in toys.told) == 1)
+    toys.supervisor.seen("toy")
+    os.kill(toys.supervisor.pids["toy"], 9)
     toys.until(lambda: sum(text.startswith(warning) for text in toys.told) == 2)
     assert toys.supervisor.failure is None
