@@ -5,7 +5,7 @@ the business of `lifecycle.py`; this is about one that has not, and whose loop d
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -13,9 +13,22 @@ from services.runtime.launch.lifecycle import Life
 
 SILENT_S = 1.0  # [s] without a heartbeat, which comes ten times a second at least
 STUCK_S = 0.3  # [s] the same, of one that does not even wait for a processor: it is not just late
+HEARD_S = 5.0  # [s] in which everybody is heard who lives, which is once a second
 STARTING_S = 12.0  # [s] longer than a service waits for its hub
 PUNCTUAL_S = 0.25  # [s] between two looks: the time in between was there for everybody
 LATE_S = 0.5  # [s] between two looks: the whole computer was busy or asleep, not one process
+
+
+def is_unheard(life: Life, own: Collection[int], beside: Collection[int]) -> bool:
+    """A process that was started again where there was no memory may go round and be heard by
+    nobody, because its link or its hub lacks a thread, while others of its side are heard.
+
+    Args:
+        own: [ns] when each of its services was heard last.
+        beside: [ns] the same, of the services of its side.
+    """
+    since_start = max(beside, default=0) - life.at
+    return bool(life.restarts and own) and min(own) < life.at and since_start > HEARD_S * 1e9
 
 
 class SilenceChange(NamedTuple):

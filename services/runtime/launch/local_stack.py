@@ -29,7 +29,8 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.launch.aliveness import Aliveness
 from services.runtime.launch.busy import Busyness
 from services.runtime.launch.child import is_stuck
-from services.runtime.launch.hang_detector import HangDetector
+from services.runtime.launch.hang_detector import HangDetector, is_unheard
+from services.runtime.launch.lifecycle import Life
 from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
 from services.runtime.launch.process_pool import ProcessPool
 from services.runtime.launch.run_note import RunNote
@@ -68,6 +69,7 @@ class LocalStack:
         self.replaced = False  # by another one of this program, which goes on
         self._systemd = Systemd(os.environ, os.getpid())
         self._watch_at = 0  # [ns] next look at the heartbeats
+        self._heard: dict[str, int] = {}  # [ns] services' newest health
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._wake = threading.Event()
         self._has_node = False
@@ -204,6 +206,7 @@ class LocalStack:
     def _hear_health(self, health: Health, now: int) -> None:
         if health.service not in self.plan.services:
             return  # of the other machine
+        self._heard[health.service] = now
         shared = any(len(names) > 2 for names in self.plan.processes.values())
         advice = "lindy simulate" if shared else "--grouped, or lindy simulate"
         if (sentence := self._busyness.see(health, now, advice)) is not None:
@@ -245,8 +248,11 @@ class LocalStack:
         if self._spared is not None and set(self.missing()) <= set(SLOW):
             self._spares.keep(self._spared)  # earlier the others need the processor
         self._restore_sockets(now)
-        beats = {name: last_beat(self.plan.heartbeat(name)) for name in self.supervisor.lives}
         lives = self.supervisor.lives
+        beats = {
+            name: last_beat(self.plan.heartbeat(name)) if self._has_begun(name, life) else None
+            for name, life in lives.items()
+        }
         for name, what in self.hang_detector.look(beats, lives, now, self._stuck, self._idle):
             if what == "silent":
                 self._tell("error", f"{name} does not answer any more")
@@ -259,6 +265,15 @@ class LocalStack:
             set(self.plan.processes.get(name, ())) & set(LAST) for name in self.hang_detector.silent
         ):
             self._systemd.works(now)
+
+    def _has_begun(self, process: str, life: Life) -> bool:
+        own, services = self.plan.processes.get(process, ()), self.plan.services
+        sides = [spec.sides for name in own if (spec := services.get(name)) is not None]
+        beside = [name for name, spec in services.items() if spec.sides in sides]
+        heard = self._heard
+        return not is_unheard(
+            life, [heard.get(n, 0) for n in own], [heard.get(n, 0) for n in beside]
+        )
 
     def _stuck(self, process: str) -> bool:
         """One on the way of the pilot's disarm, where a spare waits to take over."""

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.runtime.launch.hang_detector import (
+    HEARD_S,
     LATE_S,
     PUNCTUAL_S,
     SILENT_S,
@@ -11,6 +12,7 @@ from services.runtime.launch.hang_detector import (
     STUCK_S,
     HangDetector,
     SilenceChange,
+    is_unheard,
 )
 from services.runtime.launch.lifecycle import Life, Phase
 
@@ -106,3 +108,13 @@ def test_what_was_started_again_and_does_nothing_never_begins_and_is_ended_once(
     expected = ["silent", "hopeless"] if idle and lives > 1 else []
     assert [change.what for _, change in named] == expected
     assert all(at > STARTING_S for at, _ in named)
+
+
+@given(st.integers(1, 3), st.integers(0, 20), st.lists(st.integers(0, 20)))
+def test_only_one_that_was_started_again_is_missed_and_only_where_others_are_heard(
+    lives: int, own: int, beside: list[int]
+) -> None:
+    life = Life(phase="running", at=10 * 10**9, lives=lives)
+    unheard = is_unheard(life, [own * 10**9], [each * 10**9 for each in beside])
+    assert unheard == (lives > 1 and own < 10 and any(each > 10 + HEARD_S for each in beside))
+    assert not is_unheard(life, [], [20 * 10**9]), "a hub says nothing of itself"
