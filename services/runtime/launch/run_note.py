@@ -37,6 +37,7 @@ class RunNote:
             pids: of the processes, by the names of their services and of the hubs.
             now: [ns] by any clock.
         """
+        self._said = self._said and bool(self._file.why)
         if self._file.failures():
             self._again_ns = now + RETRY_NS
             if not self._said:

@@ -47,7 +47,8 @@ class Supervisor:
         """Start these at the next step."""
         for task in tasks:
             self._tasks[task.name] = task
-            self._logs[task.name] = ChildLog(task.log)
+            if task.name not in self._logs:  # it may be added again, by the same log
+                self._logs[task.name] = ChildLog(task.log)
             self.lives[task.name] = Life(at=self._clock())
 
     def seen(self, name: str) -> None:

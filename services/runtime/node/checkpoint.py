@@ -55,7 +55,7 @@ class CheckpointFile:
     While one checkpoint is being written, only the newest of the following ones is kept."""
 
     def __init__(self, path: Path) -> None:
-        self.why = ""  # the last one could not be written
+        self.why = ""  # the last one could not be written; empty: it was
         self._path = path
         self._newest: bytes | None = None  # waits to be written
         self._failed = 0
@@ -91,6 +91,7 @@ class CheckpointFile:
         while (data := self._next()) is not None:
             try:
                 write_safely(self._path, data)
+                self.why = ""
             except (OSError, MemoryError) as error:  # later there may be room again
                 with self._changed:
                     self._failed += 1
@@ -110,7 +111,7 @@ def write_safely(path: Path, data: bytes) -> None:
     Raises:
         OSError: the disk failed; the file is unchanged, and nothing is left beside it.
     """
-    fresh = path.with_suffix(".new")
+    fresh = path.with_name(f".{path.name}.new")  # nobody else's, in a folder with files of others
     try:
         with fresh.open("wb") as file:
             file.write(data)

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import shutil
 from pathlib import Path
 
 import msgspec
@@ -25,9 +26,13 @@ def test_a_note_that_cannot_be_written_is_said_once_and_tried_again(tmp_path: Pa
     until(lambda: note.update({"control": 7}, next(now)) or (out / RUNNING).exists())
     found = msgspec.json.decode((out / RUNNING).read_bytes(), type=Running)
     assert found.pids == {"control": 7}
+    (out / "run.new").write_text("of somebody else")
+    shutil.move(out, tmp_path / "away")  # a second time it is said again
+    until(lambda: note.update({"control": next(now)}, next(now)) or len(said) == 2)
+    shutil.move(tmp_path / "away", out)
     note.remove()
-    assert list(out.iterdir()) == []
-    assert said == [f"cannot write {out / RUNNING}: no such file or directory"]
+    assert [path.name for path in out.iterdir()] == ["run.new"]
+    assert said == [f"cannot write {out / RUNNING}: no such file or directory"] * 2
 
 
 def test_a_disk_that_has_become_read_only_ends_nothing(
@@ -50,12 +55,12 @@ def test_a_disk_that_has_become_read_only_ends_nothing(
 
 
 def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "run.new")  # whoever opens it waits for a reader
+    os.mkfifo(tmp_path / ".run.json.new")  # whoever opens it waits for a reader
     note = RunNote(ProcessPlan(Stack(out=str(tmp_path)), Registry.read(), tmp_path), print)
     now = itertools.count(0, RETRY_NS)
     for pid in range(5):
         note.update({"control": pid}, next(now))  # returns
     assert not (tmp_path / RUNNING).exists()
-    reader = os.open(tmp_path / "run.new", os.O_RDONLY | os.O_NONBLOCK)
+    reader = os.open(tmp_path / ".run.json.new", os.O_RDONLY | os.O_NONBLOCK)
     until(lambda: note.update({"control": 5}, next(now)) or (tmp_path / RUNNING).exists())
     os.close(reader)
