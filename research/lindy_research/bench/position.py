@@ -59,7 +59,7 @@ def figures(*, quick: bool = False) -> list[Figure]:
         told = max(each(dives.told_without_lock, SEEDS))
         found.append(_judged("lock lost: told after", told, TOLD, "s"))
         fish = max(each(dives.moved_by_fish, SEEDS))
-        found.append(_judged("fish for 0.9 s: moved", fish, PLACE))
+        found.append(_judged("fish at 0.3 m/s for 2 s: moved", fish, PLACE))
     return [*found, _judged("DVL driver at 26 Hz, of a core", _cost(), SHARE, "%")]
 
 

@@ -114,12 +114,12 @@ def told_without_lock(seed: int) -> float:
 
 
 def moved_by_fish(seed: int) -> float:
-    """[m] By which fish that pass for 0.9 s at 0.5 m/s move a drone that keeps its place."""
+    """[m] By which fish that pass for 2 s at 0.3 m/s move a drone that keeps its place."""
     dive = sortie(seed, []).until(14.0)
     dive.hold("station_keeping")
     dive.until(24.0)
-    dive.set_faults("sensor/dvl", "wrong_lock", 0.5)
-    dive.until(24.9)
+    dive.set_faults("sensor/dvl", "wrong_lock", 0.3)
+    dive.until(26.0)
     dive.set_faults("sensor/dvl", "none")
     dive.until(40.0)
     t, place, _ = _places(dive)

@@ -25,6 +25,7 @@ from services.estimation.horizontal.horizontal_filter import (
     Pair,
 )
 from services.estimation.horizontal.hull_model import HullModel
+from services.estimation.horizontal.lock import BottomLock
 from services.estimation.horizontal.measurement_buffer import (
     BufferNode,
     Correction,
@@ -116,6 +117,7 @@ class HorizontalObserver:
         self._begun_ns = 0
         self._heard: dict[str, int] = {}  # [ns] stamp of the last accepted sample
         self._outliers = {key: list[int]() for key in VALID_FOR}  # [ns] stamps, those in a row
+        self._lock = BottomLock()
         self._values = self._variances = [0.0] * ekf.SIZE  # of the newest node
         self._error = 0.0  # [rad] of the compass there
         self._now: tuple[float, float, float, float] | None = None  # cache of `_mean`
@@ -146,6 +148,7 @@ class HorizontalObserver:
         if self._hull is not None and self._thrust is not None and recent:
             force = self._hull.force(self._thrust)
         self._open.add(dt, measured, motion.yaw_rate, force)
+        self._lock.sink(motion.depth_rate * dt)
         return self._close(at_ns) if at_ns - self._buffer.last.stamp_ns >= INTERVAL_NS else None
 
     def actuation(self, sample: Actuation) -> Event | None:
@@ -163,6 +166,7 @@ class HorizontalObserver:
         if measured is None:
             return None
         first = std if self._started else hypot(std, MOST_CHANGE * self._age(sample.stamp_ns))
+        self._lock.see(sample.altitude, sample.stamp_ns, hypot(*measured[:2]))
         return self._use(
             DVL,
             sample.stamp_ns,
@@ -342,7 +346,8 @@ class HorizontalObserver:
         innovation = model(node.estimate, node.interval)
         surprise = ekf.surprise(node.estimate, innovation)
         seen = Compared(node.estimate, innovation, surprise)
-        if surprise <= GATE**2:
+        swims = key == DVL and self._lock.swims(surprise)
+        if surprise <= GATE**2 and not swims:
             self._note(key, stamp_ns, values, seen, None)
             return self._accept(
                 key, stamp_ns, node, lambda e, interval: ekf.corrected(e, model(e, interval))
@@ -366,6 +371,8 @@ class HorizontalObserver:
     ) -> Event | None:
         self._outliers[key].clear()
         self._heard[key] = max(stamp_ns, self._heard.get(key, stamp_ns))
+        if key == DVL:
+            self._lock.believe()
         self._fixed = self._fixed or key == USBL
         self._buffer.correct(node, correction)
         return self._read_out()

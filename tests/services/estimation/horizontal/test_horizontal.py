@@ -37,6 +37,7 @@ class Voyage:
     usbl: bool = True
     spike: float = 0.0  # [m] on the fixes
     fish: float = 0.0  # [m/s] ahead, that the DVL takes for the bottom
+    altitude: float | None = None  # [m] as the DVL says it
     every: int = 100  # [10 ms] between two samples of the DVL
     observer: HorizontalObserver = field(default_factory=HorizontalObserver)
     counts: Counter[str] = field(default_factory=Counter[str])
@@ -66,7 +67,10 @@ class Voyage:
 
     def velocity(self, now: int) -> DvlSample:
         u, v, w = (self.dvl_std * self.rng.standard_normal(3)).tolist()
-        return DvlSample(stamp_ns=now, velocity=(0.8 - self.fish + u, v, w), std=self.dvl_std)
+        ahead = 0.8 - self.fish + u
+        return DvlSample(
+            stamp_ns=now, velocity=(ahead, v, w), std=self.dvl_std, altitude=self.altitude
+        )
 
     def fix(self, t: float, now: int) -> UsblSample:
         (x, y), (a, b) = self.place(t), (self.usbl_std * self.rng.standard_normal(2)).tolist()
@@ -186,6 +190,33 @@ def test_fish_that_pass_below_are_not_the_bottom_however_often_they_are_seen(eve
     found = voyage.observer.estimates(voyage.k * S // 100)
     assert found.surge is not None
     assert found.surge.value == pytest.approx(0.8, abs=0.05)
+
+
+@pytest.mark.parametrize("fish", [0.3, -0.3, 0.1, 0.6])
+def test_fish_half_way_down_are_told_by_the_altitude_however_slowly_they_swim(fish: float) -> None:
+    voyage = Voyage(usbl=False, every=10, altitude=5.0)
+    voyage.run(30.0)
+    place = voyage.error()
+    voyage.fish, voyage.altitude = fish, 2.5
+    voyage.run(2.0)
+    voyage.fish, voyage.altitude = 0.0, 5.0
+    voyage.run(5.0)
+    assert voyage.counts["restarted:velocity"] == 0
+    assert abs(voyage.error() - place) < 0.06  # without the altitude 0.4 to 0.8 m
+
+
+def test_a_step_of_the_bottom_changes_nothing() -> None:
+    errors = list[float]()
+    for step in (0.0, 2.5):
+        voyage = Voyage(usbl=False, every=10, altitude=5.0)
+        voyage.run(30.0)
+        voyage.altitude = 5.0 - step
+        voyage.run(20.0)
+        voyage.altitude = 5.0
+        voyage.run(20.0)
+        errors.append(voyage.error())
+        assert voyage.counts["outlier:sensor/dvl"] == 0
+    assert errors[0] == errors[1]
 
 
 def test_a_bottom_that_moves_for_good_is_believed_in_the_end() -> None:

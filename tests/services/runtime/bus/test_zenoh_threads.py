@@ -39,10 +39,11 @@ with open_bus(sys.argv[1], "pioneer") as bus:
     def hear(envelope):
         (speak if envelope.payload.endswith(b"zenoh") else todo.append)(envelope.payload)
     bus.hear("log/plan", hear)
-    while b"end" not in todo:
-        while todo:
+    while todo[:1] != [b"end"]:
+        if todo:
             speak(todo.pop(0))
-        time.sleep(0.005)
+        else:
+            time.sleep(0.005)
 """
 THREADS = """
 import os, sys
