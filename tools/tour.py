@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 from math import degrees
 from typing import NamedTuple
 
-import msgspec
-
 from messages import topics
 from messages.message import Message
 from messages.reference import Reference
@@ -151,10 +149,9 @@ def tour(*, dive: RunningDive = None) -> int:
 
     running = dive_in(dive)
     guide, newest = Tour(), dict[str, Message]()
-    decoders = {topic.key: msgspec.msgpack.Decoder(topic.message).decode for topic in HEARD}
 
-    def take(key: str, payload: bytes, now: Ns) -> None:
-        newest[key] = decoders[key](payload)
+    def take(key: str, message: Message, _size: int, now: Ns) -> None:
+        newest[key] = message
         status, state, reference = (newest.get(topic.key) for topic in HEARD)
         if (
             isinstance(status, VehicleStatus)

@@ -8,9 +8,10 @@ from cyclopts import App, Parameter
 
 from messages import topics
 from messages.link import Clock
-from messages.payload import UNDECODABLE
+from messages.message import Message
+from messages.text import harmless
 from messages.topic import AnyTopic, Side
-from services.runtime.config.errors import LindyError
+from messages.units import Ns
 from tools.choices import RunningDive, UntilCtrlC, Whole
 from tools.topic.figures import HEADINGS, HeardStream, SenderClock, aligned
 
@@ -59,22 +60,15 @@ def echo(
     from tools.topic.listening import listen, named, side_of
 
     wanted = named([key])
-    running, unread = dive_in(dive), 0
-    decode = msgspec.msgpack.Decoder(wanted[0].message).decode
+    running = dive_in(dive)
 
-    def take(key: str, payload: bytes, _: int) -> None:
-        nonlocal unread
-        try:
-            message = decode(payload)
-        except UNDECODABLE:
-            unread += 1
-            return
-        print(msgspec.json.encode({"topic": key, "message": message}).decode(), flush=True)
+    def take(key: str, message: Message, _size: int, _at: Ns) -> None:
+        line = msgspec.json.encode({"topic": key, "message": message}).decode()
+        print(harmless(line), flush=True)
 
-    at = side_of(running, wanted, side)
-    listen(running, at, wanted, take, None, count=count, seconds=seconds)
-    if unread:
-        raise LindyError(f"{unread} messages on {key} could not be read")
+    listen(
+        running, side_of(running, wanted, side), wanted, take, None, count=count, seconds=seconds
+    )
     return 0
 
 
@@ -141,19 +135,15 @@ def _measured(
 
     asked = named(keys)
     running = dive_in(dive)
-    at = side_of(running, asked, side)
-    clock = SenderClock(at, apart=len(running.endpoints) == 1)
+    here = side_of(running, asked, side)
+    clock = SenderClock(here, apart=len(running.endpoints) == 1)
     found = {each.key: HeardStream() for each in asked if not each.is_family}
-    stamp = msgspec.msgpack.Decoder(_Stamp).decode
 
-    def take(key: str, payload: bytes, now: int) -> None:
-        row = topics.find(key)
-        if row is None:
-            return  # the subscriptions are those of the table
-        if row is topics.CLOCK:
-            clock.offset_ns = msgspec.msgpack.decode(payload, type=Clock).offset_ns
-        age = clock.age(row, stamp(payload).stamp_ns, now)
-        found.setdefault(key, HeardStream()).hear(len(payload), age, now)
+    def take(key: str, message: Message, size: int, at: Ns) -> None:
+        if isinstance(message, Clock):
+            clock.offset_ns = message.offset_ns
+        age = clock.age(_row(key), message.stamp_ns, at)
+        found.setdefault(key, HeardStream()).hear(size, age, at)
 
     def draw() -> list[str]:
         heard = sorted((key, figures) for key, figures in found.items())
@@ -161,12 +151,8 @@ def _measured(
         return aligned([("topic", *HEADINGS[what]), *cells])
 
     also = [topics.CLOCK] if what == "delay" and clock.apart else []
-    listen(running, at, [*(asked or topics.ALL), *also], take, draw, count=count, seconds=seconds)
+    listen(running, here, [*(asked or topics.ALL), *also], take, draw, count=count, seconds=seconds)
     return 0
-
-
-class _Stamp(msgspec.Struct):
-    stamp_ns: int
 
 
 def _row(key: str) -> AnyTopic:

@@ -2,13 +2,16 @@
 
 import sys
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Collection
 from contextlib import ExitStack
 
 from rich.text import Text
 
 from messages import topics
+from messages.message import Message
+from messages.payload import PayloadDecoder
+from messages.text import harmless
 from messages.topic import AnyTopic, Direction, Side
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.zenoh_bus import open_bus
@@ -23,7 +26,7 @@ STEP_S = 0.05  # [s] between two looks at what has arrived
 SHOW_S = 1.0  # [s] between two pictures on a terminal
 WAITING = 100_000  # messages between two looks
 
-Take = Callable[[str, bytes, int], None]  # key, payload, [ns] when it arrived
+Take = Callable[[str, Message, int, int], None]  # key, message, [bytes] its size, [ns] arrival
 Draw = Callable[[], list[str]]
 
 
@@ -77,20 +80,22 @@ def listen(
 ) -> None:
     """
     Args:
-        take: is given what arrives, in its order.
+        take: is given what arrives, in its order, but what cannot be read: anybody may send it.
         draw: lines to be shown: on a terminal every second, else once at the end; None: none.
         count: messages after which it ends.
         seconds: [s] after which it ends.
         over: is everything heard that was wanted?
 
     Raises:
-        LindyError: a limit is no positive number, or the dive has ended.
+        LindyError: a limit is no positive number, the dive has ended, or, at the end, there were
+            messages that could not be read.
     """
     for name, limit in (("count", count), ("seconds", seconds)):
         if limit is not None and not 0 < limit < float("inf"):
             raise LindyError(f"--{name} is {limit:g}, expected a number above 0")
     waiting = deque[tuple[Envelope, int]](maxlen=WAITING)  # filled on Zenoh's thread
     heard, show_at, most = 0, 0.0, float("inf") if count is None else count
+    reader = _Reader()
     with (
         ExitStack() as exits,
         StopSignals() as stop,
@@ -104,14 +109,43 @@ def listen(
             time.sleep(STEP_S)  # messages come on Zenoh's thread; nothing here is in a hurry
             while waiting and heard < most:
                 envelope, at = waiting.popleft()
-                take(envelope.key, envelope.payload, at)
                 heard += 1
+                if (message := reader.read(envelope)) is not None:
+                    take(envelope.key, message, len(envelope.payload), at)
             if show is not None and draw is not None and time.monotonic() >= show_at:
                 show_at = time.monotonic() + SHOW_S
                 lines = draw()
                 show(lambda size, lines=lines: _fitting(lines, size.height))
     if draw is not None:
         print("\n".join(draw()), flush=True)
+    reader.complain()
+
+
+class _Reader:
+    """Reads what arrives: anybody may have sent it."""
+
+    def __init__(self) -> None:
+        self._decoders = {topic.key: PayloadDecoder(topic) for topic in topics.ALL}
+        self._unread = Counter[str]()
+
+    def read(self, envelope: Envelope) -> Message | None:
+        """None: it could not be, and is counted."""
+        key, row = envelope.key, topics.find(envelope.key)
+        if row is not None:
+            message = self._decoders[row.key].read(key, envelope.encoding, envelope.payload)
+            if isinstance(message, Message):
+                return message
+        self._unread[key] += 1
+        return None
+
+    def complain(self) -> None:
+        """
+        Raises:
+            LindyError: some could not be read.
+        """
+        each = [f"{count} messages on {key}" for key, count in self._unread.most_common(5)]
+        if each:
+            raise LindyError(f"{harmless(', '.join(each))} could not be read")
 
 
 def _fitting(lines: list[str], height: int) -> Text:

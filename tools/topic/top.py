@@ -4,11 +4,10 @@ import time
 from collections.abc import Mapping
 from typing import Literal
 
-import msgspec
-
 from messages import topics
 from messages.events import troubles
 from messages.health import LATE_MS, Health
+from messages.message import Message
 from messages.units import Ns
 from tools.choices import RunningDive, UntilCtrlC
 from tools.topic.figures import UNKNOWN, aligned
@@ -34,10 +33,9 @@ def top(*, order: Order = "processor", seconds: UntilCtrlC = None, dive: Running
 
     running = dive_in(dive)
     heard = dict[str, tuple[Health, Health | None, Ns]]()
-    decode = msgspec.msgpack.Decoder(Health).decode
 
-    def take(_: str, payload: bytes, now: int) -> None:
-        health = decode(payload)
+    def take(_key: str, health: Message, _size: int, now: Ns) -> None:
+        assert isinstance(health, Health)
         before = heard.get(health.service, (None, None, 0))[0]
         same = before is not None and before.instance == health.instance
         heard[health.service] = (health, before if same else None, now)

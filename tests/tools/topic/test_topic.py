@@ -191,6 +191,49 @@ def test_streams_of_a_real_session_are_shown_timed_and_weighed(
         assert said("hz", "state", "--seconds", "0.2")[1].split()[:2] == ["state", "0"]
 
 
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        (("top",), "control"),
+        (("topic", "hz", "health/*"), "health/control"),
+        (("topic", "delay", "health/*"), "health/control"),
+        (("topic", "echo", "health/*"), '"service":"control'),
+    ],
+)
+def test_what_cannot_be_read_is_counted_and_the_rest_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], shown: str
+) -> None:
+    ends = {"topside": f"unixsock-stream/{tmp_path}/hub.sock"}
+    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(Running("rov1", ends, os.getpid(), {})))
+    encode, over = msgspec.msgpack.encode, threading.Event()
+    with listening(ends["topside"]):
+        session = connected(ends["topside"], namespace("rov1"))
+        say = ZenohBus(session).say
+
+        def speak() -> None:
+            while not over.wait(0.02):
+                say(topics.HEALTH.of("control"))(encode(health("control", 1.0)))
+                say(topics.HEALTH.of("x"))(encode({"seq": 1, "stamp_ns": 1, "service": "x"}))
+                say(topics.HEALTH.of("y"))(encode(health("control", 1.0)))  # in its name
+                session.put("health/z\u202e", b"\xc1")
+                session.put("health/u", encode(health("u", 1.0)))  # of no type
+
+        thread = threading.Thread(target=speak)
+        thread.start()
+        try:
+            assert main([*words, "--dive", str(tmp_path), "--seconds", "1"]) == 1
+        finally:
+            over.set()
+            thread.join()
+            session.close()
+    out, err = capsys.readouterr()
+    assert shown in out
+    for forged in ("health/x", "health/y", "health/z\N{REPLACEMENT CHARACTER}", "health/u"):
+        assert f" messages on {forged}" in err
+        assert forged not in out
+    assert err.count("\n") == 1
+
+
 def test_the_list_is_the_topic_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["topic", "list"]) == 0
     lines = capsys.readouterr().out.splitlines()[1:]
