@@ -24,8 +24,13 @@ def test_a_note_that_cannot_be_written_is_said_once_and_tried_again(tmp_path: Pa
         note.update({"control": 7}, next(now))
     out.mkdir()
     until(lambda: note.update({"control": 7}, next(now)) or (out / RUNNING).exists())
-    found = msgspec.json.decode((out / RUNNING).read_bytes(), type=Running)
-    assert found.pids == {"control": 7}
+
+    def noted() -> dict[str, int]:
+        return msgspec.json.decode((out / RUNNING).read_bytes(), type=Running).pids
+
+    assert noted() == {"control": 7}
+    until(lambda: note.update({"control": 8}, next(now)) or noted() == {"control": 8})
+    note.update({"control": 8}, next(now))  # the write before is known to have ended well
     (out / "run.new").write_text("of somebody else")
     shutil.move(out, tmp_path / "away")  # a second time it is said again
     until(lambda: note.update({"control": next(now)}, next(now)) or len(said) == 2)
