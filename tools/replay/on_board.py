@@ -69,9 +69,11 @@ class OnBoard:
             self._first.setdefault(raw.key, raw.sequence)
             self._start(at)
             if self._is_own(raw.key):
-                told = told_of(raw, self._source.utc_offset_ns)
-                self.recorded.append(told)
-                self._reach(told, at if self._source.virtual else told.stamp_ns)
+                source = self._source
+                told = told_of(raw, source.utc_offset_ns, source.recording.unreadable)
+                if told is not None:
+                    self.recorded.append(told)
+                    self._reach(told, at if source.virtual else told.stamp_ns)
             elif self._is_wanted(raw.key):
                 self._hold(Waiting(at, raw))
         self._give(self._waiting)

@@ -1,6 +1,6 @@
 """What services publish during a replay, in the form in which it is compared."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -8,7 +8,7 @@ import msgspec
 from messages import topics
 from messages.events import Row
 from messages.message import Message
-from messages.payload import PayloadDecoder
+from messages.payload import UNDECODABLE, PayloadDecoder
 from services.runtime.bus.envelope import Bus, Envelope
 from tools.recordings.recording import Raw
 from tools.replay.differences import Told
@@ -70,7 +70,11 @@ class Outputs:
         self._by_key[envelope.key].append(told)
 
 
-def told_of(raw: Raw, utc_offset_ns: int) -> Told:
-    """A recorded message; its stamp by the clock on board."""
-    head = HEAD.decode(raw.data)
+def told_of(raw: Raw, utc_offset_ns: int, unreadable: Counter[str]) -> Told | None:
+    """A recorded message; its stamp by the clock on board. None: it is none, which is counted."""
+    try:
+        head = HEAD.decode(raw.data)
+    except UNDECODABLE:
+        unreadable[raw.key] += 1
+        return None
     return Told(raw.key, head.seq, raw.publish_ns - utc_offset_ns, raw.data, head.sensor_ns)

@@ -70,13 +70,16 @@ class Topside:
         """
         above: list[Raw] = []
         below: list[Raw] = []
-        lost = _Gaps()
+        lost, unreadable = _Gaps(), self._source.recording.unreadable
         for raw in self._source.raw(until_ns=until_ns):
-            if raw.key in self._own:
-                self.recorded.append(told_of(raw, 0))
-            elif (side := self._sent_from(raw.key)) == "topside":
-                above.append(raw)
-                lost.see(raw.key, told_of(raw, 0).seq)
+            own, side = raw.key in self._own, self._sent_from(raw.key)
+            if own or side == "topside":
+                told = told_of(raw, 0, unreadable)
+                if told is not None and own:
+                    self.recorded.append(told)
+                elif told is not None:
+                    above.append(raw)
+                    lost.see(raw.key, told.seq)
             elif side == "drone":
                 below.append(raw)
         if lost.count:

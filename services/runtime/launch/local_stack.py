@@ -1,7 +1,6 @@
 """A whole stack as processes on this machine: a hub for each side and every service."""
 
 import os
-import tempfile
 import threading
 import time
 import traceback
@@ -10,7 +9,6 @@ from collections.abc import Callable, Collection, Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Literal
 
 import msgspec
@@ -34,6 +32,7 @@ from services.runtime.launch.lifecycle import Life
 from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
 from services.runtime.launch.process_pool import ProcessPool
 from services.runtime.launch.run_note import RunNote
+from services.runtime.launch.runtime_folder import runtime_folder
 from services.runtime.launch.supervisor import Supervisor
 from services.runtime.launch.systemd import Systemd
 from services.runtime.node.checkpoint import VolatileCheckpoint
@@ -46,7 +45,6 @@ WATCH_NS = 100_000_000  # [ns] between two looks at the heartbeats
 DISK_PATIENCE_S = 10.0  # [s] a slow disk may stop those of LAST before they are started again
 PERIOD_S = 0.04  # [s] between two steps: ports that keep the newest 16 must not fill at 100 Hz
 HUB_TIMEOUT_S = 20.0
-LONGEST_FOLDER = 60  # [bytes] a socket's path must stay below 107
 
 
 class LocalStack:
@@ -336,12 +334,8 @@ def local_stack(
     if other_side is not None and other_side.side == "drone":  # nobody on board is above it
         watched = {**watched, supervisor_of(other_side): "keeper"}
     stack = msgspec.structs.replace(stack, watched=watched)
-    with tempfile.TemporaryDirectory(  # whose disk may have become read-only meanwhile
-        prefix="lindy-", dir=_socket_folder(), ignore_cleanup_errors=True
-    ) as folder:
-        plan = ProcessPlan(
-            stack, services, Path(folder), listen, other_side, begin_with, credentials
-        )
+    with runtime_folder() as folder:
+        plan = ProcessPlan(stack, services, folder, listen, other_side, begin_with, credentials)
         local = LocalStack(plan, pool)
         with ExitStack() as exits:
             exits.callback(local.note.remove)
@@ -361,8 +355,3 @@ def require_free(endpoint: str, stack: Stack, credentials: Credentials | None) -
     """
     with listening(endpoint, hub_side=HubSide("drone", namespace(stack.space), credentials)):
         pass
-
-
-def _socket_folder() -> str:
-    folder = tempfile.gettempdir()
-    return folder if len(folder) <= LONGEST_FOLDER else "/tmp"
