@@ -54,7 +54,7 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
         # What a browser's pilot did is a script by now, which the gamepad plays.
         running = [GAMEPAD if name == COCKPIT else name for name in again.running]
         flown = simulated(_choices(again, choices.out), files=files, running=running)
-    return _judged(path, dive, before, flown, changed=pilot != dive.stack.pilot)
+    return _judged(recording, path, dive, before, flown, changed=pilot != dive.stack.pilot)
 
 
 def _require_nothing_else(choices: Choices) -> None:
@@ -74,6 +74,18 @@ def _require_own(path: Path, stack: FlownStack) -> None:
             f"{path} would run code that is not Lindy's own: {', '.join(names)}; with --trust it "
             f"does"
         )
+
+
+def _require_unaltered(recording: Recording) -> None:
+    """
+    Raises:
+        LindyError: it holds something else than what was recorded.
+    """
+    recording.verifies = True
+    for _ in recording.raw(lambda _: False):
+        pass
+    if wrong := [*recording.altered, *recording.damage]:
+        raise LindyError(f"the log hash is the one that was recorded, but {wrong[0]}")
 
 
 def _choices(stack: FlownStack, out: Path | None) -> Choices:
@@ -109,7 +121,13 @@ def _pilot(dive: FlownDive, recording: Recording, folder: Path) -> str:
 
 
 def _judged(
-    path: Path, dive: FlownDive, before: str | None, flown: Simulated, *, changed: bool
+    recording: Recording,
+    path: Path,
+    dive: FlownDive,
+    before: str | None,
+    flown: Simulated,
+    *,
+    changed: bool,
 ) -> int:
     """The exit status.
 
@@ -126,6 +144,7 @@ def _judged(
         which = path if before is None else flown.folder
         raise LindyError(f"the log hashes cannot be compared: {which} was not finished")
     if before == flown.log_hash:
+        _require_unaltered(recording)  # the hash is of what was recorded
         print(f"log hash          the same as in {path}: {before[:16]}…", flush=True)
         return flown.status
     differences = dive.differences(lindy(), computer())

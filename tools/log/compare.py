@@ -55,7 +55,11 @@ def compare(
     for path, recording, series in ((a, left, series_a), (b, right, series_b)):
         if not series.topics:
             raise recording.empty(path)
-    damage = [f"{a}: {said}" for said in left.damage] + [f"{b}: {said}" for said in right.damage]
+    damage = [
+        f"{path}: {said}"
+        for path, recording, series in ((a, left, series_a), (b, right, series_b))
+        for said in [*recording.damage, *series.unreadable]
+    ]
     found, side_by_side = differences(series_a, series_b, tolerance), figures(left, right)
     if out is not None:
         write_fresh(out, drawn(series_a, series_b, (str(a), str(b))))
@@ -91,7 +95,8 @@ def as_text(found: Differences, side_by_side: list[ComparedFigure]) -> str:
     """Figures, topics with other numbers of messages, then the fields that differ."""
     blocks = [_figures(side_by_side)]
     if found.none:
-        return f"{blocks[0]}\n\nall fields of all messages are the same"
+        same = "all fields of all messages are the same; their stamps and numbers are not compared"
+        return f"{blocks[0]}\n\n{same}"
     if found.counts:
         rows = [[each.topic, str(each.a), str(each.b)] for each in found.counts]
         blocks.append(table(["messages of", "A", "B"], rows))

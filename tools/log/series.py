@@ -37,9 +37,14 @@ class TopicSeries:
         self._values = [array("d") for _ in self._kept]
 
     def add(self, row: Row, log_ns: int, words: "Words") -> None:
+        """
+        Raises:
+            OverflowError, TypeError: it is no number that a message of ours has.
+        """
+        numbers = [words.number(row[place]) for place, _ in self._kept]
         self.log_ns.append(log_ns)
-        for (place, _), values in zip(self._kept, self._values, strict=True):
-            values.append(words.number(row[place]))
+        for number, values in zip(numbers, self._values, strict=True):
+            values.append(number)
 
     @property
     def columns(self) -> list[TableColumn]:
@@ -93,6 +98,11 @@ class DiveSeries:
         self.recording_ns = recording.origin_ns() or 0  # [ns] UTC
         self.armed_ns = self._first_armed()  # [ns] UTC; None: never
 
+    @property
+    def unreadable(self) -> list[str]:
+        """A sentence, if there are messages that could not be read."""
+        return [f"{self.unread} messages could not be read"] if self.unread else []
+
     def of(self, topic: AnyTopic, column: str) -> tuple[Array, Array] | None:
         """(times [ns UTC], values); None: it is not in the recording."""
         series = self.topics.get(topic.key)
@@ -122,7 +132,7 @@ class DiveSeries:
                 name = "" if schema is None else schema.name
                 series = self.topics[key] = TopicSeries(Flattening(known, name, [], tree))
             series.add(series.flattening.row(tree), message.log_ns, self.words)
-        except (ValueError, RecursionError):  # also what msgspec raises
+        except (ValueError, TypeError, RecursionError, OverflowError):  # also msgspec's
             self.unread += 1
 
     def _first_armed(self) -> int | None:

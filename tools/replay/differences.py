@@ -4,10 +4,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from math import isclose
+from sys import float_info
 from typing import Any, NamedTuple, cast
 
 import msgspec
 
+LARGEST = int(float_info.max)  # beyond, an integer is compared as a word is
 MISSING = "no message"  # in the place of a field: the whole message is on one side only
 
 
@@ -189,7 +191,9 @@ def fields(tree: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) <= LARGEST
+    return isinstance(value, float)
 
 
 def in_words(found: Difference, begin_ns: int) -> str:

@@ -22,6 +22,8 @@ from services.runtime.config.stack import Stack
 from tools.recordings.recording import Raw, Recording, always, open_recording
 
 BACKWARDS_S = 0.01  # [s] less is no matter
+DAY_NS = 86_400_000_000_000  # [ns]
+LONGEST_NS = 31 * DAY_NS  # [ns] of a recording: with a wrong time it would be walked through
 CUT = "cut"  # metadata: it is a part of another recording
 IMPORTED = "imported"  # in the metadata `dive`: the log that it was made of
 THINNED = "thinned"  # metadata: messages were taken out on purpose
@@ -83,7 +85,7 @@ class ReplaySource:
         """[ns] UTC of the first and the last message.
 
         Raises:
-            LindyError: there is none.
+            LindyError: there is none, or some have a wrong time.
         """
         first: int | None = None
         last = 0
@@ -100,6 +102,12 @@ class ReplaySource:
             pass  # nothing is wanted
         if first is None:
             raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
+        if last - first > LONGEST_NS:
+            days = LONGEST_NS // DAY_NS
+            raise LindyError(
+                f"{self.path}: its messages are {(last - first) / DAY_NS:.0f} days apart, allowed "
+                f"are {days}: some have a wrong time"
+            )
         return first, last
 
     @cached_property

@@ -144,6 +144,8 @@ def _compared(
             f"{damaged} messages were damaged on their way and are not in the recording: how many "
             f"messages a service received or could not read is not compared"
         )
+    if unread := sum(source.recording.unreadable.values()):
+        remarks.append(f"{unread} messages could not be read")
     comparison = FieldComparison((*tolerances, *declared), common_only=bool(source.other_messages))
     compared: dict[str, int] = {}
     inside = _inside(replay.recorded, window)

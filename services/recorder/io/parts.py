@@ -21,7 +21,8 @@ def free_part(folder: Path, number: int) -> int:
 
 
 def parts_in(folder: Path) -> list[Path]:
-    """The existing parts, in the order they were recorded."""
+    """The existing parts, in the order they were recorded; none where the folder is gone."""
     first = folder / FIRST
-    later = {int(m[1]): path for path in folder.iterdir() if (m := LATER.fullmatch(path.name))}
+    names = folder.iterdir() if folder.is_dir() else ()
+    later = {int(m[1]): path for path in names if (m := LATER.fullmatch(path.name))}
     return [*([first] if first.is_file() else []), *(later[number] for number in sorted(later))]

@@ -6,8 +6,10 @@ from services.runtime.config.errors import LindyError
 
 MOST = 65535  # the highest port
 EXAMPLE = "tcp/127.0.0.1:7447"
+# Of Zenoh's options behind an address only the network interface: others could switch keys off.
 ENDPOINT = re.compile(
-    r"(tcp|udp|tls|quic|ws)/(\[[^\]/\s]+\]|[^:/?#\s]+):(?P<port>[0-9]+)([?#].*)?|(unixsock-stream|unixpipe|vsock|serial)/.+"
+    r"(tcp|udp|tls|quic|ws)/(\[[^\]/\s]+\]|[^:/?#\s]+):(?P<port>[0-9]+)(#iface=[\w.-]+)?"
+    r"|(unixsock-stream|unixpipe|vsock|serial)/[^?#]+"
 )
 
 

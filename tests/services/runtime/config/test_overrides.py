@@ -167,13 +167,13 @@ def test_the_line_of_a_table_and_of_a_key_is_where_they_stand(
 @pytest.mark.parametrize(
     "text",
     ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "udp/rov.local:1", "unixsock-stream//tmp/a.sock",
-     "tls/host:7447?ca=x", "tcp/host:7447#iface=eth0"],
+     "tcp/host:7447#iface=eth0"],
 )  # fmt: skip
 def test_an_endpoint_is_taken_as_it_is(text: str) -> None:
     assert checked_endpoint(text, "--listen") == text
 
 
-@pytest.mark.parametrize("text", ["tcp/127.0.0.1:{}", "tls/[::1]:{}?ca=x", "udp/host:{}#iface=a"])
+@pytest.mark.parametrize("text", ["tcp/127.0.0.1:{}", "tls/[::1]:{}", "udp/host:{}#iface=a"])
 def test_a_port_that_there_is_not_is_one_sentence(text: str) -> None:
     for port in ("1", "65535"):
         assert checked_endpoint(text.format(port), "--router") == text.format(port)
@@ -185,7 +185,8 @@ def test_a_port_that_there_is_not_is_one_sentence(text: str) -> None:
 
 @pytest.mark.parametrize(
     "text", ["", "127.0.0.1:7447", "tcp/host", "tcp/host:", "tcp/:7447", "tpc/host:7447",
-             "tcp/a b:1"]
+             "tcp/a b:1", "tls/host:7447#enable_mtls=false", "tls/host:7447?enable_mtls=false",
+             "tls/host:7447#iface=eth0;enable_mtls=false", "unixsock-stream//a.sock#x=1"]
 )  # fmt: skip
 def test_what_is_no_endpoint_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(LindyError) as refused:
