@@ -23,8 +23,14 @@ def keep_running(
     Raises:
         LindyError: a service cannot start, or the drone does not arm.
     """
+
+    def goes_on() -> bool:
+        """The drone may fly, and its dive be over, before the last service is alive."""
+        flying = timeline.armed_ns is not None
+        return look() and (not flying or timeline.over(time.monotonic_ns()) is None)
+
     local.start_services()
-    local.wait_alive(ALIVE_S, look)
+    local.wait_alive(ALIVE_S, goes_on)
     begin(local, timeline)
     end = None
     while end is None and not stop.asked:

@@ -22,8 +22,9 @@ def chosen(recording: Recording, camera: str = "") -> list[str]:
         camera: its name, `all`, or empty: the default.
 
     Raises:
-        LindyError: the recording has no pictures, or none of this camera.
+        LindyError: the recording is empty, has no pictures, or none of this camera.
     """
+    recording.require_messages()
     there = filmed_cameras(recording)
     if not there:
         raise LindyError(f"{recording.files[0]} holds no pictures")

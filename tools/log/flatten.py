@@ -43,7 +43,7 @@ class Flattening:
     def row(self, message: Tree) -> Row:
         """
         Raises:
-            ValueError: a vector has another length than it had at first.
+            ValueError: a vector has another length than it had at first, or a value another form.
         """
         row: Row = []
         self._put(message, row)
@@ -64,6 +64,9 @@ class Flattening:
             if value is None:
                 row += [None] * width
                 return
+            if not isinstance(value, dict):
+                raise ValueError(f"{prefix.rstrip('.') or 'the message'} has no fields")
+            value = cast(Tree, value)
             for field, inner in fields:
                 if inner is None:
                     row.append(value.get(field))
@@ -102,8 +105,10 @@ class Flattening:
         def put(value: Any, row: Row) -> None:
             if value is None:
                 row += nothing
-            elif len(value) != width:
-                raise ValueError(f"{name} has {len(value)} numbers, not {width}")
+            elif not isinstance(value, list):
+                raise ValueError(f"{name} is no list")
+            elif len(cast(Row, value)) != width:
+                raise ValueError(f"{name} has {len(cast(Row, value))} numbers, not {width}")
             else:
                 row += value
 

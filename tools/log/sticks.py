@@ -117,9 +117,10 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
         prefix: what the names of the files in `paths` begin with.
 
     Raises:
-        LindyError: nobody flew in it.
+        LindyError: it is empty, or nobody flew in it.
     """
     heard = HeardSticks()
+    recording.require_messages()
     for raw in recording.raw(lambda key: key in KEYS or key.startswith(LOG)):
         message = recording.decode(raw)
         if message is not None:

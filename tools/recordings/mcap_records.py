@@ -32,6 +32,7 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, lo
 CHUNK_TIMES = struct.Struct("<QQ")  # first and last log time, how a chunk begins
 ZSTD = b"\x04\x00\x00\x00zstd"  # in the head of a chunk …
 LARGEST_CHUNK = 100_000_000  # [bytes] uncompressed; what others write has a few million
+MOST_RATIO = 1000  # [-] uncompressed beside compressed; recordings have 3 to 30, a bomb 16,000
 SLICE = 4096  # [bytes] that are uncompressed at once: no more than 70 MB can come out of it
 ZSTD_AT = 37  # [bytes] … behind its beginning
 CHUNK_NUMBERS = struct.Struct("<QQQI")  # first and last log time, size, checksum
@@ -344,6 +345,8 @@ def _uncompressed(content: bytes) -> tuple[bytes, bool]:
     if chunk.uncompressed_size > LARGEST_CHUNK:
         size = f"{chunk.uncompressed_size / 1e6:.0f} MB in one chunk"
         raise ValueError(f"{size}, allowed is {LARGEST_CHUNK // 1_000_000}")
+    if chunk.uncompressed_size > MOST_RATIO * (len(chunk.data) + SLICE):
+        raise ValueError(f"more than {MOST_RATIO} times its size comes out of it")
     whole = True
     match chunk.compression:
         case "zstd":

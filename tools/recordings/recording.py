@@ -176,6 +176,14 @@ class Recording:
         """What is wrong with the files that were read to their ends, one sentence each."""
         return [said for path, found in self._read.items() for said in found.in_words(path.name)]
 
+    def require_messages(self) -> None:
+        """
+        Raises:
+            LindyError: it holds none, and what is wrong with it.
+        """
+        if next(self.raw(), None) is None:
+            raise self.empty(self.files[0])
+
     def empty(self, path: Path) -> LindyError:
         """That it holds no messages, and what is wrong with it.
 

@@ -9,7 +9,10 @@ from typing import Any, NamedTuple, cast
 
 import msgspec
 
+from messages.payload import UNDECODABLE
+
 LARGEST = int(float_info.max)  # beyond, an integer is compared as a word is
+UNREADABLE = "what cannot be read"
 MISSING = "no message"  # in the place of a field: the whole message is on one side only
 
 
@@ -146,7 +149,12 @@ class FieldComparison:
             self._fields(recorded, today)
 
     def _fields(self, recorded: Told, today: Told) -> None:
-        then, now = (dict(fields(msgspec.json.decode(told.data))) for told in (recorded, today))
+        now = dict(fields(msgspec.json.decode(today.data)))
+        try:
+            then = dict(fields(msgspec.json.decode(recorded.data)))
+        except UNDECODABLE:
+            self._differs(recorded.key, "", recorded.stamp_ns, UNREADABLE, "a message")
+            return
         names = then.keys() & now.keys() if self._common_only else then.keys() | now.keys()
         for name in sorted(names):
             a, b = then.get(name), now.get(name)

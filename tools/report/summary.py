@@ -10,6 +10,7 @@ import msgspec
 from messages import cameras, events
 from messages.events import FAILSAFE, ROUTINE, Severity, row_of
 from messages.vehicle import Reaction
+from services.marine.summation import plain_sum
 from tools.report.holes import in_words
 from tools.report.report import Report
 from tools.report.restarted import restarted
@@ -46,7 +47,8 @@ def summary(
     how = ending(report.exit, report.troubles)
     rows = [("Dive", f"{_named(report)}, {_length(report)}, {how}")]
     if _cut(report):
-        recorded = _duration(report.seconds)
+        missing = plain_sum(hole.end - hole.begin for hole in report.holes)
+        recorded = _duration(report.seconds - missing)
         rows.append(("incomplete", f"{DISK}; all figures are of the recorded {recorded}"))
     rows += _failsafes(report)
     if max_depth_m is not None:

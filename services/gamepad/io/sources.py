@@ -9,7 +9,7 @@ from services.gamepad.stick_log import StickLog, parse
 from services.gamepad.stick_log_player import Player
 from services.piloting.sticks import CENTRED
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import deploy_file, kept, read
+from services.runtime.config.settings import deploy_file, read, read_whole
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -38,9 +38,7 @@ def read_script(name: str) -> StickLog:
     """
     path = deploy_file("dives", name, ".csv")
     try:
-        return parse(kept(path).read_bytes(), course_named)
-    except OSError as error:
-        raise LindyError(f"cannot read {path}: {error.strerror}") from None
+        return parse(read_whole(path), course_named)
     except ValueError as error:
         raise LindyError(f"{path}: {error}") from None
 

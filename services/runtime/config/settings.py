@@ -2,6 +2,7 @@
 is allowed, and the nearest known key."""
 
 import difflib
+import os
 import re
 import tomllib
 from collections import Counter
@@ -37,7 +38,8 @@ def deploy_file(folder: str, name: str, suffix: str = ".toml") -> Path:
     if name.endswith(suffix):
         if _is_file(Path(name)):
             return Path(name)
-        raise LindyError(f"there is no file {name}")
+        there = os.path.lexists(name)
+        raise LindyError(f"{name} is no file" if there else f"there is no file {name}")
     if "/" in name:
         raise LindyError(
             f"{name} is no {suffix} file: give a name in deploy/{folder} or such a file"
@@ -116,11 +118,24 @@ def parsed_toml(text: str) -> dict[str, Any]:
 
 
 def read_text(path: Path) -> str:
-    """A whole text file. Only a regular file of at most `LARGEST_FILE`, because a name can come
-    from another machine, and a device may have no end.
+    """A whole text file.
 
     Raises:
         LindyError: it cannot be read or is not text.
+    """
+    try:
+        # Editors on Windows begin a file with a mark and end a line with two letters.
+        return read_whole(path).decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError:
+        raise LindyError(f"cannot read {path}: it is not text") from None
+
+
+def read_whole(path: Path) -> bytes:
+    """Only a regular file of at most `LARGEST_FILE`, because a name can come from another machine,
+    and a device may have no end.
+
+    Raises:
+        LindyError: it cannot be read.
     """
     place = kept(path)
     try:
@@ -129,10 +144,7 @@ def read_text(path: Path) -> str:
         if (size := place.stat().st_size) > LARGEST_FILE:
             most = LARGEST_FILE // 10**6
             raise LindyError(f"cannot read {path}: {size // 10**6} MB, at most {most} are allowed")
-        # Editors on Windows begin a file with a mark.
-        return place.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise LindyError(f"cannot read {path}: it is not text") from None
+        return place.read_bytes()
     except OSError as error:
         raise LindyError(f"cannot read {path}: {error.strerror}") from None
 

@@ -53,6 +53,13 @@ def test_a_report_that_cannot_be_written_is_said_and_the_recording_kept(
     assert seen(tmp_path) == list(range(1, 40))
 
 
+def test_a_folder_that_was_removed_meanwhile_is_one_sentence(tmp_path: Path):
+    outcome = Outcome(Stack(out=str(tmp_path / "gone")))
+    with pytest.raises(LindyError, match=r"before anything was recorded in .*gone"):
+        outcome.sum_up()
+    assert outcome.sum_up_unrecorded("drone", "topside") == 0
+
+
 @pytest.mark.parametrize("step", ["merge_parts", "read_dive", "report_on", "summary"])
 def test_a_mistake_of_ours_in_any_step_of_the_report_costs_no_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str

@@ -1,5 +1,6 @@
 """What was written comes back, whole chunk by whole chunk, whatever happened to the file."""
 
+import time
 import tracemalloc
 from functools import cache
 from pathlib import Path
@@ -198,6 +199,22 @@ def test_a_chunk_that_would_fill_the_memory_is_damage(tmp_path: Path, kind: str,
     assert recording.damage
     assert len(read) in (0, PER_CHUNK * CHUNKS)
     assert peak < 200_000_000
+
+
+def test_many_chunks_that_each_hold_much_are_damage_and_none_is_opened(tmp_path: Path):
+    """However often it is repeated, 64 MB come out of no 6 kB that somebody has recorded."""
+    builder, path = RecordBuilder(), tmp_path / "bombs.mcap"
+    bomb = zstandard.compress(bytes(64_000_000))
+    for _ in range(300):
+        Chunk("zstd", bomb, 0, 0, 0, 64_000_000).write(builder)
+    path.write_bytes(MAGIC + builder.end() + MAGIC)
+    recording, began = open_recording(path), time.process_time()
+    assert list(recording) == []
+    assert recording.damage
+    many = time.process_time() - began
+    began = time.process_time()
+    zstandard.decompress(bomb)
+    assert many < 60 * (time.process_time() - began)
 
 
 def test_what_others_compress_by_lz4_is_read_and_a_damaged_chunk_of_it_is_damage(tmp_path: Path):

@@ -1,0 +1,124 @@
+"""Recordings in which somebody has altered messages: taken or refused by a sentence, and said."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.writer import Writer
+
+from tools.__main__ import main
+from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+
+from .conftest import ShortDive
+
+Alter = Callable[[StoredMessage], StoredMessage]
+# What no message of ours holds, as JSON.
+STRANGE = ["1e309", "-1e308", "NaN", "9" * 400, '"x"', "null", "[]", "{}", "[[[1]]]", "-0.5"]
+
+
+def altered(dive: ShortDive, out: Path, alter: Alter) -> Path:
+    """By the library of MCAP; the checksum that the recorder wrote stays in it."""
+    numbers: dict[int, int] = {}  # of channels and schemas in the copy
+    with out.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="", library="")
+        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+            match record:
+                case StoredMessage():
+                    _, sequence, log_ns, publish_ns, data = alter(record)
+                    number = numbers[record.channel_id]
+                    writer.add_message(number, log_ns, data, publish_ns, sequence)
+                case Schema():
+                    numbers[-record.id] = writer.register_schema(
+                        record.name, record.encoding, record.data
+                    )
+                case Channel():
+                    numbers[record.id] = writer.register_channel(
+                        record.topic, record.message_encoding, numbers[-record.schema_id]
+                    )
+                case Attachment():
+                    times = record.create_time, record.log_time
+                    writer.add_attachment(*times, record.name, record.media_type, record.data)
+                case Metadata():
+                    writer.add_metadata(record.name, record.metadata)
+        writer.finish()
+    return out
+
+
+def with_strange_fields(message: StoredMessage) -> StoredMessage:
+    """Every third message: all fields but stamp and number."""
+    if message.sequence % 3:
+        return message
+    tree = json.loads(message.data)
+    kept = {name: json.dumps(tree[name]) for name in ("stamp_ns", "seq") if name in tree}
+    strange = {
+        name: STRANGE[(message.sequence + place) % len(STRANGE)]
+        for place, name in enumerate(tree)
+        if name not in kept
+    }
+    said = ",".join(f'"{name}":{text}' for name, text in (kept | strange).items())
+    return message._replace(data=f"{{{said}}}".encode())
+
+
+def years_later(message: StoredMessage) -> StoredMessage:
+    return message._replace(log_ns=message.log_ns + message.sequence % 2 * 10**18)
+
+
+def at_no_time(message: StoredMessage) -> StoredMessage:
+    return message._replace(log_ns=2**64 - 1) if message.sequence % 100 == 7 else message
+
+
+def test_it_is_compared_as_far_as_it_can_be_read_and_the_rest_is_counted(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strange = altered(dive, tmp_path / "strange.mcap", with_strange_fields)
+    assert main(["log", "compare", str(strange), str(dive.folder)]) == 3
+    assert "messages could not be read" in capsys.readouterr().out
+    assert main(["replay", str(strange), "--through", "control", "--diff"]) == 1
+    out, err = capsys.readouterr()
+    assert "messages could not be read" in out + err
+    assert "an error in Lindy itself" not in out + err
+
+
+@pytest.mark.parametrize("alter", [with_strange_fields, at_no_time])
+def test_it_is_not_the_dive_that_was_recorded(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str], alter: Alter
+) -> None:
+    path = altered(dive, tmp_path / "strange.mcap", alter)
+    assert main(["simulate", "--from", str(path), "--no-files"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("lindy: the log hash is the one that was recorded, but strange.mcap ")
+
+
+@pytest.mark.parametrize("alter", [years_later, at_no_time])
+@pytest.mark.parametrize(
+    "words", [("replay", "--through", "control", "--diff"), ("review", "--quick")]
+)
+def test_nobody_walks_through_the_years_between_two_messages(
+    dive: ShortDive,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    alter: Alter,
+    words: tuple[str, ...],
+) -> None:
+    path = altered(dive, tmp_path / "far.mcap", alter)
+    assert main([words[0], str(path), *words[1:]]) == 1
+    assert f"{path}: its messages are" in (said := capsys.readouterr().err)
+    assert said.endswith("some have a wrong time\n")
+
+
+@pytest.mark.parametrize("verb", ["sticks --out x.csv", "film --out x.mp4", "snapshots --out x"])
+def test_an_empty_file_is_not_a_dive_in_which_nobody_flew(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    verb: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "empty.mcap"
+    path.touch()
+    name, *options = verb.split()
+    assert main(["log", name, str(path), *options]) == 1
+    assert capsys.readouterr().err.startswith(f"lindy: {path} holds no messages; ")
