@@ -58,6 +58,7 @@ def test_the_alarm_flies_and_is_counted(
     assert json.loads((out / "report.json").read_text())["losses"]["alarm:depth"] == 1
 
 
+@pytest.mark.slow
 def test_the_alarm_is_silent_where_its_table_in_the_vehicle_file_allows_more(
     tmp_path: Path, pilot: tuple[str, str]
 ) -> None:

@@ -6,10 +6,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("messages", "services", "tools", "tests", "examples")
+KNOWN = ("services.runtime.config.errors", ROOT / "tools" / "__main__.py")
 
 
 def imported(file: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    text = file.read_text(encoding="utf-8")
+    if "research" not in text and file != KNOWN[1]:
+        return  # most: not worth taking apart
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -19,6 +23,6 @@ def imported(file: Path) -> Iterator[str]:
 def test_nothing_imports_research() -> None:
     files = [file for folder in FOLDERS for file in (ROOT / folder).rglob("*.py")]
     names = [(name, file) for file in files for name in imported(file)]
-    assert ("services.runtime.config.errors", ROOT / "tools" / "__main__.py") in names
+    assert KNOWN in names
     wrong = ("lindy_research", "research")
     assert [(n, str(f)) for n, f in names if n.partition(".")[0] in wrong] == []

@@ -207,6 +207,7 @@ def test_pictures_over_rtp(tmp_path: Path) -> None:
     require_whole(seen.shots)
 
 
+@pytest.mark.slow
 @ffmpeg
 def test_pictures_over_udp() -> None:
     url = f"udp://127.0.0.1:{free_port()}"

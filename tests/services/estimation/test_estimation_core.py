@@ -295,6 +295,7 @@ def test_with_a_silent_imu_depth_goes_on_from_pressure_alone():
     assert state.depth_rate.value == pytest.approx(0.2, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_magnet_leaves_the_control_heading_untouched_bit_for_bit():
     clean, bent = dive(5), dive(5)
     for d in (clean, bent):

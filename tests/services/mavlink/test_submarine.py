@@ -320,6 +320,7 @@ def test_a_parameter_keeps_its_limits_and_the_answer_is_the_value_in_force(
         assert in_force() == pytest.approx(value, abs=0.5 if TABLE[name].kind != 9 else 1e-6)
 
 
+@pytest.mark.slow
 @given(name=st.text(max_size=16), index=st.integers(-32768, 32767))
 def test_an_unknown_parameter_is_counted(name: str, index: int) -> None:
     drone = Drone()

@@ -172,6 +172,7 @@ def mean_allan(rows: np.ndarray, hz: float, seconds: float) -> float:
     return float(np.sqrt(np.mean([allan(column, hz, seconds) ** 2 for column in rows.T])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
 def test_the_allan_deviation_has_the_slopes_of_noise_drift_and_walk(sensor: str) -> None:
     """N / √τ of noise, 0.617 σ of a drift after 1.89 time constants, K √(τ / 3) of a walk."""

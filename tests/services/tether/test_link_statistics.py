@@ -169,6 +169,7 @@ def _with_maximum(order: list[int]) -> list[tuple[int, int]]:
     return pairs
 
 
+@pytest.mark.slow
 def test_the_purposes_draw_from_streams_of_their_own() -> None:
     """Copies and delays do not change which messages are lost."""
     plain = DirectionProfile(loss=Independent(0.1))
