@@ -121,7 +121,8 @@ def finding(name: str, url: str, seconds: float, heard: HeardInstrument) -> Vehi
         why = GARBLED if garbled else links.trouble or "is it on, and is the url right?"
         return VehicleFinding("missing", name, f"no report at {url} in {seconds:g} s: {why}")
     told = f"{url}: {heard.rate}; {driver.told}"
-    troubles = [text for level, text, _ in heard.outbox.said if level == "warning"]
+    said = (text for level, text, _ in heard.outbox.said if level == "warning")
+    troubles = list(dict.fromkeys(said))
     if garbled > CUT:
         troubles.append(f"{garbled} others could not be read")
     return VehicleFinding("change" if troubles else "ok", name, "; ".join([told, *troubles]))
