@@ -79,7 +79,8 @@ class ChildLog:
             if self._file < 0:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
                 self._file = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
-            os.write(self._file, chunk)
+            while chunk:  # a disk that gets full takes a part of it, and then nothing
+                chunk = chunk[os.write(self._file, chunk) :]
         except OSError as error:
             self.unlogged = f"cannot write {self._path}: {reason(error)}"
         except MemoryError:

@@ -1,5 +1,6 @@
 """The log of a child, also on a disk that hangs."""
 
+import errno
 import os
 import stat
 import threading
@@ -64,6 +65,28 @@ def test_a_log_that_cannot_be_written_is_said_and_the_last_line_is_known(tmp_pat
     printed(log, b"printed\n")
     until(lambda: log.last_line() == "printed")
     assert log.unlogged.startswith(f"cannot write {tmp_path}/file/toy.log: ")
+    log.close()
+
+
+def test_a_disk_that_takes_a_part_and_then_nothing_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, write = tmp_path / "toy.log", os.write
+
+    def nearly_full(file: int, data: bytes) -> int:
+        if path.stat().st_size >= 4:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(file, data[:4])
+
+    writes, reads = pipe()
+    write(writes, b"whole line\n")
+    os.close(writes)
+    monkeypatch.setattr(os, "write", nearly_full)
+    log = ChildLog(path)
+    log.follow(reads)
+    until(lambda: log.last_line() == "whole line")
+    assert path.read_bytes() == b"whol"
+    assert log.unlogged == f"cannot write {path}: the disk is full"
     log.close()
 
 
