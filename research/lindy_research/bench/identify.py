@@ -186,7 +186,9 @@ def _drag(vehicle: Vehicle, row: int, speed: float) -> float:
 
 def _fly(task: BenchTask, hull: Hull, pilot: str, name: str) -> Path:
     settings = [
-        f"simulator.hull.{key}={json.dumps(getattr(hull, key))}" for key in hull.__struct_fields__
+        f"simulator.hull.{key}={json.dumps(value)}"
+        for key in hull.__struct_fields__
+        if (value := getattr(hull, key)) is not None
     ]
     combination = Combination("pioneer", "tether", pilot, (*settings, FLOOR))
     folder = Path(task.folder) / f"{task.seed}{name}"
