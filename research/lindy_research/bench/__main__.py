@@ -65,7 +65,8 @@ def main(words: Sequence[str], docs: Path = DOCS) -> int:
         said = said or (bool(found) and not args.accept)
         if not found or args.accept:
             last = merged(last, now)
-            record.write_bytes(msgspec.json.format(msgspec.json.encode(last), indent=1) + b"\n")
+            numbers = msgspec.json.encode(last, enc_hook=float)  # some are numpy's
+            record.write_bytes(msgspec.json.format(numbers, indent=1) + b"\n")
             page.write_text(with_table(page.read_text(encoding="utf-8"), last), encoding="utf-8")
     return int(said)
 
