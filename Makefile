@@ -15,7 +15,7 @@ dive: $(READY) ## fly the demo dive: every service, one command
 	$(BIN)/lindy dive
 
 test: $(READY) ## all tests; every run draws the same cases
-	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal
+	PYTHONHASHSEED=0 $(BIN)/pytest -n 4 --dist worksteal
 
 slow: $(READY) ## what `make test` leaves out: flights by the dozen, the wheel, every law on all its cases
 	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal --hypothesis-profile whole \
