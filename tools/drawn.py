@@ -1,7 +1,6 @@
 """The visualizer's recording of a dive, made from the recorder's where the dive has none."""
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from messages import topics
 from messages.events import Level
@@ -32,8 +31,8 @@ def draw(source: ReplaySource, rrd: Path) -> None:
         raise LindyError(
             f"a picture needs rerun, which is not installed; {how_to_install('viewer')}"
         ) from None
-    with TemporaryDirectory(prefix="lindy-") as folder:
-        vehicle = source.stack(Path(folder)).section("vehicle", Vehicle)
+    with source.stack() as stack:
+        vehicle = stack.section("vehicle", Vehicle)
     failed: list[str] = []
 
     def say(level: Level, text: str) -> None:

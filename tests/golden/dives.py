@@ -98,8 +98,8 @@ def _is_needed(key: str) -> bool:
 def _outputs(path: Path) -> list[Raw]:
     """What the three publish on these inputs, thinned."""
     source, services = open_source(path), Registry.read()
-    with TemporaryDirectory() as place:
-        replay = OnBoard(source, CHAIN, services, source.stack(Path(place)))
+    with source.stack() as stack:
+        replay = OnBoard(source, CHAIN, services, stack)
         replay.run(source.span[1])
     told = [t for key in replay.outputs.keys for t in replay.outputs.of(key) if _is_kept(t)]
     return [Raw(t.key, _fewer_digits(t.data, OUT_DIGITS), t.stamp_ns, t.stamp_ns) for t in told]

@@ -63,7 +63,7 @@ def onto_bus(
         with open_bus(endpoint, space) as listener:
             require_heard(endpoint, bus, listener, source.path.name)
         if not headless and DISPLAYS & os.environ.keys() and find_spec("rerun"):
-            exits.enter_context(viewer(source.stack(folder), endpoint))
+            exits.enter_context(viewer(exits.enter_context(source.stack()), endpoint))
         shown = exits.enter_context(terminal())
         return Replay(source, wish, bus, shown).play(lambda: stop.asked)
 

@@ -2,11 +2,13 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from mcap.records import Attachment
@@ -192,15 +194,23 @@ class ReplaySource:
         """Were topside and drone two machines? Then the link monitor ran on each."""
         return "link_monitor_drone" in self.processes
 
-    def stack(self, folder: Path) -> Stack:
-        """The settings of that dive, from the files that are in the recording.
-
-        Args:
-            folder: where these files are put; it must be empty.
+    @contextmanager
+    def stack(self) -> Generator[Stack]:
+        """The settings of that dive, from the files that are in the recording, which are unpacked
+        for as long.
 
         Raises:
-            LindyError: the vehicle file is not in the recording.
+            LindyError: the vehicle file is not in the recording, or what is wrong in one of them.
         """
+        with TemporaryDirectory(prefix="lindy-") as folder:
+            try:
+                yield self._stack(Path(folder))
+            except LindyError as error:  # of a file that the user has never seen
+                for what in ("vehicle", "link"):
+                    error = LindyError(str(error).replace(f"{folder}/{what}/", f"{self.path}: "))
+                raise error from None
+
+    def _stack(self, folder: Path) -> Stack:
         vehicle = self._file("vehicle", self.vehicle, folder)
         if vehicle is None:
             raise LindyError(

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import msgspec
 
@@ -21,8 +20,7 @@ def states_of_today(recording: Path) -> Iterator[VehicleState]:
         LindyError: it is no recording, or its vehicle is not in it.
     """
     source = open_source(recording)
-    with TemporaryDirectory(prefix="lindy-") as folder, rare_collections():
-        stack = source.stack(Path(folder))
+    with source.stack() as stack, rare_collections():
         replay = OnBoard(source, ("estimation",), Registry.read("simulated"), stack)
         replay.run(source.span[1])
     decode = msgspec.json.Decoder(VehicleState).decode

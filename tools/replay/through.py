@@ -4,8 +4,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from messages import topics
@@ -84,8 +82,7 @@ def through(
     side = _side_of(names, services, source)
     first, last = source.span
     begin, end = span or (first, last)
-    with TemporaryDirectory(prefix="lindy-") as folder, rare_collections():
-        stack = source.stack(Path(folder))
+    with source.stack() as stack, rare_collections():
         stack.overrides.extend(overrides)
         stack.check(known_tables(services), recorded=True)
         ordered = tuple(name for name in services if name in names)

@@ -3,8 +3,6 @@
 from array import array
 from collections import Counter
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import msgspec
@@ -91,8 +89,7 @@ def estimate(
     """
     origin, end = source.origin_ns, source.span[1]
     services = Registry.read()
-    with TemporaryDirectory(prefix="lindy-") as folder, rare_collections():
-        stack = source.stack(Path(folder))
+    with source.stack() as stack, rare_collections():
         stack.overrides.extend(overrides)
         stack.check(known_tables(services), recorded=True)
         replay = OnBoard(source, (ESTIMATION,), services, stack)

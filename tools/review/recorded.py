@@ -2,7 +2,6 @@
 
 from array import array
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -109,8 +108,7 @@ def settings_of(source: ReplaySource, overrides: tuple[str, ...]) -> VehicleSett
     Raises:
         LindyError: the vehicle file is not in the recording, or a setting is wrong.
     """
-    with TemporaryDirectory(prefix="lindy-") as folder:
-        stack = source.stack(Path(folder))
+    with source.stack() as stack:
         stack.overrides.extend(overrides)
         return VehicleSettings(
             stack.section("vehicle", Vehicle),

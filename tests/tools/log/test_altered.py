@@ -18,7 +18,12 @@ Alter = Callable[[StoredMessage], StoredMessage]
 STRANGE = ["1e309", "-1e308", "NaN", "9" * 400, '"x"', "null", "[]", "{}", "[[[1]]]", "-0.5"]
 
 
-def altered(dive: ShortDive, out: Path, alter: Alter) -> Path:
+def altered(
+    dive: ShortDive,
+    out: Path,
+    alter: Alter,
+    attached: Callable[[str, bytes], bytes] = lambda _, data: data,
+) -> Path:
     """By the library of MCAP; the checksum that the recorder wrote stays in it."""
     numbers: dict[int, int] = {}  # of channels and schemas in the copy
     with out.open("wb") as stream:
@@ -40,7 +45,8 @@ def altered(dive: ShortDive, out: Path, alter: Alter) -> Path:
                     )
                 case Attachment():
                     times = record.create_time, record.log_time
-                    writer.add_attachment(*times, record.name, record.media_type, record.data)
+                    data = attached(record.name, record.data)
+                    writer.add_attachment(*times, record.name, record.media_type, data)
                 case Metadata():
                     writer.add_metadata(record.name, record.metadata)
         writer.finish()
@@ -107,6 +113,20 @@ def test_nobody_walks_through_the_years_between_two_messages(
     assert main([words[0], str(path), *words[1:]]) == 1
     assert f"{path}: its messages are" in (said := capsys.readouterr().err)
     assert said.endswith("some have a wrong time\n")
+
+
+@pytest.mark.parametrize(
+    "words", [("replay", "--through", "control", "--diff"), ("review", "--quick")]
+)
+def test_what_is_wrong_in_its_vehicle_file_is_said_of_the_recording(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    def no_mass(name: str, data: bytes) -> bytes:
+        return data.replace(b"\nmass = ", b"\nmass = nan # ") if name.endswith(".toml") else data
+
+    path = altered(dive, tmp_path / "wrong.mcap", lambda message: message, no_mass)
+    assert main([words[0], str(path), *words[1:]]) == 1
+    assert f"lindy: {path}: my_drone.toml:" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verb", ["sticks --out x.csv", "film --out x.mp4", "snapshots --out x"])
