@@ -6,6 +6,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -94,10 +95,15 @@ def test_the_topside_flies_a_drone_that_has_posix(tmp_path: Path) -> None:
         link = f"tcp/127.0.0.1:{free.getsockname()[1]}"
     up = [sys.executable, "-P", "-m", "lindy", "up", "drone", "--listen", link, "--out", "drone"]
     common = ["--insecure", "--name", "far", *QUICK]
-    with subprocess.Popen(
-        [*up, *common], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    ) as drone:  # fmt: skip
+    with (
+        tempfile.TemporaryDirectory(prefix="t-") as place,
+        # Windows and Linux lock their runtime folders in different ways, and share none.
+        subprocess.Popen(
+            [*up, *common], cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": place},
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        ) as drone,
+    ):  # fmt: skip
         try:
             words = f"up topside --connect {link} --out top --pilot script:first_dive --seconds 2"
             lindy(tmp_path, words, *common)

@@ -22,6 +22,7 @@ from tests.support.processes import in_group, spent_s
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 PATIENCE_S = 120.0  # [s] never reached unless something is broken, on a slow and busy computer
 PRESS_S = 5.0  # [s] far longer than any button has to be held
+NAVIGATED = "navigated or closed"  # as Chromium says it
 LOOK_S = 0.05  # [s]
 LARGEST = 64_000_000  # [B] of a picture
 FLAGS = (
@@ -170,8 +171,12 @@ class BrowserPage:
         """Until an expression is true."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
-            if value := self.look(script):
-                return value
+            try:
+                if value := self.look(script):
+                    return value
+            except RuntimeError as error:
+                if NAVIGATED not in str(error):  # the page is loaded anew just now
+                    raise
             time.sleep(LOOK_S)
         raise TimeoutError(f"never true: {script}")
 
