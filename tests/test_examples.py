@@ -99,6 +99,7 @@ def test_a_program_of_the_library_page_is_short(path: Path) -> None:
     assert len([line for line in lines if not line.startswith(("import ", "from "))]) <= most
 
 
+@pytest.mark.slow
 def test_the_ramp_is_plotted_and_keeps_its_limits(tmp_path: Path) -> None:
     out = tmp_path / "ramp.png"
     done = run("ramp_plot.py", str(out))
@@ -152,6 +153,7 @@ def test_a_mistyped_gain_of_an_own_controller_is_one_sentence(
     assert capsys.readouterr().err == f"{said} known: depth, heading\n"
 
 
+@pytest.mark.slow
 def test_a_virtual_dive_holds_its_depth() -> None:
     done = run("virtual_dive.py", "3")
     assert done.returncode == 0, done.stderr
@@ -160,6 +162,7 @@ def test_a_virtual_dive_holds_its_depth() -> None:
     assert rms < worst < 50.0  # [cm]
 
 
+@pytest.mark.slow
 def test_the_links_are_ordered_as_their_names_promise() -> None:
     done = run("link_monte_carlo.py", "perfect", "tether", "severe")
     assert done.returncode == 0, done.stderr
