@@ -134,9 +134,14 @@ def review(
         beliefs=believed(estimated.beliefs),
         asked=[] if wanted is None else _asked(wanted, motion),
         missing=missing,
-        remarks=remarks(recorded.source),
+        remarks=[*remarks(recorded.source), *_unread(recorded)],
     )
     return found, Drawn(recorded, estimated, shaken, stops, wanted)
+
+
+def _unread(recorded: Recorded) -> list[str]:
+    keys = sorted(recorded.source.recording.unreadable)
+    return [f"some messages of {', '.join(keys)} could not be read"] if keys else []
 
 
 def _vibration(recorded: Recorded, missing: dict[str, list[str]]) -> ImuVibration | None:

@@ -202,7 +202,7 @@ def test_fish_half_way_down_are_told_by_the_altitude_however_slowly_they_swim(fi
     voyage.fish, voyage.altitude = 0.0, 5.0
     voyage.run(5.0)
     assert voyage.counts["restarted:velocity"] == 0
-    assert abs(voyage.error() - place) < 0.06  # without the altitude 0.4 to 0.8 m
+    assert abs(voyage.error() - place) < 0.06
 
 
 def test_a_step_of_the_bottom_changes_nothing() -> None:
