@@ -23,6 +23,7 @@ from services.marine.attitude import to_world
 Floats = NDArray[np.floating[Any]]  # 32 bit: half the time of 64
 Bytes = NDArray[np.uint8]
 BAND = 90  # [px] rows that are computed at once: their arrays stay in the processor's cache
+EVERY = slice(None)  # row or column
 FARTHEST = 40.0  # [m] here the water hides everything
 NEAREST = 0.2  # [m]
 TILE, PX_PER_M = 1024, 100.0  # [px], [px/m] of the texture, which repeats
@@ -84,21 +85,24 @@ class CameraAxes(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Directions of some rows of pixels, NED, per metre along the camera's axis."""
+    """Directions of some pixels, NED, per metre along the camera's axis."""
 
     north: Floats
     east: Floats
     down: Floats
     length: Floats  # [-] of each
-    shortening: Floats  # [-] 1 / length
 
 
 class SeenSurfaces(NamedTuple):
-    """What those rays meet."""
+    """What the rays of some pixels meet."""
 
     way: Floats  # [m] along each ray
+    down: Floats  # [-] of each ray, per metre of it
     albedo: Floats  # [-]
     piling: NDArray[np.bool_]  # a piling; else the floor, or only water
+
+    def part(self, rows: slice) -> "SeenSurfaces":
+        return SeenSurfaces(self.way[rows], self.down[rows], self.albedo[rows], self.piling[rows])
 
 
 class Piling(NamedTuple):
@@ -131,6 +135,7 @@ class SimulatedSea:
         )
         self._focal = width / 2.0 / tan(angle / 2.0)  # [px]
         self._width, self._height = width, height
+        self._bands = [slice(top, min(top + BAND, height)) for top in range(0, height, BAND)]
         self._right = ((np.arange(width) - (width - 1) / 2.0) / self._focal).astype(np.float32)
         self._below = ((np.arange(height) - (height - 1) / 2.0) / self._focal).astype(np.float32)
         aside = np.hypot(self._right[None, :], self._below[:, None])
@@ -149,47 +154,49 @@ class SimulatedSea:
         y = np.empty((self._height, self._width), np.uint8)
         u = np.empty((self._height // 2, self._width // 2), np.uint8)
         v = np.empty_like(u)
-        pilings = self._pilings(view.position, axes)
         day, lamp = self._exposed(view, axes)
-        for top in range(0, self._height, BAND):
-            rows = slice(top, min(top + BAND, self._height))
+        seen = self._seen(view.position, axes)
+        for rows in self._bands:
             half = slice(rows.start // 2, rows.stop // 2)
-            rays, seen = self._seen(view.position, axes, rows, pilings)
-            y[rows], u[half], v[half] = self._lit(seen, rays, self._beam[rows], lamp, day)
+            y[rows], u[half], v[half] = self._lit(seen.part(rows), self._beam[rows], lamp, day)
         self._snow(y, view.position, axes, lamp, day)
         return Picture(y, u, v)
 
     # What is seen.
 
-    def _seen(
-        self, position: Vec3, axes: CameraAxes, rows: slice, pilings: list[Piling]
-    ) -> tuple[Rays, SeenSurfaces]:
-        rays = self._rays(axes, rows)
-        seen = self._floor(position, rays)
-        for piling in pilings:
-            self._stand(seen, position[2], rays, piling)
-        return rays, seen
+    def _seen(self, position: Vec3, axes: CameraAxes) -> SeenSurfaces:
+        shape = self._length.shape
+        way, down, albedo = [np.empty(shape, np.float32) for _ in range(3)]
+        seen = SeenSurfaces(way, down, albedo, np.zeros(shape, np.bool_))
+        for rows in self._bands:
+            rays = self._rays(axes, rows, EVERY)
+            np.multiply(rays.down, self._shortening[rows], out=seen.down[rows])
+            self._floor(seen.part(rows), position, rays)
+        for piling in self._pilings(position, axes):
+            self._stand(seen, position[2], self._rays(axes, EVERY, piling.columns), piling)
+        return seen
 
-    def _rays(self, axes: CameraAxes, rows: slice) -> Rays:
+    def _rays(self, axes: CameraAxes, rows: slice, columns: slice) -> Rays:
         north, east, down = (
-            (axes.forward[k] + axes.right[k] * self._right)[None, :]
+            (axes.forward[k] + axes.right[k] * self._right[columns])[None, :]
             + (axes.down[k] * self._below[rows])[:, None]
             for k in range(3)
         )
-        return Rays(north, east, down, self._length[rows], self._shortening[rows])
+        return Rays(north, east, down, self._length[rows, columns])
 
-    def _floor(self, position: Vec3, rays: Rays) -> SeenSurfaces:
+    def _floor(self, seen: SeenSurfaces, position: Vec3, rays: Rays) -> None:
         above = max(self._floor_depth - position[2], NEAREST)
         if float(rays.down.max()) * min(FARTHEST, HIDDEN / self._water.turbidity) < above:
-            same = np.full(rays.down.shape, MEAN_ALBEDO, np.float32)
-            return SeenSurfaces(FARTHEST * rays.length, same, np.zeros(same.shape, np.bool_))
+            np.multiply(rays.length, FARTHEST, out=seen.way)
+            seen.albedo.fill(MEAN_ALBEDO)
+            return
         ahead = above / np.maximum(rays.down, above / FARTHEST)
         side = TILE / PX_PER_M
         x = (rays.north * ahead + position[0] % side) * PX_PER_M
         y = (rays.east * ahead + position[1] % side) * PX_PER_M
         at = (x.astype(np.int32) & (TILE - 1)) * TILE + (y.astype(np.int32) & (TILE - 1))
-        albedo = self._texture.take(at) * ALBEDO_STEP
-        return SeenSurfaces(ahead * rays.length, albedo, np.zeros(at.shape, np.bool_))
+        np.multiply(self._texture.take(at), ALBEDO_STEP, out=seen.albedo)
+        np.multiply(ahead, rays.length, out=seen.way)
 
     def _pilings(self, position: Vec3, axes: CameraAxes) -> list[Piling]:
         """Those in sight."""
@@ -233,18 +240,18 @@ class SimulatedSea:
 
     def _stand(self, seen: SeenSurfaces, depth: float, rays: Rays, piling: Piling) -> None:
         """A piling where it is nearer than what was seen so far."""
-        at = (slice(None), piling.columns)
-        north, east = rays.north[at], rays.east[at]
+        at = (EVERY, piling.columns)
+        north, east = rays.north, rays.east
         across = north * north + east * east
         towards = north * piling.north + east * piling.east
         outside = piling.north**2 + piling.east**2 - PILING_RADIUS**2
         found = towards * towards - across * outside
         ahead = (towards - np.sqrt(np.maximum(found, 0.0))) / np.maximum(across, 1e-9)
-        way = ahead * rays.length[at]
+        way = ahead * rays.length
         hit = (found > 0.0) & (ahead > NEAREST) & (way < seen.way[at])
         if not hit.any():
             return
-        down = depth + rays.down[at] * ahead
+        down = depth + rays.down * ahead
         x = ((north * ahead - piling.north) * (5.0 * PX_PER_M)).astype(np.int32) & (TILE - 1)
         y = (down * PX_PER_M).astype(np.int32) & (TILE - 1)
         ring = np.abs(down - np.rint(down)) < RING / 2.0
@@ -268,24 +275,30 @@ class SimulatedSea:
 
     def brightness(self, position: Vec3, axes: CameraAxes, lamp: float, day: float) -> float:
         """[-] Which `METERED` of the picture does not exceed; 1 is white."""
-        rays, seen = self._seen(position, axes, slice(None), self._pilings(position, axes))
-        luma, _ = self._luma(seen, rays, self._beam, lamp, day)
+        luma, _ = self._luma(self._seen(position, axes), self._beam, lamp, day)
         return float(np.percentile(luma, METERED))
 
     def _luma(
-        self, seen: SeenSurfaces, rays: Rays, beam: Floats, lamp: float, day: float
+        self, seen: SeenSurfaces, beam: Floats, lamp: float, day: float
     ) -> tuple[Floats, Floats]:
         """[-] Light, 1 is white, and the share that the water lets through. Twice as much lamp and
         daylight is twice the light."""
         through = np.exp(-self._water.turbidity * seen.way)
-        shine = (lamp * LAMP) * beam * through / np.maximum(seen.way * seen.way, 0.3)
-        veil = 0.45 * day - (0.25 * day) * rays.down * rays.shortening + (lamp * BACKSCATTER) * beam
-        return (seen.albedo * (day + shine) - veil) * through + veil, through
+        veil = 0.45 * day - (0.25 * day) * seen.down
+        light = np.float32(day)
+        if lamp > 0.0:
+            veil += (lamp * BACKSCATTER) * beam
+            light = day + (lamp * LAMP) * beam * through / np.maximum(seen.way * seen.way, 0.3)
+        luma = seen.albedo * light
+        luma -= veil
+        luma *= through
+        luma += veil
+        return luma, through
 
     def _lit(
-        self, seen: SeenSurfaces, rays: Rays, beam: Floats, lamp: float, day: float
+        self, seen: SeenSurfaces, beam: Floats, lamp: float, day: float
     ) -> tuple[Bytes, Bytes, Bytes]:
-        luma, through = self._luma(seen, rays, beam, lamp, day)
+        luma, through = self._luma(seen, beam, lamp, day)
         np.minimum(luma, 1.0, out=luma)
         clear = through[::2, ::2]
         shade = np.minimum(2.0 * luma[::2, ::2], 1.0)
@@ -294,8 +307,9 @@ class SimulatedSea:
             GREY + shade * (clear * (sand + (growth - sand) * stands) + (1.0 - clear) * water)
             for growth, sand, water in zip(GROWTH, SAND, WATER, strict=True)
         )
-        y = BLACK + (WHITE - BLACK) * luma
-        return y.astype(np.uint8), blue.astype(np.uint8), red.astype(np.uint8)
+        luma *= WHITE - BLACK
+        luma += BLACK
+        return luma.astype(np.uint8), blue.astype(np.uint8), red.astype(np.uint8)
 
     def _snow(self, y: Bytes, position: Vec3, axes: CameraAxes, lamp: float, day: float) -> None:
         """Particles that stand still in the water, so that they pass by."""
