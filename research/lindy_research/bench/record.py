@@ -14,7 +14,7 @@ from lindy_research.bench.table import Figure
 
 QUIET = 0.2  # [cores] that others may take
 BEGIN, END = "<!-- figures: written by make bench -->", "<!-- end of figures -->"
-HEADS = ("figure", "ours", "beside", "there", "ratio", "goal", "noise", "others [cores]", "machine")
+HEADS = ("figure", "ours", "beside", "there", "ratio", "goal", "noise")
 
 Verdict = Literal["better", "same", "worse"]
 
@@ -130,29 +130,49 @@ def with_table(page: str, figures: Sequence[KeptFigure]) -> str:
     _, ended, after = rest.partition(END)
     if not (found and ended):
         raise ValueError(f"there is no {BEGIN!r} with {END!r} behind it")
-    rows = [HEADS, ("---",) * len(HEADS), *map(_cells, figures)]
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    return f"{before}{BEGIN}\n\n{table}\n\n{END}{after}"
+    return f"{before}{BEGIN}\n\n{_in_sections(figures)}\n\n{END}{after}"
 
 
-def _cells(figure: KeptFigure) -> tuple[str, ...]:
-    missed = None not in (figure.goal, figure.ratio) and not _met(figure)
+def _in_sections(figures: Sequence[KeptFigure]) -> str:
+    """What is missed first."""
+    missed = [figure for figure in figures if not _met(figure)]
+    parts = ["### Missed goals", _table([(f"{each.section}: ", each) for each in missed])]
+    for section in dict.fromkeys(figure.section for figure in figures):
+        found = [figure for figure in figures if figure.section == section]
+        parts += [f"### {section}", _measured(found[0]), _table([("", each) for each in found])]
+    return "\n\n".join(parts)
+
+
+def _measured(figure: KeptFigure) -> str:
+    """How the figures of its section were."""
+    runs = "one run" if figure.runs == 1 else f"{figure.runs} runs"
+    return f"{figure.machine}; {runs}; other work took {figure.others:.1f} cores."
+
+
+def _table(figures: Sequence[tuple[str, KeptFigure]]) -> str:
+    rows = [HEADS, ("---",) * len(HEADS), *(_cells(before, figure) for before, figure in figures)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _cells(before: str, figure: KeptFigure) -> tuple[str, ...]:
     ratio = _number(figure.ratio, 3)
     return (
-        f"{figure.section}: {figure.name}",
-        f"{_number(figure.ours, 4)} {figure.unit}".strip(),
+        f"{before}{figure.name}",
+        _with_unit(figure.ours, figure.unit),
         figure.baseline_name or "–",
-        f"{_number(figure.baseline, 4)} {figure.unit}".strip(),
-        f"**{ratio}**" if missed else ratio,
+        _with_unit(figure.baseline, figure.unit),
+        ratio if _met(figure) else f"**{ratio}**",
         _number(figure.goal, 3),
-        f"{figure.noise:.2g}",
-        f"{figure.others:.1f}",
-        figure.machine,
+        f"{figure.noise:.2g}" if figure.runs > 1 else "–",
     )
 
 
 def _met(figure: KeptFigure) -> bool:
     return figure.goal is None or figure.ratio is None or figure.ratio <= figure.goal
+
+
+def _with_unit(value: float | None, unit: str) -> str:
+    return "–" if value is None else f"{_number(value, 4)} {unit}".strip()
 
 
 def _number(value: float | None, digits: int) -> str:
