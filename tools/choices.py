@@ -104,7 +104,8 @@ class Choices:
         "tether"
     )
     seconds: Annotated[
-        float | None, Parameter(help="end this long after arming, whatever the pilot does")
+        float | None,
+        Parameter(help="end at the latest so long after arming; a script ends it sooner"),
     ] = None
     out: Annotated[
         Path | None,

@@ -2,12 +2,15 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
 from services.control.axis.axis_law import WIDEST
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
+from services.runtime.hosts.registry import Registry
+from tools.checks import known_tables
 from tools.choices import Overrides, VehicleName
 from tools.tuning.gain_design import design, lines
 from tools.tuning.lq import Worth
@@ -62,8 +65,13 @@ def gains(
         raise LindyError(f"--observer is {observer:g}, expected 0 to {WIDEST:g} rad/s")
     position, velocity, effort, fast, sharp = numbers
     stack = Stack(vehicle=vehicle, overrides=list(set_))
+    stack.check(known_tables(Registry.read()))
     worth = Worth(position, velocity, effort, patience)
-    found = design(stack.section("vehicle", Vehicle), axis, worth, observer, fast, sharp)
+    try:
+        with np.errstate(all="ignore"):
+            found = design(stack.section("vehicle", Vehicle), axis, worth, observer, fast, sharp)
+    except ValueError as why:
+        raise LindyError(f"--error, --rate and --force: {why}; choose nearer ones") from None
     print("\n".join(lines(axis, found, worth)))
     return 0
 

@@ -19,6 +19,7 @@ from tools.importing.rosbag_file import is_rosbag
 from tools.recordings.recording import open_recording
 from tools.review.review import review as reviewed
 
+COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 PAGE = "review.html"
 RECORDING = ".mcap"
 
@@ -89,7 +90,7 @@ def review(
         from tools.review.words import in_short
 
         print(harmless("\n".join([*found.remarks, *in_short(found)])), flush=True)
-    return 0
+    return INCOMPLETE if drawn.recorded.source.damage else COMPLETE
 
 
 def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:

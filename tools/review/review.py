@@ -25,6 +25,7 @@ from tools.review.with_lindy import stops_with_lindy
 
 KNOWN_SHARE = 0.5  # [-] of the dive: less, and the page says that the estimator did not work
 FEWEST_MOVED = 20  # samples of a rate
+SHOWN = 3  # keys that a sentence names
 
 
 class ReviewedEstimation(msgspec.Struct, kw_only=True, frozen=True):
@@ -141,7 +142,8 @@ def review(
 
 def _unread(recorded: Recorded) -> list[str]:
     keys = sorted(recorded.source.recording.unreadable)
-    return [f"some messages of {', '.join(keys)} could not be read"] if keys else []
+    more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
+    return [f"some messages of {', '.join(keys[:SHOWN])}{more} could not be read"] if keys else []
 
 
 def _vibration(recorded: Recorded, missing: dict[str, list[str]]) -> ImuVibration | None:

@@ -6,6 +6,7 @@ start, and a worker whose parent is gone, however it ended, ends too.
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -24,6 +25,7 @@ R = TypeVar("R")
 POLL_S = 0.2  # [s] between two looks at whether to stop
 ALONE = 2  # times that a job is tried alone: beside others it may not be the one at fault
 SPAWN = get_context("spawn")
+KILLED = "lindy: a worker process was killed; what was at hand is done again, one by one"
 
 _stop: Event | None = None  # in a worker: set when it is to stop
 
@@ -64,6 +66,7 @@ def on_all_cores(
         except BrokenProcessPool:
             if stop():  # a signal to the whole process group has ended the workers, too
                 return
+            print(KILLED, file=sys.stderr, flush=True)
             for index, job in begun.items():
                 yield from _alone(work, index, job, stop, killed)
                 left.pop(index, None)

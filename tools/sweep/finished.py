@@ -127,8 +127,10 @@ class FinishedDives:
         found = _parsed(line)
         if found is None or FORMAT not in found:
             raise LindyError(f"{self._path} is not the file of a sweep; choose another --out")
-        for key, here in json.loads(json.dumps({FORMAT: 1, **about})).items():
-            if (there := found.get(key)) != here:
+        wanted = json.loads(json.dumps({FORMAT: 1, **about}))
+        for key in {**wanted, **found}:
+            here, there = wanted.get(key), found.get(key)
+            if there != here:
                 raise LindyError(
                     f"{self._path} is of another sweep: {key} is {_short(there)} there and "
                     f"{_short(here)} here; choose another --out"
@@ -169,5 +171,7 @@ def _checksum(data: bytes) -> str:
 
 
 def _short(value: object) -> str:
+    if value is None:
+        return "not given"
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else text[:60] + "…"

@@ -3,6 +3,7 @@
 A section is a module here with `figures() -> list[Figure]` and a row in SECTIONS.
 """
 
+import sys
 from importlib import import_module
 from typing import Annotated
 
@@ -58,10 +59,12 @@ def bench(
             raise LindyError(f"--only {name}: no such section; there are {', '.join(SECTIONS)}")
     figures: list[Figure] = []
     for name in only or SECTIONS:
+        print(f"measuring {name}", file=sys.stderr, flush=True)  # of minutes each
         options = {"quick": True} if quick and name in QUICK else {}
-        figures += import_module(SECTIONS[name]).figures(**options)
+        found = import_module(SECTIONS[name]).figures(**options)
+        if not json:
+            show(found)
+        figures += found
     if json:
         print(as_json(figures))
-    else:
-        show(figures)
     return 0

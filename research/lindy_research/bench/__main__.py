@@ -3,7 +3,9 @@ works, judge it beside the last figures, keep it in docs/performance.json and wr
 docs/performance.md.
 
 Exit status 1: a figure is worse than the last by more than its noise; such a section is not kept,
-unless --accept says so. Or a section could not be measured, whose last figures stay.
+unless --accept says so. Or a section could not be measured, whose last figures stay. Figures that
+were measured while others worked are judged by nobody, and take the place of quiet ones only with
+--accept.
 """
 
 import argparse
@@ -24,10 +26,11 @@ from lindy_research.bench.record import (
     cores_at_work,
     kept,
     merged,
+    noisier,
     with_table,
     worse,
 )
-from lindy_research.bench.table import Figure
+from lindy_research.bench.table import Figure, show
 from services.runtime.config.errors import LindyError
 
 STAT = Path("/proc/stat")
@@ -63,7 +66,9 @@ def main(words: Sequence[str], docs: Path = DOCS) -> int:
                 flush=True,
             )
         said = said or (bool(found) and not args.accept)
-        if not found or args.accept:
+        if noisy := not args.accept and noisier(last, now):
+            print(f"{name}: not kept: the last figures were measured while nobody else worked")
+        if args.accept or not (found or noisy):
             last = merged(last, now)
             numbers = msgspec.json.encode(last, enc_hook=float)  # some are numpy's
             record.write_bytes(msgspec.json.format(numbers, indent=1) + b"\n")
@@ -88,6 +93,7 @@ def _measured(name: str, runs: int, *, busy: bool) -> list[KeptFigure]:
         others = max(others, _others(busy=busy))
         print(f"{name}: run {run} of {runs}; others: {others:.1f} cores", flush=True)
         found.append(section.figures())
+        show(found[-1])
     python = ".".join(platform.python_version_tuple()[:2])
     machine = f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}, Python {python}"
     return kept(found, round(others, 2), machine)

@@ -113,11 +113,22 @@ def worse(last: Iterable[KeptFigure], now: Iterable[KeptFigure]) -> list[tuple[K
     return found
 
 
+def noisier(last: Iterable[KeptFigure], now: Sequence[KeptFigure]) -> bool:
+    """Were they measured beside other work, and the last of their section not?"""
+    sections = {figure.section for figure in now}
+    before = [figure.quiet for figure in last if figure.section in sections]
+    return bool(before) and all(before) and not all(figure.quiet for figure in now)
+
+
 def merged(last: Iterable[KeptFigure], now: Iterable[KeptFigure]) -> list[KeptFigure]:
-    """The newest of each section: of one that was not measured now, the last."""
-    new = list(now)
+    """The newest of each section, in its place: of one that was not measured now, the last."""
+    before, new = list(last), list(now)
     measured = {figure.section for figure in new}
-    return [*(figure for figure in last if figure.section not in measured), *new]
+    found: list[KeptFigure] = []
+    for section in dict.fromkeys(figure.section for figure in [*before, *new]):
+        of_it = new if section in measured else before
+        found += [figure for figure in of_it if figure.section == section]
+    return found
 
 
 def with_table(page: str, figures: Sequence[KeptFigure]) -> str:

@@ -49,7 +49,7 @@ def show(figures: list[Figure]) -> None:
         widths = [max(map(len, column)) for column in zip(COLUMNS, *rows, strict=True)]
         for row in (COLUMNS, *rows):
             cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-            print("  ".join(cells).rstrip())
+            print("  ".join(cells).rstrip(), flush=True)
         return
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
     for title in COLUMNS:

@@ -20,6 +20,7 @@ from lindy_research.bench.record import (
     cores_at_work,
     kept,
     merged,
+    noisier,
     with_table,
     worse,
 )
@@ -97,7 +98,17 @@ def test_the_cores_at_work_are_what_is_neither_idle_nor_waiting(ticks: list[int]
 def test_the_last_figures_of_a_section_that_was_not_measured_stay() -> None:
     last = kept([[figure(1.0, "a"), figure(1.0, "a", "gone"), figure(1.0, "b")]], 0.0, "m")
     now = kept([[figure(2.0, "a")]], 0.0, "m")
-    assert merged(last, now) == [last[2], now[0]]
+    assert merged(last, now) == [now[0], last[2]]
+
+
+def test_figures_beside_other_work_do_not_replace_quiet_ones() -> None:
+    loud = kept([[figure(2.0, "a")]], 2 * QUIET, "m")
+    assert noisier(of(1.0), loud)
+    assert not noisier(loud, loud)
+    assert not noisier(loud, of(1.0))
+    assert not noisier(of(1.0), of(1.0))
+    assert not noisier([], loud)
+    assert not noisier(kept([[figure(1.0, "b")]], 0.0, "m"), loud)
 
 
 def test_the_table_takes_the_place_of_the_one_before_and_the_prose_stays() -> None:

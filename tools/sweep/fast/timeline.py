@@ -14,6 +14,8 @@ from services.simulator.settings import Settings
 from services.tether.profile import LinkProfile
 from tools.live.virtual_dive import STRIDE_NS
 
+S = 1_000_000_000  # [ns]
+
 
 class LinkDelays(NamedTuple):
     up_ns: int
@@ -25,6 +27,12 @@ def delays_of(link: LinkProfile) -> LinkDelays:
     assert up is not None, "coverage.py refuses a trace"
     assert down is not None
     return LinkDelays(round(up * 1e6), round(down * 1e6))
+
+
+def _behind(now: int) -> int:
+    """[ns] By which sticks that need no time to cross arrive behind the step of their instant: at
+    a whole second every service reports its health, and the chain is called before the pilot's."""
+    return int(now % S == 0)
 
 
 class SampleTimes(NamedTuple):
@@ -62,7 +70,7 @@ class DiveTimes:
             ends = min(ends, self.began_ns + round(seconds * 1e9))
         self.end_ns = -(-ends // STRIDE_NS) * STRIDE_NS
         self.changes = [(self.began_ns + row.at_ns, script.at(row.at_ns)) for row in script.rows]
-        self._heard = [at + link.down_ns for at, _ in self.changes]
+        self._heard = [at + (link.down_ns or _behind(at)) for at, _ in self.changes]
 
     def armed(self, now: int) -> bool:
         """What was asked for at an instant acts from the next one on."""

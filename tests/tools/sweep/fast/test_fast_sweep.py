@@ -14,7 +14,7 @@ from tools.sweep.fast.batch import DiveBatch, FlownBatch, batches, exact_row, fl
 from tools.sweep.one_dive import Job, fly_one
 from tools.sweep.rows import FLOWN, OF_MESSAGES, Cell, Row
 
-STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.1,0.2,0,0.6,0.4\n0.8,0,0,0,0\n4,0,0,0,0\n"
+STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.1,0.2,0,0.6,0.4\n1,0,0,0,0\n4,0,0,0,0\n"
 QUICK = "estimation.calibration.still_time=2"  # [s]
 OWN = ("wall_s", "folder", FLOWN)
 CLOSE = 1e-6  # [-] of a figure, or of its unit: rounding, while both go the same way
@@ -53,9 +53,10 @@ def is_close(one: Cell, other: Cell) -> bool:
     return one == other
 
 
-def test_a_fast_dive_has_the_figures_of_the_exact_one(tmp_path: Path):
+@pytest.mark.parametrize("link", ["tether", "perfect"])
+def test_a_fast_dive_has_the_figures_of_the_exact_one(link: str, tmp_path: Path):
     overrides = (QUICK, "simulator.floor_depth=60")
-    combination = Combination("pioneer", "tether", script_of(tmp_path), overrides)
+    combination = Combination("pioneer", link, script_of(tmp_path), overrides)
     pairs = both(combination, range(5, 6), 1.5)
     assert len(pairs) == 1
     for fast, exact in pairs:
