@@ -68,13 +68,16 @@ def test_a_job_that_kills_its_worker_twice_is_one_sentence():
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_killed_worker_costs_no_job(tmp_path: Path, workers: int):
+def test_a_killed_worker_costs_no_job(
+    tmp_path: Path, workers: int, capsys: pytest.CaptureFixture[str]
+):
     names = ["a", "once-b", "c", "deadly-d", "e", "once-f", "g"]
     jobs = [str(tmp_path / name) for name in names]
     results = on_all_cores(die_once, jobs, workers, killed=lambda job: f"lost {Path(job).name}")
     found = sorted(result for result in results if result is not None)
     expected = ["lost deadly-d" if name == "deadly-d" else name for name in names]
     assert found == list(enumerate(expected))
+    assert "a worker process was killed; what was at hand is done again" in capsys.readouterr().err
 
 
 def test_asked_to_stop_it_ends_with_the_jobs_at_hand():
