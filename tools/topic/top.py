@@ -14,8 +14,8 @@ from tools.topic.figures import UNKNOWN, aligned
 
 SILENT_NS = 3_000_000_000  # [ns] of a message that comes once a second
 HEADING = (
-    *("service", "side", "processor %", "memory MB", "calls 1/s", "late p50 ms", "late p99 ms"),
-    *("sent", "received", "counted", ""),
+    *("service", "side", "process", "processor %", "memory MB", "calls 1/s"),
+    *("late p50 ms", "late p99 ms", "sent", "received", "counted", ""),
 )
 Order = Literal["processor", "memory", "late", "name"]
 
@@ -24,7 +24,8 @@ def top(*, order: Order = "processor", seconds: UntilCtrlC = None, dive: Running
     """Show what each service costs, and how late it is.
 
     From the health that each service says once a second. `counted` is all that was dropped, stale,
-    refused or limited in its last second. On a terminal every second, else once at the end.
+    refused or limited in its last second; the memory is that of its process, which services with
+    the same number share. On a terminal every second, else once at the end.
 
     Example: lindy top --order late --seconds 10
     """
@@ -78,7 +79,7 @@ def _line(health: Health, before: Health | None, at: Ns, now: Ns) -> tuple[str, 
     remark = f"silent for {(now - at) / 1e9:.0f} s" if silent else "late" if late else ""
     counted = None if before is None else troubles(health.counts) - troubles(before.counts)
     return (
-        *(health.service, health.side or UNKNOWN),
+        *(health.service, health.side or UNKNOWN, str(health.pid)),
         *(_number(health.cpu_percent), _number(health.rss_mb), _number(health.loop_hz)),
         *(_number(health.lateness_p50_ms), _number(health.lateness_p99_ms)),
         *(str(health.sent), str(health.received)),
