@@ -49,7 +49,7 @@ class Hardware:
         """The water goes on to `now` [ns]."""
         dt, self._now = min(0.1, (now - self._now) / 1e9), now
         force = list(total_wrench(self._columns, self._propellers.believed(now)))
-        force[2] -= self._vehicle.net_buoyancy
+        force[2] -= self._buoyancy()
         for k in AXES:
             v, about = self._velocity[k], self._vehicle
             drag = (about.linear_damping[k] + about.quadratic_damping[k] * abs(v)) * v
@@ -59,9 +59,13 @@ class Hardware:
         ]
         self._heading += dt * self._velocity[5]
         self._depth += dt * self._velocity[2]
-        if self._depth < self._vehicle.floating_depth:
-            self._depth = self._vehicle.floating_depth
-            self._velocity[2] = self._acceleration[2] = 0.0
+
+    def _buoyancy(self) -> float:
+        """[N] Upwards, more than its weight; less where a part of it is out of the water."""
+        about = self._vehicle
+        per_metre = about.mass * GRAVITY / about.size[2]  # [N/m]
+        out = about.floating_depth + about.net_buoyancy / per_metre - self._depth  # [m]
+        return about.net_buoyancy - per_metre * max(0.0, out)
 
     def specific_force(self) -> Vec3:
         """[m/s²] FRD; at rest 0, 0, -g."""
