@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from messages.version import VERSION
 from services.runtime.config.extras import how_to_install
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.service_module import wire_of
@@ -26,6 +27,20 @@ def test_no_other_distribution_shadows_our_folders(name: str) -> None:
     assert spec is not None
     assert spec.origin is not None
     assert Path(spec.origin).is_relative_to(ROOT)
+
+
+def test_lindy_says_the_version_that_is_installed() -> None:
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert version("lindy") == VERSION
+    assert f"\nversion: {VERSION}\n" in cited
+
+
+def test_no_service_asks_the_installed_package_for_it() -> None:
+    """It would take each process on board 4 MB and 20 ms."""
+    names = "tools.onboard.supervise, services.__main__, services.link_monitor.service"
+    names += ", services.estimation.service, services.reference.service, services.control.service"
+    code = f"import sys, {names}; sys.exit('importlib.metadata' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
 
 
 def test_the_lock_file_names_only_the_public_index() -> None:

@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from io import TextIOWrapper
 from typing import Any, NamedTuple
 
+from messages.version import VERSION
 from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.os import system
 
@@ -170,9 +171,7 @@ def _run(words: Sequence[str]) -> int | None:
         print(overview(program, ABOUT if verbs is VERBS else VERBS["log"].help, groups))
         return 0
     if words[0] == "--version":
-        from importlib.metadata import version
-
-        print(version("lindy"))
+        print(VERSION)
         return 0
     return _loaded(program, words[0], verbs, helps=not {*HELP}.isdisjoint(words))(
         words, exit_on_error=False, print_error=False, result_action="return_value"
@@ -204,8 +203,6 @@ def _loaded(program: str, name: str, verbs: Mapping[str, Verb], *, helps: bool) 
     if waiting:
         signal.signal(signal.SIGINT, _leave)
     try:
-        from importlib.metadata import version
-
         from cyclopts import App, Parameter
 
         formatter = None
@@ -219,7 +216,7 @@ def _loaded(program: str, name: str, verbs: Mapping[str, Verb], *, helps: bool) 
             help_epilogue=EPILOGUE,
             help_format="plaintext",
             help_formatter=formatter,
-            version=lambda: version("lindy"),
+            version=VERSION,
             suppress_keyboard_interrupt=False,  # it would be silent
             default_parameter=Parameter(negative=(), show_default=_shown),
         )

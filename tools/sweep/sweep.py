@@ -5,12 +5,12 @@ import sys
 import time
 from collections.abc import Callable, Generator, Sequence, Sized
 from contextlib import closing, contextmanager, suppress
-from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from messages.version import VERSION
 from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.hosts.registry import Registry
@@ -124,7 +124,7 @@ def _checked(axes: SweepAxes, wanted: Wanted) -> About:
         for path in (stack.vehicle_path, named(link).path, script):
             files[str(path)] = _checksum(path)
     return {
-        "lindy": version("lindy"),
+        "lindy": VERSION,
         "stack": wanted.stack,
         "seconds": wanted.seconds,
         "record": wanted.record,

@@ -2,14 +2,13 @@
 
 import gzip
 import hashlib
-from importlib.metadata import version
 from importlib.resources import files
 
 import msgspec
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
-from messages import events
+from messages import events, version
 from services import cockpit
 from services.piloting.keys import KEYS
 
@@ -41,7 +40,7 @@ def registration() -> dict[str, str | bool]:
         "description": "The pilot leads, the drone follows, without a jerk",
         "icon": "mdi-controller",
         "company": "The Lindy authors",
-        "version": version("lindy"),
+        "version": version.VERSION,
         "webpage": "",
         "api": "",
         "new_page": True,

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import msgspec
 
 from messages import topics
+from messages.version import VERSION
 from services.runtime.config.errors import LindyError
-from services.runtime.config.identity import commit_here, messages_hash, version_here
+from services.runtime.config.identity import commit_here, messages_hash
 from services.runtime.config.passwords import without_passwords
 from services.runtime.config.settings import DEPLOY, deploy_file, kept
 from services.runtime.config.stack import Stack
@@ -69,7 +70,7 @@ def computer() -> dict[str, str]:
 def lindy() -> dict[str, str]:
     """Which Lindy this is."""
     return {
-        "version": version_here(),
+        "version": VERSION,
         "commit": commit_here(),
         "messages": messages_hash(topics.ALL),
     }

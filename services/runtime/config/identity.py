@@ -5,7 +5,6 @@ import json
 import re
 from collections.abc import Sequence
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import msgspec
 from messages import topics
 from messages.identity import SideIdentity
 from messages.topic import AnyTopic
+from messages.version import VERSION
 from services.runtime.config.stack import BODY, Stack
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -30,7 +30,7 @@ def identity_of(stack: Stack, side: str, instance: int) -> SideIdentity:
     return SideIdentity(
         side=side,
         instance=instance,
-        version=version_here(),
+        version=VERSION,
         # On virtual time a dive is the same bytes whatever it was committed as.
         commit="" if stack.virtual else commit_here(),
         messages=messages_hash(topics.ALL),
@@ -73,14 +73,6 @@ def _without_words(part: Any) -> Any:
 def _hash(tree: Any) -> str:
     text = json.dumps(tree, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
-
-
-def version_here() -> str:
-    """Of Lindy; empty: run from a folder, not installed."""
-    try:
-        return version("lindy")
-    except PackageNotFoundError:
-        return ""
 
 
 def commit_here() -> str:
