@@ -251,14 +251,14 @@ class SimulatedSea:
         hit = (found > 0.0) & (ahead > NEAREST) & (way < seen.way[at])
         if not hit.any():
             return
-        down = depth + rays.down * ahead
-        x = ((north * ahead - piling.north) * (5.0 * PX_PER_M)).astype(np.int32) & (TILE - 1)
+        ahead = ahead[hit]
+        down = depth + rays.down[hit] * ahead
+        x = ((north[hit] * ahead - piling.north) * (5.0 * PX_PER_M)).astype(np.int32) & (TILE - 1)
         y = (down * PX_PER_M).astype(np.int32) & (TILE - 1)
         ring = np.abs(down - np.rint(down)) < RING / 2.0
-        albedo = GROWTH_STEP * self._texture.take(x * TILE + y) + RING_WHITE * ring
-        np.copyto(seen.way[at], way, where=hit)
-        np.copyto(seen.albedo[at], albedo, where=hit)
-        np.copyto(seen.piling[at], hit, where=hit)
+        seen.way[at][hit] = way[hit]
+        seen.albedo[at][hit] = GROWTH_STEP * self._texture.take(x * TILE + y) + RING_WHITE * ring
+        seen.piling[at][hit] = True
 
     # How it looks.
 
