@@ -28,7 +28,7 @@ def figures(*, quick: bool = False) -> list[Figure]:
     return table("pioneer", QUICK_SEEDS if quick else SEEDS)
 
 
-def table(vehicle: str, seeds: int) -> list[Figure]:
+def table(vehicle: str, seeds: int, section: str = "hulls") -> list[Figure]:
     """All lines, each hull of a line with as many dives as there are seeds."""
     jobs = [(line, seed) for seed in range(FIRST, FIRST + seeds) for line in HULLS]
     dives: dict[str, list[HullDive]] = {line: [] for line in HULLS}
@@ -39,7 +39,7 @@ def table(vehicle: str, seeds: int) -> list[Figure]:
             dives[jobs[index][0]] += flown
             done += 1
             _say(f"hulls, {vehicle}: {done} of {len(jobs)}")
-    return [figure for line in HULLS for figure in judged(vehicle, line, dives[line])]
+    return [figure for line in HULLS for figure in judged(vehicle, line, dives[line], section)]
 
 
 def _line(vehicle: str, job: tuple[str, int]) -> list[HullDive]:
@@ -47,7 +47,9 @@ def _line(vehicle: str, job: tuple[str, int]) -> list[HullDive]:
     return [fly(vehicle, difference, seed) for difference in HULLS[line]]
 
 
-def judged(vehicle: str, line: str, dives: Sequence[HullDive]) -> list[Figure]:
+def judged(
+    vehicle: str, line: str, dives: Sequence[HullDive], section: str = "hulls"
+) -> list[Figure]:
     """One line of the table."""
     goals: HullGoals = GOALS[vehicle]
     bounces = [size for dive in dives for size in dive.bounces]
@@ -68,7 +70,7 @@ def judged(vehicle: str, line: str, dives: Sequence[HullDive]) -> list[Figure]:
     )
     return [
         Figure(
-            section="hulls", name=f"{vehicle}, {line}: {what}, worst", unit=unit,
+            section=section, name=f"{vehicle}, {line}: {what}, worst", unit=unit,
             ours=max(sizes), baseline_name="" if goal is None else "limit", baseline=goal,
             goal=None if goal is None else 1.0, note=f"{_spread(sizes)}; {uses}",
         )

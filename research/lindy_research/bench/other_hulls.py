@@ -12,4 +12,8 @@ def figures(*, quick: bool = False) -> list[Figure]:
         quick: one seed instead of 6.
     """
     seeds = QUICK_SEEDS if quick else SEEDS
-    return [*hulls.table("bluerov2_heavy", seeds), *hulls.table("minerva", seeds)]
+    return [
+        figure
+        for vehicle in ("bluerov2_heavy", "minerva")
+        for figure in hulls.table(vehicle, seeds, "other_hulls")
+    ]

@@ -7,6 +7,7 @@ import pytest
 
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
+from messages.vehicle import Actuation
 from services.estimation.core import Estimator, Settings
 from services.estimation.startup.calibration import CalibrationSettings
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
@@ -79,6 +80,25 @@ def test_the_first_rest_calibrates_it():
     assert kept.gyro_bias == pytest.approx(BIAS, abs=1e-3)
     heading = state.heading
     assert vehicle.run(30.0).heading.std < heading.std + 0.01
+
+
+def test_a_heading_that_thrusters_hold_is_no_rest():
+    """By a wrong bias it is held so that the gyroscope reads just that."""
+    vehicle = Rocking()
+    vehicle.run(20.42)  # level
+    vehicle.rolls = 0.0
+    state = vehicle.run(0.1)
+    for _ in range(120):
+        at = vehicle.ms * MS
+        vehicle.estimator.actuation(
+            Actuation(
+                stamp_ns=at, thrust=(3.0, -3.0), measured=True, actuated_ns=at, sensor_ns=at,
+                pilot_ns=None, stale=False, power=40.0,
+            )
+        )  # fmt: skip
+        state = vehicle.run(0.1)
+    assert ROUGH in (state.troubles or ())
+    assert ROUGH not in (vehicle.run(12.0).troubles or ())
 
 
 def test_a_compass_shows_the_bias_about_the_vertical():
