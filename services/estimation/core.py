@@ -241,8 +241,11 @@ class Estimator:
         """Thrust as reported: with the hull's drag, the only measurement of the current."""
         if max(map(abs, sample.thrust), default=0.0) > DRIVEN:
             self._driven = True
-            if (calibration := self._calibrating or self._improving) is not None:
-                calibration.drive()
+            if self._calibrating is not None:
+                self._calibrating.drive()
+            elif self._improving is not None:
+                # Who holds the heading by a wrong bias turns so that the gyroscope reads just that.
+                self._improving = Calibration(self._settings.calibration)
         self._thrust.see(sample.thrust, sample.stamp_ns)
         self.outbox.tell(self._horizontal.actuation(sample))
         if self._thrust_speed is not None:
@@ -301,10 +304,6 @@ class Estimator:
         calibration.imu(sample.angular_rate, sample.specific_force, dt)
         learnt = calibration.result()
         if learnt is None:
-            return
-        if learnt.driven:
-            # Who holds the heading by a wrong bias turns so that the gyroscope reads just that.
-            self._improving = Calibration(self._settings.calibration)
             return
         self._improving = None
         self._attitude.gyroscope.rested(learnt.gyro_bias)
