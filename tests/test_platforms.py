@@ -39,11 +39,14 @@ print(sum(name.partition(".")[0] in ("services", "tools") for name in sys.module
 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, *words], cwd=folder, env=ENVIRONMENT, capture_output=True, text=True,
-        encoding="utf-8", errors="replace", timeout=PATIENCE_S, check=False,
-        stdin=subprocess.DEVNULL,
-    )  # fmt: skip
+    """Windows and Linux lock their runtime folders in different ways, and share none: a start of
+    the one, of whatever test, takes the other's for left over."""
+    with tempfile.TemporaryDirectory(prefix="t-") as place:
+        return subprocess.run(
+            [sys.executable, *words], cwd=folder, env={**ENVIRONMENT, "TMPDIR": place},
+            capture_output=True, text=True, encoding="utf-8", errors="replace",
+            timeout=PATIENCE_S, check=False, stdin=subprocess.DEVNULL,
+        )  # fmt: skip
 
 
 def lindy(folder: Path, words: str, *more: str) -> str:
@@ -95,15 +98,10 @@ def test_the_topside_flies_a_drone_that_has_posix(tmp_path: Path) -> None:
         link = f"tcp/127.0.0.1:{free.getsockname()[1]}"
     up = [sys.executable, "-P", "-m", "lindy", "up", "drone", "--listen", link, "--out", "drone"]
     common = ["--insecure", "--name", "far", *QUICK]
-    with (
-        tempfile.TemporaryDirectory(prefix="t-") as place,
-        # Windows and Linux lock their runtime folders in different ways, and share none.
-        subprocess.Popen(
-            [*up, *common], cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": place},
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        ) as drone,
-    ):  # fmt: skip
+    with subprocess.Popen(
+        [*up, *common], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    ) as drone:  # fmt: skip
         try:
             words = f"up topside --connect {link} --out top --pilot script:first_dive --seconds 2"
             lindy(tmp_path, words, *common)
