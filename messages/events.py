@@ -399,7 +399,7 @@ WRONG_FORCE_IMU = row("wrong_force:sensor/imu", DANGER, "the IMU's specific forc
 UPSIDE_DOWN_IMU = row("upside_down:sensor/imu", DANGER, "the IMU reads as if the drone lay upside down", said="warning")
 ON_ITS_SIDE_IMU = row("on_its_side:sensor/imu", DANGER, "the IMU reads as if the drone lay on its side or end", said="warning")
 MOVING_CALIBRATION = row("moving:calibration", DANGER, "the drone does not come to rest, or its gyroscope is not in rad/s", said="warning")
-ROUGH_CALIBRATION = row("rough:calibration", DANGER, "the drone has not rested since the start: its gyroscope and the air's pressure are known roughly, depth may be wrong by 0.3 m and the heading drifts, until it rests", said="warning")
+ROUGH_CALIBRATION = row("rough:calibration", DANGER, "the drone has not rested since the start: its gyroscope and the air's pressure are known roughly, depth may be wrong by 0.3 m and the heading drifts, until it rests with its thrusters off", said="warning")
 MOVED = row("moved", SENSOR, "the drone moves: calibration waits until it is still", said="warning")
 WAITING = row("waiting", SENSOR, "calibration waits for a sensor", said="warning")
 IMPLAUSIBLE = row("implausible", SENSOR, "an implausible measurement was rejected")
