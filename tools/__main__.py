@@ -286,7 +286,8 @@ def _mistyped(error: Any) -> str:
             f"{name}: there is no {word}{_meant(word, known)} `{verb} --help` shows what there is"
         )
     if kind == "MissingArgumentError" and error.keyword is not None:
-        return f"{name}: {error.keyword} needs a value; `{verb} --help` shows which"
+        minus = f"one that begins with - as {error.keyword}=-1"
+        return f"{name}: {error.keyword} needs a value, {minus}; `{verb} --help` shows which"
     if kind == "MissingArgumentError":
         field, missing = argument.field_info, argument.name
         missing = missing if field.is_keyword_only else missing.removeprefix("--").upper()
