@@ -96,14 +96,14 @@ def reviewed_stops(
         armed: a stop ends with its span; None: the recording does not say.
     """
     why = _nothing_moves(dive, armed)
-    if motion is None or why:
+    if motion is None or not len(motion.t) or why:
         unknown = "Nobody estimated the motion, so it is not known how far it ran on."
         return Stops([], [], [why or unknown])
     found: list[tuple[ReviewedStop, StopCurve | None]] = []
     missing: list[str] = []
-    against = 0
+    against = unknown = 0
     for axis in AXES:
-        of_axis = list(_let_go(dive, axis.name, armed, begin_ns))
+        of_axis = list(_let_go(dive, axis.name, armed, begin_ns, float(motion.t[-1])))
         felt = _felt(axis, motion, imu)
         measured = bool(np.isfinite(getattr(motion, axis.rate)).any())
         if of_axis and not measured:
@@ -111,12 +111,14 @@ def reviewed_stops(
                 f"The {axis.name} stick was let go {_times(len(of_axis))}, but nothing in the "
                 f"recording measures {axis.name}: at most its jerk is known."
             )
-        for sign, begin, last in of_axis:
-            stop = (
-                _measured(axis, motion, begin, last, felt, limits)
-                if measured
-                else _only_felt(axis, begin, last, felt)
-            )
+        for sign, begin, end in of_axis:
+            if not measured:
+                stop = _only_felt(axis, begin, end, felt)
+            elif (moved := _moved(axis, motion, begin, end)) is None:
+                unknown += 1
+                continue
+            else:
+                stop = _measured(axis, moved, felt, limits)
             if stop is not None and sign * (stop[0].speed or 0.0) < 0.0:
                 against += 1
             elif stop is not None:
@@ -126,6 +128,11 @@ def reviewed_stops(
         missing.append(
             f"{_times(against).capitalize()} a stick was let go while the vehicle still moved the "
             f"other way; that is no stop of it and left out."
+        )
+    if unknown:
+        missing.append(
+            f"{_times(unknown).capitalize()} a stick was let go, but the motion after it is not "
+            f"known throughout; that is left out."
         )
     if not found and not missing:
         missing.append("No stick was let go while the vehicle moved along its axis.")
@@ -142,11 +149,15 @@ def _nothing_moves(dive: RecordedDive, armed: Sequence[ArmedSpan] | None) -> str
 
 
 def _let_go(
-    dive: RecordedDive, axis: str, armed: Sequence[ArmedSpan] | None, begin_ns: int
+    dive: RecordedDive,
+    axis: str,
+    armed: Sequence[ArmedSpan] | None,
+    begin_ns: int,
+    last: float,
 ) -> Iterator[tuple[float, float, float]]:
-    """(sign of the deflection before, begin [s], end [s]) of every time a stick was let go. One
-    that ends with its armed span was not; one that the vehicle then goes on from by itself ends
-    there."""
+    """(sign of the deflection before, begin [s], end [s]) of every time a stick was let go for long
+    enough. One that ends with its armed span was not; one that the vehicle then goes on from by
+    itself ends there, as all do where the motion ends, at `last` [s]."""
     status = dive[topics.STATUS]
     by_itself = status["stamp"][status["own way"] > 0.0] if status.count else np.zeros(0)
     for release in releases(dive, axis):
@@ -154,7 +165,9 @@ def _let_go(
         if (disarmed := _disarmed(armed, begin)) is not None:
             later = (by_itself[by_itself > release.begin] - begin_ns) / 1e9
             goes = float(later[0]) if len(later) else inf
-            yield release.sign, begin, min(end, disarmed, goes, begin + WINDOW_S)
+            end = min(end, disarmed, goes, begin + WINDOW_S, last)
+            if end - begin >= SHORTEST_S:
+                yield release.sign, begin, end
 
 
 def counting(dive: RecordedDive, armed: Sequence[ArmedSpan] | None, begin_ns: int) -> RecordedDive:
@@ -194,17 +207,10 @@ def limits_of(axis: str, settings: Settings) -> Limits | None:
     return {"heave": settings.heave.limits, "yaw": settings.yaw.limits}.get(axis)
 
 
-def _measured(
-    axis: StopAxis,
-    motion: Track,
-    begin: float,
-    end: float,
-    felt: tuple[Array, Array] | None,
-    settings: Settings,
-) -> tuple[ReviewedStop, StopCurve] | None:
-    """None: it does not count."""
-    if end - begin < SHORTEST_S:
-        return None
+def _moved(
+    axis: StopAxis, motion: Track, begin: float, end: float
+) -> tuple[Array, Array, Array] | None:
+    """Times [s], rate and position along an axis, `RATE` a second. None: not known throughout."""
     grid = np.arange(begin, end, 1.0 / RATE)
     rate = track_at(motion, axis.rate, grid)
     position = track_at(motion, axis.position, grid) if axis.position else None
@@ -212,6 +218,17 @@ def _measured(
         position = np.cumsum(rate) / RATE
     if rate is None or position is None or not np.isfinite(rate + position).all():
         return None
+    return grid, rate, position
+
+
+def _measured(
+    axis: StopAxis,
+    moved: tuple[Array, Array, Array],
+    felt: tuple[Array, Array] | None,
+    settings: Settings,
+) -> tuple[ReviewedStop, StopCurve] | None:
+    """None: it did not move."""
+    grid, rate, position = moved
     if abs(rate[0]) < axis.moving:
         return None
     sign = float(np.sign(rate[0]))
@@ -221,7 +238,7 @@ def _measured(
     segments = [] if plan is None else solve(abs(float(rate[0])), 0.0, 0.0, plan)
     stop = ReviewedStop(
         axis=axis.name,
-        t=round(begin, 3),
+        t=round(float(grid[0]), 3),
         speed=_digits(float(rate[0])),
         ran_on=_digits(float(run[farthest])),
         bounced_back=_digits(float(run[farthest] - run[farthest:].min())),
@@ -230,7 +247,7 @@ def _measured(
         lindy_ran_on=_digits(travelled(segments)) if plan else None,
         lindy_seconds=_digits(sum(each.duration for each in segments)) if plan else None,
     )
-    return stop, StopCurve(grid - begin, run)
+    return stop, StopCurve(grid - grid[0], run)
 
 
 def _only_felt(

@@ -19,7 +19,7 @@ from tools.report.columns import STATUS, StreamColumns
 from tools.review.beside import beside
 from tools.review.plots import MOST_POINTS, thinned
 from tools.review.recorded import SensorColumns
-from tools.review.stick_stops import STICKS, counting, reviewed_stops
+from tools.review.stick_stops import SHORTEST_S, STICKS, counting, reviewed_stops
 from tools.review.track import Track, TrackRows
 
 LET_GO, SPEED, TAU = 5.0, 0.4, 0.6  # [s], [m/s], [s]
@@ -95,6 +95,28 @@ def test_a_stop_ends_where_the_drone_goes_on_by_itself(tmp_path: Path) -> None:
     flown.streams[topics.STATUS.key] = StreamColumns(STATUS, rows)
     (stop,) = reviewed_stops(flown, sinking(0.5), None, settings(tmp_path), 0, None).stops
     assert stop.bounced_back == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0, 6.0])
+def test_a_recording_that_ends_in_a_stop_ends_the_stop(seconds: float, tmp_path: Path) -> None:
+    whole = sinking(0.5)
+    there = T < LET_GO + seconds
+    cut = Track(*(column[there] for column in whole))
+    found = reviewed_stops(dive("heave"), cut, None, settings(tmp_path), 0, None)
+    assert len(found.stops) == (seconds > SHORTEST_S)
+    for stop in found.stops:
+        assert stop.ran_on == pytest.approx(SPEED * TAU * (1.0 - np.exp(-seconds / TAU)), rel=0.05)
+
+
+def test_a_stop_in_which_the_motion_is_not_known_is_counted(tmp_path: Path) -> None:
+    motion = sinking(0.0)
+    motion.depth_rate[(LET_GO + 1.0 < T) & (LET_GO + 3.0 > T)] = nan
+    found = reviewed_stops(dive("heave"), motion, None, settings(tmp_path), 0, None)
+    assert found.stops == []
+    assert found.missing == [
+        "Once a stick was let go, but the motion after it is not known throughout; that is left "
+        "out."
+    ]
 
 
 def test_a_stop_upwards_is_the_same(tmp_path: Path) -> None:
