@@ -97,46 +97,57 @@ def reviewed_stops(
     """
     why = _nothing_moves(dive, armed)
     if motion is None or not len(motion.t) or why:
-        unknown = "Nobody estimated the motion, so it is not known how far it ran on."
-        return Stops([], [], [why or unknown])
+        why = why or "Nobody estimated the motion, so it is not known how far it ran on."
+        return Stops([], [], [why])
     found: list[tuple[ReviewedStop, StopCurve | None]] = []
     missing: list[str] = []
     against = unknown = 0
     for axis in AXES:
-        of_axis = list(_let_go(dive, axis.name, armed, begin_ns, float(motion.t[-1])))
+        let_go = list(_let_go(dive, axis.name, armed, begin_ns, float(motion.t[-1])))
         felt = _felt(axis, motion, imu)
-        measured = bool(np.isfinite(getattr(motion, axis.rate)).any())
-        if of_axis and not measured:
-            missing.append(
-                f"The {axis.name} stick was let go {_times(len(of_axis))}, but nothing in the "
-                f"recording measures {axis.name}: at most its jerk is known."
-            )
-        for sign, begin, end in of_axis:
-            if not measured:
-                stop = _only_felt(axis, begin, end, felt)
-            elif (moved := _moved(axis, motion, begin, end)) is None:
-                unknown += 1
+        if not np.isfinite(getattr(motion, axis.rate)).any():
+            found += filter(None, [_only_felt(axis, begin, end, felt) for _, begin, end in let_go])
+            missing += _unmeasured(axis, len(let_go))
+            continue
+        for sign, begin, end in let_go:
+            moved = _moved(axis, motion, begin, end)
+            unknown += moved is None
+            if moved is None or (stop := _measured(axis, moved, felt, limits)) is None:
                 continue
-            else:
-                stop = _measured(axis, moved, felt, limits)
-            if stop is not None and sign * (stop[0].speed or 0.0) < 0.0:
+            if sign * (stop[0].speed or 0.0) < 0.0:
                 against += 1
-            elif stop is not None:
+            else:
                 found.append(stop)
     found.sort(key=lambda pair: pair[0].t)
+    missing += _left_out(against, unknown)
+    if not found and not missing:
+        missing.append("No stick was let go while the vehicle moved along its axis.")
+    return Stops([stop for stop, _ in found], [curve for _, curve in found], missing)
+
+
+def _unmeasured(axis: StopAxis, count: int) -> list[str]:
+    if not count:
+        return []
+    return [
+        f"The {axis.name} stick was let go {_times(count)}, but nothing in the "
+        f"recording measures {axis.name}: at most its jerk is known."
+    ]
+
+
+def _left_out(against: int, unknown: int) -> list[str]:
+    """One sentence for each reason for which a stop does not count."""
+    said: list[str] = []
     if against:
-        missing.append(
+        said.append(
             f"{_times(against).capitalize()} a stick was let go while the vehicle still moved the "
             f"other way; that is no stop of it and left out."
         )
     if unknown:
-        missing.append(
+        said.append(
             f"{_times(unknown).capitalize()} a stick was let go, but the motion after it is not "
             f"known throughout; that is left out."
         )
-    if not found and not missing:
-        missing.append("No stick was let go while the vehicle moved along its axis.")
-    return Stops([stop for stop, _ in found], [curve for _, curve in found], missing)
+    return said
 
 
 def _nothing_moves(dive: RecordedDive, armed: Sequence[ArmedSpan] | None) -> str:

@@ -100,7 +100,7 @@ def test_a_stop_ends_where_the_drone_goes_on_by_itself(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seconds", [0.5, 2.0, 6.0])
 def test_a_recording_that_ends_in_a_stop_ends_the_stop(seconds: float, tmp_path: Path) -> None:
     whole = sinking(0.5)
-    there = T < LET_GO + seconds
+    there = LET_GO + seconds > T
     cut = Track(*(column[there] for column in whole))
     found = reviewed_stops(dive("heave"), cut, None, settings(tmp_path), 0, None)
     assert len(found.stops) == (seconds > SHORTEST_S)
