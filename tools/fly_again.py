@@ -39,6 +39,7 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
     recording = open_recording(path)
     dive = flown_dive(recording)
     if dive is None:
+        recording.require_messages()
         raise LindyError(
             f"{path} does not say how it was flown: it was recorded before Lindy attached that, "
             f"or not by Lindy"

@@ -29,6 +29,7 @@ def check(recording: Path, *, json: Json = False) -> int:
     """
     opened = open_recording(recording)
     if not opened.metadata("dive"):
+        opened.require_messages()
         raise LindyError(
             f"{recording} was not recorded by Lindy: what its numbers mean is not known"
         )

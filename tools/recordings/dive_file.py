@@ -141,6 +141,7 @@ def vehicle_attached(recording: Recording) -> tuple[str, str]:
                 raise LindyError(f"{where}: {record.name}: {error}") from None
     if used is not None and used.attachment is not None:
         raise LindyError(f"{where}: the attached {used.path} is damaged; name one with --vehicle")
+    recording.require_messages()
     raise LindyError(f"{where} holds no vehicle file; name one with --vehicle")
 
 

@@ -129,16 +129,22 @@ def test_what_is_wrong_in_its_vehicle_file_is_said_of_the_recording(
     assert f"lindy: {path}: my_drone.toml:" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("verb", ["sticks --out x.csv", "film --out x.mp4", "snapshots --out x"])
-def test_an_empty_file_is_not_a_dive_in_which_nobody_flew(
+@pytest.mark.parametrize("data", [b"", b"\x89MCAP0", b"\x89MCAP0\r\n"])
+@pytest.mark.parametrize(
+    "verb",
+    ["log sticks --out x.csv", "log film --out x.mp4", "log snapshots --out x", "log check",
+     "log csv", "identify", "simulate --from"],
+)  # fmt: skip
+def test_a_recording_that_had_only_begun_is_not_something_else(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     verb: str,
+    data: bytes,
 ) -> None:
+    """Such as one in which nobody flew, or one that Lindy did not record."""
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "empty.mcap"
-    path.touch()
-    name, *options = verb.split()
-    assert main(["log", name, str(path), *options]) == 1
+    path.write_bytes(data)
+    assert main([*verb.split(), str(path)]) == 1
     assert capsys.readouterr().err.startswith(f"lindy: {path} holds no messages; ")

@@ -162,6 +162,7 @@ def test_a_recording_that_does_not_say_how_it_was_flown_is_one_sentence(tmp_path
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
+        writer.add_message(writer.register_channel("/chatter", "ros1", 0), 0, b"said", 0)
         writer.finish()
     with pytest.raises(LindyError, match=r"foreign\.mcap does not say how it was flown"):
         fly_again(path, Choices())
