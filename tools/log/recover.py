@@ -67,6 +67,8 @@ def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
     for record in salvaged(file, damage, at):
         if not (isinstance(record, Metadata) and record.name == HASH):
             copy.add(record)
+    if damage.written:
+        return [f"{file.name} was still being written: what was recorded later is not in it"]
     words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
     if damage.places:
         words.append(_of_parts(file.name, damage))

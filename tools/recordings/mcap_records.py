@@ -177,8 +177,7 @@ def records(
             try:
                 opcode, found, after = reader.read(position)
             except DAMAGE:
-                now = os.fstat(stream.fileno())
-                damage.written |= (now.st_size, now.st_mtime_ns) != (size, began.st_mtime_ns)
+                damage.written |= _is_written(stream, began)
                 beyond = reader.beyond(position)
                 if beyond is None:
                     damage.cut_off = True
@@ -199,9 +198,16 @@ def records(
                 yield from reader.known()
             yield from found
             if after is None:
+                damage.written |= _is_written(stream, began)
                 damage.cut_off = True
                 return
             position = after
+
+
+def _is_written(stream: BinaryIO, began: os.stat_result) -> bool:
+    """Has somebody written the file since it was opened?"""
+    now = os.fstat(stream.fileno())
+    return (now.st_size, now.st_mtime_ns) != (began.st_size, began.st_mtime_ns)
 
 
 class _RecordReader:

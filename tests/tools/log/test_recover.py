@@ -1,8 +1,10 @@
 """Whatever happened to a file, what is recovered was recorded, and any reader opens it."""
 
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import msgspec
 import pytest
@@ -17,6 +19,7 @@ from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
+from tools.log import recover
 from tools.log.recover import recovered
 
 from .conftest import ShortDive
@@ -188,6 +191,30 @@ def test_where_no_message_can_be_read_the_damage_is_said(
     said = capsys.readouterr().err
     assert "holds no messages; dive.mcap is damaged at byte" in said
     assert "120 of its 120 messages cannot be read" in said
+
+
+@pytest.mark.parametrize("end", [0.4, 0.6])
+def test_a_recording_that_is_still_written_is_not_called_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: float
+) -> None:
+    data, _ = whole_file()
+    path = tmp_path / "dive.mcap"
+    path.write_bytes(data[: round(end * len(data))])
+    records = recover.salvaged
+
+    def beside_its_recorder(*args: Any) -> Iterator[Any]:
+        for number, record in enumerate(records(*args)):
+            if number == 0:
+                with path.open("ab") as file:
+                    file.write(bytes(20))
+            yield record
+
+    monkeypatch.setattr(recover, "salvaged", beside_its_recorder)
+    found = recovered(path, tmp_path / "mended.mcap")
+    assert found.messages > 0
+    assert found.words == (
+        "dive.mcap was still being written: what was recorded later is not in it"
+    )
 
 
 def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path: Path) -> None:
