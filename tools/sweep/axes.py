@@ -138,7 +138,7 @@ def _seeds(texts: Sequence[str]) -> list[int]:
     for part in [part for text in texts for part in _split(text)]:
         match = SEEDS.fullmatch(part)
         if match is None:
-            raise LindyError(f"--seed {part!r}: expected whole numbers such as 7, 1,2,5 or 1..100")
+            raise LindyError(f"--seed {part!r}: expected whole numbers from 0: 7, 1,2,5 or 1..100")
         first, last = int(match[1]), int(match[2] or match[1])
         if last < first:
             raise LindyError(f"--seed {part} goes backwards; write {last}..{first}")
