@@ -75,6 +75,10 @@ class RowBlocks:
         self._blocks.append(_Block(self.count, len(rows), block))
         self.count += len(rows)
 
+    def add_bytes(self, rows: bytes | bytearray, *, on_disk: bool = True) -> None:
+        """Float64, row by row."""
+        self.add(np.frombuffer(rows).reshape(-1, self._width), on_disk=on_disk)
+
     def column(self, place: int, first: int, last: int) -> Array:
         """Rows `first` to before `last` of a column."""
         parts = [
@@ -155,11 +159,16 @@ class Gathering:
     """Collects the rows of one topic."""
 
     def __init__(
-        self, names: tuple[str, ...], figures: Callable[[Any], Figures], block: int = BLOCK
+        self,
+        names: tuple[str, ...],
+        figures: Callable[[Any], Figures],
+        block: int = BLOCK,
+        put: Callable[[bytes | bytearray], None] | None = None,
     ) -> None:
         """
         Args:
             block: rows that are kept in memory.
+            put: takes full blocks, row by row, where not these columns are to have them.
         """
         self._names = names
         self._figures = figures
@@ -167,6 +176,7 @@ class Gathering:
         self._rows = bytearray()
         self._full = block * len(names) * FIGURE  # [bytes]
         self._blocks = RowBlocks(len(names))
+        self._put = put or self._blocks.add_bytes
 
     def add(self, message: object, _log_ns: int = 0) -> None:
         figures = self._figures(message)
@@ -176,17 +186,17 @@ class Gathering:
         except struct.error:  # there is a None
             rows += self._pack(*(math.nan if figure is None else figure for figure in figures))
         if len(rows) >= self._full:
-            self._put(on_disk=True)
+            self.put()
+
+    def put(self) -> None:
+        """Do not keep the rows so far in memory."""
+        rows, self._rows = self._rows, bytearray()
+        self._put(rows)
 
     def columns(self) -> StreamColumns:
         """The rows so far; no more can be added then."""
-        self._put(on_disk=False)
+        self._blocks.add_bytes(self._rows, on_disk=False)
         return StreamColumns(self._names, self._blocks)
-
-    def _put(self, *, on_disk: bool) -> None:
-        rows = np.frombuffer(self._rows).reshape(-1, len(self._names))
-        self._blocks.add(rows, on_disk=on_disk)
-        self._rows = bytearray()
 
 
 class StreamFigures(NamedTuple):

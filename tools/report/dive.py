@@ -1,7 +1,8 @@
 """A dive as the report needs it, read once from the recording."""
 
+import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -28,7 +29,9 @@ from tools.report.columns import (
     StreamFigures,
 )
 from tools.report.holes import HOLE_NS, HoleFinder
+from tools.report.second_reader import NOTHING, second_reader
 
+KILLED = "lindy: the second of two processes that read the recording was killed; one reads it again"
 ENDING_NS = 6_000_000_000  # [ns] the recorder may be stopped so long after the vehicle
 
 Passing = Callable[[int], None]  # arrival [ns] UTC
@@ -149,12 +152,26 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
         apart: topside and drone were two machines: messages from the topside have stamps of the
             topside's clock.
     """
+    with second_reader(recording) as second:
+        gathered = _gathered(recording, apart, without=second.keys if second else frozenset())
+        theirs = second.found() if second else NOTHING
+    if theirs is None:
+        print(KILLED, file=sys.stderr, flush=True)
+        recording.unreadable.clear()
+        gathered, theirs = _gathered(recording, apart), NOTHING
+    recording.unreadable.update(theirs.unreadable)
+    losses = recording.losses() + _unreadable(recording)
+    return gathered.dive(recording.metadata("dive"), losses, theirs.streams)
+
+
+def _gathered(recording: Recording, apart: bool, without: Set[str] = frozenset()) -> "GatheredDive":
+    """All of a recording, without the streams of some keys."""
     topside_clock = _TopsideClock() if apart else None
     gathered = GatheredDive()
 
     def noticing(key: str) -> Noticed:
         passing, adding = gathered.passing(key), gathered.adding(key)
-        if adding is None:
+        if adding is None or key in without:
             return lambda _sequence, log_ns, _publish_ns, _data: passing(log_ns)
         decode = recording.decoding(key, gathered.kind(key))
 
@@ -170,7 +187,7 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
 
     for _ in recording.raw(lambda _: False, noticing):
         pass  # all that is needed was noticed
-    return gathered.dive(recording.metadata("dive"), recording.losses() + _unreadable(recording))
+    return gathered
 
 
 class GatheredDive:
@@ -230,16 +247,23 @@ class GatheredDive:
     def _log_line(self, line: LogLine, _log_ns: int) -> None:
         self._errors[line.service] += line.level == "error"
 
-    def dive(self, about: dict[str, str], losses: dict[str, int]) -> RecordedDive:
+    def dive(
+        self,
+        about: dict[str, str],
+        losses: dict[str, int],
+        elsewhere: Mapping[str, StreamColumns] = {},
+    ) -> RecordedDive:
         """
         Args:
             about: vehicle, link, pilot, seed, overrides.
             losses: what the recorder itself counted.
+            elsewhere: streams that were gathered there, by key.
         """
         return RecordedDive(
             about=about,
             traffic=self._traffic,
-            streams={key: stream.columns() for key, stream in self._streams.items()},
+            streams={key: stream.columns() for key, stream in self._streams.items()}
+            | {**elsewhere},
             health=self._health.sums,
             losses=losses,
             holes=self._holes.found,
