@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.records import Channel, Metadata
+from mcap.writer import Writer
 
 from messages.health import Health
 from services.recorder.foxglove.channel import is_view
@@ -232,7 +233,10 @@ def test_a_recording_of_another_program_is_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "other.mcap"
-    with new_mcap(path):
-        pass
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.add_message(writer.register_channel("/chatter", "ros1", 0), 0, b"said", 0)
+        writer.finish()
     assert main(["log", "check", str(path)]) == 1
     assert "was not recorded by Lindy" in capsys.readouterr().err
