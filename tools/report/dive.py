@@ -31,7 +31,7 @@ from tools.report.columns import (
 from tools.report.holes import HOLE_NS, HoleFinder
 from tools.report.second_reader import NOTHING, second_reader
 
-KILLED = "lindy: the second of two processes that read the recording was killed; one reads it again"
+ENDED = "lindy: the second of two processes that read the recording ended early; one reads it again"
 ENDING_NS = 6_000_000_000  # [ns] the recorder may be stopped so long after the vehicle
 
 Passing = Callable[[int], None]  # arrival [ns] UTC
@@ -156,7 +156,7 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
         gathered = _gathered(recording, apart, without=second.keys if second else frozenset())
         theirs = second.found() if second else NOTHING
     if theirs is None:
-        print(KILLED, file=sys.stderr, flush=True)
+        print(ENDED, file=sys.stderr, flush=True)
         recording.unreadable.clear()
         gathered, theirs = _gathered(recording, apart), NOTHING
     recording.unreadable.update(theirs.unreadable)

@@ -60,7 +60,7 @@ class SecondReader:
         self._taking.start()
 
     def found(self) -> SecondHalf | None:
-        """Once it has read all. None: it was killed."""
+        """Once it has read all. None: it ended before that, as when it is killed."""
         self._taking.join()
         if self._unreadable is None:
             return None
@@ -87,7 +87,7 @@ def second_reader(recording: Recording) -> Generator[SecondReader | None]:
     or there is no room for another process."""
     reader = None
     if recording.size >= LONG and system.cores() > 1 and parent_process() is None:
-        with suppress(OSError):
+        with suppress(OSError, RuntimeError):  # the latter for want of a thread
             reader = SecondReader(recording.files)
     try:
         yield reader

@@ -85,7 +85,7 @@ def test_where_the_second_process_is_killed_the_first_one_reads_all(
 
     monkeypatch.setattr(module, "SecondReader", killed)
     assert report_of(open_recording(golden("pioneer"))) == alone(golden("pioneer"))
-    assert "was killed" in capsys.readouterr().err
+    assert "ended early" in capsys.readouterr().err
     assert len(readers) == 1
 
 
@@ -101,9 +101,12 @@ def test_one_core_or_a_short_recording_needs_no_second_process(
     alone(golden("pioneer"))
 
 
-def test_without_room_for_a_process_one_reads_all(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("error", [OSError("no process"), RuntimeError("no thread")])
+def test_without_room_for_a_process_one_reads_all(
+    monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
     def no_room(_: list[Path]) -> SecondReader:
-        raise OSError("no more processes")
+        raise error
 
     monkeypatch.setattr(module, "LONG", 0)
     monkeypatch.setattr(module.system, "cores", lambda: 2)
