@@ -1,28 +1,23 @@
 """Sensor samples in, `VehicleState` out: one state per IMU sample, or for the newest of several
 that arrive at once.
 
-    IMU            attitude and headings, depth between pressure samples, position between fixes
-    pressure       depth
-    magnetometer   north
-    DVL, USBL      position and velocity over the ground
-    actuation      with the hull's drag, the velocity that shows the tilt error, and the current
-
-Samples arrive in the sensors' own axes and positions; this class transforms them to the vehicle's
-origin and body axes (services/vehicle/mounting.py).
-
-While calibrating, the first three are only averaged, and judged: a sensor that cannot be right
-keeps the calibration from ending. What was made of each measurement: messages/aiding.py.
+One error-state Kalman filter (filter.py). The IMU predicts; pressure (pressure.py), the hull's
+weight, thrust and drag (hull.py), rest (rest.py), the magnetometer (compass.py), and DVL and fixes
+(aids.py) correct. Samples arrive in the sensors' own axes and positions; they are transformed to
+the vehicle's origin and body axes (services/vehicle/mounting.py). What was made of each
+measurement: messages/aiding.py.
 """
 
 from collections.abc import Iterator
-from math import hypot
+from math import atan2, cos, degrees, exp, hypot, isfinite, pi, sin
 from typing import Any
 
 from msgspec import UNSET
 
 from messages import events, topics
 from messages.aiding import AidSource
-from messages.events import Event, Outbox
+from messages.events import Outbox
+from messages.message import Estimate
 from messages.sensors import (
     DvlSample,
     ImuSample,
@@ -32,34 +27,83 @@ from messages.sensors import (
 )
 from messages.state import VehicleState
 from messages.topic import AnyTopic
-from messages.units import Vec3
+from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation
-from services.estimation import initialisation
-from services.estimation.aiding import Aiding
-from services.estimation.attitude.attitude_observer import ImuNoise
-from services.estimation.depth.thrust_speed import ThrustSpeed
-from services.estimation.horizontal.horizontal_observer import (
-    HorizontalObserver,
-    VehicleMotion,
-    from_north,
+from services.estimation.aids import STILL_CURRENT, Aids
+from services.estimation.checkpoint import EstimationCheckpoint
+from services.estimation.compass import Compass
+from services.estimation.filter import (
+    BLIND_TURN,
+    CURRENT,
+    DEPTH,
+    DEPTH_RATE,
+    DEVIATION,
+    FORCE,
+    GYRO,
+    NORTH,
+    POSITION,
+    TILT,
+    VELOCITY,
+    YAW,
+    Filter,
+    to_world,
 )
-from services.estimation.horizontal.hull_model import HullModel
-from services.estimation.initialisation import IMU_PATIENCE_NS, EstimationCheckpoint
-from services.estimation.sensor_watch import NUMBERS, ThrustWatch, watches_of
+from services.estimation.hull import Hull
+from services.estimation.pressure import (
+    GIVEN_STD,
+    KNOWN_RATE,
+    RESTARTED_RATE,
+    STANDARD,
+    STANDARD_STD,
+    Atmosphere,
+    Pressure,
+)
+from services.estimation.quantity import Quantity
+from services.estimation.rest import ENOUGH_PRESSURES, Calibrated, Calibration, Rest
+from services.estimation.sensor import OF, sensors_of
 from services.estimation.settings import Settings
-from services.estimation.startup.calibration import Calibration
-from services.estimation.startup.calibration_phase import CalibrationPhase
+from services.estimation.start import IMU_PATIENCE_NS, Start
+from services.marine.attitude import to_euler, wrapped
 from services.marine.mounting import Mounting
+from services.marine.summation import plain_sum
 from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
 from services.vehicle.mounting import AtOrigin, Moment
 
-DRIVEN = 0.1  # [N] of a thruster that is commanded; one that runs down has less and less
 AIDING_NS = round(1e9 / topics.AIDING.hz)
-LONGEST_STEP = 0.1  # [s] a longer one is a gap, in which the vehicle may have turned …
-LONGEST_TURN = 0.3  # [s] … and the angular rate is not integrated over more of it
+# A gap between IMU samples [s]: it is told; beyond the next, the mean of its ends is not the truth;
+# beyond the last, nothing is known of it. Tuned on real dives of 20 Hz and with holes.
+TOLD_GAP, INTEGRATED, BRIDGED = 0.1, 0.35, 1.0  # [s]
+LONGEST_STEP, LONGEST_GAP = 0.5, 60.0  # [s] of a blind prediction, of a restart that matters
+BETWEEN = 0.25  # [-] of a change from sample to sample that may have come early or late: a knock
+SCALE = 0.01  # [-] of a turn that is missed or leaks into another axis
+FORCE_FACTOR = 1.0
+GYRO_NOISE = 3e-4  # [rad/s/√Hz] of a small MEMS gyroscope
+YAW_RATE_CUTOFF, YAW_RATE_STD = 8.0, 0.0006  # [Hz] of the low-pass, [rad/s] of what it lets through
+# An IMU that is not where it is said to be feels ω² and ω̇ for so long, averaged over so long.
+ARM_S, SPIN_S = 0.1, 0.5  # [s]
+# 1σ of what has never been measured: tilt by a moving accelerometer, gyroscope's bias (that of an
+# MPU-6000 in a real vehicle was 0.06), accelerometer's level and along down (10 mg).
+FIRST_TILT, FIRST_GYRO, FIRST_FORCE = 0.1, 0.1, (0.05, 0.05, 0.1)  # [rad], [rad/s], [m/s²]
+LEVELLED, FIRST_VELOCITY, FAR = 0.01, 0.2, 100.0  # [m], [m/s], [m]
+RESUMED_GYRO, RESUMED_FORCE = 1e-3, 0.02  # [rad/s], [m/s²] from before a restart
+WIDE_S = 2.0
+# While innovations are not centred, once, where more than the pressure says so.
+INCONSISTENT_TILT, INCONSISTENT_GYRO = 0.1, 0.3  # [rad], [rad/s]
+STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
+UNKNOWN_TILT, UNUSABLE_RATE = 0.3, 0.15  # [rad], [rad/s] 1σ beyond which these are invalid
+LEAST_TILT, LEAST_HEADING = 1e-3, 2e-3  # [rad] no 1σ is stated to be less
+BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
+# [Pa] Outside, the vehicle did not float: from a mountain lake at 3000 m to the highest pressure of
+# the air measured below 750 m, 1083.8 hPa (Agata, 1968; WMO archive of extremes). A calibration
+# less than 0.7 m under water, in standard air, cannot be told from high pressure.
+ROUGH_AIR_STD = 500.0  # [Pa] of the mean above a vehicle that floats in waves
+LEAST_ATMOSPHERE, MOST_ATMOSPHERE = 70e3, 108.4e3
+AID_SOURCES = (
+    "pressure", "hull_north", "hull_east", "rest_x", "rest_y", "rest_z", "compass", "dvl_surge",
+    "dvl_sway", "usbl_north", "usbl_east",
+)  # fmt: skip
 
-DOUBTED = events.DOUBTED_GYROSCOPE()
 LACKS = {topics.IMU.key: events.UNUSABLE_IMU, topics.PRESSURE.key: events.UNUSABLE_PRESSURE}
 
 
@@ -82,44 +126,40 @@ class Estimator:
             outbox: for events. Its counts of refused samples name the cause of a missing sensor.
         """
         self.outbox = Outbox() if outbox is None else outbox
-        self._lacking: set[str] = set()  # sensors that the state lacks, and the pilot was told so
-        self._settings = settings
-        self._floating_depth = floating_depth
-        thrusters = () if vehicle is None else vehicle.thruster
-        self._thrust = ThrustWatch.of(thrusters)
-        self._watches = watches_of(
-            settings.watch, self.outbox, settings.depth.pressure_std, self._thrust
-        )
+        self._settings, self._floating_depth = settings, floating_depth
+        self._sensors = sensors_of(settings.watch, self.outbox)
         density = density_of(settings.water_density)
-        if vehicle is None:
-            self._at_origin = AtOrigin(Mounting(), density)
-        else:
-            self._at_origin = AtOrigin(vehicle.mounting, density, vehicle.calibration)
-        self._imu_ns: int | None = None  # [ns] newest IMU sample used
-        self._now: int | None = None  # [ns] of the newest IMU sample or silence
-        self._checkpoint_ns: int | None = None  # [ns] time of validity of the checkpoint
-        self._aiding_due_ns = 0  # [ns] when what was made of the measurements is told again
-        self._troubles: tuple[str, ...] = ()  # events: which sensors cannot be used now, and why
-        wake_share = settings.horizontal.wake_share
-        hull = None if vehicle is None else HullModel(vehicle, wake_share)
-        self._horizontal = HorizontalObserver(hull)
-        self._thrust_speed = None
+        self._at_origin = AtOrigin(Mounting(), density)
         if vehicle is not None:
-            self._thrust_speed = ThrustSpeed(vehicle, wake_share, at_rest=checkpoint is None)
-        self._calibrating: CalibrationPhase | None = None
-        # Not None: it has begun without a rest, and looks for one.
-        self._improving: Calibration | None = None
-        self._driven = False  # the thrusters have run
-        self._newest_pressure: PressureSample | None = None  # before the dive
+            self._at_origin = AtOrigin(vehicle.mounting, density, vehicle.calibration)
+        self._hull = Hull(vehicle, settings.horizontal.wake_share)
+        self._pressure = Pressure(settings, self._sensors[topics.PRESSURE.key])
+        self._compass = Compass(settings.attitude)
+        self._rest = Rest(settings.calibration.largest_bias)
+        self._aids = Aids()
+        self._start: Start | None = None  # None: the dive has begun
+        self._improving: Calibration | None = None  # it has begun without a rest, and looks for one
+        self._at_ns: int | None = None  # [ns] time of the filter
+        self._imu_ns: int | None = None  # [ns] newest IMU sample used
+        self._resumed_ns: int | None = None  # [ns] time of validity of the checkpoint
+        self._now: int | None = None  # [ns] of the newest IMU sample or silence
+        self._before: tuple[Vec3, Vec3] | None = None  # newest specific force and rate
+        self._kept: Filter | None = None  # as it was before a silence of the IMU
+        self._arm = (Mounting() if vehicle is None else vehicle.mounting).imu.position_std  # [m]
+        self._off_ns = -(1 << 62)  # [ns] when the IMU was inconsistent last
+        self._spin = (0.0, 0.0, 0.0)  # [rad/s²]
+        self._turning = self._swinging = 0.0  # [1/s²] ω², [1/s⁴] mean of (ω² + ω̇)²
+        self._yaw_rate = self._lag = 0.0  # [rad/s]
+        self._floated, self._was_afloat = 0, False  # pressure samples before the dive; known to be so
+        self._told_ns = 0  # [ns] when what was made of the measurements was told
+        self._lacking = set[str]()  # sensors that the state lacks, and the pilot was told so
+        self._troubles: tuple[str, ...] = ()  # events: which sensors cannot be used now, and why
+        self.filter = Filter()
+        self._begin()
         if checkpoint is None:
-            self._calibrating = CalibrationPhase(
-                settings.calibration, initialisation.start_limits(settings), self.outbox
-            )
-            observers = initialisation.unknown(settings)
+            self._start = Start(settings, self.outbox)
         else:
-            self._checkpoint_ns = checkpoint.stamp_ns
-            observers = initialisation.resumed(settings, checkpoint, self.outbox)
-        self._attitude, self._resting, self._depth = observers
+            self._resume(checkpoint)
 
     # Sensor samples.
 
@@ -127,287 +167,483 @@ class Estimator:
         """The state at this sample. An unusable sample counts as silence, but before the dive it
         has a state that says what is wrong."""
         self._now = now
-        if self.follow(sample) or (self._calibrating and self._calibrating.blocked_by):
+        if self.follow(sample) or (self._start is not None and self._start.blocked_by):
             return self._state(now, sample.stamp_ns)
         return self.silence(now)
 
-    def follow(self, sample: ImuSample) -> bool:  # noqa: C901 - the way of a sample, top down
+    def follow(self, sample: ImuSample) -> bool:
         """Use this sample without a state, because newer ones have arrived already. False: it
         cannot be used."""
         if not self._usable(topics.IMU, sample, hypot(*sample.specific_force)):
             return False
-        sample, tell = self._at_origin.imu(sample), self.outbox.tell
-        attitude, force, at_ns = self._attitude, sample.specific_force, sample.stamp_ns
-
-        # How long since the sample before, and what a gap means.
-        dt, before, self._imu_ns = 0.0, self._imu_ns, at_ns
-        if before is not None:
-            dt = (at_ns - before) * 1e-9
-        elif self._checkpoint_ns is not None:
-            attitude.blind(abs(at_ns - self._checkpoint_ns) * 1e-9)
-        if dt > LONGEST_STEP:
-            tell(events.GAP(topics.IMU.key))
-            self._resting.moved()
-            if self._thrust_speed is not None:
-                self._thrust_speed.lost()
-            attitude.blind(dt - LONGEST_STEP)
-            dt = min(dt, LONGEST_TURN)
-
-        noise = self._imu_noise()
-        if self._calibrating is not None:
-            self._calibrate(self._calibrating, sample, dt, noise)
-        else:
-            if self._improving is not None:
-                self._improve(self._improving, sample, dt)
-            # Attitude and headings.
-            felt = (0.0, 0.0) if self._thrust_speed is None else self._thrust_speed.felt
-            event = attitude.step(sample.angular_rate, force, dt, noise, felt)
-            attitude.note(at_ns)
-            tell(event)
-            if event == DOUBTED:  # so it is not known which acceleration is vertical
-                tell(self._depth.doubt_accelerometer())
-            # The gyroscope's bias, at rest or while it is learnt anew.
-            resting = self._resting
-            if attitude.relearns:
-                resting.relearn(attitude.gyro_bias)
-            before_rest = resting.bias = attitude.gyro_bias
-            tell(resting.imu(sample.angular_rate, force, dt))
-            if resting.bias is not before_rest:
-                attitude.rested(resting.bias)
-            # Depth, with the velocity that the thrust makes expect, and position.
-            axes = attitude.axes(force, noise.force * dt)
-            if self._thrust_speed is not None:
-                (p, q, r), (a, b, c) = sample.angular_rate, attitude.gyro_bias
-                rate, depth_rate = (p - a, q - b, r - c), self._depth.rate[0]
-                tell(self._thrust_speed.silence(at_ns))
-                axes = self._thrust_speed.step(axes, rate, depth_rate, dt)
-            tell(self._depth.predict(axes.acceleration, at_ns, axes))
-            tell(self._predict_horizontal(force, at_ns))
-
+        sample = self._at_origin.imu(sample)
+        force, rate, at_ns = sample.specific_force, sample.angular_rate, sample.stamp_ns
+        dt = self._predict(force, rate, at_ns)
+        f, tell = self.filter, self.outbox.tell  # a silence may have changed the filter
+        if dt > 0.0:
+            if self._start is not None:
+                self._calibrate(self._start, force, rate, dt, at_ns)
+            elif self._improving is not None:
+                self._improve(self._improving, force, rate, dt)
+            else:
+                driven = self._hull.driven
+                tell(self._rest.fuse(f, force, rate, dt, at_ns, driven=driven))
+            if self._hull.feel(f, force, rate, dt):
+                tell(self._hull.fuse(f, at_ns))
+                self._judge_imu(at_ns)
+                self._compass.watch(f)
+            if self._start is None:
+                tell(self._aids.remember(f, at_ns, dt))
+                tell(self._pressure.lost(at_ns))
+        if not f.is_sound:
+            tell(events.NOT_FINITE("attitude"))
+            self._restart(force)
         if self._at_origin.needs_motion:  # sensors with a lever arm
-            attitude = self._attitude
-            (p, q, r), (a, b, c) = sample.angular_rate, attitude.gyro_bias
-            north = from_north(attitude.filter.q, attitude.compass.offset or 0.0)
-            self._at_origin.moved(Moment(at_ns, (p - a, q - b, r - c), north))
+            turn = _minus(rate, f.gyro_bias)
+            self._at_origin.moved(Moment(at_ns, turn, _from_north(f)))
         return True
 
     def silence(self, now: int) -> VehicleState | None:
         """No IMU sample in time: a predicted state, or None before `IMU_PATIENCE_NS` has passed."""
         self._now = now
-        if self._calibrating is not None:
-            self._calibrating.judge(now)
-        if self._imu_ns is None:
+        if self._start is not None:
+            self._start.judge(now)
+        if self._imu_ns is None or self._at_ns is None or now - self._imu_ns <= IMU_PATIENCE_NS:
             return None
-        if self._calibrating is None:
-            self.outbox.tell(self._depth.predict(None, now))
-            self.outbox.tell(self._predict_horizontal(None, now))
-        if self._hears_imu(now):
-            return None
+        if self._start is None:
+            if self._kept is None:
+                self._kept = self.filter.copy()
+            self._go_blind(now)
+            self.outbox.tell(self._pressure.lost(now))
         self.outbox.tell(events.PREDICTED(topics.STATE.key))
         return self._state(now, self._imu_ns)
 
     def pressure(self, sample: PressureSample) -> None:
+        self._pressure.hear_step(self.filter, sample.pressure)
         if not self._usable(topics.PRESSURE, sample, sample.pressure):
             return
-        sample = self._at_origin.pressure(sample)
-        if self._calibrating is not None:
-            self._calibrating.pressure(sample.pressure)
-            self._newest_pressure = sample
-        else:
-            if self._improving is not None:
-                self._improving.pressure(sample.pressure)
-            self.outbox.tell(self._depth.pressure(sample.pressure, sample.stamp_ns))
+        sample, pressure, f = self._at_origin.pressure(sample), self._pressure, self.filter
+        pressure.newest = sample.pressure
+        if self._start is not None:
+            self._start.calibration.pressures.append(sample.pressure)
+            self._float(sample.pressure)
+        elif self._improving is not None:
+            self._improving.pressures.append(sample.pressure)
+        if self._at_ns is not None:
+            self.outbox.tell(pressure.fuse(f, sample.pressure, sample.stamp_ns, self._at_ns))
 
     def magnetometer(self, sample: MagnetometerSample) -> None:
         if not self._usable(topics.MAGNETOMETER, sample, hypot(*sample.field)):
             return
         sample = self._at_origin.magnetometer(sample)
-        if self._calibrating is not None:
-            self._calibrating.magnetometer(sample.field)
-        elif self._hears_imu(sample.stamp_ns):  # without attitude, a field says nothing
-            self.outbox.tell(self._attitude.magnetometer(sample.field, sample.stamp_ns))
+        if self._start is not None:
+            self._start.calibration.magnetometer(sample.field)
+        if self._hears_imu(sample.stamp_ns):  # without attitude, a field says nothing
+            self.outbox.tell(self._compass.fuse(self.filter, sample.field, sample.stamp_ns))
 
     def dvl(self, sample: DvlSample) -> None:
         if sample.velocity is None:
-            self._watches[topics.DVL.key].excused(events.NO_BOTTOM(topics.DVL.key), sample.stamp_ns)
-        if self._usable(topics.DVL, sample) and self._calibrating is None:
-            self.outbox.tell(self._horizontal.dvl(self._at_origin.dvl(sample)))
+            sensor = self._sensors[topics.DVL.key]
+            sensor.excused(events.NO_BOTTOM(topics.DVL.key), sample.stamp_ns)
+        if self._usable(topics.DVL, sample) and self._start is None:
+            self.outbox.tell(self._aids.dvl(self.filter, self._at_origin.dvl(sample)))
 
     def usbl(self, sample: UsblSample) -> None:
-        if self._usable(topics.USBL, sample) and self._calibrating is None:
-            self.outbox.tell(self._horizontal.usbl(self._at_origin.usbl(sample)))
+        if self._usable(topics.USBL, sample) and self._start is None:
+            self.outbox.tell(self._aids.usbl(self.filter, self._at_origin.usbl(sample)))
 
     def actuation(self, sample: Actuation) -> None:
         """Thrust as reported: with the hull's drag, the only measurement of the current."""
-        if max(map(abs, sample.thrust), default=0.0) > DRIVEN:
-            self._driven = True
-            if self._calibrating is not None:
-                self._calibrating.drive()
+        self.outbox.tell(self._hull.actuation(sample))
+        if self._hull.pushes:
+            self._rest.pushed()
+            if self._start is not None:
+                self._start.calibration.driven = True
             elif self._improving is not None:
                 # Who holds the heading by a wrong bias turns so that the gyroscope reads just that.
-                self._improving = Calibration(self._settings.calibration)
-        self._thrust.see(sample.thrust, sample.stamp_ns)
-        self.outbox.tell(self._horizontal.actuation(sample))
-        if self._thrust_speed is not None:
-            self.outbox.tell(self._thrust_speed.actuation(sample))
+                self._improving.begin()
+        if self._hull.changed:
+            self._sensors[topics.IMU.key].moved_ns = sample.stamp_ns
+
+    # Prediction.
+
+    def _predict(self, force: Vec3, rate: Vec3, at_ns: int) -> float:
+        """Advance the filter to an IMU sample. Returns by how much [s]; 0: it begins here."""
+        f, before, imu_ns = self.filter, self._before, self._imu_ns
+        self._before, self._imu_ns = (force, rate), at_ns
+        if before is None or imu_ns is None:
+            self._at_ns = at_ns
+            f.level(force, FIRST_TILT if self._resumed_ns is None else UNKNOWN_TILT)
+            if self._resumed_ns is not None:
+                gap = min(LONGEST_GAP, abs(at_ns - self._resumed_ns) * 1e-9)
+                f.widen(YAW, BLIND_TURN[2] * max(1.0, gap) ** 0.5 if gap > BRIDGED else 0.0)
+            return 0.0
+        dt = (at_ns - imu_ns) * 1e-9
+        kept, self._kept = self._kept, None
+        if dt > TOLD_GAP:
+            self.outbox.tell(events.GAP(topics.IMU.key))
+            self._rest.moved()
+        if dt > BRIDGED:
+            self._go_blind(at_ns)
+            f.level(force, UNKNOWN_TILT)
+            self._hull.restart()
+            return 0.0
+        if kept is not None:
+            f = self.filter = kept
+        (f0, w0), noise = before, self._sensors[topics.IMU.key].variances
+        mean_rate, share = _mean(w0, rate), BETWEEN * dt
+        unseen = _times(share, _minus(force, f0)), _times(share, _minus(rate, w0))
+        self._turn(mean_rate, w0, rate, dt)
+        f.predict(_mean(f0, force), mean_rate, dt, self._densities(dt, noise), unseen)
+        if dt > INTEGRATED:
+            f.doubt_blind(dt)
+            self._hull.restart()
+        self._at_ns = at_ns
+        if kept is not None and (newest := self._pressure.newest) is not None:
+            self.outbox.tell(self._pressure.fuse(f, newest, at_ns, at_ns))
+        turn = rate[2] - f.gyro_bias[2]
+        self._yaw_rate += (1.0 - exp(-2.0 * pi * YAW_RATE_CUTOFF * dt)) * (turn - self._yaw_rate)
+        self._lag = turn - self._yaw_rate
+        return dt
+
+    def _turn(self, mean: Vec3, first: Vec3, last: Vec3, dt: float) -> None:
+        """How much the vehicle turns, and begins to."""
+        p, q, r = _minus(mean, self.filter.gyro_bias)
+        self._turning = p * p + q * q + r * r
+        share, (a, b, c) = min(1.0, dt / ARM_S), self._spin
+        x, y, z = _times(1.0 / dt, _minus(last, first))
+        self._spin = a, b, c = a + share * (x - a), b + share * (y - b), c + share * (z - c)
+        felt = self._turning + hypot(a, b, c)
+        self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
+
+    def _densities(self, dt: float, noise: list[float]) -> tuple[float, float]:
+        """[m²/s³], [rad²/s] of what the IMU does not measure: its noise as stated, or as measured
+        where that is more, and what a turn adds."""
+        x, y, z, p, q, r = noise
+        stated = FORCE_FACTOR * self._settings.depth.acceleration_noise
+        force = max(stated * stated, (x + y + z) / 3.0 * dt)
+        rate = max(GYRO_NOISE * GYRO_NOISE, (p + q + r) / 3.0 * dt)
+        force += 2.0 * ARM_S * self._arm * self._arm * self._swinging
+        return force, rate + SCALE * SCALE * self._turning
+
+    def _go_blind(self, now: int) -> None:
+        assert self._at_ns is not None
+        left = (now - self._at_ns) * 1e-9
+        self._hull.restart()
+        while left > 0.0:
+            step = min(left, LONGEST_STEP)
+            self.filter.predict_blind(step)
+            left -= step
+        self._at_ns = max(now, self._at_ns)
+
+    def _judge_imu(self, at_ns: int) -> None:
+        """Whose mean innovation is not zero? Then the IMU's biases have changed: they may walk
+        quickly until it is."""
+        f = self.filter
+        by_hull = any(quantity.off_centre for quantity in self._hull.quantities)
+        off, wide = by_hull or self._pressure.quantity.off_centre, f.wide_force
+        if off:
+            self._off_ns = at_ns
+        f.wide_force = (at_ns - self._off_ns) * 1e-9 < WIDE_S
+        f.wide_gyro = f.wide_force and (f.wide_gyro or by_hull)
+        if off and not wide:
+            self.outbox.tell(events.INCONSISTENT_IMU())
+        if by_hull:
+            for k in range(3):
+                f.widen(TILT + k, INCONSISTENT_TILT)
+                f.widen(GYRO + k, INCONSISTENT_GYRO)
+            for quantity in self._hull.quantities:
+                quantity.forget()
+
+    # Before the dive, and its beginning.
+
+    def _begin(self) -> None:
+        """With nothing known."""
+        f = self.filter
+        for k in range(3):
+            f.forget(TILT + k, FIRST_TILT)
+            f.forget(GYRO + k, FIRST_GYRO)
+            f.forget(FORCE + k, FIRST_FORCE[k])
+            f.forget(VELOCITY + k, FIRST_VELOCITY)
+            f.forget(POSITION + k, LEVELLED)
+        f.forget(YAW, LEAST_HEADING)
+        f.forget(NORTH, pi)
+        f.forget(DEVIATION, self._settings.attitude.compass_std)
+        for k in range(2):
+            f.forget(CURRENT + k, STILL_CURRENT)
+        f.position[2] = self._floating_depth
+        self._pressure.begin(f)
+
+    def _restart(self, force: Vec3) -> None:
+        """After a number that is not finite."""
+        heading, self.filter = self.filter.heading, Filter()
+        self._begin()
+        f = self.filter
+        f.turn_to(heading if isfinite(heading) else 0.0, pi)
+        f.level(force, UNKNOWN_TILT)
+        self._compass.knows_north = False
+        for quantities in self._quantities().values():
+            for quantity in quantities:
+                quantity.forget()
+        self._pressure.restart(f)
+
+    def _resume(self, kept: EstimationCheckpoint) -> None:
+        """Go on with a dive from a checkpoint: no calibration under water."""
+        f, self._resumed_ns = self.filter, kept.stamp_ns
+        self._hull.driven = True
+        self._pressure.air = Atmosphere(kept.atmosphere, kept.atmosphere_std)
+        f.gyro_bias, f.force_bias = kept.gyro_bias, kept.accelerometer_bias
+        for k in range(3):
+            f.forget(GYRO + k, RESUMED_GYRO)
+        f.forget(FORCE + 2, RESUMED_FORCE)
+        f.turn_to(kept.heading, min(pi, kept.heading_std))
+        f.forget(DEPTH, FAR)
+        f.forget(DEPTH_RATE, RESTARTED_RATE)
+        strength, dip = kept.field_strength, kept.field_dip
+        if kept.north is not None and strength is not None and dip is not None:
+            self._compass.take_north(f, kept.north + kept.deviation, LEAST_HEADING)
+            f.north, f.deviation = kept.north, kept.deviation
+            self._compass.learn(strength, dip)
+        self.outbox.say(
+            "warning",
+            f"goes on with the dive: atmosphere {kept.atmosphere / 100.0:.1f} hPa, "
+            f"heading {round(degrees(kept.heading)) % 360} deg from before the restart",
+        )
+
+    def _float(self, pressure: float) -> None:
+        """While it floats, the air is that above its floating depth; in waves the mean is. Where
+        no thrust is reported, nobody knows that it floats."""
+        afloat = self._at_ns is not None and self._hull.is_afloat(self._at_ns)
+        if self._was_afloat and not afloat:
+            return
+        self._was_afloat = self._was_afloat or afloat
+        self._floated += 1
+        mean = self._pressure.air.pressure + self._pressure.per_metre * self._floating_depth
+        if self._floated == 1:
+            mean = pressure
+        self._pressure.air = self._air(mean + (pressure - mean) / self._floated, STANDARD_STD)
+
+    def _air(self, pressure: float, std: float) -> Atmosphere:
+        return Atmosphere(pressure - self._pressure.per_metre * self._floating_depth, std)
+
+    def _calibrate(self, start: Start, force: Vec3, rate: Vec3, dt: float, at_ns: int) -> None:
+        f, pressure = self.filter, self._pressure
+        afloat = start.afloat = self._hull.is_afloat(at_ns)
+        learnt = start.imu(force, rate, dt)
+        if afloat:
+            pressure.hear_bobbing(f, dt)
+        if learnt is not None:
+            self._start = None
+            self._take_rest(learnt)
+            air = self._air_of(learnt)
+            pressure.take_air(f, air)
+            if learnt.field is not None:
+                self._align(learnt.field, at_ns)
+            f.forget(YAW, LEAST_HEADING)
+            bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
+            said = f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air.pressure / 100.0:.1f} hPa"
+            self.outbox.say("info", said)
+        elif start.gives_up():
+            self._start, self._improving = None, Calibration(self._settings.calibration)
+            self.outbox.tell(events.ROUGH_CALIBRATION())
+            if self._was_afloat and self._floated >= ENOUGH_PRESSURES and self._given() is None:
+                pressure.air = pressure.air._replace(std=ROUGH_AIR_STD)
+            else:
+                pressure.air = self._given() or STANDARD
+                pressure.restart(f)
+            f.forget(YAW, LEAST_HEADING)
+
+    def _improve(self, calibration: Calibration, force: Vec3, rate: Vec3, dt: float) -> None:
+        """After a beginning without rest: what a first rest measures."""
+        calibration.imu(force, rate, dt)
+        learnt = calibration.result()
+        if learnt is None:
+            return
+        self._improving = None
+        self._take_rest(learnt)
+        said = "the gyroscope"
+        if not self._hull.driven:
+            air = self._air_of(learnt)
+            self._pressure.take_air(self.filter, air, moved=True)
+            said += f" and the air, {air.pressure / 100.0:.1f} hPa,"
+        self.outbox.say("info", f"at rest: {said} calibrated")
+
+    def _take_rest(self, learnt: Calibrated) -> None:
+        f = self.filter
+        for k in range(3):
+            Ph, explained = f.explained(((GYRO + k, 1.0),))
+            variance = explained + learnt.gyro_std[k] ** 2
+            f.correct(Ph, variance, learnt.gyro_bias[k] - f.gyro_bias[k])
+
+    def _align(self, field: Vec3, at_ns: int) -> None:
+        """Both headings begin as the bearing of this field [T], FRD, if it can be the Earth's."""
+        n, e, d = to_world(self.filter.rotation, field)
+        level, compass = hypot(n, e), self._compass
+        told = compass.disturbed
+        if not compass.learn(1e6 * hypot(level, d), atan2(d, level)):
+            if not told:
+                self.outbox.tell(events.DISTURBED(topics.MAGNETOMETER.key))
+            text = "the magnetic field here is not the Earth's: the compass is not used"
+            self.outbox.say("warning", text)
+            return
+        self.filter.turn_to(self.filter.heading - atan2(e, n), LEAST_HEADING)
+        compass.take_north(self.filter, 0.0, LEAST_HEADING)
+        compass.used_ns = at_ns
+
+    def _given(self) -> Atmosphere | None:
+        air = self._settings.calibration.atmosphere
+        return None if air is None else Atmosphere(air, GIVEN_STD)
+
+    def _air_of(self, learnt: Calibrated) -> Atmosphere:
+        """The air above the floating vehicle."""
+        if (given := self._given()) is not None:
+            return given
+        air = self._air(learnt.pressure, learnt.pressure_std)
+        if not LEAST_ATMOSPHERE <= air.pressure <= MOST_ATMOSPHERE:
+            detail = f"{learnt.pressure / 100.0:.0f} hPa"
+            self.outbox.tell(events.IMPLAUSIBLE_ATMOSPHERE(detail=detail))
+            return STANDARD
+        if learnt.driven:
+            self.outbox.tell(events.ASSUMED_ATMOSPHERE())
+            return STANDARD
+        return air
 
     # Monitoring and restart.
 
     def aid_sources(self, now: int) -> Iterator[tuple[str, AidSource]]:
         """What was made of each measured quantity, by its name; nothing before a tenth of a second
         has passed since the last time."""
-        if now < self._aiding_due_ns:
+        if now < self._told_ns + AIDING_NS:
             return
-        self._aiding_due_ns = now + AIDING_NS
-        for key, each in self._aiding().items():
+        self._told_ns = now
+        for key, quantities in self._quantities().items():
             trouble = next((name for name in self._troubles if name.endswith(key)), None)
-            for aiding in each:
-                if (source := aiding.message(trouble)) is not None:
-                    yield aiding.name, source
+            for quantity in quantities:
+                if (source := quantity.message(trouble)) is not None:
+                    yield quantity.name, source
 
     def checkpoint(self, now: int) -> EstimationCheckpoint | None:
         """State for a restart; None while calibrating."""
-        if self._calibrating is not None:
+        if self._start is not None:
             return None
-        return initialisation.worth_keeping(self._attitude, self._depth, now)
-
-    # Steps.
-
-    def _calibrate(
-        self, phase: CalibrationPhase, sample: ImuSample, dt: float, noise: ImuNoise
-    ) -> None:
-        """Before the dive. In motion the attitude is followed as in the dive, so that a gyroscope
-        which contradicts gravity does not begin one."""
-        attitude, force = self._attitude, sample.specific_force
-        learnt = phase.imu(sample, dt)
-        if phase.at_rest:
-            attitude.begin_roughly(force)
-        else:
-            attitude.step(sample.angular_rate, force, dt, noise)
-        if learnt is not None:
-            self._calibrating = None
-            self._attitude, self._resting, self._depth = initialisation.calibrated(
-                self._settings, learnt, self._floating_depth, sample.stamp_ns, self.outbox
-            )
-        elif not attitude.gyroscope.learning and phase.gives_up():
-            self._calibrating, self._improving = None, Calibration(self._settings.calibration)
-            # A bias that was never measured has not changed: no push makes it doubted at once.
-            attitude.gyroscope.patient = True
-            self._resting, self._depth = initialisation.roughly(
-                self._settings, attitude, self.outbox
-            )
-            if (newest := self._newest_pressure) is not None:
-                self._depth.pressure(newest.pressure, newest.stamp_ns)
-
-    def _improve(self, calibration: Calibration, sample: ImuSample, dt: float) -> None:
-        """After a beginning without rest: what a first rest measures."""
-        calibration.imu(sample.angular_rate, sample.specific_force, dt)
-        learnt = calibration.result()
-        if learnt is None:
-            return
-        self._improving = None
-        self._attitude.gyroscope.rested(learnt.gyro_bias)
-        self._attitude.rested(learnt.gyro_bias)
-        self._resting = initialisation.resting(self._settings, learnt.gyro_bias)
-        said = "the gyroscope"
-        if not self._driven:
-            air = initialisation.atmosphere_of(
-                self._settings, learnt, self._floating_depth, self.outbox
-            )
-            self._depth.correct_atmosphere(air)
-            said += f" and the air, {air.pressure / 100.0:.1f} hPa,"
-        self.outbox.say("info", f"at rest: {said} calibrated")
-
-    def _imu_noise(self) -> ImuNoise:
-        x, y, z, p, q, r = self._watches[topics.IMU.key].noise
-        return ImuNoise((x + y + z) / 3.0, (p + q + r) / 3.0)
+        f, compass, air = self.filter, self._compass, self._pressure.air
+        return EstimationCheckpoint(
+            stamp_ns=now,
+            atmosphere=max(0.0, air.pressure),
+            atmosphere_std=air.std,
+            gyro_bias=f.gyro_bias,
+            accelerometer_bias=f.force_bias,
+            heading=f.heading,
+            heading_std=f.std(YAW),
+            north=f.north if compass.knows_north else None,
+            deviation=f.deviation,
+            field_strength=compass.strength,
+            field_dip=compass.dip,
+        )
 
     def _usable(self, topic: AnyTopic, sample: Any, magnitude: float | None = None) -> bool:
         """May this sample be used? Before the dive it is also judged whether a sensor of this
         `magnitude` can be right, be the sample usable or not."""
         key = topic.key
-        content, refused = NUMBERS[key](sample)
+        content, refused = OF[topic](sample)
         if refused is None:
-            refused = self._watches[key].judge(content, sample.stamp_ns)
+            refused = self._sensors[key].judge(content, sample.stamp_ns)
         else:
             self.outbox.tell(refused)
-        if self._calibrating is not None:
+        if self._start is not None:
             if self._now is not None and magnitude is not None:
-                self._calibrating.arrived(key, magnitude, sample.stamp_ns, self._now)
+                self._start.arrived(key, magnitude, sample.stamp_ns, self._now)
         elif refused is not None:
-            for aiding in self._aiding()[key]:
-                aiding.refuse(refused, sample.stamp_ns)
+            for quantity in self._quantities()[key]:
+                quantity.refuse(refused, sample.stamp_ns)
         return refused is None
 
-    def _aiding(self) -> dict[str, tuple[Aiding, ...]]:
+    def _quantities(self) -> dict[str, tuple[Quantity, ...]]:
         """By the key of the samples."""
-        attitude, depth = self._attitude, self._depth
         return {
-            topics.IMU.key: attitude.imu_aiding,
-            topics.MAGNETOMETER.key: (attitude.compass_aiding,),
-            topics.PRESSURE.key: depth.pressure_aiding,
-            topics.ACTUATION.key: (
-                *self._horizontal.aiding[topics.ACTUATION.key],
-                *depth.thrust_aiding,
-            ),
-            topics.DVL.key: self._horizontal.aiding[topics.DVL.key],
-            topics.USBL.key: self._horizontal.aiding[topics.USBL.key],
+            topics.IMU.key: (*self._hull.quantities, *self._rest.quantities),
+            topics.PRESSURE.key: (self._pressure.quantity,),
+            topics.MAGNETOMETER.key: (self._compass.quantity,),
+            topics.DVL.key: self._aids.dvl_quantities,
+            topics.USBL.key: self._aids.usbl_quantities,
         }
-
-    def _predict_horizontal(self, force: Vec3 | None, at_ns: int) -> Event | None:
-        observer, (depth_rate, depth_rate_std) = self._attitude, self._depth.rate
-        motion = VehicleMotion(
-            attitude=observer.filter.q,
-            offset=observer.compass.offset,
-            heading_std=observer.north_std,
-            specific_force=force,
-            yaw_rate=observer.control.yaw_rate,
-            depth_rate=depth_rate,
-            depth_rate_std=depth_rate_std,
-        )
-        return self._horizontal.predict(motion, at_ns)
 
     # Messages.
 
-    def _state(  # noqa: C901 - one message, top down
-        self, now: int, sensor_ns: int
-    ) -> VehicleState:
+    def _state(self, now: int, sensor_ns: int) -> VehicleState:
         """The estimates as one message. Valid are, once it is calibrated:
 
-        - attitude, headings and yaw rate while IMU samples arrive; depth and depth rate for two
-          seconds after an accepted pressure sample. The depth rate also for as long after it as the
-          accelerometer alone keeps it known.
-        - gyroscope's bias changed: attitude is learnt anew from gravity; headings and yaw rate are
-          not valid until the magnetometer has measured them, or the bias is as before.
-        - IMU back after half a second or more: headings are not valid until the magnetometer has
-          measured how far the vehicle turned meanwhile. Without one, north is never known, and the
-          control heading goes on from where it was, with its standard deviation.
-        - vertical acceleration and pressure disagree: depth and rate from pressure alone, the
-          acceleration is not valid.
+        - attitude and yaw rate while IMU samples arrive and they are known well enough; headings as
+          well, and not after a silence or a change of the gyroscope's bias that left them unknown,
+          until the compass has found them. Without one, the control heading goes on from where it
+          was, with its standard deviation.
+        - depth and depth rate for two seconds after a pressure sample that was used; the rate also
+          for as long after it as the accelerometer keeps it known.
         - IMU silent: at first no states, so receivers see the last one age. After 0.2 s, states
-          come at the topic's rate with everything from the IMU invalid. Depth and depth rate
-          continue from pressure alone, with the standard deviation of a filter without
-          accelerometer. `sensor_ns` stays at the last IMU sample.
+          come at the topic's rate with everything from the IMU invalid. Depth and depth rate go on
+          from pressure alone. `sensor_ns` stays at the last IMU sample.
         """
-        attitude, depth = self._attitude, self._depth
-        found = list[
-            str
-        ]()  # names of the events that say which sensors cannot be used now, and why
-        for watch in self._watches.values():
-            if (event := watch.trouble(now)) is not None:
-                found.append(event.name)
-        if self._calibrating is not None:
-            estimates = attitude.estimates(valid=False, now=now)
-            q, floating = attitude.filter.q, self._floating_depth
-            return self._calibrating.state(now, sensor_ns, q, estimates, floating)
-        imu = self._hears_imu(now)
-        down, rate, acceleration = depth.estimates(now)
-        roll, pitch, heading, compass, yaw_rate = attitude.estimates(imu, now)
-        north, east, surge, sway, current_north, current_east = self._horizontal.estimates(now)
-        origin = self._horizontal.origin
+        f, running = self.filter, self._start is None
+        imu = running and self._hears_imu(now)
+        heard = running and self._pressure.is_heard(now)
+        roll, pitch, _ = to_euler(f.q)
+        tilts, rate_std, yaw_std = f.tilt_stds, f.std(DEPTH_RATE), f.std(YAW)
+        level = imu and max(tilts) < UNKNOWN_TILT
+        known = level and not self._compass.lost and abs(pitch) < STEEPEST
+        turns = imu and f.std(GYRO + 2) < UNUSABLE_RATE
+        left, blocked_by = None, None
+        if self._start is not None:
+            blocked_by = self._start.blocked_by
+            left = self._start.calibration.seconds_left if blocked_by is None else None
+        navigation = None
+        if running and self._compass.knows_north:
+            std = max(LEAST_HEADING, self._compass.north_std(f))
+            recent = known and self._compass.is_recent(now)
+            navigation = Estimate(wrapped(f.heading + f.north), std, recent)
+        if running:
+            depth = Estimate(f.position[2], self._pressure.depth_std(f), heard)
+            rate = Estimate(f.velocity[2], rate_std, heard or (imu and rate_std < KNOWN_RATE))
+            acceleration = Estimate(f.acceleration, self._acceleration_std(), imu and heard)
+        else:  # the floating depth is not a measurement
+            depth = Estimate(self._floating_depth, 0.5, valid=False)
+            rate = acceleration = Estimate(0.0, 0.5, valid=False)
+        self._troubles = self._find_troubles(now, imu, heard) if running else ()
+        moved, origin = self._pressure.moved, self._aids.origin
+        horizontal = self._aids.estimates(f, now, with_current=self._hull.knows_thrust(now))
+        return VehicleState(
+            stamp_ns=now,
+            sensor_ns=sensor_ns,
+            phase="running" if running else "calibrating",
+            calibration_left=left,
+            blocked_by=blocked_by or UNSET,
+            troubles=self._troubles or UNSET,
+            depth_moved=moved or UNSET,
+            depth=depth,
+            depth_rate=rate,
+            depth_acceleration=acceleration,
+            attitude=f.q,
+            roll=Estimate(roll, max(LEAST_TILT, tilts[0]), level),
+            pitch=Estimate(pitch, max(LEAST_TILT, tilts[1]), level),
+            heading=Estimate(f.heading, min(pi, LEAST_HEADING + yaw_std), known),
+            heading_navigation=navigation,
+            yaw_rate=Estimate(self._yaw_rate, hypot(YAW_RATE_STD, self._lag), turns),
+            **horizontal._asdict(),
+            pressure_age_ms=self._pressure.age_ms(now) if running else None,
+            origin=UNSET if origin is None else origin,
+        )
 
-        # A sensor that the state lacks, and when it is back, is told once.
-        for topic, used in ((topics.IMU, imu), (topics.PRESSURE, down.valid)):
+    def _acceleration_std(self) -> float:
+        noise = FORCE_FACTOR * self._settings.depth.acceleration_noise * BANDWIDTH**0.5
+        return hypot(self.filter.std(FORCE + 2), noise)
+
+    def _find_troubles(self, now: int, imu: bool, heard: bool) -> tuple[str, ...]:  # noqa: FBT001
+        """Names of the events that say which sensors cannot be used now, and why. A sensor that the
+        state lacks, and when it is back, is told once."""
+        found = list[str]()
+        for sensor in self._sensors.values():
+            if (event := sensor.trouble(now)) is not None:
+                found.append(event.name)
+        for topic, used in ((topics.IMU, imu), (topics.PRESSURE, heard)):
             key = topic.key
             if used:
                 if key in self._lacking:
@@ -419,41 +655,33 @@ class Estimator:
                 self.outbox.tell(LACKS[key]())
             if not any(name.endswith(key) for name in found):
                 found.append(LACKS[key].name)
-        if depth.trial is not None and imu:
-            found.append(events.DISTRUSTED_IMU.name)
+        if self.filter.wide_force:
+            found.append(events.INCONSISTENT_IMU.name)
         if self._improving is not None:
             found.append(events.ROUGH_CALIBRATION.name)
-        if attitude.gyroscope.learning:
-            found.append(DOUBTED.name)
-        field, key = attitude.compass.field, topics.MAGNETOMETER.key
-        if field.disturbed and not any(name.endswith(key) for name in found):
+        key = topics.MAGNETOMETER.key
+        if self._compass.disturbed and not any(name.endswith(key) for name in found):
             found.append(events.DISTURBED(key).name)
-        self._troubles = tuple(found)
-        return VehicleState(
-            stamp_ns=now,
-            sensor_ns=sensor_ns,
-            phase="running",
-            calibration_left=None,
-            troubles=self._troubles or UNSET,
-            depth_moved=depth.moved or UNSET,
-            depth=down,
-            depth_rate=rate,
-            depth_acceleration=acceleration,
-            attitude=attitude.filter.q,
-            roll=roll,
-            pitch=pitch,
-            heading=heading,
-            heading_navigation=None if compass is None else self._horizontal.heading(compass),
-            yaw_rate=yaw_rate,
-            surge_velocity=surge,
-            sway_velocity=sway,
-            north=north,
-            east=east,
-            current_north=current_north,
-            current_east=current_east,
-            pressure_age_ms=depth.pressure_age_ms(now),
-            origin=UNSET if origin is None else origin,
-        )
+        return tuple(found)
 
     def _hears_imu(self, now: int) -> bool:
         return self._imu_ns is not None and now - self._imu_ns <= IMU_PATIENCE_NS
+
+
+def _from_north(f: Filter) -> Quaternion:
+    """The attitude with its yaw counted from north."""
+    w, x, y, z = f.q
+    c, s = cos(f.north / 2.0), sin(f.north / 2.0)
+    return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
+
+
+def _mean(a: Vec3, b: Vec3) -> Vec3:
+    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
+
+
+def _minus(a: Vec3, b: Vec3) -> Vec3:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _times(k: float, a: Vec3) -> Vec3:
+    return k * a[0], k * a[1], k * a[2]

@@ -8,9 +8,9 @@ from typing import TypeVar
 
 from messages import topics
 from messages.sensors import ImuSample
-from services.estimation.aiding import AID_SOURCES
-from services.estimation.core import Estimator, Settings
-from services.estimation.initialisation import EstimationCheckpoint
+from services.estimation.checkpoint import EstimationCheckpoint
+from services.estimation.core import AID_SOURCES, Estimator
+from services.estimation.settings import Settings
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node

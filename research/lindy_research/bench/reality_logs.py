@@ -77,8 +77,7 @@ class LoggedDive(NamedTuple):
     cpu: float = 0.0  # [s] of an IMU sample, with the others that came meanwhile
     start: float | None = None  # [s] until it was running; None: never
     attitude: float = 0.0  # [-] share of the running states that have one
-    distrusted: bool = False  # the IMU, at any time
-    doubted: bool = False  # the gyroscope
+    inconsistent: bool = False  # the IMU with the other sensors, at any time
     noisy: bool = False  # the IMU
     on_end: bool = False  # roll and pitch went beyond FAST_ROLL or FAST_PITCH
     roll: float | None = None  # [rad] rms
@@ -256,8 +255,7 @@ def _compared(
     running = [n for n, state in enumerate(run.states) if state.phase == "running"]
     counts = run.counts
     dive = dive._replace(
-        distrusted=events.DISTRUSTED_IMU.name in counts,
-        doubted=events.DOUBTED_GYROSCOPE.name in counts,
+        inconsistent=events.INCONSISTENT_IMU.name in counts,
         noisy=events.NOISY(topics.IMU.key).name in counts,
         on_end=bool(
             np.abs(reference.roll).max() > FAST_ROLL or np.abs(reference.pitch).max() > FAST_PITCH

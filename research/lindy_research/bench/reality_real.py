@@ -82,9 +82,8 @@ GOALS = (
 )
 # What no dive should have.
 WRONG: tuple[tuple[str, Callable[[LoggedDive], bool]], ...] = (
-    ("IMU distrusted", lambda d: d.distrusted),
+    ("IMU inconsistent", lambda d: d.inconsistent),
     ("without attitude at any time", lambda d: d.start is None or d.attitude < 1.0),
-    ("gyroscope doubted", lambda d: d.doubted),
     ("IMU noisy", lambda d: d.noisy),
 )
 NOT_WRONG = ("IMU noisy",)  # it is used, and believed less

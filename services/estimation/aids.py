@@ -1,0 +1,316 @@
+"""Velocity over the ground by a DVL, position by acoustic or satellite fixes, and the current.
+
+A sample is compared with the state at its own time of validity: the filter's recent past is kept.
+Without either there is no estimate. With a DVL alone, position counts from its first sample.
+"""
+
+from bisect import bisect_right
+from collections import deque
+from dataclasses import dataclass
+from math import cos, hypot, sin
+from typing import NamedTuple
+
+from messages import events, topics
+from messages.events import Event, Row
+from messages.message import Estimate
+from messages.sensors import DvlSample, UsblSample
+from messages.units import Vec3
+from services.estimation.filter import (
+    CURRENT,
+    POSITION,
+    TILT,
+    VELOCITY,
+    YAW,
+    Filter,
+    Rotation,
+    to_body,
+)
+from services.estimation.quantity import Outcome, Quantity
+from services.vehicle.mounting import cross
+
+DVL, USBL = topics.DVL.key, topics.USBL.key
+LEAST_DVL_STD, LEAST_USBL_STD = 0.001, 0.01  # [m/s], [m] no sensor is better
+DVL_PATIENCE, USBL_PATIENCE = 4.0, 20.0  # [s] of outliers only; a school of fish takes seconds
+OLDEST_NS = 4_000_000_000  # [ns] largest age of a sample
+AHEAD_NS = 500_000_000  # [ns] a sample may be this much newer than the newest IMU sample
+LOST_AFTER = 60.0  # [s] without either: prediction is useless
+VALID_FOR = {DVL: 3.0, USBL: 15.0}  # [s] after the last accepted sample
+FIRST_VELOCITY, FIRST_CURRENT = 1.0, 0.5  # [m/s] 1σ before any is measured
+STILL_CURRENT = 1e-3  # [m/s] 1σ where no velocity over the ground is: it is that through the water
+FAR = 100.0  # [m] 1σ of a position before its first fix
+MOST_CURRENT_STD = 0.15  # [m/s] a current with a larger std is not published
+
+
+ALTITUDE_JUMP = 0.3  # [m] a change of altitude that neither the vehicle's own depth …
+STEEPEST = 1.0  # [-] … nor the way over a slope such as this one explains
+LONGEST_ALTITUDE = 2.0  # [s] between two altitudes, so that they can be compared
+SWIMS = 3.0  # [σ] a velocity within goes on as before
+
+
+class Past(NamedTuple):
+    """The filter at one instant."""
+
+    stamp_ns: int
+    position: tuple[float, float]  # [m] north, east
+    velocity: Vec3  # [m/s] world axes
+    R: Rotation
+
+
+class HorizontalEstimates(NamedTuple):
+    """None: unknown."""
+
+    surge_velocity: Estimate | None = None  # [m/s] over the ground
+    sway_velocity: Estimate | None = None  # [m/s]
+    north: Estimate | None = None  # [m]
+    east: Estimate | None = None  # [m]
+    current_north: Estimate | None = None  # [m/s] of the water over the ground
+    current_east: Estimate | None = None  # [m/s]
+
+
+NOTHING = HorizontalEstimates()
+
+
+class Aids:
+    """Corrections by DVL and fixes."""
+
+    def __init__(self) -> None:
+        self.dvl_quantities = tuple(
+            Quantity(name, "m/s", LEAST_DVL_STD, patience=DVL_PATIENCE)
+            for name in ("dvl_surge", "dvl_sway")
+        )
+        self.usbl_quantities = tuple(
+            Quantity(name, "m", LEAST_USBL_STD, patience=USBL_PATIENCE)
+            for name in ("usbl_north", "usbl_east")
+        )
+        self._past = deque[Past]()
+        self._begun_ns: int | None = None  # None: there is no estimate
+        self._fixed = False  # a fix has set the origin of north and east
+        self._heard = dict[str, int]()  # [ns] stamp of the last accepted sample
+        self._lock = BottomLock()
+
+    def remember(self, f: Filter, stamp_ns: int, dt: float) -> Event | None:
+        """The filter is now at this time [ns], `dt` [s] later. Returns an event to tell."""
+        past, (n, e, _), (u, v, w) = self._past, f.position, f.velocity
+        past.append(Past(stamp_ns, (n, e), (u, v, w), f.rotation))
+        while stamp_ns - past[0].stamp_ns > OLDEST_NS:
+            past.popleft()
+        self._lock.sink(w * dt)
+        if self._begun_ns is None:
+            return None
+        newest_ns = max(self._begun_ns, *self._heard.values())
+        return self.stop(f) if (stamp_ns - newest_ns) * 1e-9 > LOST_AFTER else None
+
+    def stop(self, f: Filter) -> Event:
+        """Discard the estimate."""
+        self._begun_ns, self._fixed = None, False
+        self._heard.clear()
+        for k in range(2):
+            f.forget(CURRENT + k, STILL_CURRENT)
+        return events.LOST_POSITION()
+
+    def dvl(self, f: Filter, sample: DvlSample) -> Event | None:
+        """A validated sample, of the vehicle's origin. Returns an event to tell."""
+        if (measured := sample.velocity) is None:
+            return None
+        then = self._then(sample.stamp_ns)
+        if not isinstance(then, Past):
+            return _refused(self.dvl_quantities, then(DVL), sample.stamp_ns)
+        self._lock.see(sample.altitude, sample.stamp_ns, hypot(*measured[:2]))
+        if DVL not in self._heard:
+            for k in range(2):
+                f.forget(VELOCITY + k, FIRST_VELOCITY)
+                f.forget(CURRENT + k, FIRST_CURRENT)
+        now = self._past[-1].velocity
+        std = max(LEAST_DVL_STD, sample.std)
+        found, swims = Outcome.USED, False
+        for k, quantity in enumerate(self.dvl_quantities):
+            v = plus(then.velocity, f.velocity, now)
+            axis = then.R[0][k], then.R[1][k], then.R[2][k]
+            a, b, c = cross(axis, v)  # Rᵀ (v × θ), row k
+            h = (
+                (VELOCITY, axis[0]), (VELOCITY + 1, axis[1]), (VELOCITY + 2, axis[2]),
+                (TILT, a), (TILT + 1, b), (YAW, c),
+            )  # fmt: skip
+            off = measured[k] - (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2])
+            surprise = off * off / (std * std + f.explained(h)[1])
+            swims = self._lock.swims(surprise, sample.stamp_ns)
+            if swims:
+                return _refused(self.dvl_quantities, events.OUTLIER(DVL), sample.stamp_ns)
+            states = (VELOCITY, VELOCITY + 1)
+            outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, states)
+            found = max(found, outcome, key=lambda each: each.value)
+        if found is not Outcome.OUTLIER:
+            self._lock.believe()
+            if self._begun_ns is None:
+                self._begin(f, sample.stamp_ns)
+        return self._heard_of(DVL, "velocity", found, sample.stamp_ns)
+
+    def usbl(self, f: Filter, sample: UsblSample) -> Event | None:
+        """A validated fix, of the vehicle's origin. Returns an event to tell."""
+        then = self._then(sample.stamp_ns)
+        if not isinstance(then, Past):
+            return _refused(self.usbl_quantities, then(USBL), sample.stamp_ns)
+        if self._begun_ns is None:
+            self._begin(f, sample.stamp_ns)
+        std, measured = max(LEAST_USBL_STD, sample.std), (sample.north, sample.east)
+        now, found = self._past[-1], Outcome.USED
+        if first := not self._fixed:
+            for k in range(2):
+                f.forget(POSITION + k, FAR)
+        age = (now.stamp_ns - sample.stamp_ns) * 1e-9
+        c, s = cos(f.north), sin(f.north)
+        for k, quantity in enumerate(self.usbl_quantities):
+            value = then.position[k] + f.position[k] - now.position[k]
+            along = ((c, -s), (s, c))[k]
+            h = (
+                (POSITION + k, 1.0), (VELOCITY, -age * along[0]), (VELOCITY + 1, -age * along[1]),
+            )  # fmt: skip
+            off = measured[k] - value
+            if first:
+                quantity.white = std
+                quantity.white_variance = std * std
+                f.position[k] += off
+                f.forget(POSITION + k, std)
+                quantity.forget()
+                continue
+            outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, (POSITION + k,))
+            found = max(found, outcome, key=lambda each: each.value)
+        self._fixed = True
+        return self._heard_of(USBL, "position", found, sample.stamp_ns)
+
+    def estimates(
+        self, f: Filter, now: int, *, with_current: bool
+    ) -> HorizontalEstimates:
+        """At `now` [ns]. Valid while DVL or fixes are: dead reckoning counts, with its growing std.
+        `with_current`: thrust and drag have been compared with the accelerometer."""
+        if self._begun_ns is None:
+            return NOTHING
+        valid = any((now - at) * 1e-9 <= VALID_FOR[key] for key, at in self._heard.items())
+        u, v, w = f.velocity
+        surge, sway, _ = to_body(f.rotation, (u, v, w))
+        speed_std = max(f.std(VELOCITY), f.std(VELOCITY + 1))
+        stds = f.std(CURRENT), f.std(CURRENT + 1)
+        currents: tuple[Estimate | None, Estimate | None] = (None, None)
+        if with_current and max(stds) <= MOST_CURRENT_STD:
+            (a, b), c, s = f.current, cos(f.north), sin(f.north)
+            currents = (
+                Estimate(c * a - s * b, stds[0], valid), Estimate(s * a + c * b, stds[1], valid),
+            )  # fmt: skip
+        return HorizontalEstimates(
+            Estimate(surge, speed_std, valid),
+            Estimate(sway, speed_std, valid),
+            Estimate(f.position[0], f.std(POSITION), valid),
+            Estimate(f.position[1], f.std(POSITION + 1), valid),
+            *currents,
+        )
+
+    @property
+    def origin(self) -> int | None:
+        """Names the origin of north and east: 0 that of the fixes, else the moment [ms] when the
+        position began, where the drone then was; None: no position."""
+        if self._begun_ns is None:
+            return None
+        return 0 if self._fixed else self._begun_ns // 1_000_000
+
+    def _begin(self, f: Filter, stamp_ns: int) -> None:
+        self._begun_ns = stamp_ns
+        for k in range(2):
+            f.position[k] = 0.0
+            f.forget(POSITION + k, LEAST_USBL_STD)
+        self._past[-1] = self._past[-1]._replace(position=(0.0, 0.0))
+
+    def _then(self, stamp_ns: int) -> Past | Row:
+        """The filter at the time of a sample; a row of events: there is none."""
+        if not self._past:
+            return events.UNREADY
+        if stamp_ns - self._past[-1].stamp_ns > AHEAD_NS:
+            return events.AHEAD
+        after = bisect_right(self._past, stamp_ns, key=lambda past: past.stamp_ns)
+        if after:
+            return self._past[after - 1]
+        young = self._past[-1].stamp_ns - self._past[0].stamp_ns < OLDEST_NS // 2
+        return events.UNREADY if young else events.TOO_OLD
+
+    def _heard_of(self, key: str, what: str, found: Outcome, stamp_ns: int) -> Event | None:
+        if found is Outcome.OUTLIER:
+            return events.OUTLIER(key)
+        self._heard[key] = max(stamp_ns, self._heard.get(key, stamp_ns))
+        return events.RESTARTED(what) if found is Outcome.PERSISTENT else None
+
+
+def plus(then: Vec3, now: list[float], before: Vec3) -> Vec3:
+    """[m/s] A velocity then, with what corrections have changed of the newest since."""
+    x, y, z = then
+    return x + now[0] - before[0], y + now[1] - before[1], z + now[2] - before[2]
+
+
+def _refused(quantities: tuple[Quantity, ...], why: Event, stamp_ns: int) -> Event:
+    for quantity in quantities:
+        quantity.refuse(why, stamp_ns)
+    return why
+
+
+def _fuse(
+    f: Filter,
+    quantity: Quantity,
+    h: tuple[tuple[int, float], ...],
+    value: float,
+    off: float,
+    std: float,
+    stamp_ns: int,
+    states: tuple[int, ...],
+) -> Outcome:
+    """A sample whose sensor states its own spread: the measured one makes it larger only."""
+    quantity.white = std
+    quantity.white_variance = max(quantity.white_variance, std * std)
+    outcome = quantity.fuse(f, h, value, off, stamp_ns)
+    if outcome is Outcome.PERSISTENT:
+        for state in states:
+            f.forget(state, max(std, abs(off)))
+        quantity.set_anew(f, h, off, stamp_ns)
+    return outcome
+
+
+@dataclass(slots=True)
+class BottomLock:
+    """Whether a DVL still sees the bottom that it saw before. Fish below the vehicle make its
+    altitude jump, as a step of the bottom does. Over a step the velocity goes on as before; fish
+    swim.
+
+    Call `sink` as the vehicle moves, then for each sample `see`, `swims` and, if its velocity is
+    used, `believe`.
+    """
+
+    _expected: float | None = None  # [m] altitude over the bottom that is seen
+    _newest: float | None = None  # [m] altitude
+    _newest_ns: int = 0
+    _jumped: bool = False  # the newest altitude is not of that bottom …
+    _swims_ns: int | None = None  # … nor is the velocity since
+
+    def sink(self, by: float) -> None:
+        """The vehicle went `by` [m] down."""
+        if self._expected is not None:
+            self._expected -= by
+
+    def see(self, altitude: float | None, stamp_ns: int, speed: float) -> None:
+        """An altitude [m] at its time [ns], None: not measured, and the speed [m/s] beside it."""
+        since = max(0.0, (stamp_ns - self._newest_ns) * 1e-9)
+        most = max(ALTITUDE_JUMP, STEEPEST * speed * since)
+        self._newest, self._newest_ns = altitude, stamp_ns
+        expected = self._expected if since <= LONGEST_ALTITUDE else None
+        if altitude is None or expected is None or abs(altitude - expected) <= most:
+            self.believe()
+        else:
+            self._jumped = True
+
+    def swims(self, surprise: float, stamp_ns: int) -> bool:
+        """Is what is seen no bottom? `surprise`: normalised innovation squared of the velocity."""
+        if not self._jumped or (self._swims_ns is None and surprise <= SWIMS * SWIMS):
+            return False
+        if self._swims_ns is None:
+            self._swims_ns = stamp_ns
+        return (stamp_ns - self._swims_ns) * 1e-9 < DVL_PATIENCE
+
+    def believe(self) -> None:
+        """What is seen is the bottom from now on."""
+        self._expected, self._jumped, self._swims_ns = self._newest, False, None

@@ -1,0 +1,233 @@
+"""The compass: north, and whether the field is the Earth's.
+
+Iron nearby deflects a compass by tens of degrees. On the pilot's screen that is a nuisance; in the
+control loop it turns the vehicle (Andrén 2023, §5.3.2). So it corrects the angle from the control
+heading to north, and its own deviation, and considers everything else (Schmidt 1966). Only where
+the gyroscope does not know how the vehicle has turned, and the field has proven steady, does it
+correct heading and gyroscope as well.
+
+At one place the Earth's field has a constant strength, dip and direction; iron nearby changes at
+least one of them. A disturbance that stays for `RELEARN` becomes the normal field, unless the
+settings give it: a vehicle that stays near iron cannot be told from one that has left the iron at
+its calibration site.
+"""
+
+from math import atan2, degrees, hypot, inf, pi, radians, remainder, sqrt
+
+from messages import events, topics
+from messages.events import Event
+from messages.units import Vec3
+from services.estimation.filter import DEVIATION, GYRO, NORTH, TILT, YAW, Filter, considered, to_world
+from services.estimation.quantity import Outcome, Quantity
+from services.estimation.settings import AttitudeSettings
+
+PERIOD_NS = 95_000_000  # [ns] over which the field is averaged
+LEAST_LEVEL = 2e-6  # [T] less horizontal field than this has no usable direction
+LEAST_EARTH, MOST_EARTH = 20.0, 70.0  # [µT] the Earth's field is 22 to 67 µT
+FIELD_TOLERANCE, DIP_TOLERANCE = 4.0, 5.0  # [µT], [deg] of the normal field
+GATE = radians(10.0)  # [rad] from the gyroscope
+TURNED = 0.1  # [rad] of heading, within which the field must not turn by `GATE`
+HOLD_OFF = 3.0  # [s] of normal field before the compass is used again
+RELEARN = 120.0  # [s] a field unchanged for so long is the new normal one
+STEADY, STEADY_S = 1.5, 10.0  # [µT] 1σ of a field that may teach the gyroscope, over [s]
+NOISE, LASTS = 0.01, 2.0  # [rad] 1σ of a mean, [s] of what is coloured of `compass_std`
+UNKNOWN_NOISE = 0.05  # [rad] 1σ of a mean where the heading is not known
+UNKNOWN_BIAS = 1e-3  # [rad/s] 1σ of the gyroscope, beyond which the compass corrects it
+UNUSABLE_BIAS, FOUND_BIAS = 0.03, 0.005  # [rad/s] of it: beyond, it measures no turn; found again
+LOST, FOUND, FOUND_S = 0.2, 0.1, 1.0  # [rad], [rad], [s] 1σ of the heading, and of normal field
+VALID_NS = 60_000_000_000  # [ns] north stays valid on the gyroscope for this long
+BIASES = (GYRO, GYRO + 1, GYRO + 2)
+
+
+class Compass:
+    """Use a sample with `fuse`; both headings' validity is here as well."""
+
+    def __init__(self, settings: AttitudeSettings) -> None:
+        self._settings = s = settings
+        self.quantity = Quantity("compass", "rad", NOISE, s.compass_std, LASTS, 60.0, 5.0)
+        self.strength = s.earth_field  # [µT] normal
+        self.dip = None if s.earth_dip is None else radians(s.earth_dip)  # [rad] normal
+        self.knows_north = False
+        self.lost = False  # the heading is not known, and a compass may find it
+        self.used_ns = 0
+        self._trusted = False
+        self._told = False  # this disturbance has been told
+        self._good_for = self._steady_for = 0.0  # [s] normal, after a disturbance; not normal, alike
+        self._anchor: tuple[float, float] | None = None  # [rad] heading, and bearing less that
+        self._first = (0.0, 0.0, 0.0)  # strength, dip, bearing when that began
+        self._sum: Vec3 = (0.0, 0.0, 0.0)
+        self._count, self._since_ns = 0, 0
+        self._mean: tuple[float, float] | None = None  # [µT] level and down, over `STEADY_S`
+        self._spread = inf  # [µT²]
+
+    @property
+    def disturbed(self) -> bool:
+        return self._told and not self._trusted
+
+    def learn(self, strength: float, dip: float) -> bool:
+        """Set the normal field [µT, rad], measured at rest. False: it cannot be the Earth's."""
+        if not self._can_be_the_earths(strength, dip):
+            self._told = True
+            return False
+        if self._settings.earth_field is None:
+            self.strength = strength
+        if self._settings.earth_dip is None:
+            self.dip = dip
+        self._trusted, self._told = True, False
+        return True
+
+    def take_north(self, f: Filter, bearing: float, std: float) -> None:
+        """The offset [rad] from control heading to compass is this."""
+        f.north, f.deviation = remainder(bearing, 2.0 * pi), 0.0
+        f.forget(DEVIATION, self._settings.compass_std)
+        f.forget(NORTH, hypot(self._settings.compass_std, std))
+        f.P[NORTH, DEVIATION] = f.P[DEVIATION, NORTH] = -self._settings.compass_std**2
+        self.knows_north = True
+        self.quantity.forget()
+
+    def fuse(self, f: Filter, field: Vec3, stamp_ns: int) -> Event | None:
+        """One sample [T], FRD. Returns an event to tell."""
+        n, e, d = to_world(f.rotation, field)
+        x, y, z = self._sum
+        self._sum, self._count = (x + n, y + e, z + d), self._count + 1
+        if stamp_ns - self._since_ns < PERIOD_NS:
+            return None
+        n, e, d = (1e6 * total / self._count for total in self._sum)
+        dt = min(0.5, max(0.0, (stamp_ns - self._since_ns) * 1e-9))
+        self._sum, self._count, self._since_ns = (0.0, 0.0, 0.0), 0, stamp_ns
+        level, quantity = hypot(n, e), self.quantity
+        if level < 1e6 * LEAST_LEVEL:
+            quantity.refuse(events.STEEP(topics.MAGNETOMETER.key), stamp_ns)
+            return events.STEEP(topics.MAGNETOMETER.key)
+        self._hear_spread(level, d, dt)
+        bearing = -atan2(e, n)
+        innovation = remainder(bearing - f.north - f.deviation, 2.0 * pi) if self.knows_north else 0.0
+        gate = max(GATE, 3.0 * self.north_std(f))
+        self._hear_drift(f, bearing, hypot(level, d), atan2(d, level))
+        event = self._judge(hypot(level, d), atan2(d, level), bearing, innovation, gate, dt)
+        if not self._trusted:
+            why = events.DISTURBED(topics.MAGNETOMETER.key)
+            quantity.refuse(why, stamp_ns)
+            return event
+        self.used_ns = stamp_ns
+        if not self.knows_north or abs(innovation) > gate:
+            self.take_north(f, bearing, f.std(YAW))
+            return event
+        found = self._correct(f, (n, e, d), bearing, innovation, stamp_ns)
+        return event or found
+
+    def _correct(
+        self, f: Filter, field: Vec3, bearing: float, innovation: float, stamp_ns: int
+    ) -> Event | None:
+        (n, e, d), quantity = field, self.quantity
+        square = n * n + e * e
+        h = (
+            (NORTH, 1.0), (DEVIATION, 1.0), (YAW, 1.0),
+            (TILT, -d * n / square), (TILT + 1, -d * e / square),
+        )  # fmt: skip
+        helps = self._spread < STEADY**2
+        corrected = [NORTH, DEVIATION]
+        if helps and f.std(GYRO + 2) > UNKNOWN_BIAS:
+            corrected += BIASES
+        if helps and self.lost:
+            corrected.append(YAW)
+            quantity.coloured, quantity.white_variance = 0.0, UNKNOWN_NOISE**2
+        else:
+            quantity.coloured = self._settings.compass_std
+        if quantity.fuse(f, h, bearing, innovation, stamp_ns, considered(*corrected)) is not Outcome.USED:
+            return None
+        self._good_for = min(HOLD_OFF, self._good_for + quantity.period)
+        known = f.std(YAW) < FOUND and f.std(GYRO + 2) < FOUND_BIAS
+        if self.lost and known and self._good_for >= FOUND_S:
+            self.lost = False
+            return events.FOUND_HEADING()
+        return None
+
+    def watch(self, f: Filter) -> None:
+        """Is the heading still known?"""
+        if self.knows_north and not self.lost:
+            self.lost = f.std(YAW) > LOST or f.std(GYRO + 2) > UNUSABLE_BIAS
+            if self.lost:
+                self._good_for = 0.0
+
+    def is_recent(self, now: int) -> bool:
+        return self.knows_north and now - self.used_ns <= VALID_NS
+
+    def north_std(self, f: Filter) -> float:
+        """[rad] 1σ of the heading from north."""
+        P = f.P
+        total = float(P[NORTH, NORTH] + 2.0 * P[NORTH, YAW] + P[YAW, YAW])
+        return min(pi, sqrt(max(0.0, total)))
+
+    def _hear_drift(self, f: Filter, bearing: float, strength: float, dip: float) -> None:
+        """A steady field turns about a vehicle that does not turn: the gyroscope drifts."""
+        steady = self._spread < STEADY**2 and self.is_normal(strength, dip) and self.knows_north
+        if self._anchor is None or not steady or abs(f.heading - self._anchor[0]) > TURNED:
+            self._anchor = f.heading, bearing
+        off = remainder(bearing - self._anchor[1], 2.0 * pi)
+        if abs(off) > GATE and not self.lost:
+            self.lost, self._good_for, self._anchor = True, 0.0, None
+            f.widen(YAW, abs(off))
+            f.widen(GYRO + 2, UNUSABLE_BIAS)
+
+    def _hear_spread(self, level: float, down: float, dt: float) -> None:
+        if self._mean is None:
+            self._mean, self._spread = (level, down), 2.0 * STEADY**2
+            return
+        share, (x, y) = min(0.1, dt / STEADY_S), self._mean
+        a, b = level - x, down - y
+        self._mean = x + share * a, y + share * b
+        seen = min(4.0 * STEADY**2, 0.5 * (a * a + b * b))  # a wrong tilt does not last
+        self._spread += share * (seen - self._spread)
+
+    def _judge(
+        self, strength: float, dip: float, bearing: float, innovation: float, gate: float, dt: float
+    ) -> Event | None:
+        """Is this the normal field [µT, rad]? Returns an event to tell; `_trusted` then says
+        whether it may be used."""
+        key = topics.MAGNETOMETER.key
+        if self.is_normal(strength, dip) and abs(innovation) <= gate:
+            self._steady_for = 0.0
+            if not self._trusted:
+                self._good_for += dt
+                self._trusted = self._good_for >= HOLD_OFF
+                self._told = self._told and not self._trusted
+            return None
+        self._good_for, self._trusted = 0.0, False
+        if self._is_new_normal(strength, dip, bearing, dt):
+            self.learn(strength, dip)
+            return events.LEARNT(key)
+        unknown = self.strength is None or self.dip is None
+        if self._told or (unknown and self._can_be_the_earths(strength, dip)):
+            return None
+        self._told = True
+        return events.DISTURBED(key)
+
+    def is_normal(self, strength: float, dip: float) -> bool:
+        """Are strength [µT] and dip [rad] those of the normal field?"""
+        if self.strength is None or self.dip is None:
+            return False
+        near = abs(strength - self.strength) <= FIELD_TOLERANCE
+        return near and abs(degrees(dip - self.dip)) <= DIP_TOLERANCE
+
+    def _is_new_normal(self, strength: float, dip: float, bearing: float, dt: float) -> bool:
+        first = self._first
+        same = (
+            abs(strength - first[0]) <= FIELD_TOLERANCE
+            and abs(degrees(dip - first[1])) <= DIP_TOLERANCE
+            and abs(remainder(bearing - first[2], 2.0 * pi)) <= GATE
+        )
+        if not same or not self._can_be_the_earths(strength, dip):
+            self._first, self._steady_for = (strength, dip, bearing), 0.0
+            return False
+        self._steady_for += dt
+        never = self.strength is None or self.dip is None
+        return self._steady_for >= (HOLD_OFF if never else RELEARN)
+
+    def _can_be_the_earths(self, strength: float, dip: float) -> bool:
+        s = self._settings
+        if s.earth_field is not None and abs(strength - s.earth_field) > FIELD_TOLERANCE:
+            return False
+        if s.earth_dip is not None and abs(degrees(dip) - s.earth_dip) > DIP_TOLERANCE:
+            return False
+        return LEAST_EARTH <= strength <= MOST_EARTH
