@@ -402,7 +402,7 @@ ASSUMED_ATMOSPHERE = row("assumed:atmosphere", DANGER, "the thrusters ran during
 WRONG_UNIT = row("wrong_unit", DANGER, "the values of a sensor do not fit its unit", said="warning")
 OLD_STAMPS = row("old_stamps", DANGER, "samples of a sensor are too old when they arrive", said="warning")
 SILENT_BY_FAULT = row("silent_by_fault", SENSOR, "a simulated fault silenced a sensor")
-NOISY = row("noisy", SENSOR, "a sensor is very noisy: it is believed less")
+NOISY = row("noisy", SENSOR, "a sensor is very noisy: it has less weight")
 GAP = row("gap", SENSOR, "samples of a sensor or of the state are missing")
 RATE = row("rate", SENSOR, "a sensor samples at the wrong rate")
 DISTURBED = row("disturbed", SENSOR, "the compass is disturbed and not used", "`lindy calibrate compass` learns the iron and magnets of the drone; the heading from the gyroscope goes on")

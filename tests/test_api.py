@@ -39,9 +39,7 @@ def test_a_program_for_users_imports_nothing_of_ours_but_the_api(where: str, tex
         names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         for name in names:
             own = name.partition(".")[0] in OURS
-            assert not own or f"{name}.".startswith(("lindy.api.", "lindy.gym.")), (
-                f"{where}: {name}"
-            )
+            assert not own or f"{name}.".startswith("lindy.api."), f"{where}: {name}"
 
 
 def test_programs_are_found() -> None:

@@ -3,15 +3,13 @@
 import json as json_text
 from collections.abc import Iterator
 from itertools import pairwise
-from math import hypot, pi, sqrt
+from math import sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from messages import topics
-from services.estimation.attitude.heading import YAW_RATE_CUTOFF
-from services.estimation.startup.calibration import CalibrationSettings
 from tools.choices import Json
 from tools.recordings.allan import AllanNoise, Floats
 from tools.recordings.allan import noise as noise_of
@@ -31,10 +29,12 @@ class NoiseAxis(NamedTuple):
     noise: AllanNoise
 
 
+SECTION = "estimation.depth"
+
+
 class SettingLine(NamedTuple):
     """A line of the vehicle file."""
 
-    section: str
     key: str
     value: float | None  # None: nothing to paste, and `why` says so
     why: str
@@ -80,29 +80,14 @@ def measured(heard: dict[str, RestingSamples]) -> Iterator[NoiseAxis]:
 
 
 def lines(axes: list[NoiseAxis]) -> Iterator[SettingLine]:
-    """What to put into the vehicle file."""
+    """What to put into [estimation.depth] of the vehicle file."""
     by_name = {axis.name: axis for axis in axes}
     if (pressure := by_name.get("pressure")) is not None:
         yield _pressure_std(pressure)
     force = [axis for axis in axes if axis.name.startswith("accelerometer")]
     worst = max(force, key=lambda axis: axis.noise.density)
-    section = "estimation.depth"
     told = f"[m/s²/√Hz] {worst.name}; under way, tilt adds to it"
-    yield _line(section, "acceleration_noise", worst.noise.density, told)
-    walks = [axis.noise.walk for axis in force if axis.noise.walk is not None]
-    told = "[m/s²/√s] worst axis" if walks else "no walk seen in a recording of this length"
-    yield _line(section, "bias_walk", max(walks, default=0.0), told)
-    turn = by_name["gyroscope z"].noise
-    band = YAW_RATE_CUTOFF * pi / 2.0  # [Hz] noise bandwidth of the low-pass
-    section = "estimation.attitude"
-    told = "[rad/s] gyroscope z behind the low-pass"
-    yield _line(section, "yaw_rate_std", turn.density * sqrt(band), told)
-    # Averaging the bias at the start leaves this much of the white noise in it.
-    still = CalibrationSettings().still_time
-    left = turn.density / sqrt(still)
-    drift = hypot(left, turn.instability or 0.0)
-    told = f"[rad/s] gyroscope z after {still:g} s of calibration"
-    yield _line(section, "heading_drift", drift, told)
+    yield _line("acceleration_noise", worst.noise.density, told)
 
 
 def _pressure_std(pressure: NoiseAxis) -> SettingLine:
@@ -111,15 +96,14 @@ def _pressure_std(pressure: NoiseAxis) -> SettingLine:
     told = f"[Pa] at {pressure.rate:.0f} Hz"
     if pressure.step > std / 10.0:
         told += f", in steps of {pressure.step:.3g} Pa"
-    return _line("estimation.depth", "pressure_std", std, told)
+    return _line("pressure_std", std, told)
 
 
-def _line(section: str, key: str, value: float, why: str) -> SettingLine:
+def _line(key: str, value: float, why: str) -> SettingLine:
     """A sensor whose samples are all the same gives no noise: it is frozen, or too coarse."""
     if value > 0.0:
-        return SettingLine(section, key, float(f"{value:.3g}"), why)
-    told = why if why.startswith("no") else "every sample is the same: frozen, or too coarse"
-    return SettingLine(section, key, None, told)
+        return SettingLine(key, float(f"{value:.3g}"), why)
+    return SettingLine(key, None, "every sample is the same: frozen, or too coarse")
 
 
 def as_toml(axes: list[NoiseAxis], rest: Rest) -> str:
@@ -132,11 +116,8 @@ def as_toml(axes: list[NoiseAxis], rest: Rest) -> str:
         "# `lindy review` of a dive tries both on it.",
     ]
     text += [f"# {_figures(axis)}" for axis in axes]
-    section = ""
+    text += ["", f"[{SECTION}]"]
     for line in lines(axes):
-        if line.section != section:
-            section = line.section
-            text += ["", f"[{section}]"]
         key = f"# {line.key}:" if line.value is None else f"{line.key} = {line.value:g}  #"
         text.append(f"{key} {line.why}")
     return "\n".join(text)
@@ -154,14 +135,11 @@ def _figures(axis: NoiseAxis) -> str:
 
 def as_json(axes: list[NoiseAxis], rest: Rest) -> str:
     """Every figure, and the settings by section and key."""
-    settings: dict[str, dict[str, float]] = {}
-    for line in lines(axes):
-        if line.value is not None:
-            settings.setdefault(line.section, {})[line.key] = line.value
+    settings = {line.key: line.value for line in lines(axes) if line.value is not None}
     found: dict[str, Any] = {
         "seconds": rest.seconds,
         "from": rest.begin,
         "axes": [axis._asdict() | {"noise": axis.noise._asdict()} for axis in axes],
-        "settings": settings,
+        "settings": {SECTION: settings},
     }
     return json_text.dumps(found, indent=1, allow_nan=False)

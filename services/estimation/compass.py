@@ -34,7 +34,7 @@ NOISE, LASTS = 0.01, 2.0  # [rad] 1σ of a mean, [s] of what is coloured of `com
 UNKNOWN_NOISE = 0.05  # [rad] 1σ of a mean where the heading is not known
 UNKNOWN_BIAS = 1e-3  # [rad/s] 1σ of the gyroscope, beyond which the compass corrects it
 UNUSABLE_BIAS, FOUND_BIAS = 0.03, 0.005  # [rad/s] of it: beyond, it measures no turn; found again
-LOST, FOUND, FOUND_S = 0.2, 0.1, 1.0  # [rad], [rad], [s] 1σ of the heading, and of normal field
+LOST, FOUND, FOUND_S = 0.2, 0.1, 0.7  # [rad], [rad], [s] 1σ of the heading, and of normal field
 VALID_NS = 60_000_000_000  # [ns] north stays valid on the gyroscope for this long
 BIASES = (GYRO, GYRO + 1, GYRO + 2)
 
@@ -129,7 +129,7 @@ class Compass:
         corrected = [NORTH, DEVIATION]
         if helps and f.std(GYRO + 2) > UNKNOWN_BIAS:
             corrected += BIASES
-        if helps and self.lost:
+        if helps and (self.lost or f.std(YAW) > LOST):
             corrected.append(YAW)
             quantity.coloured, quantity.white_variance = 0.0, UNKNOWN_NOISE**2
         else:
@@ -144,11 +144,18 @@ class Compass:
         return None
 
     def watch(self, f: Filter) -> None:
-        """Is the heading still known?"""
-        if self.knows_north and not self.lost:
-            self.lost = f.std(YAW) > LOST or f.std(GYRO + 2) > UNUSABLE_BIAS
-            if self.lost:
-                self._good_for = 0.0
+        """Without a compass, rest alone shows that the gyroscope measures turns again."""
+        if not self.knows_north:
+            self.lost = self.lost and f.std(GYRO + 2) > FOUND_BIAS
+
+    def unseen(self, f: Filter) -> None:
+        """After a silence of the IMU: has the vehicle turned? Without a compass, nothing tells."""
+        if self.knows_north and f.std(YAW) > LOST:
+            self.lose()
+
+    def lose(self) -> None:
+        """The heading is not known."""
+        self.lost, self._good_for = True, 0.0
 
     def is_recent(self, now: int) -> bool:
         return self.knows_north and now - self.used_ns <= VALID_NS
@@ -166,7 +173,8 @@ class Compass:
             self._anchor = f.heading, bearing
         off = remainder(bearing - self._anchor[1], 2.0 * pi)
         if abs(off) > GATE and not self.lost:
-            self.lost, self._good_for, self._anchor = True, 0.0, None
+            self.lose()
+            self._anchor = None
             f.widen(YAW, abs(off))
             f.widen(GYRO + 2, UNUSABLE_BIAS)
 

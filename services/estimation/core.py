@@ -74,7 +74,8 @@ AIDING_NS = round(1e9 / topics.AIDING.hz)
 # A gap between IMU samples [s]: it is told; beyond the next, the mean of its ends is not the truth;
 # beyond the last, nothing is known of it. Tuned on real dives of 20 Hz and with holes.
 TOLD_GAP, INTEGRATED, BRIDGED = 0.1, 0.35, 1.0  # [s]
-LONGEST_STEP, LONGEST_GAP = 0.5, 60.0  # [s] of a blind prediction, of a restart that matters
+LONGEST_STEP, MOST_STEPS = 0.5, 20  # [s], [-] of a blind prediction
+LONGEST_GAP = 60.0  # [s] of a restart that matters
 BETWEEN = 0.25  # [-] of a change from sample to sample that may have come early or late: a knock
 SCALE = 0.01  # [-] of a turn that is missed or leaks into another axis
 FORCE_FACTOR = 1.0
@@ -83,8 +84,8 @@ YAW_RATE_CUTOFF, YAW_RATE_STD = 8.0, 0.0006  # [Hz] of the low-pass, [rad/s] of 
 # An IMU that is not where it is said to be feels ω² and ω̇ for so long, averaged over so long.
 ARM_S, SPIN_S = 0.1, 0.5  # [s]
 # 1σ of what has never been measured: tilt by a moving accelerometer, gyroscope's bias (that of an
-# MPU-6000 in a real vehicle was 0.06), accelerometer's level and along down (10 mg).
-FIRST_TILT, FIRST_GYRO, FIRST_FORCE = 0.1, 0.1, (0.05, 0.05, 0.1)  # [rad], [rad/s], [m/s²]
+# MPU-6000 in a real vehicle was 0.06), accelerometer's along down (10 mg).
+FIRST_TILT, FIRST_GYRO, FIRST_FORCE = 0.1, 0.1, 0.1  # [rad], [rad/s], [m/s²]
 LEVELLED, FIRST_VELOCITY, FAR = 0.01, 0.2, 100.0  # [m], [m/s], [m]
 RESUMED_GYRO, RESUMED_FORCE = 1e-3, 0.02  # [rad/s], [m/s²] from before a restart
 WIDE_S = 2.0
@@ -276,7 +277,8 @@ class Estimator:
             f.level(force, FIRST_TILT if self._resumed_ns is None else UNKNOWN_TILT)
             if self._resumed_ns is not None:
                 gap = min(LONGEST_GAP, abs(at_ns - self._resumed_ns) * 1e-9)
-                f.widen(YAW, BLIND_TURN[2] * max(1.0, gap) ** 0.5 if gap > BRIDGED else 0.0)
+                f.widen(YAW, BLIND_TURN[2] * gap**0.5)
+                self._compass.unseen(f)
             return 0.0
         dt = (at_ns - imu_ns) * 1e-9
         kept, self._kept = self._kept, None
@@ -287,6 +289,7 @@ class Estimator:
             self._go_blind(at_ns)
             f.level(force, UNKNOWN_TILT)
             self._hull.restart()
+            self._compass.unseen(f)
             return 0.0
         if kept is not None:
             f = self.filter = kept
@@ -299,6 +302,8 @@ class Estimator:
             f.doubt_blind(dt)
             self._hull.restart()
         self._at_ns = at_ns
+        if dt > TOLD_GAP:
+            self._compass.unseen(f)
         if kept is not None and (newest := self._pressure.newest) is not None:
             self.outbox.tell(self._pressure.fuse(f, newest, at_ns, at_ns))
         turn = rate[2] - f.gyro_bias[2]
@@ -330,10 +335,9 @@ class Estimator:
         assert self._at_ns is not None
         left = (now - self._at_ns) * 1e-9
         self._hull.restart()
-        while left > 0.0:
-            step = min(left, LONGEST_STEP)
-            self.filter.predict_blind(step)
-            left -= step
+        steps = min(MOST_STEPS, 1 + int(left / LONGEST_STEP))
+        for _ in range(steps if left > 0.0 else 0):
+            self.filter.predict_blind(left / steps)
         self._at_ns = max(now, self._at_ns)
 
     def _judge_imu(self, at_ns: int) -> None:
@@ -349,6 +353,7 @@ class Estimator:
         if off and not wide:
             self.outbox.tell(events.INCONSISTENT_IMU())
         if by_hull:
+            self._compass.lose()
             for k in range(3):
                 f.widen(TILT + k, INCONSISTENT_TILT)
                 f.widen(GYRO + k, INCONSISTENT_GYRO)
@@ -363,7 +368,7 @@ class Estimator:
         for k in range(3):
             f.forget(TILT + k, FIRST_TILT)
             f.forget(GYRO + k, FIRST_GYRO)
-            f.forget(FORCE + k, FIRST_FORCE[k])
+            f.forget(FORCE + k, FIRST_FORCE if k == 2 else self._settings.depth.horizontal_bias_std)
             f.forget(VELOCITY + k, FIRST_VELOCITY)
             f.forget(POSITION + k, LEVELLED)
         f.forget(YAW, LEAST_HEADING)
@@ -443,7 +448,7 @@ class Estimator:
             bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
             said = f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air.pressure / 100.0:.1f} hPa"
             self.outbox.say("info", said)
-        elif start.gives_up():
+        elif not f.wide_gyro and self._hull.fits and start.gives_up():
             self._start, self._improving = None, Calibration(self._settings.calibration)
             self.outbox.tell(events.ROUGH_CALIBRATION())
             if self._was_afloat and self._floated >= ENOUGH_PRESSURES and self._given() is None:

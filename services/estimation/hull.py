@@ -41,6 +41,7 @@ SHARE = 0.3  # [-] of what thrust explains, that may be wrong
 WITHOUT_THRUST = 2.0  # [-] times that where no thrust is reported
 ARM = 0.1  # [m] from the centre of a turn to where the IMU is thought to be: ω² + ω̇
 PATIENCE = 2.0  # [s]
+FITS = 0.2  # [-] share of outliers lately
 FRESH = 0.5  # [s] an older report of thrust is not used
 SLOWS = 0.2  # [1/s] drag of a vehicle of which no file says it: it is not fast for long
 DRIVEN = 0.1  # [N] of a thruster that is commanded; one that runs down has less and less
@@ -94,6 +95,11 @@ class Hull:
 
     def knows_thrust(self, at_ns: int) -> bool:
         return self._thrust_ns is not None and (at_ns - self._thrust_ns) * 1e-9 < FRESH
+
+    @property
+    def fits(self) -> bool:
+        """Does what is felt fit gravity?"""
+        return all(quantity.out < FITS and quantity.used_ns is not None for quantity in self.quantities)
 
     def is_afloat(self, at_ns: int) -> bool:
         """Known only where the thrust is known, and was never used."""

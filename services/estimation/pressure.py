@@ -38,6 +38,7 @@ SURPRISE = 6.0
 SEEN_WAVE = 0.02  # [m] 1σ of one whose rate can be measured
 TOLD_WAVE = 0.05  # [m] 1σ of one that is told
 BOB_SMOOTH, BOB_MEMORY = 0.3, 5.0  # [s] of the acceleration of who floats on a wave
+BOB_NOISE = 0.008  # [m/s²] 1σ of that smoothed, without a wave
 STANDARD_STD = 2000.0  # [Pa] 1σ of the weather
 GIVEN_STD = 100.0  # [Pa] 1σ of an atmosphere that another instrument measured
 
@@ -170,7 +171,7 @@ class Pressure:
         share = min(1.0, dt / BOB_MEMORY)
         self._bob_mean += share * (self._bob - self._bob_mean)
         self._bob_variance += share * ((self._bob - self._bob_mean) ** 2 - self._bob_variance)
-        variance = self._bob_variance / FIRST_RATE**4
+        variance = max(0.0, self._bob_variance - BOB_NOISE**2) / FIRST_RATE**4
         f.wave_variance = min(MOST_WAVE**2, max(LEAST_WAVE**2, variance))
 
     # Estimates.

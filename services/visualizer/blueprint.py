@@ -281,18 +281,16 @@ def _window() -> rrb.TimeAxis:
 
 # Panels of the Sensors page, each with a tab for every source of `messages/aiding.py` in it.
 INNOVATIONS = (
-    (("pressure", "depth [m]"), ("trial", "depth, accelerometer on trial [m]")),
+    (("pressure", "depth [m]"),),
     (
         ("compass", "compass [°]"),
-        ("accelerometer", "accelerometer [m/s²]"),
-        ("gyroscope_roll", "gyroscope, roll [°]"),
-        ("gyroscope_pitch", "gyroscope, pitch [°]"),
+        ("rest_x", "gyroscope at rest, x [°/s]"),
+        ("rest_y", "gyroscope at rest, y [°/s]"),
+        ("rest_z", "gyroscope at rest, z [°/s]"),
     ),
     (
-        ("thrust_north", "thrust, north [m/s]"),
-        ("thrust_east", "thrust, east [m/s]"),
-        ("thrust_surge", "thrust, surge [m/s²]"),
-        ("thrust_sway", "thrust, sway [m/s²]"),
+        ("hull_north", "thrust and drag, north [m/s²]"),
+        ("hull_east", "thrust and drag, east [m/s²]"),
     ),
     (
         ("dvl_surge", "DVL, surge [m/s]"),

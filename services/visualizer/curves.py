@@ -94,7 +94,7 @@ def _aiding() -> Curve:
 def _within_band(source: AidSource) -> CurveRow | None:
     if source.innovation is None or source.variance is None:
         return None
-    unit = degrees(1.0) if source.unit == "rad" else 1.0
+    unit = degrees(1.0) if source.unit.startswith("rad") else 1.0
     band = 3.0 * unit * sqrt(source.variance)
     return unit * source.innovation, band, -band
 

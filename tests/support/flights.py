@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from messages import topics
 from messages.reference import Reference
 from messages.state import VehicleState
-from messages.vehicle import Truth
+from messages.vehicle import Actuation, Truth
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
@@ -46,6 +46,7 @@ class TruthLog:
     pitch: Floats  # [rad]
     depth: Floats  # [m]
     depth_rate: Floats  # [m/s]
+    thrust: Floats  # [N] n × thrusters, as reported
     asked: Floats  # [m/s²] of the depth reference; 0 while disarmed
     calibrated: int  # first row of which the estimator knew where it is
     armed: int  # first row with thrust
@@ -54,6 +55,13 @@ class TruthLog:
     def t(self) -> Floats:
         """[s] since power-on."""
         return np.arange(1.0, len(self.heading) + 1.0) * DT
+
+    def actuation(self, row: int, stamp_ns: int) -> Actuation:
+        """What the thrusters reported in a row, with this stamp."""
+        return Actuation(
+            stamp_ns=stamp_ns, thrust=tuple(self.thrust[row].tolist()), actuated_ns=None,
+            sensor_ns=None, pilot_ns=None, stale=False, power=0.0,
+        )  # fmt: skip
 
     @property
     def motion(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -81,6 +89,7 @@ def _fly(stack: Stack, seconds: float) -> TruthLog:
     for name in CHAIN:
         host.add(name, rows[name], stack)
     truth: list[Truth] = []
+    thrust: list[Actuation] = []
     asked: dict[int, float] = {}  # by the sample's stamp
     running: list[int] = []  # [ns]
 
@@ -94,6 +103,7 @@ def _fly(stack: Stack, seconds: float) -> TruthLog:
 
     observer = host.node("observer", ["drone"])
     observer.each(topics.TRUTH, lambda message, _: truth.append(message))
+    observer.each(topics.ACTUATION, lambda message, _: thrust.append(message))
     observer.each(topics.REFERENCE, hear_reference)
     observer.each(topics.STATE, hear_state)
     host.run(round(LONGEST_START * 1e9), done=lambda: bool(asked))
@@ -102,6 +112,8 @@ def _fly(stack: Stack, seconds: float) -> TruthLog:
     host.run(host.now + round(seconds * 1e9))
     stamps = [message.stamp_ns for message in truth]
     velocity = np.array([message.velocity for message in truth])
+    newest = np.searchsorted([message.stamp_ns for message in thrust], stamps, side="right") - 1
+    reported = np.array([message.thrust for message in thrust])
     acceleration: Floats = np.gradient(velocity, DT, axis=0)
     return TruthLog(
         attitude=np.array([message.attitude for message in truth]),
@@ -112,6 +124,7 @@ def _fly(stack: Stack, seconds: float) -> TruthLog:
         pitch=np.array([message.pitch for message in truth]),
         depth=np.array([message.position[2] for message in truth]),
         depth_rate=np.array([message.depth_rate for message in truth]),
+        thrust=reported[np.maximum(newest, 0)],
         asked=np.array([asked.get(stamp, 0.0) for stamp in stamps]),
         calibrated=stamps.index(running[0]),
         armed=stamps.index(min(asked)),

@@ -7,12 +7,12 @@ from math import pi
 import numpy as np
 from msgspec.structs import replace
 
+from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.units import Quaternion, Vec3
-from services.estimation.attitude.attitude_filter import AttitudeSettings
-from services.estimation.attitude.attitude_observer import AttitudeObserver
-from services.estimation.attitude.gyroscope import RestingBias
-from services.estimation.startup.calibration import Calibration, CalibrationSettings
+from services.estimation.core import Estimator
+from services.estimation.settings import Settings as EstimationSettings
 from services.marine.attitude import from_euler, to_body
+from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
@@ -35,6 +35,7 @@ class HeadingSamples:
     rate: list[Vec3]  # [rad/s] FRD
     force: list[Vec3]  # [m/s²] FRD
     field: list[Vec3]  # [T] FRD; empty without a compass
+    pressure: list[float]  # [Pa]
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Headings:
 
     control: Floats
     navigation: Floats
-    std: Floats  # [rad] of the navigation heading, as the observer says
+    std: Floats  # [rad] of the navigation heading, as the estimator says
 
 
 def dive(seconds: float) -> TruthLog:
@@ -69,7 +70,8 @@ def measured(
             x, y, z = unit.magnetometer(0, q).field
             a, b, c = to_body(q, extra)
             fields.append((x + a, y + b, z + c))
-    return HeadingSamples(rates, forces, fields)
+    pressures = [unit.pressure(0, depth).pressure for depth in flight.depth.tolist()]
+    return HeadingSamples(rates, forces, fields, pressures)
 
 
 def passing_iron(n: int, begin: float, seconds: float, strength: float) -> Floats:
@@ -83,32 +85,26 @@ def passing_iron(n: int, begin: float, seconds: float, strength: float) -> Float
 
 
 def observed(flight: TruthLog, samples: HeadingSamples) -> Headings:
-    """Both headings of the service's observers, calibrated as in the service."""
-    calibration, settings = Calibration(CalibrationSettings()), CalibrationSettings()
-    observer: AttitudeObserver | None = None
-    resting = RestingBias((0.0, 0.0, 0.0), settings.still_time, settings.largest_bias)
+    """Both headings of the estimator, calibrated as in a dive."""
+    vehicle = Stack().section("vehicle", Vehicle)
+    estimator = Estimator(EstimationSettings(), vehicle.floating_depth, None, vehicle)
     n = len(flight.heading)
     control, navigation, std = (np.full(n, np.nan) for _ in range(3))
     fields = samples.field or [None] * n
-    everything = zip(samples.rate, samples.force, fields, strict=True)
-    for k, (rate, force, field) in enumerate(everything):
-        at_ns = round((k + 1) * DT * 1e9)
-        if observer is None:
-            observer = _calibrated(calibration, rate, force, field, at_ns)
-            if observer is not None:
-                resting = RestingBias(
-                    observer.gyro_bias, settings.still_time, settings.largest_bias
-                )
-            continue
-        observer.step(rate, force, DT)
-        resting.imu(rate, force, DT)
-        observer.gyro_bias = resting.bias
-        control[k] = observer.control.heading
+    everything = zip(samples.rate, samples.force, samples.pressure, fields, strict=True)
+    for k, (rate, force, pressure, field) in enumerate(everything):
+        now = round((k + 1) * DT * 1e9)
+        estimator.actuation(flight.actuation(k, now))
+        estimator.pressure(PressureSample(stamp_ns=now, pressure=pressure))
         if field is not None:
-            observer.magnetometer(field, at_ns)
-        if observer.compass.offset is not None:
-            navigation[k] = control[k] + observer.compass.offset
-            std[k] = observer.compass.std
+            estimator.magnetometer(MagnetometerSample(stamp_ns=now, field=field))
+        sample = ImuSample(stamp_ns=now, specific_force=force, angular_rate=rate)
+        state = estimator.imu(sample, now)
+        if state is None or state.phase != "running":
+            continue
+        control[k] = state.heading.value
+        if (found := state.heading_navigation) is not None:
+            navigation[k], std[k] = found.value, found.std
     return Headings(_off(control, flight), _off(navigation, flight), std)
 
 
@@ -130,23 +126,6 @@ def plain(flight: TruthLog, samples: HeadingSamples) -> Floats:
 def rms(errors: Floats) -> float:
     """[same unit] NaN left out."""
     return float(np.sqrt(np.nanmean(np.square(errors))))
-
-
-def _calibrated(
-    calibration: Calibration, rate: Vec3, force: Vec3, field: Vec3 | None, at_ns: int
-) -> AttitudeObserver | None:
-    calibration.imu(rate, force, DT)
-    calibration.pressure(101_325.0)
-    if field is not None:
-        calibration.magnetometer(field)
-    learnt = calibration.result()
-    if learnt is None:
-        return None
-    observer = AttitudeObserver(AttitudeSettings(), learnt.gyro_bias, learnt.heading or 0.0, 0.0)
-    observer.start(learnt.specific_force)
-    if learnt.field is not None:
-        observer.agree(at_ns, learnt.field)
-    return observer
 
 
 def _off(headings: Floats, flight: TruthLog) -> Floats:

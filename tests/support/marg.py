@@ -1,12 +1,11 @@
 """The plain filter that the two headings are compared with: Madgwick's filter for gyroscope,
-accelerometer and magnetometer (Madgwick 2010, section 3.3), which believes whatever the compass
+accelerometer and magnetometer (Madgwick 2010, section 3.3), which follows whatever the compass
 says. Body FRD, world NED."""
 
 from math import sqrt
 
 from messages.units import Quaternion, Vec3
-from services.estimation.attitude.attitude_filter import down_in_body, unit
-from services.estimation.attitude.heading import horizontal
+from services.marine.attitude import down_in_body, normalised, to_world
 
 
 def step(q: Quaternion, rate: Vec3, force: Vec3, field: Vec3, beta: float, dt: float) -> Quaternion:
@@ -15,7 +14,7 @@ def step(q: Quaternion, rate: Vec3, force: Vec3, field: Vec3, beta: float, dt: f
     north is where the field shows now, so it pulls on the heading alone)."""
     down = _scaled(force, -1.0)
     m = _scaled(field, 1.0)
-    north, east = horizontal(q, m)
+    north, east, _ = to_world(q, m)
     bx = sqrt(north * north + east * east)
     dx, dy, dz = down_in_body(q)
     bz = dx * m[0] + dy * m[1] + dz * m[2]
@@ -35,7 +34,7 @@ def step(q: Quaternion, rate: Vec3, force: Vec3, field: Vec3, beta: float, dt: f
     if slope > 0.0:
         k = beta * dt / slope
         tw, tx, ty, tz = tw - k * gw, tx - k * gx, ty - k * gy, tz - k * gz
-    return unit(tw, tx, ty, tz)
+    return normalised((tw, tx, ty, tz))
 
 
 def turned_raw(q: Quaternion, rate: Vec3, dt: float) -> Quaternion:

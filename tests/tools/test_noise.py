@@ -16,7 +16,7 @@ from messages.message import Message
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
-from services.estimation.core import Settings
+from services.estimation.settings import Settings
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
@@ -120,9 +120,11 @@ def test_a_random_walk_of_the_accelerometer_is_found(
 ):
     walk = 0.008 * 0.1 * np.cumsum(np.random.default_rng(5).standard_normal(12_000))
     found = told(write(tmp_path, imu(120, force=walk)), capsys)
-    depth = found["settings"]["estimation.depth"]
-    assert 0.004 < depth["bias_walk"] < 0.016
-    assert depth["acceleration_noise"] == pytest.approx(0.003, rel=0.1)
+    axes = {axis["name"]: axis for axis in found["axes"]}
+    assert 0.004 < axes["accelerometer z"]["noise"]["walk"] < 0.016
+    assert found["settings"]["estimation.depth"]["acceleration_noise"] == pytest.approx(
+        0.003, rel=0.1
+    )
 
 
 def test_what_is_printed_can_be_pasted_into_a_vehicle_file(
@@ -132,8 +134,7 @@ def test_what_is_printed_can_be_pasted_into_a_vehicle_file(
     pasted = capsys.readouterr().out
     settings = msgspec.convert(decode(pasted)["estimation"], Settings)
     assert settings.depth.pressure_std == pytest.approx(480, rel=0.06)
-    assert settings.attitude != Settings().attitude
-    assert "# bias_walk: no walk seen" in pasted
+    assert settings.depth.acceleration_noise == pytest.approx(0.003, rel=0.1)
 
 
 def test_rounding_in_coarse_steps_is_noise_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -7,11 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from messages.units import Vec3
-from services.estimation.startup.calibration import (
-    MOST_FORCE_STD,
-    MOST_RATE_STD,
-    CalibrationSettings,
-)
+from services.estimation.rest import MOST_FORCE_STD, MOST_RATE_STD
+from services.estimation.settings import CalibrationSettings
 from tools.recordings.allan import Floats
 
 BLOCK = 0.5  # [s] judged together

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from services.ardusub import parameters, readings
 from services.ardusub.authority import MODES
 from services.ardusub.streams import ENOUGH
-from services.estimation.sensor_watch import WatchSettings
+from services.estimation.settings import WatchSettings
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.numbers import ARDUPILOT, GROUND_STATION
 from tools.doctor.finding import VehicleFinding, Verdict

@@ -11,7 +11,7 @@ import msgspec
 
 from messages.identity import SideIdentity
 from messages.payload import UNDECODABLE
-from services.estimation.initialisation import EstimationCheckpoint
+from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.launch.process_plan import CHECKPOINTS
 from tools.onboard.this_start import NOTE, other_vehicle, read

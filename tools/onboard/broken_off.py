@@ -12,7 +12,7 @@ from typing import NamedTuple
 import msgspec
 
 from messages.payload import UNDECODABLE
-from services.estimation.initialisation import EstimationCheckpoint
+from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.running import running_in
 from services.runtime.launch.process_plan import CHECKPOINTS
 from tools.live.resume import ESTIMATION, LONGEST_S

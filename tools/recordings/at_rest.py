@@ -12,7 +12,7 @@ from messages import topics
 from messages.message import Message
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.vehicle import VehicleStatus
-from services.estimation.startup.calibration import MOST_FORCE_STD, MOST_RATE_STD
+from services.estimation.rest import MOST_FORCE_STD, MOST_RATE_STD
 from services.runtime.config.errors import LindyError
 from tools.recordings.allan import Floats
 from tools.recordings.recording import Recording

@@ -28,7 +28,7 @@ AIDING: msgspec.json.Decoder[AidSource] = msgspec.json.Decoder(AidSource)
 TOGETHER_S = 0.5  # [s] innovations further apart say nothing of each other
 
 
-class Belief(NamedTuple):
+class Innovations(NamedTuple):
     """One aid source over time; arrays (n,) of its messages, at most ten a second."""
 
     t: Array  # [s] since the recording began
@@ -36,11 +36,15 @@ class Belief(NamedTuple):
     innovation: Array  # [unit] mean; NaN: no sample was compared
     square: Array  # [unit²] mean of the innovations squared
     variance: Array  # [unit²] expected of one innovation
-    weight: Array  # [-]
     rejected: Array  # [-] share of its samples
     reasons: Counter[str]  # event: messages that name it
-    verdicts: Counter[str]  # event: messages in which it was not trusted
+    verdicts: Counter[str]  # event: messages in which the sensor was not used
     unit: str
+
+    @property
+    def share_rejected(self) -> float:
+        """[-] Of all samples."""
+        return float(np.average(self.rejected, weights=self.samples))
 
     @property
     def lag_one(self) -> float | None:
@@ -65,7 +69,7 @@ class Belief(NamedTuple):
 
 class Estimated(NamedTuple):
     track: Track | None  # None: no state at all
-    beliefs: dict[str, Belief]
+    innovations: dict[str, Innovations]
     calibrating_s: float  # [s] until it ran; the whole time, where it never did
     blocked_by: str  # event that kept the calibration from ending, last; empty: none
     troubles: Counter[str]  # event: states that name it
@@ -109,7 +113,7 @@ class _Heard:
     def __init__(self, replay: OnBoard, begin_ns: int) -> None:
         self._replay, self._begin = replay, begin_ns
         self._track = TrackRows(begin_ns)
-        self._beliefs: dict[str, _BeliefRows] = {}
+        self._innovations: dict[str, _InnovationRows] = {}
         self._first_ns: int | None = None
         self._last_ns = self._ran_ns = begin_ns
         self._running = False
@@ -132,7 +136,7 @@ class _Heard:
                 for each in taken:
                     self._state(STATE.decode(each.data))
             elif key.startswith(FAMILY):
-                rows = self._beliefs.setdefault(key.removeprefix(FAMILY), _BeliefRows())
+                rows = self._innovations.setdefault(key.removeprefix(FAMILY), _InnovationRows())
                 for each in taken:
                     rows.add(AIDING.decode(each.data), self._begin)
         self._replay.recorded.clear()
@@ -151,14 +155,14 @@ class _Heard:
         first = self._begin if self._first_ns is None else self._first_ns
         return Estimated(
             track=self._track.track() if self._track.count else None,
-            beliefs={name: rows.belief() for name, rows in self._beliefs.items()},
+            innovations={name: rows.found() for name, rows in self._innovations.items()},
             calibrating_s=max(0.0, (until - first) / 1e9),
             blocked_by=self._blocked,
             troubles=self._troubles,
         )
 
 
-class _BeliefRows:
+class _InnovationRows:
     def __init__(self) -> None:
         self._rows = array("d")
         self._reasons, self._verdicts = Counter[str](), Counter[str]()
@@ -174,13 +178,11 @@ class _BeliefRows:
         square = innovation**2 + (s.spread or 0.0) ** 2
         variance = nan if s.variance is None else s.variance
         at = (s.stamp_ns - begin_ns) / 1e9
-        self._rows.extend((at, s.samples, innovation, square, variance, s.weight, s.rejected))
+        self._rows.extend((at, s.samples, innovation, square, variance, s.rejected))
 
-    def belief(self) -> Belief:
-        t, samples, innovation, square, variance, weight, rejected = (
-            np.asarray(self._rows).reshape(-1, 7).T
-        )
-        return Belief(
-            t, samples, innovation, square, variance, weight, rejected,
+    def found(self) -> Innovations:
+        t, samples, innovation, square, variance, rejected = np.asarray(self._rows).reshape(-1, 6).T
+        return Innovations(
+            t, samples, innovation, square, variance, rejected,
             self._reasons, self._verdicts, self._unit,
         )  # fmt: skip

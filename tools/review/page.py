@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 from tools.review import plots
-from tools.review.beliefs import in_words
+from tools.review.measurements import in_words
 from tools.review.review import Drawn, Review
 from tools.review.stick_stops import ReviewedStop
 from tools.review.vibration import MOTION_HZ
@@ -29,7 +29,7 @@ SECTIONS = {
     "spreads": "Spreads for the vehicle file",
     "estimation": "Where it was: Lindy's estimate",
     "stops": "Every stop",
-    "beliefs": "What each sensor was believed",
+    "measurements": "What was rejected",
     "asked": "What Lindy would have asked of your sticks",
     "stops_with_lindy": "Your stops with Lindy in control",
 }
@@ -47,7 +47,7 @@ def page(found: Review, drawn: Drawn) -> str:
         "spreads": _spreads(found),
         "estimation": _estimation(found, drawn),
         "stops": _stops(found, drawn),
-        "beliefs": _beliefs(found, drawn),
+        "measurements": _measurements(found, drawn),
         "asked": _asked(found, drawn),
         "stops_with_lindy": _with_lindy(found),
     }
@@ -105,7 +105,8 @@ def _spreads(found: Review) -> str:
     if (given := found.spreads) is None:
         return ""
     rows = [
-        (who, t.pressure_std, t.acceleration_noise, t.lag_one, t.spread_ratio, t.refused, t.known_s)
+        (who, t.pressure_std, t.acceleration_noise, t.lag_one, t.spread_ratio, t.rejected,
+         t.known_s)
         for who, t in (
             ("vehicle file", given.before),
             *((f"tried{' and proposed' if n == given.chosen else ''}", t)
@@ -113,7 +114,7 @@ def _spreads(found: Review) -> str:
         )
     ]  # fmt: skip
     heads = ("", "pressure_std [Pa]", "acceleration_noise", "correlation",
-             "over expected", "refused", "known [s]")  # fmt: skip
+             "over expected", "rejected", "known [s]")  # fmt: skip
     copied = f"<p>To copy into the vehicle file:</p><pre>{escape(given.toml)}</pre>"
     return (
         _p(
@@ -189,19 +190,20 @@ def _stop_table(stops: Sequence[ReviewedStop]) -> str:
     return _table(heads, rows)
 
 
-def _beliefs(found: Review, drawn: Drawn) -> str:
-    if not found.beliefs:
+def _measurements(found: Review, drawn: Drawn) -> str:
+    if not found.measurements:
         return ""
     rows = [
-        (in_words(b.name), b.samples, b.weight, b.refused, b.distrusted, b.lag_one,
-         b.spread_ratio, "; ".join(b.words))
-        for b in found.beliefs
+        (in_words(m.name), m.samples, m.rejected, m.not_used, m.lag_one, m.spread_ratio,
+         "; ".join(m.words))
+        for m in found.measurements
     ]  # fmt: skip
-    heads = ("measured", "samples", "weight", "refused", "distrusted", "correlation",
-             "over expected", "why")  # fmt: skip
+    heads = ("measured", "samples", "rejected", "not used", "correlation", "over expected", "why")
     return (
-        _p("The weight of each measurement over time: 1 believed whole, 0 not at all.")
-        + _image(plots.weights(drawn.estimated.beliefs), "Weight of each measurement over time")
+        _p("The share of each measurement that was used, over time: 1 all, 0 none.")
+        + _image(
+            plots.used(drawn.estimated.innovations), "Share of each measurement used over time"
+        )
         + _table(heads, rows, words=1)
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from tools.report.columns import Array
 from tools.review.asked import Asked
 from tools.review.beside import COLUMNS, at, in_one_turn
-from tools.review.estimated import Belief
+from tools.review.estimated import Innovations
 from tools.review.stick_stops import AXES, Stops
 from tools.review.track import Track
 from tools.review.vibration import AXES as IMU_AXES
@@ -113,12 +113,13 @@ def stops(found: Stops) -> bytes:
     return _png(figure)
 
 
-def weights(beliefs: dict[str, Belief]) -> bytes:
-    figure = _figure(0.9 + 0.75 * len(beliefs))
-    rows = np.atleast_1d(figure.subplots(len(beliefs), 1, sharex=True))
-    for panel, (name, belief) in zip(rows, beliefs.items(), strict=True):
-        t, weight = thinned(belief.t, np.where(np.isfinite(belief.innovation), belief.weight, 0.0))
-        panel.fill_between(t, weight, step="mid", color=OURS, alpha=0.5, linewidth=0)
+def used(found: dict[str, Innovations]) -> bytes:
+    """The share of each measurement's samples that was used."""
+    figure = _figure(0.9 + 0.75 * len(found))
+    rows = np.atleast_1d(figure.subplots(len(found), 1, sharex=True))
+    for panel, (name, each) in zip(rows, found.items(), strict=True):
+        t, share = thinned(each.t, 1.0 - each.rejected)
+        panel.fill_between(t, share, step="mid", color=OURS, alpha=0.5, linewidth=0)
         panel.set_ylim(0.0, 1.05)
         panel.set_ylabel(
             name.replace("_", "\n"), rotation=0, ha="right", va="center", fontsize="small"

@@ -12,9 +12,9 @@ from messages import topics
 from messages.events import sentence
 from tools.replay.source import remarks
 from tools.review.asked import Asked, asked
-from tools.review.beliefs import Believed, believed, shown
 from tools.review.beside import ComparedEstimate, at, beside
 from tools.review.estimated import Estimated, estimate
+from tools.review.measurements import Measurement, measurements
 from tools.review.recorded import Recorded, read
 from tools.review.sensor_table import SensorStream, sensor_table
 from tools.review.spreads import MOST_TILT, TRIAL_S, SpreadProposal, pressure_noise, proposal
@@ -62,7 +62,7 @@ class Review(msgspec.Struct, kw_only=True, frozen=True):
     estimation: ReviewedEstimation
     stops: list[ReviewedStop]
     stops_with_lindy: list[ReviewedStop]  # the same sticks on the identified vehicle, simulated
-    beliefs: list[Believed]
+    measurements: list[Measurement]
     asked: list[AskedAxis]
     missing: dict[str, list[str]]  # section: what it lacks, in sentences
     remarks: list[str]  # what a reader should know of the recording
@@ -114,10 +114,9 @@ def review(
     else:
         simulated = _with_lindy(path, begin, missing)
     estimation = _estimation(recorded, estimated, missing)
-    has_thrust = bool(recorded.dive[topics.ACTUATION].count)
-    estimated = estimated._replace(beliefs=shown(estimated.beliefs, has_thrust))
-    if not estimated.beliefs:
-        missing["beliefs"] = ["Nothing was compared, because the estimation never ran."]
+    compared = estimated.innovations if estimated.runs else {}
+    if not compared:
+        missing["measurements"] = ["Nothing was compared, because the estimation never ran."]
     about = recorded.source.about
     found = Review(
         file=str(path),
@@ -132,7 +131,7 @@ def review(
         estimation=estimation,
         stops=stops.stops,
         stops_with_lindy=simulated,
-        beliefs=believed(estimated.beliefs),
+        measurements=measurements(compared),
         asked=[] if wanted is None else _asked(wanted, motion),
         missing=missing,
         remarks=[*remarks(recorded.source), *_unread(recorded)],
@@ -230,9 +229,9 @@ def _estimation(
 
 
 def _why_no_heading(estimated: Estimated) -> str:
-    if "compass" not in estimated.beliefs:
+    if "compass" not in estimated.innovations:
         return "there is no compass, and gyroscopes alone drift"
-    return "the compass was refused"
+    return "the compass was rejected"
 
 
 def _with_lindy(path: Path, begin_ns: int, missing: dict[str, list[str]]) -> list[ReviewedStop]:

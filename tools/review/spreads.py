@@ -2,7 +2,7 @@
 
 Noise at rest is not what a filter has to expect: under way the accelerometer feels thrusters and
 every error of tilt, which the pressure does not. A spread of the pressure that is true at rest, put
-beside a spread of the accelerometer that is not true under way, makes the filter believe the wrong
+beside a spread of the accelerometer that is not true under way, makes the filter follow the wrong
 one. So both are taken under way, and judged by what they are for: the innovations of the pressure
 are white where all spreads are right (Mehra 1970, *On the identification of variances and adaptive
 Kalman filtering*). What does not make them whiter is not proposed.
@@ -14,7 +14,7 @@ from math import radians, sqrt
 import msgspec
 import numpy as np
 
-from services.estimation.depth.depth_filter import DepthSettings
+from services.estimation.settings import DepthSettings
 from tools.report.columns import Array
 from tools.review.estimated import Estimated
 
@@ -26,7 +26,7 @@ MOST_NOISE = 1.0  # [m/s²/√Hz] more is no accelerometer any more
 WHITE = 0.2  # [-] a smaller correlation of an innovation with the next is none
 AS_STATED = 2.0  # [-] innovations within this of what was expected of them
 MOST_LEFT = 0.5  # [-] of the correlation before: a proposal must leave less
-MORE_REFUSED = 0.005  # [-] of the samples: a proposal that refuses more is none
+MORE_REJECTED = 0.005  # [-] of the samples: a proposal that rejects more is none
 LESS_KNOWN = 0.99  # [-] of the time in which the state is known: less is worse
 TRIAL_S = 300.0  # [s] of the dive on which proposals are tried
 FEWEST = 50  # pressure samples
@@ -40,7 +40,7 @@ class Trial(msgspec.Struct, kw_only=True, frozen=True):
     acceleration_noise: float  # [m/s²/√Hz]
     lag_one: float | None  # [-] correlation of each innovation of the pressure with the next
     spread_ratio: float | None  # [-] innovations over what was expected of them
-    refused: float  # [-] share of the pressure samples
+    rejected: float  # [-] share of the pressure samples
     known_s: float  # [s] in which roll, pitch and depth were known
 
 
@@ -110,27 +110,27 @@ def proposal(
 
 
 def _trial(found: Estimated, pascal: float, noise: float) -> Trial:
-    pressure = found.beliefs.get("pressure")
+    pressure = found.innovations.get("pressure")
     known = 0.0 if found.track is None else found.track.seconds_known
     lag_one = spread = None
-    refused = 0.0
+    rejected = 0.0
     if pressure is not None:
         lag_one, spread = pressure.lag_one, pressure.spread_ratio
-        refused = float(np.average(pressure.rejected, weights=pressure.samples))
+        rejected = pressure.share_rejected
     return Trial(
         pressure_std=pascal,
         acceleration_noise=noise,
         lag_one=None if lag_one is None else round(lag_one, 3),
         spread_ratio=None if spread is None else _digits(spread),
-        refused=round(refused, 4),
+        rejected=round(rejected, 4),
         known_s=round(known, 1),
     )
 
 
 def _is_sound(trial: Trial, before: Trial) -> bool:
-    """Does it believe at least as much as before?"""
+    """Does it use and know at least as much as before?"""
     return (
-        trial.refused <= before.refused + MORE_REFUSED
+        trial.rejected <= before.rejected + MORE_REJECTED
         and trial.known_s >= LESS_KNOWN * before.known_s
     )
 
@@ -170,7 +170,7 @@ def _words(before: Trial, trials: list[Trial], chosen: int | None) -> str:
     if chosen is None:
         return (
             f"With the spreads of the vehicle file {said}, but none of {len(trials)} other pairs "
-            f"with up to {STEPS[-1]:g} times the vibration measured halved that without refusing "
+            f"with up to {STEPS[-1]:g} times the vibration measured halved that without rejecting "
             f"more or knowing less, so none is proposed."
         )
     return (

@@ -6,20 +6,21 @@ from math import degrees
 from statistics import median
 
 from messages.events import row_of
-from tools.review.beliefs import in_words
+from tools.review.measurements import in_words
 from tools.review.review import Review
 from tools.review.stick_stops import STICKS, ReviewedStop
 
 ENOUGH_KNOWN = 0.95  # [-] of the time after calibration: less, and it would have stopped under way
 # What a section lacks follows from what another one lacks, and is not said again.
-FOLLOWS = {"spreads": "vibration", "asked": "stops", "beliefs": "estimation"}
+FOLLOWS = {"spreads": "vibration", "asked": "stops", "measurements": "estimation"}
 
 
 def in_short(found: Review) -> list[str]:
     """What the page says, in the order of its sections."""
     return [
         *(*_dive(found), _verdict(found), *_sensors(found), *_vibration(found), *_spreads(found)),
-        *(*_estimation(found), *_stops(found), *_beliefs(found), *_asked(found), *_missing(found)),
+        *(*_estimation(found), *_stops(found), *_measurements(found)),
+        *(*_asked(found), *_missing(found)),
     ]
 
 
@@ -156,19 +157,20 @@ def _stops_of(axis: str, stops: list[ReviewedStop]) -> str:
     return f"{said}{more}."
 
 
-def _beliefs(found: Review) -> Iterator[str]:
-    doubted = [
-        f"{in_words(b.name)} {b.refused:.0%}{f': {_plain(b.words[0])}' if b.words else ''}"
-        for b in found.beliefs if b.refused > 0.01
+def _measurements(found: Review) -> Iterator[str]:
+    rejected = [
+        f"{in_words(m.name)} {m.rejected:.0%}{f': {_plain(m.words[0])}' if m.words else ''}"
+        for m in found.measurements if m.rejected > 0.01
     ]  # fmt: skip
-    if doubted:
-        yield f"Refused measurements: {'; '.join(doubted)}."
+    if rejected:
+        yield f"Rejected measurements: {'; '.join(rejected)}."
         mostly = (
-            row_of(event).to_do for b in found.beliefs if b.refused > 0.5 for event in b.reasons
-        )
+            row_of(event).to_do
+            for m in found.measurements if m.rejected > 0.5 for event in m.reasons
+        )  # fmt: skip
         yield from (f"What helps: {to_do}." for to_do in dict.fromkeys(mostly) if to_do)
-    elif found.beliefs:
-        yield "Nearly all measurements were believed."
+    elif found.measurements:
+        yield "Nearly all measurements were used."
 
 
 def _asked(found: Review) -> Iterator[str]:

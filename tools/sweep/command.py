@@ -1,9 +1,5 @@
 """The verb `lindy sweep`."""
 
-from typing import Annotated
-
-from cyclopts import Parameter
-
 from tools.choices import NewFile, NewPicture, Overrides, StackName, Whole
 from tools.sweep.axes import axes
 from tools.sweep.sweep import Wanted
@@ -24,7 +20,6 @@ def sweep(
     seconds: float | None = None,
     workers: Whole | None = None,
     record: bool = False,
-    fast: Annotated[bool, Parameter(negative=())] = False,
     picture: NewPicture = None,
 ) -> int:
     """Simulate many dives on all cores, into one table.
@@ -35,7 +30,6 @@ def sweep(
 
     Example: lindy sweep --seed 1..100 --set control.depth.kp=20,40 --out kp.csv
              lindy sweep --vehicle pioneer,minerva --link tether,severe --seed 1..20 --out v.parquet
-             lindy sweep --fast --seed 1..1000 --set control.depth.kp=50,100 --out many.csv
 
     Parameters
     ----------
@@ -59,14 +53,10 @@ def sweep(
         processes; default: one for each core
     record
         keep a folder with recording and report of each dive, beside the table
-    fast
-        step the dives of a combination together, in arrays: nominal flight only, the figures of
-        motion only
     picture
         a new PNG: the main figures of each combination of the axes
     """
     wanted = Wanted(
-        out=out, stack=stack, seconds=seconds, workers=workers, record=record, picture=picture,
-        fast=fast,
-    )  # fmt: skip
+        out=out, stack=stack, seconds=seconds, workers=workers, record=record, picture=picture
+    )
     return fly(axes(vehicle, link, pilot, set_, seed), wanted)

@@ -30,7 +30,7 @@ class Pooled(NamedTuple):
     label: dict[str, str]  # value of each axis that has several
     dives: int
     failed: int  # dives that ended with an error
-    failsafes: int | None  # None: not counted
+    failsafes: int
     spreads: dict[str, Spread | None]  # by column; None: measured in no dive
 
 
@@ -57,17 +57,11 @@ def pooled(rows: Sequence[Row], varied: Sequence[str]) -> list[Pooled]:
             label=dict(zip(varied, values, strict=True)),
             dives=len(group),
             failed=sum(row["end"] != CLEAN for row in group),
-            failsafes=_failsafes(group),
+            failsafes=sum(int(row["failsafes"] or 0) for row in group),
             spreads={main.column: _spread(group, main) for main in MAIN},
         )
         for values, group in groups.items()
     ]
-
-
-def _failsafes(rows: Sequence[Row]) -> int | None:
-    if not any("failsafes" in row for row in rows):
-        return None
-    return sum(int(row["failsafes"] or 0) for row in rows)
 
 
 def _spread(rows: Sequence[Row], main: MainFigure) -> Spread | None:
@@ -93,8 +87,7 @@ def lines(groups: Sequence[Pooled]) -> list[str]:
 def _cells(group: Pooled) -> list[str]:
     failed = f" ({group.failed} failed)" if group.failed else ""
     spreads = [_text(group.spreads[main.column], main.digits) for main in MAIN]
-    counted = "-" if group.failsafes is None else str(group.failsafes)
-    return [*group.label.values(), f"{group.dives}{failed}", *spreads, counted]
+    return [*group.label.values(), f"{group.dives}{failed}", *spreads, str(group.failsafes)]
 
 
 def _text(spread: Spread | None, digits: int) -> str:

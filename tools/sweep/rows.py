@@ -89,54 +89,32 @@ FIGURES = (
     Column("losses", "text", lambda f: json.dumps(f.report.losses)),
     Column("log_hash", "text", _log_hash),
 )
-# Of messages, not of motion: the dives of `--fast` have none of these.
-OF_MESSAGES = (
-    "stick_to_thruster_p50_ms", "stick_to_thruster_p99_ms", "failsafes", "losses", "log_hash",
-)  # fmt: skip
 AXES: dict[str, Kind] = {
     "dive": "whole", "vehicle": "text", "link": "text", "pilot": "text", "seed": "whole",
 }  # fmt: skip
 OWN: dict[str, Kind] = {"wall_s": "number", "end": "text", "folder": "text"}
 
 
-FLOWN = "flown"  # column of `--fast`: how
-
-
-def columns(settings: list[str], *, fast: bool = False) -> dict[str, Kind | None]:
+def columns(settings: list[str]) -> dict[str, Kind | None]:
     """Name → kind of every column; None: a setting, of which the kind is that of its values."""
     kinds: dict[str, Kind | None] = {**AXES, **dict.fromkeys(settings)}
-    kinds.update({figure.name: figure.kind for figure in _figures(fast=fast)})
+    kinds.update({figure.name: figure.kind for figure in FIGURES})
     kinds.update(OWN)
-    if fast:
-        kinds[FLOWN] = "text"
     return kinds
 
 
-def _figures(*, fast: bool) -> list[Column]:
-    return [figure for figure in FIGURES if not (fast and figure.name in OF_MESSAGES)]
-
-
-def row_of(
-    dive: PlannedDive,
-    flown: Flown | None,
-    end: str,
-    wall_s: float,
-    folder: str,
-    *,
-    fast: bool = False,
-) -> Row:
+def row_of(dive: PlannedDive, flown: Flown | None, end: str, wall_s: float, folder: str) -> Row:
     """
     Args:
         flown: None: there is no report, and `end` says why.
         end: `clean`, or the sentence with which the dive ended.
         wall_s: [s] that the dive took.
         folder: with its files; empty: none.
-        fast: only the figures of motion are known.
     """
     vehicle, link, pilot, settings = dive.combination
     row: Row = {"dive": dive.number, "vehicle": vehicle, "link": link, "pilot": pilot}
     row |= {"seed": dive.seed, **dict(map(_setting, settings))}
-    for figure in _figures(fast=fast):
+    for figure in FIGURES:
         row[figure.name] = None if flown is None else _finite(figure.value(flown))
     return row | {"wall_s": round(wall_s, 3), "end": end, "folder": folder or None}
 

@@ -22,14 +22,12 @@ from tools.fresh import write_fresh
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import without_files
 from tools.sweep.all_cores import on_all_cores
-from tools.sweep.axes import Combination, SweepAxes
-from tools.sweep.fast.batch import batches, exact_row, fly_batch, killed_batch, settings_of
-from tools.sweep.fast.coverage import require_covered
+from tools.sweep.axes import SweepAxes
 from tools.sweep.finished import About, FinishedDives, rows_file
 from tools.sweep.one_dive import Job, fly_one, killed_row
 from tools.sweep.picture import check_picture, drawn
 from tools.sweep.pooled import lines, pooled
-from tools.sweep.rows import CLEAN, FLOWN, OF_MESSAGES, Row
+from tools.sweep.rows import CLEAN, Row
 from tools.sweep.tables import check_table, encoded
 
 LINE_S = 10.0  # [s] between two lines where there is no terminal
@@ -44,7 +42,6 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     workers: int | None = None
     record: bool = False
     picture: Path | None = None
-    fast: bool = False  # in arrays
 
 
 def sweep(axes: SweepAxes, wanted: Wanted) -> int:
@@ -59,8 +56,6 @@ def sweep(axes: SweepAxes, wanted: Wanted) -> int:
         check_picture(wanted.picture)
     if wanted.workers is not None and wanted.workers < 1:
         raise LindyError(f"--workers is {wanted.workers}, expected 1 or more")
-    if wanted.fast and wanted.record:
-        raise LindyError("--record keeps recordings, and --fast makes none; drop one of them")
     about = _checked(axes, wanted)
     with closing(FinishedDives(wanted.out, about)) as finished:
         try:
@@ -80,7 +75,7 @@ def sweep(axes: SweepAxes, wanted: Wanted) -> int:
 def _write_table(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> list[Row]:
     """Returns its rows, in the order of the dives."""
     rows = [finished.rows[number] for number in sorted(finished.rows)]
-    finished.replace_table(encoded(rows, list(axes.settings), wanted.out.suffix, fast=wanted.fast))
+    finished.replace_table(encoded(rows, list(axes.settings), wanted.out.suffix))
     return rows
 
 
@@ -117,9 +112,6 @@ def _checked(axes: SweepAxes, wanted: Wanted) -> About:
             vehicle=vehicle, link=link, pilot=pilot, seconds=wanted.seconds, set_=settings
         )
         stack = checked(choices, choice, services)
-        if wanted.fast:
-            settings_ = settings_of(Combination(vehicle, link, pilot, settings), wanted.seconds)
-            require_covered(settings_, wanted.stack, list(axes.settings), link)
         script = deploy_file("dives", pilot.partition(":")[2], ".csv")
         for path in (stack.vehicle_path, named(link).path, script):
             files[str(path)] = _checksum(path)
@@ -128,7 +120,6 @@ def _checked(axes: SweepAxes, wanted: Wanted) -> About:
         "stack": wanted.stack,
         "seconds": wanted.seconds,
         "record": wanted.record,
-        **({"fast": True} if wanted.fast else {}),
         **{f"--{name}": getattr(axes, name) for name in ("vehicle", "link", "pilot", "seed")},
         "--set": axes.settings,
         "files": files,
@@ -141,8 +132,6 @@ def _checksum(path: Path) -> str:
 
 def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
     """Fly what is missing. Was it interrupted?"""
-    if wanted.fast:
-        return _fly_fast(axes, wanted, finished)
     keep = str(wanted.out.with_name(f"{wanted.out.name}.dives")) if wanted.record else ""
     jobs = [
         Job(dive, wanted.stack, wanted.seconds, keep)
@@ -158,30 +147,6 @@ def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
         for result in on_all_cores(fly_one, jobs, workers, lambda: stop.asked, killed_row):
             if result is not None and (row := result[1]) is not None:
                 finished.add(row)
-            advance(len(finished.rows))
-        return stop.asked
-
-
-def _fly_fast(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
-    """Fly what is missing in arrays, and what they do not know dive by dive. Was it interrupted?"""
-    missing = [dive for dive in axes.dives() if dive.number not in finished.rows]
-    workers, before = wanted.workers or system.cores(), len(finished.rows)
-    there = f", {before} of them done before" if before else ""
-    flown, used = _counted(axes.count, "dive"), _counted(workers, "core")
-    print(f"{flown}{there}, in arrays on {used} → {wanted.out}")
-    print(f"a fast dive has no figures of messages: {', '.join(OF_MESSAGES)}", flush=True)
-    left = list[Job]()
-    with StopSignals() as stop, _progress(axes.count, before) as advance:
-        planned = batches(missing, wanted.seconds, workers)
-        for result in on_all_cores(fly_batch, planned, workers, lambda: stop.asked, killed_batch):
-            if result is not None and (batch := result[1]) is not None:
-                for row in batch.rows:
-                    finished.add(row)
-                left += [Job(dive, wanted.stack, wanted.seconds, "") for dive in batch.left]
-            advance(len(finished.rows))
-        for result in on_all_cores(fly_one, left, workers, lambda: stop.asked, killed_row):
-            if result is not None and (row := result[1]) is not None:
-                finished.add(exact_row(row))
             advance(len(finished.rows))
         return stop.asked
 
@@ -220,11 +185,6 @@ def _show(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted) -> None:
         print("p50 / p95 / max over the dives of each combination:")
     for line in lines(groups):
         print(line)
-    if exact := sum(row.get(FLOWN) == "exact" for row in rows):
-        print(
-            f"{exact} of {_counted(len(rows), 'dive')} left what the arrays know and were flown "
-            f"exactly: see the column {FLOWN}"
-        )
     print(f"written {wanted.out} ({_counted(len(rows), 'row')})", flush=True)
     if wanted.picture is not None and groups and len(rows) == axes.count:
         wanted.picture.parent.mkdir(parents=True, exist_ok=True)

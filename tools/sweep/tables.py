@@ -10,10 +10,9 @@ from typing import Any
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from tools.sweep.rows import Cell, Kind, Row, columns
+from tools.sweep.rows import Cell, Row, columns
 
 SUFFIXES = (".csv", ".parquet")
-Kinds = dict[str, Kind | None]  # by column
 
 
 def check_table(out: Path) -> None:
@@ -30,30 +29,28 @@ def check_table(out: Path) -> None:
         )
 
 
-def encoded(rows: Sequence[Row], settings: list[str], suffix: str, *, fast: bool = False) -> bytes:
+def encoded(rows: Sequence[Row], settings: list[str], suffix: str) -> bytes:
     """
     Args:
         settings: keys of the axes of --set.
-        fast: of a sweep by arrays.
     """
-    kinds = columns(settings, fast=fast)
-    return _parquet(rows, kinds) if suffix == ".parquet" else _csv(rows, kinds)
+    return _parquet(rows, settings) if suffix == ".parquet" else _csv(rows, settings)
 
 
-def _csv(rows: Sequence[Row], kinds: Kinds) -> bytes:
+def _csv(rows: Sequence[Row], settings: list[str]) -> bytes:
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(kinds), lineterminator="\n")
+    writer = csv.DictWriter(text, list(columns(settings)), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue().encode()
 
 
-def _parquet(rows: Sequence[Row], columns_of: Kinds) -> bytes:
+def _parquet(rows: Sequence[Row], settings: list[str]) -> bytes:
     pyarrow: Any = import_module("pyarrow")  # it has no types
     parquet: Any = import_module("pyarrow.parquet")
     kinds = {"number": pyarrow.float64(), "whole": pyarrow.int64(), "text": pyarrow.string()}
     arrays: dict[str, Any] = {}
-    for name, kind in columns_of.items():
+    for name, kind in columns(settings).items():
         cells = [row.get(name) for row in rows]
         if kind is None:
             kind = "number" if all(map(_is_number, cells)) else "text"

@@ -1,23 +1,19 @@
 """One world for all depth observers: a flown dive (flights.py) in a swell, and its sensors."""
 
 from collections.abc import Iterator
-from functools import partial
-from math import hypot, pi, sqrt
+from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 
-from lindy_research.bench.depth_variants import ACCELEROMETER, VariantObserver
-from messages.sensors import ImuSample
-from messages.units import Vec3
-from services.estimation.attitude.attitude_filter import AttitudeSettings
-from services.estimation.attitude.attitude_observer import AttitudeObserver
-from services.estimation.attitude_axes import AttitudeAxes
-from services.estimation.depth.depth_filter import DepthSettings
-from services.estimation.depth.depth_observer import Atmosphere, DepthObserver
+from lindy_research.bench.thesis_depth import ThesisObserver, Way
+from messages.sensors import ImuSample, PressureSample
+from services.estimation.core import Estimator
+from services.estimation.settings import CalibrationSettings, DepthSettings
+from services.estimation.settings import Settings as EstimationSettings
 from services.marine.attitude import to_body
-from services.marine.vehicle import GRAVITY, SEA_WATER
+from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
 from services.runtime.config.stack import Stack
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
@@ -40,6 +36,7 @@ SETTLED = 15.0  # [s] from here on errors count
 SWELL, SWELL_FREQUENCY = 0.03, 0.25  # [m/s] rms, [Hz] what the reference knows nothing of
 RAMP = 5.0  # [s] over which it comes up
 TYPICAL = Stack().section("simulator", Settings)
+VEHICLE = Stack().section("vehicle", Vehicle)
 PER_METRE = SEA_WATER * GRAVITY  # [Pa/m]
 
 
@@ -51,11 +48,15 @@ class Sensor(NamedTuple):
     step: float = 0.0  # [m] of quantisation
     latency: float = 0.0  # [s] between the moment of the sample and its stamp
 
-    def settings(self, **others: float) -> DepthSettings:
+    @property
+    def whole_std(self) -> float:
+        """[m] With quantisation as uniform noise."""
+        return sqrt(self.std**2 + self.step**2 / 12.0)
+
+    def settings(self) -> DepthSettings:
         """What the data sheet says of this sensor, in the vehicle file's words."""
-        std = sqrt(self.std**2 + self.step**2 / 12.0)  # quantisation as uniform noise
-        told = DepthSettings(pressure_std=std * PER_METRE, pressure_latency=self.latency)
-        return replace(told, **others)
+        std = self.whole_std * PER_METRE
+        return DepthSettings(pressure_std=std, pressure_latency=self.latency)
 
     def simulated(self) -> Settings:
         """The same for the simulator."""
@@ -64,19 +65,20 @@ class Sensor(NamedTuple):
 
 
 class DepthWorld(NamedTuple):
-    """The truth at the steps of the observer, and what is measured of it."""
+    """The truth at the steps of the observer from calibration on, and what is measured of it."""
 
-    t: Floats  # [s]
+    flight: TruthLog
+    t: Floats  # [s] since calibration
     depth: Floats  # [m]
     rate: Floats  # [m/s]
     asked: Floats  # [m/s²] acceleration of the reference
-    measured: Floats  # [m/s²] accelerometer along down
-    axes: list[AttitudeAxes]  # of the accelerometer, by the attitude observer
-    stamps: Floats  # [s] when a pressure sample is handed over
-    said: Floats  # [m] depth of each pressure sample
-    rest: float  # [m] mean depth said at rest, before
-    rests: int  # samples in it
-    bias: float  # [m/s²] of the accelerometer along down, as learnt at rest
+    imu: list[ImuSample]  # from power-on; stamps are in ns since then
+    stamps: Floats  # [s] when each pressure sample is handed over, from power-on; < 0 at rest
+    said: Floats  # [m] depth of each
+
+    def ns(self, t: float) -> int:
+        """[ns] since power-on."""
+        return round((t + (self.flight.calibrated + 1) / RATE) * 1e9)
 
 
 class Estimates(NamedTuple):
@@ -84,7 +86,7 @@ class Estimates(NamedTuple):
 
     depth: Floats  # [m] at the world's times
     rate: Floats  # [m/s]
-    surprise: Floats  # [σ] innovation of each pressure sample; of the product's observer
+    squares: Floats  # [-] normalised innovation squared of the pressure, once settled; Lindy's
 
 
 class Score(NamedTuple):
@@ -109,21 +111,15 @@ def world(sensor: Sensor, seed: int, flight: TruthLog | None = None) -> DepthWor
     taken = np.arange(t[0] + phase / 500.0, t[-1], 1.0 / PRESSURE_RATE)
     device = Sensors(sensor.simulated(), seed)
     pressures = [device.pressure(0, d).pressure for d in np.interp(taken, t, depth).tolist()]
-    said = (np.array(pressures) - TYPICAL.atmosphere) / PER_METRE
-    resting = taken + sensor.latency < 0.0
-    bias, measured, axes = felt(seed, flight, push)
     return DepthWorld(
+        flight=flight,
         t=t[first:],
         depth=depth[first:],
         rate=(flight.depth_rate + rise)[first:],
         asked=flight.asked[first:],
-        measured=measured,
-        axes=axes,
-        stamps=(taken + sensor.latency)[~resting],
-        said=said[~resting],
-        rest=float(np.mean(said[resting])),
-        rests=int(np.sum(resting)),
-        bias=bias,
+        imu=felt(seed, flight, push),
+        stamps=taken + sensor.latency,
+        said=(np.array(pressures) - TYPICAL.atmosphere) / PER_METRE,
     )
 
 
@@ -151,84 +147,66 @@ def steps(number: int) -> Script:
     return tuple(rows)
 
 
-def felt(seed: int, flight: TruthLog, push: Floats) -> tuple[float, Floats, list[AttitudeAxes]]:
-    """The accelerometer's bias along down as calibration learns it [m/s²], and from then on what
-    the service's attitude observer makes of IMU samples: the acceleration along down [m/s²], and
-    how the accelerometer lies in the world.
-
+def felt(seed: int, flight: TruthLog, push: Floats) -> list[ImuSample]:
+    """
     Args:
         push: [m/s²] acceleration down besides the flight's.
     """
-    unit, first = Sensors(TYPICAL, seed), flight.calibrated
+    unit = Sensors(TYPICAL, seed)
     samples: list[ImuSample] = []
     rows = zip(*(part.tolist() for part in flight.motion), push.tolist(), strict=True)
-    for q, nu, omega, (x, y, z), down in rows:
+    for k, (q, nu, omega, (x, y, z), down) in enumerate(rows, start=1):
         a, b, c = to_body(q, (0.0, 0.0, down))
-        samples.append(unit.imu(0, q, (*nu, *omega), (x + a, y + b, z + c, 0.0, 0.0, 0.0)))
-    force = _mean([sample.specific_force for sample in samples[:first]])
-    rate = _mean([sample.angular_rate for sample in samples[:first]])
-    observer = AttitudeObserver(AttitudeSettings(), rate, 0.0, 0.0)
-    observer.start(force)
-    axes: list[AttitudeAxes] = []
-    for sample in samples[first:]:
-        observer.step(sample.angular_rate, sample.specific_force, 1.0 / RATE)
-        axes.append(observer.axes(sample.specific_force))
-    return GRAVITY - hypot(*force), np.array([each.acceleration for each in axes]), axes
+        moving = (x + a, y + b, z + c, 0.0, 0.0, 0.0)
+        samples.append(unit.imu(round(k * 1e9 / RATE), q, (*nu, *omega), moving))
+    return samples
 
 
-def _mean(values: list[Vec3]) -> Vec3:
-    x, y, z = np.mean(np.array(values), axis=0).tolist()
-    return x, y, z
-
-
-def observe(seen: DepthWorld, way: str, settings: DepthSettings) -> Estimates:
-    """Run the product's observer or one of `depth_variants.py` through a world."""
-    run = _accelerometer if way == ACCELEROMETER else partial(_variant, way)
-    return run(seen, settings)
-
-
-def _steps(seen: DepthWorld) -> Iterator[tuple[int, int, list[tuple[float, int]]]]:
-    """Number and time [ns] of each step, and the samples [m], [ns] since the one before."""
-    stamps, said = [round(stamp * 1e9) for stamp in seen.stamps.tolist()], seen.said.tolist()
+def _pressures(seen: DepthWorld) -> Iterator[list[tuple[int, float]]]:
+    """For each row since power-on, the samples since the one before: stamp [ns], depth [m]."""
+    stamps, said = [seen.ns(stamp) for stamp in seen.stamps.tolist()], seen.said.tolist()
     heard = 0
-    for k in range(len(seen.t)):
-        now, first = round(k * 1e9 / RATE), heard
-        while heard < len(stamps) and stamps[heard] <= now:
+    for sample in seen.imu:
+        first = heard
+        while heard < len(stamps) and stamps[heard] <= sample.stamp_ns:
             heard += 1
-        yield k, now, list(zip(said[first:heard], stamps[first:heard], strict=True))
+        yield list(zip(stamps[first:heard], said[first:heard], strict=True))
 
 
-def _accelerometer(seen: DepthWorld, settings: DepthSettings) -> Estimates:
-    observer = DepthObserver(settings, Atmosphere(TYPICAL.atmosphere, 1.0), SEA_WATER, 0.0)
-    depths, rates, surprises = list[float](), list[float](), list[float]()
-    measured = seen.measured.tolist()
-    for k, now, samples in _steps(seen):
-        for depth, stamp in samples:
-            observer.pressure(TYPICAL.atmosphere + depth * PER_METRE, stamp)
-            surprises.append(_surprise(observer))
-        observer.predict(measured[k], now, seen.axes[k])
-        depth, rate, _ = observer.estimates(now)
-        depths.append(depth.value)
-        rates.append(rate.value)
-    return Estimates(np.array(depths), np.array(rates), np.array(surprises))
+def lindy(seen: DepthWorld, settings: DepthSettings) -> Estimates:
+    """The whole estimator, from power-on; it knows the air's pressure."""
+    air = CalibrationSettings(atmosphere=TYPICAL.atmosphere)
+    told = EstimationSettings(depth=settings, calibration=air)
+    estimator = Estimator(told, VEHICLE.floating_depth, None, VEHICLE)
+    found, squares = np.full((len(seen.imu), 2), np.nan), list[float]()
+    for k, (sample, pressures) in enumerate(zip(seen.imu, _pressures(seen), strict=True)):
+        now = sample.stamp_ns
+        for stamp, depth in pressures:
+            said = TYPICAL.atmosphere + depth * PER_METRE
+            estimator.pressure(PressureSample(stamp_ns=stamp, pressure=said))
+        estimator.actuation(seen.flight.actuation(k, now))
+        if (state := estimator.imu(sample, now)) is not None:
+            found[k] = state.depth.value, state.depth_rate.value
+        for name, source in estimator.aid_sources(now):
+            if name == "pressure" and source.innovation is not None and source.variance:
+                square = source.innovation**2 + (source.spread or 0.0) ** 2
+                settled = now >= seen.ns(SETTLED)
+                squares += [square / source.variance] * source.samples if settled else []
+    first = seen.flight.calibrated
+    return Estimates(found[first:, 0], found[first:, 1], np.array(squares))
 
 
-def _surprise(observer: DepthObserver) -> float:
-    """[σ] Newest innovation; 0 for a sample that started the filter."""
-    source = observer.aiding.message()
-    if source is None or source.innovation is None or not source.variance:
-        return 0.0
-    return source.innovation / sqrt(source.variance)
-
-
-def _variant(way: str, seen: DepthWorld, settings: DepthSettings) -> Estimates:
-    observer = VariantObserver(settings, PER_METRE, way)
+def thesis(seen: DepthWorld, way: Way, sensor: Sensor, motion_noise: float) -> Estimates:
+    """An observer without accelerometer (thesis_depth.py), told what a data sheet says of the
+    sensor, with this process noise [m/s²/√Hz]."""
+    observer = ThesisObserver(way, sensor.whole_std, motion_noise, sensor.latency)
+    first = seen.flight.calibrated
     depths, rates = list[float](), list[float]()
-    asked = seen.asked.tolist()
-    for k, now, samples in _steps(seen):
-        for depth, stamp in samples:
+    heard = list(_pressures(seen))[first:]
+    for sample, asked, pressures in zip(seen.imu[first:], seen.asked.tolist(), heard, strict=True):
+        for stamp, depth in pressures:
             observer.sample(depth, stamp)
-        observer.predict(asked[k], now)
+        observer.predict(asked, sample.stamp_ns)
         depths.append(observer.depth)
         rates.append(observer.rate)
     return Estimates(np.array(depths), np.array(rates), np.zeros(0))

@@ -1,4 +1,4 @@
-"""What the two headings are worth, beside a plain filter that believes the compass (Madgwick 2010),
+"""What the two headings are worth, beside a plain filter that follows the compass (Madgwick 2010),
 and what one step of estimation costs.
 
 Goals are absolute: the goal itself stands as the baseline where nothing else is measured.
@@ -11,7 +11,8 @@ import numpy as np
 
 from lindy_research.bench.table import Figure
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
-from services.estimation.core import Estimator, Settings
+from services.estimation.core import Estimator
+from services.estimation.settings import Settings
 from services.marine.vehicle import GRAVITY
 from tests.support import heading_runs as runs
 from tests.support.flights import TruthLog

@@ -20,8 +20,8 @@ from lindy_research.bench.horizontal_runs import (
 )
 from lindy_research.bench.table import Figure
 from lindy_research.bench.timing import race
-from services.estimation.core import Estimator, Settings
-from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.core import Estimator
+from services.estimation.settings import CalibrationSettings, Settings
 
 SEEDS = range(10)
 SECONDS = 90.0  # [s] in motion
@@ -75,15 +75,14 @@ def _without_thrust(worlds: list[HorizontalWorld]) -> Figure:
 
 
 def _consistency(name: str, found: list[HorizontalRun]) -> Iterator[Figure]:
-    """Errors and innovations over what the filter believes of them, squared: 1 is honest, less is
-    careful. tests/services/estimation judge it where the truth is as the filter believes."""
+    """Errors and innovations over their stated deviation, squared: 1 is honest, less is careful."""
     for of, what in ((POSITION, "position"), (VELOCITY, "velocity"), (CURRENT, "current")):
         ours = float(np.mean(np.concatenate([each.squares(of) for each in found])))
         yield _figure(f"{name}: {what} error², of its own variance", "", ours, "honest", 1.0)
     for sensor in ("dvl", "usbl"):
-        values = [value for each in found for value in each.surprises[sensor]]
+        values = [value for each in found for value in each.squares_of[sensor]]
         ours = float(np.mean(values))
-        yield _figure(f"{name}: innovation² of {sensor}", "", ours, "honest", 2.0)
+        yield _figure(f"{name}: innovation² of {sensor}", "", ours, "honest", 1.0)
 
 
 def _cost(seen: HorizontalWorld) -> Figure:

@@ -20,9 +20,8 @@ from messages.sensors import (
 )
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth
-from services.estimation.core import Estimator, Settings
-from services.estimation.horizontal.horizontal_observer import GATE
-from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.core import Estimator
+from services.estimation.settings import CalibrationSettings, Settings
 from services.marine.attitude import wrapped
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
@@ -43,7 +42,6 @@ MISJUDGED = 0.2  # [-] largest error of damping and added mass in the vehicle fi
 MISPUSHED = 0.1  # [-] largest error of the thrust that is told
 SETTLED, CURRENT_SETTLED = 30.0, 60.0  # [s] in motion, after which errors are judged
 POSITION, VELOCITY, CURRENT = slice(0, 2), slice(2, 4), slice(4, 6)
-SURPRISED = {"dvl_surge": "dvl", "usbl_north": "usbl"}  # by a name of `AidSource`
 
 
 class HorizontalSample(NamedTuple):
@@ -71,7 +69,7 @@ class HorizontalRun:
     found: list[list[float]] = field(default_factory=list[list[float]])
     std: list[list[float]] = field(default_factory=list[list[float]])
     held: list[list[float]] = field(default_factory=list[list[float]])  # newest fix, newest DVL
-    surprises: dict[str, list[float]] = field(default_factory=dict[str, list[float]])
+    squares_of: dict[str, list[float]] = field(default_factory=dict[str, list[float]])  # by sensor
     counts: list[str] = field(default_factory=list[str])
 
     def errors(self, of: slice) -> Floats:
@@ -165,9 +163,7 @@ def observe(
     thrust_heard: bool = True,
 ) -> HorizontalRun:
     """What the estimator makes of a world; latencies in s."""
-    settings = Settings(
-        calibration=CalibrationSettings(still_time=STILL),
-    )
+    settings = Settings(calibration=CalibrationSettings(still_time=STILL))
     estimator = Estimator(settings, seen.vehicle.floating_depth, None, seen.vehicle)
     found, late = HorizontalRun(), list[tuple[int, Aid]]()
     fix = held = (np.nan, np.nan)
@@ -211,9 +207,10 @@ def step(estimator: Estimator, moment: HorizontalSample, thrust_heard: bool) -> 
 def _collect(found: HorizontalRun, estimator: Estimator, now: int) -> None:
     """Normalised innovation squared of each sample."""
     for name, source in estimator.aid_sources(now):
-        sensor = SURPRISED.get(name)
-        if sensor is not None and source.test_ratio is not None:
-            found.surprises.setdefault(sensor, []).append(source.test_ratio * GATE * GATE)
+        sensor = name.partition("_")[0]
+        if sensor in ("dvl", "usbl") and source.innovation is not None and source.variance:
+            square = source.innovation**2 + (source.spread or 0.0) ** 2
+            found.squares_of.setdefault(sensor, []).append(square / source.variance)
 
 
 def _note(found: HorizontalRun, truth: Truth, state: VehicleState) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lindy_research.bench.reality_dives import DISTRUSTED, DOUBTED, RoughDive
+from lindy_research.bench.reality_dives import INCONSISTENT, RoughDive
 from lindy_research.bench.reality_logs import LoggedDive
 from lindy_research.bench.reality_real import (
     FOLDER,
@@ -28,8 +28,7 @@ SEEDS, FEW = range(500, 524), range(500, 503)
 # What no simulated dive should have.
 NEVER: tuple[tuple[str, Callable[[RoughDive], bool]], ...] = (
     ("never armed", lambda d: not d.armed),
-    ("IMU distrusted", lambda d: DISTRUSTED in d.counts),
-    ("gyroscope doubted", lambda d: DOUBTED in d.counts),
+    ("IMU inconsistent", lambda d: INCONSISTENT in d.counts),
     ("failsafe not by the link", lambda d: bool(d.failsafes)),
 )
 

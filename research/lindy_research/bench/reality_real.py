@@ -86,7 +86,7 @@ WRONG: tuple[tuple[str, Callable[[LoggedDive], bool]], ...] = (
     ("without attitude at any time", lambda d: d.start is None or d.attitude < 1.0),
     ("IMU noisy", lambda d: d.noisy),
 )
-NOT_WRONG = ("IMU noisy",)  # it is used, and believed less
+NOT_WRONG = ("IMU noisy",)  # it is used, with less weight
 
 
 def read_all(folder: Path) -> tuple[list[LoggedDive], list[str]]:

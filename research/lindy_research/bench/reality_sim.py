@@ -18,8 +18,7 @@ import numpy as np
 
 from lindy_research.bench.reality_dives import (
     CASES,
-    DISTRUSTED,
-    DOUBTED,
+    INCONSISTENT,
     NOISY,
     SECONDS,
     Errors,
@@ -83,10 +82,10 @@ def table(dives: Sequence[RoughDive]) -> Iterator[str]:
     waves."""
     yield f"{len(dives)} dives, of which with:"
     yield _which("never armed", dives, lambda d: not d.armed)
-    for name in (DISTRUSTED, DOUBTED, NOISY):
+    for name in (INCONSISTENT, NOISY):
         yield _which(name, dives, lambda d, name=name: name in d.counts)
     yield _which("failsafe not by the link", dives, lambda d: bool(d.failsafes))
-    for name in sorted({n for d in dives for n in d.counts} - {DISTRUSTED, DOUBTED, NOISY}):
+    for name in sorted({n for d in dives for n in d.counts} - {INCONSISTENT, NOISY}):
         yield _which(name, dives, lambda d, name=name: name in d.counts)
     for water, these in (
         ("calm", [d for d in dives if d.circumstances.waves is None]),

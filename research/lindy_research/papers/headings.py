@@ -53,7 +53,7 @@ def disturbance(figure: Figure) -> str:
     drifted = control[inside] - control[inside][0]
     return (
         f"A field of {STRENGTH * 1e6:.0f} µT towards east for {FOR:.0f} s (grey) on top of the "
-        f"Earth's 15 µT towards north. A filter that believes the compass (Madgwick 2010, with "
+        f"Earth's 15 µT towards north. A filter that follows the compass (Madgwick 2010, with "
         f"magnetometer) is off by up to {peak_plain:.0f}°. The navigation heading sees that "
         f"strength, dip and gyroscope disagree, goes on with the gyroscope and comes back "
         f"{3:.0f} s after the field has; peak error {peak:.1f}°. The control heading has no "

@@ -13,8 +13,7 @@ from lindy_research.bench import reality, reality_real, reality_sim
 from lindy_research.bench.reality_dives import (
     ALL_PAIRS,
     CASES,
-    DISTRUSTED,
-    DOUBTED,
+    INCONSISTENT,
     LINKS,
     VEHICLES,
     drawn,
@@ -84,9 +83,9 @@ def test_a_seed_gives_the_same_dive_again_and_its_recording(tmp_path: Path) -> N
     assert dive.stops[0].bounce is not None
     said = {figure.name: figure for figure in reality.simulated([dive])}
     assert said["1 simulated dives, never armed"].met
-    wrong = dive._replace(counts={DISTRUSTED: 1})
+    wrong = dive._replace(counts={INCONSISTENT: 1})
     said = {figure.name: figure for figure in reality.simulated([wrong])}
-    assert said["1 simulated dives, IMU distrusted"].met is False
+    assert said["1 simulated dives, IMU inconsistent"].met is False
     assert any(str(dive.seed) in line for line in reality_sim.table([wrong]))
 
 
@@ -181,7 +180,7 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> LoggedDive:
 
 
 def test_a_dive_that_is_known_is_judged_as_it_was(swing: LoggedDive) -> None:
-    assert (swing.unusable, swing.attitude, swing.distrusted) == ("", 1.0, False)
+    assert (swing.unusable, swing.attitude, swing.inconsistent) == ("", 1.0, False)
     assert swing.imu_rate == pytest.approx(HZ, rel=1e-3)
     assert swing.start is not None
     # A smoother that shared the own filter's error, or an arm forgotten, would not give these.
@@ -198,8 +197,8 @@ def test_a_dive_that_is_known_is_judged_as_it_was(swing: LoggedDive) -> None:
 
 def test_a_gyroscope_that_is_wrong_shows(swing: LoggedDive, tmp_path: Path) -> None:
     wrong = judged(KnownLog(written(tmp_path, breaks=-1.0), "even"))
-    assert wrong.doubted
-    assert not swing.doubted
+    assert wrong.inconsistent
+    assert not swing.inconsistent
 
 
 def test_a_folder_says_what_it_holds_and_a_table_what_came_of_it(
@@ -216,8 +215,8 @@ def test_a_folder_says_what_it_holds_and_a_table_what_came_of_it(
     assert "2 known logs, 1 of which can be judged" in said
     assert "left alone: x.bag" in said
     assert "goal ≤ 0.5" in said
-    distrusted = "\n".join(reality_real.table([swing._replace(distrusted=True)], []))
-    assert swing.name in distrusted
+    wrong = "\n".join(reality_real.table([swing._replace(inconsistent=True)], []))
+    assert swing.name in wrong
 
 
 def test_without_real_dives_it_says_so(
@@ -237,7 +236,7 @@ def test_without_real_dives_it_says_so(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("vehicle", VEHICLES)
-def test_a_hull_that_accelerates_twice_as_its_file_says_keeps_its_imu_and_its_gyroscope(
+def test_a_hull_that_accelerates_twice_as_its_file_says_keeps_its_imu(
     vehicle: str,
 ) -> None:
     """30 % less mass, half of the drag, 20 % more thrust, twice the lag, in calm water: the
@@ -246,7 +245,7 @@ def test_a_hull_that_accelerates_twice_as_its_file_says_keeps_its_imu_and_its_gy
     for seed in (next(calm), next(calm)):
         dive = fly(seed, "light", 40.0)
         assert dive.armed
-        assert not dive.counts.keys() & {DISTRUSTED, DOUBTED}, (seed, dive.counts)
+        assert INCONSISTENT not in dive.counts, (seed, dive.counts)
         assert dive.errors is not None
         assert dive.errors.depth < 0.08
         assert max(dive.errors.roll, dive.errors.pitch) < radians(2.5)

@@ -21,9 +21,10 @@ from messages.sensors import (
 )
 from messages.state import VehicleState
 from messages.vehicle import Actuation
-from services.estimation.core import Estimator, Settings
-from services.estimation.sensor_watch import SensorWatch, ThrustWatch, WatchSettings, watches_of
-from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.core import Estimator
+from services.estimation.settings import Settings
+from services.estimation.sensor import SensorWatch, ThrustWatch, WatchSettings, watches_of
+from services.estimation.settings import CalibrationSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec

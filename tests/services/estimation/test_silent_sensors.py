@@ -8,9 +8,10 @@ from messages.events import Outbox
 from messages.sensors import DvlSample, ImuSample, MagnetometerSample, PressureSample, UsblSample
 from messages.state import VehicleState
 from messages.units import Vec3
-from services.estimation.core import Estimator, Settings
-from services.estimation.sensor_watch import SensorWatch
-from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.core import Estimator
+from services.estimation.settings import Settings
+from services.estimation.sensor import Sensor
+from services.estimation.settings import CalibrationSettings
 from services.marine.vehicle import GRAVITY
 
 MS = 1_000_000  # [ns]

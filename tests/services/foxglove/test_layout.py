@@ -9,7 +9,7 @@ import pytest
 
 from messages import topics
 from messages.sensors import DvlSample
-from services.estimation.aiding import AID_SOURCES
+from services.estimation.core import AID_SOURCES
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import PREFIX, official, schema_of
 from services.recorder.foxglove.named import named_vectors

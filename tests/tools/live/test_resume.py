@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.identity import SideIdentity
-from services.estimation.initialisation import EstimationCheckpoint
+from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
 from tools.live.resume import LONGEST_S, resumed
 from tools.onboard.this_start import NOTE, Start
@@ -17,7 +17,7 @@ from tools.onboard.this_start import NOTE, Start
 S = 1_000_000_000  # [ns]
 LEARNT = EstimationCheckpoint(
     stamp_ns=5_000 * S, atmosphere=101_300.0, atmosphere_std=20.0, gyro_bias=(0.01, 0.0, -0.01),
-    accelerometer_bias=0.02, heading=1.0, heading_std=0.1, north=0.3,
+    accelerometer_bias=(0.0, 0.0, 0.02), heading=1.0, heading_std=0.1, north=0.3,
 )  # fmt: skip
 WRITTEN_S = 1_800_000_000.0  # [s] UTC
 OURS = SideIdentity(vehicle="pioneer", vehicle_hash="a1")

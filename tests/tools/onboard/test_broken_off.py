@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.identity import SideIdentity
-from services.estimation.initialisation import EstimationCheckpoint
+from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from tools.live.resume import ESTIMATION, LONGEST_S
@@ -23,7 +23,7 @@ S = 1_000_000_000  # [ns]
 NOW = 100_000 * S
 LEARNT = EstimationCheckpoint(
     stamp_ns=NOW - 5 * S, atmosphere=101_300.0, atmosphere_std=20.0, gyro_bias=(0.01, 0.0, -0.01),
-    accelerometer_bias=0.02, heading=1.0, heading_std=0.1, north=0.3,
+    accelerometer_bias=(0.0, 0.0, 0.02), heading=1.0, heading_std=0.1, north=0.3,
 )  # fmt: skip
 BROKEN = Start("this", "pioneer", 7 * S, vehicle_file="pioneer", vehicle_hash="a1")
 

@@ -110,7 +110,7 @@ def test_a_log_of_another_program_is_imported_beside_it(
         assert found["imported_from"] == "00000042.BIN"
         assert (tmp_path / folder / "dive.mcap").exists()
         # Four seconds: it lacks nearly everything, and says so.
-        assert {"vibration", "stops_with_lindy", "beliefs"} <= set(found["missing"])
+        assert {"vibration", "stops_with_lindy", "measurements"} <= set(found["missing"])
         assert "never got beyond calibrating" in found["missing"]["estimation"][0]
     assert log.read_bytes() == before
 

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.estimation.depth.depth_filter import DepthSettings
+from services.estimation.settings import DepthSettings
 from tools.report.columns import Array
-from tools.review.estimated import Belief, Estimated
+from tools.review.estimated import Estimated, Innovations
 from tools.review.spreads import STEPS, pressure_noise, proposal
 from tools.review.track import Track
 
 NOW = DepthSettings(pressure_std=200.0)
 
 
-def estimated(correlation: float, refused: float = 0.0, known_s: float = 60.0) -> Estimated:
+def estimated(correlation: float, rejected: float = 0.0, known_s: float = 60.0) -> Estimated:
     """An estimation whose innovations are an AR(1) process with this correlation."""
     n = 1000
     noise = np.random.default_rng(2).standard_normal(n)
@@ -26,10 +26,10 @@ def estimated(correlation: float, refused: float = 0.0, known_s: float = 60.0) -
         e[k] = correlation * e[k - 1] + np.sqrt(1.0 - correlation**2) * noise[k]
     t = np.asarray(np.arange(n) * 0.1, dtype=np.float64)
     one = np.ones(n)
-    belief = Belief(t, one, e, e * e, one, one, refused * one, Counter(), Counter(), "m")
+    found = Innovations(t, one, e, e * e, one, rejected * one, Counter(), Counter(), "m")
     at = np.asarray(np.arange(0.0, known_s, 0.1), dtype=np.float64)
     track = Track(at, *(np.zeros_like(at) for _ in Track._fields[1:]))
-    return Estimated(track, {"pressure": belief}, 10.0, "", Counter())
+    return Estimated(track, {"pressure": found}, 10.0, "", Counter())
 
 
 class Dive:
@@ -64,7 +64,7 @@ def test_a_proposal_is_whiter_and_nothing_is_worse(
     chosen = found.trials[found.chosen]
     assert chosen.lag_one is not None
     assert abs(chosen.lag_one) <= abs(found.before.lag_one) / 2.0
-    assert chosen.refused <= found.before.refused + 0.005
+    assert chosen.rejected <= found.before.rejected + 0.005
     assert chosen.known_s >= 0.99 * found.before.known_s
     assert chosen.acceleration_noise <= 5.0 * 0.01
     assert f"acceleration_noise = {chosen.acceleration_noise!r}" in found.toml
@@ -79,7 +79,7 @@ def test_white_innovations_need_nothing() -> None:
 
 
 def test_the_smallest_that_is_white_is_proposed() -> None:
-    dive = Dive(estimated(0.9), estimated(0.95, refused=0.6), estimated(0.1), estimated(0.0))
+    dive = Dive(estimated(0.9), estimated(0.95, rejected=0.6), estimated(0.1), estimated(0.0))
     found = proposal(NOW, 0.01, 30.0, 60.0, dive)
     assert found.chosen == 1
     assert found.trials[1].lag_one == pytest.approx(0.1, abs=0.1)

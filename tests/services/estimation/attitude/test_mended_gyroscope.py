@@ -8,8 +8,9 @@ import pytest
 
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
-from services.estimation.core import Estimator, Settings
-from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.core import Estimator
+from services.estimation.settings import Settings
+from services.estimation.settings import CalibrationSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER
 
 QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.estimation.horizontal.lock import GATE, JUMP, LONGEST_S, STEEPEST, BottomLock
+from services.estimation.aids import BottomLock
 
 S = 1_000_000_000  # [ns]
 ODD, FITS = GATE**2 + 1.0, 1.0  # surprises

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from messages.units import Vec3
-from services.estimation.startup.calibration import Calibration, CalibrationSettings
+from services.estimation.rest import Calibration
+from services.estimation.settings import CalibrationSettings
 from services.marine.vehicle import GRAVITY
 
 QUICK = CalibrationSettings(still_time=3.0)  # [s] less to wait for
@@ -18,9 +19,9 @@ def feed(
     for k in range(round(seconds / DT)):
         p, q, r = (BIAS + np.array(rate) + 0.002 * rng.standard_normal(3)).tolist()
         fx, fy, fz = (np.array([0, 0, -GRAVITY]) + 0.02 * rng.standard_normal(3)).tolist()
-        moved += calibration.imu((p, q, r), (fx, fy, fz), DT)
+        moved += calibration.imu((fx, fy, fz), (p, q, r), DT)
         if k % 2 == 0:
-            calibration.pressure(101_325.0)
+            calibration.pressures.append(101_325.0)
     return moved
 
 
@@ -63,7 +64,7 @@ def test_a_slow_turn_that_begins_after_rest_is_motion():
 def test_without_pressure_there_is_no_result():
     calibration = Calibration(QUICK)
     for _ in range(1000):
-        calibration.imu((0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY), DT)
+        calibration.imu((0.0, 0.0, -GRAVITY), (0.0, 0.0, 0.0), DT)
     assert calibration.result() is None
     assert calibration.lacks_pressure
 

@@ -8,8 +8,9 @@ import pytest
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from messages.vehicle import Actuation
-from services.estimation.core import Estimator, Settings
-from services.estimation.startup.calibration import CalibrationSettings
+from services.estimation.core import Estimator
+from services.estimation.settings import Settings
+from services.estimation.settings import CalibrationSettings
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
 
 MS = 1_000_000  # [ns]

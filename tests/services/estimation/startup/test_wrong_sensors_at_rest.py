@@ -14,9 +14,10 @@ from messages.events import Outbox
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from messages.units import Vec3
-from services.estimation.core import Estimator, Settings
-from services.estimation.startup.calibration import CalibrationSettings
-from services.estimation.startup.first_samples import MOST_TILT, tilt, wrong_at_rest
+from services.estimation.core import Estimator
+from services.estimation.settings import Settings
+from services.estimation.settings import CalibrationSettings
+from services.estimation.first_samples import MOST_TILT, tilt, wrong_at_rest
 from services.marine.attitude import from_euler, to_body
 from services.marine.mounting import Mount, Mounting
 from services.marine.vehicle import GRAVITY, Vehicle
