@@ -30,7 +30,7 @@ from services.vehicle.mounting import cross
 
 DVL, USBL = topics.DVL.key, topics.USBL.key
 LEAST_DVL_STD, LEAST_USBL_STD = 0.001, 0.01  # [m/s], [m] no sensor is better
-DVL_PATIENCE, USBL_PATIENCE = 4.0, 20.0  # [s] of outliers only; a school of fish takes seconds
+DVL_PATIENCE, USBL_PATIENCE = 4.0, 10.0  # [s] of outliers only; a school of fish takes seconds
 OLDEST_NS = 4_000_000_000  # [ns] largest age of a sample
 AHEAD_NS = 500_000_000  # [ns] a sample may be this much newer than the newest IMU sample
 LOST_AFTER = 60.0  # [s] without either: prediction is useless
@@ -54,6 +54,12 @@ class Past(NamedTuple):
     position: tuple[float, float]  # [m] north, east
     velocity: Vec3  # [m/s] world axes
     R: Rotation
+    shift: tuple[float, ...]  # `Filter.shift`
+
+    def velocity_by(self, f: Filter) -> Vec3:
+        """[m/s] Then, with what corrections have changed since."""
+        (u, v, w), now, before = self.velocity, f.shift, self.shift
+        return u + now[3] - before[3], v + now[4] - before[4], w + now[5] - before[5]
 
 
 class HorizontalEstimates(NamedTuple):
@@ -91,7 +97,7 @@ class Aids:
     def remember(self, f: Filter, stamp_ns: int, dt: float) -> Event | None:
         """The filter is now at this time [ns], `dt` [s] later. Returns an event to tell."""
         past, (n, e, _), (u, v, w) = self._past, f.position, f.velocity
-        past.append(Past(stamp_ns, (n, e), (u, v, w), f.rotation))
+        past.append(Past(stamp_ns, (n, e), (u, v, w), f.rotation, f.shift))
         while stamp_ns - past[0].stamp_ns > OLDEST_NS:
             past.popleft()
         self._lock.sink(w * dt)
@@ -120,11 +126,10 @@ class Aids:
             for k in range(2):
                 f.forget(VELOCITY + k, FIRST_VELOCITY)
                 f.forget(CURRENT + k, FIRST_CURRENT)
-        now = self._past[-1].velocity
         std = max(LEAST_DVL_STD, sample.std)
         found, swims = Outcome.USED, False
         for k, quantity in enumerate(self.dvl_quantities):
-            v = plus(then.velocity, f.velocity, now)
+            v = then.velocity_by(f)
             axis = then.R[0][k], then.R[1][k], then.R[2][k]
             a, b, c = cross(axis, v)  # Rᵀ (v × θ), row k
             h = (
@@ -153,24 +158,22 @@ class Aids:
         if self._begun_ns is None:
             self._begin(f, sample.stamp_ns)
         std, measured = max(LEAST_USBL_STD, sample.std), (sample.north, sample.east)
-        now, found = self._past[-1], Outcome.USED
+        found = Outcome.USED
         if first := not self._fixed:
             for k in range(2):
                 f.forget(POSITION + k, FAR)
-        age = (now.stamp_ns - sample.stamp_ns) * 1e-9
+        age = (self._past[-1].stamp_ns - sample.stamp_ns) * 1e-9
         c, s = cos(f.north), sin(f.north)
         for k, quantity in enumerate(self.usbl_quantities):
-            value = then.position[k] + f.position[k] - now.position[k]
+            value = then.position[k] + f.shift[k] - then.shift[k]
             along = ((c, -s), (s, c))[k]
             h = (
                 (POSITION + k, 1.0), (VELOCITY, -age * along[0]), (VELOCITY + 1, -age * along[1]),
             )  # fmt: skip
             off = measured[k] - value
             if first:
-                quantity.white = std
-                quantity.white_variance = std * std
-                f.position[k] += off
-                f.forget(POSITION + k, std)
+                quantity.white, quantity.white_variance = std, std * std
+                f.place(k, f.position[k] + off, std)
                 quantity.forget()
                 continue
             outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, (POSITION + k,))
@@ -178,9 +181,7 @@ class Aids:
         self._fixed = True
         return self._heard_of(USBL, "position", found, sample.stamp_ns)
 
-    def estimates(
-        self, f: Filter, now: int, *, with_current: bool
-    ) -> HorizontalEstimates:
+    def estimates(self, f: Filter, now: int, *, with_current: bool) -> HorizontalEstimates:
         """At `now` [ns]. Valid while DVL or fixes are: dead reckoning counts, with its growing std.
         `with_current`: thrust and drag have been compared with the accelerometer."""
         if self._begun_ns is None:
@@ -215,9 +216,7 @@ class Aids:
     def _begin(self, f: Filter, stamp_ns: int) -> None:
         self._begun_ns = stamp_ns
         for k in range(2):
-            f.position[k] = 0.0
-            f.forget(POSITION + k, LEAST_USBL_STD)
-        self._past[-1] = self._past[-1]._replace(position=(0.0, 0.0))
+            f.place(k, 0.0, LEAST_USBL_STD)
 
     def _then(self, stamp_ns: int) -> Past | Row:
         """The filter at the time of a sample; a row of events: there is none."""
@@ -236,12 +235,6 @@ class Aids:
             return events.OUTLIER(key)
         self._heard[key] = max(stamp_ns, self._heard.get(key, stamp_ns))
         return events.RESTARTED(what) if found is Outcome.PERSISTENT else None
-
-
-def plus(then: Vec3, now: list[float], before: Vec3) -> Vec3:
-    """[m/s] A velocity then, with what corrections have changed of the newest since."""
-    x, y, z = then
-    return x + now[0] - before[0], y + now[1] - before[1], z + now[2] - before[2]
 
 
 def _refused(quantities: tuple[Quantity, ...], why: Event, stamp_ns: int) -> Event:

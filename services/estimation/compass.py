@@ -17,7 +17,16 @@ from math import atan2, degrees, hypot, inf, pi, radians, remainder, sqrt
 from messages import events, topics
 from messages.events import Event
 from messages.units import Vec3
-from services.estimation.filter import DEVIATION, GYRO, NORTH, TILT, YAW, Filter, considered, to_world
+from services.estimation.filter import (
+    DEVIATION,
+    GYRO,
+    NORTH,
+    TILT,
+    YAW,
+    Filter,
+    considered,
+    to_world,
+)
 from services.estimation.quantity import Outcome, Quantity
 from services.estimation.settings import AttitudeSettings
 
@@ -29,12 +38,12 @@ GATE = radians(10.0)  # [rad] from the gyroscope
 TURNED = 0.1  # [rad] of heading, within which the field must not turn by `GATE`
 HOLD_OFF = 3.0  # [s] of normal field before the compass is used again
 RELEARN = 120.0  # [s] a field unchanged for so long is the new normal one
-STEADY, STEADY_S = 1.5, 10.0  # [µT] 1σ of a field that may teach the gyroscope, over [s]
+STEADY, STEADY_S = 2.0, 5.0  # [µT] 1σ of a field that may teach the gyroscope, over [s]
 NOISE, LASTS = 0.01, 2.0  # [rad] 1σ of a mean, [s] of what is coloured of `compass_std`
 UNKNOWN_NOISE = 0.05  # [rad] 1σ of a mean where the heading is not known
 UNKNOWN_BIAS = 1e-3  # [rad/s] 1σ of the gyroscope, beyond which the compass corrects it
 UNUSABLE_BIAS, FOUND_BIAS = 0.03, 0.005  # [rad/s] of it: beyond, it measures no turn; found again
-LOST, FOUND, FOUND_S = 0.2, 0.1, 0.7  # [rad], [rad], [s] 1σ of the heading, and of normal field
+LOST, FOUND, WRAPPED, FOUND_S = 0.2, 0.15, 1.0, 0.7  # [rad] 1σ of the heading, [s] of normal field
 VALID_NS = 60_000_000_000  # [ns] north stays valid on the gyroscope for this long
 BIASES = (GYRO, GYRO + 1, GYRO + 2)
 
@@ -52,7 +61,9 @@ class Compass:
         self.used_ns = 0
         self._trusted = False
         self._told = False  # this disturbance has been told
-        self._good_for = self._steady_for = 0.0  # [s] normal, after a disturbance; not normal, alike
+        self._good_for = self._steady_for = (
+            0.0  # [s] normal, after a disturbance; not normal, alike
+        )
         self._anchor: tuple[float, float] | None = None  # [rad] heading, and bearing less that
         self._first = (0.0, 0.0, 0.0)  # strength, dip, bearing when that began
         self._sum: Vec3 = (0.0, 0.0, 0.0)
@@ -81,7 +92,7 @@ class Compass:
         f.north, f.deviation = remainder(bearing, 2.0 * pi), 0.0
         f.forget(DEVIATION, self._settings.compass_std)
         f.forget(NORTH, hypot(self._settings.compass_std, std))
-        f.P[NORTH, DEVIATION] = f.P[DEVIATION, NORTH] = -self._settings.compass_std**2
+        f.P[NORTH, DEVIATION] = f.P[DEVIATION, NORTH] = -(self._settings.compass_std**2)
         self.knows_north = True
         self.quantity.forget()
 
@@ -101,8 +112,11 @@ class Compass:
             return events.STEEP(topics.MAGNETOMETER.key)
         self._hear_spread(level, d, dt)
         bearing = -atan2(e, n)
-        innovation = remainder(bearing - f.north - f.deviation, 2.0 * pi) if self.knows_north else 0.0
-        gate = max(GATE, 3.0 * self.north_std(f))
+        innovation = (
+            remainder(bearing - f.north - f.deviation, 2.0 * pi) if self.knows_north else 0.0
+        )
+        learning = self.lost or f.std(GYRO + 2) > UNKNOWN_BIAS  # so the gyroscope refutes nothing
+        gate = pi if learning else max(GATE, 3.0 * self.north_std(f))
         self._hear_drift(f, bearing, hypot(level, d), atan2(d, level))
         event = self._judge(hypot(level, d), atan2(d, level), bearing, innovation, gate, dt)
         if not self._trusted:
@@ -129,14 +143,23 @@ class Compass:
         corrected = [NORTH, DEVIATION]
         if helps and f.std(GYRO + 2) > UNKNOWN_BIAS:
             corrected += BIASES
-        if helps and (self.lost or f.std(YAW) > LOST):
+        unknown = self.lost or f.std(YAW) > LOST or f.std(GYRO + 2) > FOUND_BIAS
+        if helps and unknown:
+            if f.std(YAW) > WRAPPED:  # it may be a turn off, and that says nothing of the bias
+                f.forget(YAW, pi)
             corrected.append(YAW)
             quantity.coloured, quantity.white_variance = 0.0, UNKNOWN_NOISE**2
         else:
             quantity.coloured = self._settings.compass_std
-        if quantity.fuse(f, h, bearing, innovation, stamp_ns, considered(*corrected)) is not Outcome.USED:
+        if (
+            quantity.fuse(f, h, bearing, innovation, stamp_ns, considered(*corrected))
+            is not Outcome.USED
+        ):
+            if self.lost:  # what is known of it does not fit: it begins anew
+                f.forget(YAW, pi)
+                f.widen(GYRO + 2, UNUSABLE_BIAS)
             return None
-        self._good_for = min(HOLD_OFF, self._good_for + quantity.period)
+        self._good_for = min(HOLD_OFF, self._good_for + min(0.2, quantity.period))
         known = f.std(YAW) < FOUND and f.std(GYRO + 2) < FOUND_BIAS
         if self.lost and known and self._good_for >= FOUND_S:
             self.lost = False
@@ -162,6 +185,8 @@ class Compass:
 
     def north_std(self, f: Filter) -> float:
         """[rad] 1σ of the heading from north."""
+        if self.lost:
+            return pi
         P = f.P
         total = float(P[NORTH, NORTH] + 2.0 * P[NORTH, YAW] + P[YAW, YAW])
         return min(pi, sqrt(max(0.0, total)))

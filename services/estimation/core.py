@@ -31,7 +31,7 @@ from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation
 from services.estimation.aids import STILL_CURRENT, Aids
 from services.estimation.checkpoint import EstimationCheckpoint
-from services.estimation.compass import Compass
+from services.estimation.compass import UNUSABLE_BIAS, Compass
 from services.estimation.filter import (
     BLIND_TURN,
     CURRENT,
@@ -65,7 +65,6 @@ from services.estimation.settings import Settings
 from services.estimation.start import IMU_PATIENCE_NS, Start
 from services.marine.attitude import to_euler, wrapped
 from services.marine.mounting import Mounting
-from services.marine.summation import plain_sum
 from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
 from services.vehicle.mounting import AtOrigin, Moment
@@ -92,7 +91,8 @@ WIDE_S = 2.0
 # While innovations are not centred, once, where more than the pressure says so.
 INCONSISTENT_TILT, INCONSISTENT_GYRO = 0.1, 0.3  # [rad], [rad/s]
 STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
-UNKNOWN_TILT, UNUSABLE_RATE = 0.3, 0.15  # [rad], [rad/s] 1σ beyond which these are invalid
+UNKNOWN_TILT = 0.3  # [rad] 1σ beyond which the attitude is invalid …
+UNSURE_TILT = 0.15  # [rad] … or no dive begins
 LEAST_TILT, LEAST_HEADING = 1e-3, 2e-3  # [rad] no 1σ is stated to be less
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
 # [Pa] Outside, the vehicle did not float: from a mountain lake at 3000 m to the highest pressure of
@@ -151,7 +151,10 @@ class Estimator:
         self._spin = (0.0, 0.0, 0.0)  # [rad/s²]
         self._turning = self._swinging = 0.0  # [1/s²] ω², [1/s⁴] mean of (ω² + ω̇)²
         self._yaw_rate = self._lag = 0.0  # [rad/s]
-        self._floated, self._was_afloat = 0, False  # pressure samples before the dive; known to be so
+        self._floated, self._was_afloat = (
+            0,
+            False,
+        )  # pressure samples before the dive; known to be so
         self._told_ns = 0  # [ns] when what was made of the measurements was told
         self._lacking = set[str]()  # sensors that the state lacks, and the pilot was told so
         self._troubles: tuple[str, ...] = ()  # events: which sensors cannot be used now, and why
@@ -190,14 +193,15 @@ class Estimator:
                 driven = self._hull.driven
                 tell(self._rest.fuse(f, force, rate, dt, at_ns, driven=driven))
             if self._hull.feel(f, force, rate, dt):
-                tell(self._hull.fuse(f, at_ns))
+                event = self._hull.fuse(f, at_ns)
+                tell(event if self._start is None else None)
                 self._judge_imu(at_ns)
                 self._compass.watch(f)
             if self._start is None:
                 tell(self._aids.remember(f, at_ns, dt))
                 tell(self._pressure.lost(at_ns))
         if not f.is_sound:
-            tell(events.NOT_FINITE("attitude"))
+            tell(events.NOT_FINITE("state"))
             self._restart(force)
         if self._at_origin.needs_motion:  # sensors with a lever arm
             turn = _minus(rate, f.gyro_bias)
@@ -231,7 +235,11 @@ class Estimator:
         elif self._improving is not None:
             self._improving.pressures.append(sample.pressure)
         if self._at_ns is not None:
-            self.outbox.tell(pressure.fuse(f, sample.pressure, sample.stamp_ns, self._at_ns))
+            event = pressure.fuse(f, sample.pressure, sample.stamp_ns, self._at_ns)
+            if self._start is None:
+                self.outbox.tell(event)
+            else:
+                pressure.moved = 0.0
 
     def magnetometer(self, sample: MagnetometerSample) -> None:
         if not self._usable(topics.MAGNETOMETER, sample, hypot(*sample.field)):
@@ -350,7 +358,7 @@ class Estimator:
             self._off_ns = at_ns
         f.wide_force = (at_ns - self._off_ns) * 1e-9 < WIDE_S
         f.wide_gyro = f.wide_force and (f.wide_gyro or by_hull)
-        if off and not wide:
+        if off and not wide and self._start is None:
             self.outbox.tell(events.INCONSISTENT_IMU())
         if by_hull:
             self._compass.lose()
@@ -389,7 +397,8 @@ class Estimator:
         self._compass.knows_north = False
         for quantities in self._quantities().values():
             for quantity in quantities:
-                quantity.forget()
+                quantity.restart()
+        self._hull.restart()
         self._pressure.restart(f)
 
     def _resume(self, kept: EstimationCheckpoint) -> None:
@@ -448,7 +457,7 @@ class Estimator:
             bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
             said = f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air.pressure / 100.0:.1f} hPa"
             self.outbox.say("info", said)
-        elif not f.wide_gyro and self._hull.fits and start.gives_up():
+        elif max(f.tilt_stds) < UNSURE_TILT and self._hull.fits(f, at_ns) and start.gives_up():
             self._start, self._improving = None, Calibration(self._settings.calibration)
             self.outbox.tell(events.ROUGH_CALIBRATION())
             if self._was_afloat and self._floated >= ENOUGH_PRESSURES and self._given() is None:
@@ -595,7 +604,7 @@ class Estimator:
         tilts, rate_std, yaw_std = f.tilt_stds, f.std(DEPTH_RATE), f.std(YAW)
         level = imu and max(tilts) < UNKNOWN_TILT
         known = level and not self._compass.lost and abs(pitch) < STEEPEST
-        turns = imu and f.std(GYRO + 2) < UNUSABLE_RATE
+        turns = imu and (not self._compass.lost or f.std(GYRO + 2) < UNUSABLE_BIAS)
         left, blocked_by = None, None
         if self._start is not None:
             blocked_by = self._start.blocked_by
@@ -629,7 +638,9 @@ class Estimator:
             attitude=f.q,
             roll=Estimate(roll, max(LEAST_TILT, tilts[0]), level),
             pitch=Estimate(pitch, max(LEAST_TILT, tilts[1]), level),
-            heading=Estimate(f.heading, min(pi, LEAST_HEADING + yaw_std), known),
+            heading=Estimate(
+                f.heading, pi if self._compass.lost else min(pi, LEAST_HEADING + yaw_std), known
+            ),
             heading_navigation=navigation,
             yaw_rate=Estimate(self._yaw_rate, hypot(YAW_RATE_STD, self._lag), turns),
             **horizontal._asdict(),
@@ -641,7 +652,7 @@ class Estimator:
         noise = FORCE_FACTOR * self._settings.depth.acceleration_noise * BANDWIDTH**0.5
         return hypot(self.filter.std(FORCE + 2), noise)
 
-    def _find_troubles(self, now: int, imu: bool, heard: bool) -> tuple[str, ...]:  # noqa: FBT001
+    def _find_troubles(self, now: int, imu: bool, heard: bool) -> tuple[str, ...]:
         """Names of the events that say which sensors cannot be used now, and why. A sensor that the
         state lacks, and when it is back, is told once."""
         found = list[str]()

@@ -85,6 +85,8 @@ class Filter:
         self.force_bias: Vec3 = (0.0, 0.0, 0.0)
         self.current = (0.0, 0.0)
         self.north = self.deviation = 0.0
+        # [m], [m/s] by how much corrections have moved position and velocity so far.
+        self.shift: tuple[float, ...] = (0.0,) * 6
         self.heading = 0.0  # [rad] control heading: yaw, accumulated past ±π
         self.acceleration = 0.0  # [m/s²] along down, newest
         self.wave_variance, self.wave_rate = 0.0, 1.0  # [m²], [rad/s] of the model
@@ -110,7 +112,12 @@ class Filter:
     # Prediction.
 
     def predict(
-        self, force: Vec3, rate: Vec3, dt: float, noise: tuple[float, float], unseen: tuple[Vec3, Vec3]
+        self,
+        force: Vec3,
+        rate: Vec3,
+        dt: float,
+        noise: tuple[float, float],
+        unseen: tuple[Vec3, Vec3],
     ) -> None:
         """Advance by `dt` [s] with the mean specific force [m/s²] and rate [rad/s], FRD, of the
         interval (Solà eq. 260).
@@ -231,7 +238,9 @@ class Filter:
             variance += factor * float(Ph[state])
         return Ph, max(0.0, variance)
 
-    def correct(self, Ph: Floats, variance: float, innovation: float, mask: Floats | None = None) -> None:
+    def correct(
+        self, Ph: Floats, variance: float, innovation: float, mask: Floats | None = None
+    ) -> None:
         """Use a measurement with this innovation and variance h P hᵀ + r (Solà §6.1). `mask`: 0
         where both states are considered and not corrected (Schmidt 1966), else 1."""
         root = Ph / sqrt(variance)
@@ -248,6 +257,7 @@ class Filter:
         self._inject(gain)
 
     def _inject(self, d: list[float]) -> None:
+        self.shift = tuple(x + y for x, y in zip(self.shift, d, strict=False))
         self.position = [x + y for x, y in zip(self.position, d[0:3], strict=True)]
         self.velocity = [x + y for x, y in zip(self.velocity, d[3:6], strict=True)]
         self.wave = self.wave[0] + d[9], self.wave[1] + d[10]
@@ -267,6 +277,13 @@ class Filter:
         self.spread()
         self.P[state, :] = self.P[:, state] = 0.0
         self.P[state, state] = std * std
+
+    def place(self, axis: int, value: float, std: float) -> None:
+        """The position along this axis is `value` [m], known to `std`."""
+        shift = list(self.shift)
+        shift[axis] += value - self.position[axis]
+        self.shift, self.position[axis] = tuple(shift), value
+        self.forget(POSITION + axis, std)
 
     def widen(self, state: int, std: float) -> None:
         """This state may be wrong by `std` more."""

@@ -30,7 +30,7 @@ from services.estimation.filter import (
 from services.estimation.quantity import Outcome, Quantity
 from services.marine.hydrodynamics import Translation
 from services.marine.summation import plain_sum
-from services.marine.vehicle import Vehicle, total_wrench, wrench_per_newton
+from services.marine.vehicle import GRAVITY, Vehicle, total_wrench, wrench_per_newton
 from services.vehicle.mounting import cross
 
 PERIOD = 0.05  # [s] between two uses
@@ -41,7 +41,7 @@ SHARE = 0.3  # [-] of what thrust explains, that may be wrong
 WITHOUT_THRUST = 2.0  # [-] times that where no thrust is reported
 ARM = 0.1  # [m] from the centre of a turn to where the IMU is thought to be: ω² + ω̇
 PATIENCE = 2.0  # [s]
-FITS = 0.2  # [-] share of outliers lately
+FITS, FITS_S = 0.02, 3.0  # [-] share of outliers lately: less than one in two seconds; [s]
 FRESH = 0.5  # [s] an older report of thrust is not used
 SLOWS = 0.2  # [1/s] drag of a vehicle of which no file says it: it is not fast for long
 DRIVEN = 0.1  # [N] of a thruster that is commanded; one that runs down has less and less
@@ -72,6 +72,8 @@ class Hull:
         self._thrust_ns: int | None = None
         self._turn: Vec3 = (0.0, 0.0, 0.0)  # [rad/s] mean, of the use before
         self._told = False
+        self._restarted_ns = -(1 << 62)
+        self._over = 0.0  # [s] that down has been felt to be up
         self.restart()
 
     def restart(self) -> None:
@@ -96,10 +98,13 @@ class Hull:
     def knows_thrust(self, at_ns: int) -> bool:
         return self._thrust_ns is not None and (at_ns - self._thrust_ns) * 1e-9 < FRESH
 
-    @property
-    def fits(self) -> bool:
-        """Does what is felt fit gravity?"""
-        return all(quantity.out < FITS and quantity.used_ns is not None for quantity in self.quantities)
+    def fits(self, f: Filter, at_ns: int) -> bool:
+        """Has what is felt fitted gravity lately?"""
+        anew = (at_ns - self._restarted_ns) * 1e-9 < FITS_S
+        over = self._over > 0.0 or f.acceleration > 0.5 * GRAVITY
+        return not (anew or over) and all(
+            quantity.out < FITS and quantity.used_ns is not None for quantity in self.quantities
+        )
 
     def is_afloat(self, at_ns: int) -> bool:
         """Known only where the thrust is known, and was never used."""
@@ -162,7 +167,13 @@ class Hull:
             outcome = quantity.fuse(f, h, s[k], -s[k], at_ns, why=why)
             if outcome.value > found.value:
                 found = outcome
+        # A vehicle that is thought to be upside down feels no level force either.
+        self._over = self._over + seconds if s[2] > -0.5 * GRAVITY else 0.0
+        if self._over > PATIENCE:
+            found = Outcome.PERSISTENT
         if found is Outcome.PERSISTENT:
+            self._over = 0.0
+            self._restarted_ns = at_ns
             f.level(to_body(R, felt), RELEVELLED)
             for k in range(3):
                 f.velocity[k] = 0.0 if k < 2 else f.velocity[k]

@@ -69,13 +69,14 @@ class Pressure:
         self._sensor = sensor
         self._latency_ns = round(settings.depth.pressure_latency * 1e9)
         self._lost = self._waves = False
-        self._squares = (FIRST_WAVE / FIRST_RATE) ** 2, FIRST_WAVE**2  # of both states of the wave
+        self._squares = 0.0, 0.0
         self._bob = self._bob_mean = 0.0  # [m/s²]
         self._bob_variance = (FIRST_WAVE * FIRST_RATE**2) ** 2
         self._changes, self._step, self._at_change = 0, inf, 0.0  # [-], [Pa], [m]
 
     def begin(self, f: Filter) -> None:
         f.wave_variance, f.wave_rate = FIRST_WAVE**2, FIRST_RATE
+        self._squares = (FIRST_WAVE / FIRST_RATE) ** 2, FIRST_WAVE**2  # of the wave's states
         f.forget(WAVE, FIRST_WAVE / FIRST_RATE)
         f.forget(WAVE + 1, FIRST_WAVE)
 

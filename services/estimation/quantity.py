@@ -26,6 +26,7 @@ MOST_OUT = 0.6  # [-] share of outliers within `patience` that are no longer out
 UNBIASED = 6.0  # [σ]
 WHITE_SAMPLES = 60  # of the mean of squared differences
 QUIETER, NOISIER = 0.2, 20.0  # [-] times the stated noise, that is taken from innovations
+LONGEST = 5.0  # [s] between two samples
 MATCHED_S = 10.0  # [s] of the coloured noise
 MOST_RATIO = 1e6  # [-] a larger test ratio counts as that
 
@@ -81,6 +82,11 @@ class Quantity:
         self.factor = 1.0  # [-] of the coloured variance, as matched
         self._last = None
 
+    def restart(self) -> None:
+        """After a number that is not finite."""
+        self.white_variance = self.white * self.white
+        self.forget()
+
     @property
     def off_centre(self) -> bool:
         return abs(self.mean) > UNBIASED * sqrt(self._share / (2.0 - self._share))
@@ -103,7 +109,7 @@ class Quantity:
             why: the event that an outlier is counted as in the messages.
         """
         before, self._stamp_ns = self._stamp_ns, stamp_ns
-        dt = 1.0 if before is None else min(1.0, max(1e-3, (stamp_ns - before) * 1e-9))
+        dt = 1.0 if before is None else min(LONGEST, max(1e-3, (stamp_ns - before) * 1e-9))
         self.period = dt
         Ph, explained = f.explained(h)
         S = explained + self._variance(dt)
@@ -147,7 +153,9 @@ class Quantity:
             self.white_variance = min(max(measured, QUIETER**2 * stated), NOISIER**2 * stated)
         self._last = innovation
         if self.coloured > 0.0:
-            off = innovation - self.mean * sqrt(explained + self._variance(dt))  # a mean is no noise
+            off = innovation - self.mean * sqrt(
+                explained + self._variance(dt)
+            )  # a mean is no noise
             seen = (off * off - explained) / (self.coloured * self.coloured)
             seen = max(0.0, min(2.0 * self.most_factor, seen))
             self.factor += min(0.1, dt / MATCHED_S) * (seen - self.factor)

@@ -30,7 +30,10 @@ AFLOAT_TURN, DRIVEN_TURN = 5e-5, 6e-4
 
 # Before the dive a rest is longer and its limits are wider: it may bob. What the mean of half
 # seconds scatters by is in its spread.
-MOST_RATE_STD, MOST_FORCE_STD = 0.02, 0.2  # [rad/s], [m/s²] a larger one within half a second is motion
+MOST_RATE_STD, MOST_FORCE_STD = (
+    0.02,
+    0.2,
+)  # [rad/s], [m/s²] a larger one within half a second is motion
 SCATTERED = 0.3  # [-] of their spread: a swell of 8 s averages out by so much in 10 s
 MOST_CHANGE = 1500.0  # [Pa] of pressure in the whole rest, and 3 σ: 15 cm; more is no bobbing
 ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away
@@ -91,7 +94,9 @@ class Rest:
         self._block.begin()
         self._rests = []
 
-    def fuse(self, f: Filter, force: Vec3, rate: Vec3, dt: float, at_ns: int, *, driven: bool) -> Event | None:
+    def fuse(
+        self, f: Filter, force: Vec3, rate: Vec3, dt: float, at_ns: int, *, driven: bool
+    ) -> Event | None:
         """One sample, biases included. Returns an event to tell."""
         block = self._block
         if not block.add((*force, *rate), dt):
@@ -229,7 +234,11 @@ class Calibration:
             for column in list(zip(*self._means, strict=True))[3:]
         )
         change, std = self._pressure_change()
-        n, e, d = (_mean(column) for column in zip(*self._fields, strict=True)) if self._fields else (0.0,) * 3
+        n, e, d = (
+            (_mean(column) for column in zip(*self._fields, strict=True))
+            if self._fields
+            else (0.0,) * 3
+        )
         return Calibrated(
             (p, q, r), (a, b, c), (fx, fy, fz), _mean(self.pressures),
             hypot(_spread(self.pressures) / sqrt(len(self.pressures)), change if abs(change) > 3.0 * std else 0.0),

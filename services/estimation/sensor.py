@@ -227,7 +227,7 @@ def _usbl(sample: UsblSample) -> tuple[Content, Event | None]:
     return (sample.north, sample.east), _unless(possible, topics.USBL.key)
 
 
-def _unless(possible: bool, key: str) -> Event | None:  # noqa: FBT001
+def _unless(possible: bool, key: str) -> Event | None:
     return None if possible else events.IMPLAUSIBLE(key)
 
 

@@ -56,7 +56,9 @@ class Start:
         self._first_ns: int | None = None  # [ns] first usable IMU sample
         self._felt_ns: int | None = None  # [ns] when the accelerometer felt a motion
         self._next_line = inf  # [s] left
-        self.afloat = False  # no thruster has run: the longer it floats, the better the air is known
+        self.afloat = (
+            False  # no thruster has run: the longer it floats, the better the air is known
+        )
 
     @property
     def at_rest(self) -> bool:
@@ -120,7 +122,7 @@ class Start:
         return result
 
     def _begin(self) -> None:
-        self.calibration.begin()
+        self.calibration = Calibration(self._settings.calibration)
         self._next_line = inf
 
     def _sound(self, result: Calibrated | None) -> Calibrated | None:

@@ -25,8 +25,8 @@ from messages.pilot import PilotRequest
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation
-from services.estimation.core import Settings as EstimationSettings
-from services.estimation.sensor_watch import RATE_TOLERANCE
+from services.estimation.sensor import RATE_TOLERANCE
+from services.estimation.settings import Settings as EstimationSettings
 from services.marine.attitude import wrapped
 from services.marine.vehicle import Vehicle, wrench_per_newton
 from services.runtime.bus.envelope import Say

@@ -76,8 +76,8 @@ def test_an_outbox_counts_all_and_says_what_the_row_says() -> None:
 def test_what_is_normal_in_any_dive_is_no_trouble() -> None:
     counts = {
         events.DROPPED("state").name: 3,
-        "accelerating": 90,
-        "resting:gyroscope": 1,
+        "resting:gyro_bias": 90,
+        "unready": 1,
         "mine": 2,
     }
     assert events.troubles(counts) == 5

@@ -5,7 +5,7 @@ from math import dist, pi, tau
 import pytest
 
 from messages.pilot import RequestKind
-from services.estimation.horizontal.horizontal_observer import LOST_AFTER
+from services.estimation.aids import LOST_AFTER
 from tests.support.sortie import HANDS_OFF, Sortie
 
 REARMED: tuple[RequestKind, ...] = ("disarm", "arm", "home")

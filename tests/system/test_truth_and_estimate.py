@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from messages import topics
+from messages import events, topics
 from messages.message import Estimate
 from messages.state import VehicleState
 from messages.vehicle import Truth
@@ -80,7 +80,7 @@ def sailed(
     port.each(topics.TRUTH, lambda m, _: truth.update({m.stamp_ns: m}))
     port.each(topics.STATE, lambda m, _: states.append(m))
     host.run(round((CALIBRATED + FLOWN) * S))
-    assert not [name for name in host.nodes["estimation"].counts if name.startswith("clipped")]
+    assert events.INCONSISTENT_IMU.name not in host.nodes["estimation"].counts
     running = [state for state in states if state.phase == "running" and state.sensor_ns in truth]
     assert len(running) > 0.99 * FLOWN * topics.IMU.hz
     return running, truth

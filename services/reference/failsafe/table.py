@@ -124,7 +124,7 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
         ),
         FailsafeRow(
             events.SENSOR_TROUBLE,
-            "`state`: troubles, by estimation (silent, noisy, frozen, distrusted, disturbed)",
+            "`state`: troubles, by estimation (silent, noisy, frozen, inconsistent, disturbed)",
             (NOTICE,),
             told=False,
         ),

@@ -22,9 +22,8 @@ from messages.sensors import (
 from messages.state import VehicleState
 from messages.vehicle import Actuation
 from services.estimation.core import Estimator
-from services.estimation.settings import Settings
-from services.estimation.sensor import SensorWatch, ThrustWatch, WatchSettings, watches_of
-from services.estimation.settings import CalibrationSettings
+from services.estimation.sensor import Sensor, sensors_of
+from services.estimation.settings import CalibrationSettings, Settings, WatchSettings
 from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
@@ -235,7 +234,7 @@ def test_a_wrong_rate_is_counted_once_per_passage() -> None:
 
 def test_a_drop_out_is_not_a_wrong_rate() -> None:
     outbox = Outbox()
-    watch = SensorWatch("sensor/x", 10.0, outbox, 10.0)
+    watch = Sensor("sensor/x", outbox, 10.0, hz=10.0)
     at = 0
     for k in range(500):
         at += (5000 if k % 7 == 6 else 100) * MS
@@ -355,8 +354,7 @@ def decodes(state: VehicleState) -> bool:
 @pytest.mark.parametrize(("declared", "told"), [(100.0, 1), (20.0, 0), (30.0, 1)])
 def test_the_imu_rate_of_a_vehicle_is_said_and_no_other_is_silent(declared: float, told: int):
     outbox = Outbox()
-    thrust = ThrustWatch.of(PIONEER.thruster)
-    watch = watches_of(WatchSettings(imu_rate=declared), outbox, 200.0, thrust)[topics.IMU.key]
+    watch = sensors_of(WatchSettings(imu_rate=declared), outbox)[topics.IMU.key]
     for k in range(300):  # 20 a second
         watch.judge((0.1 * (k % 7), 0.0, -GRAVITY, 0.0, 0.0, 0.001 * (k % 5)), 50 * k * MS)
     assert outbox.counts["rate:sensor/imu"] == told

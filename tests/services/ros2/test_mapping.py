@@ -26,7 +26,7 @@ from services.camera.core import Order
 from services.camera.io.encoder import VideoEncoder
 from services.camera.sea import Picture
 from services.marine.attitude import from_euler, to_world
-from services.marine.mounting import Mount, Mounting
+from services.marine.mounting import ImuMount, Mount, Mounting
 from services.piloting.sticks import Sticks
 from services.ros2 import mapping
 from services.ros2.io.jpeg import JpegOfVideo
@@ -134,7 +134,7 @@ def test_a_drone_that_does_not_know_its_depth_is_nowhere(unknown: dict[str, Any]
 
 
 def test_a_resting_imu_measures_gravity_upwards_whichever_way_it_is_mounted() -> None:
-    upside_down = Mount(rotation=((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)))
+    upside_down = ImuMount(rotation=((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)))
     for mounting, force in ((Mounting(), -9.81), (Mounting(imu=upside_down), 9.81)):
         sample = ImuSample(stamp_ns=1, specific_force=(0.0, 0.0, force), angular_rate=(0, 0, 0.0))
         said = mapping.imu(mapping.frames_of("rov", mounting), sample, UTC_NS)
@@ -304,7 +304,7 @@ def test_garbage_is_no_jpeg(data: bytes, keyframe: bool) -> None:
 
 @given(vectors, vectors)
 def test_a_sensors_frame_is_where_it_sits_and_its_samples_are_in_it(r: Vec3, s: Vec3) -> None:
-    mounting = Mounting(imu=Mount(position=r), dvl=Mount(position=s))
+    mounting = Mounting(imu=ImuMount(position=r), dvl=Mount(position=s))
     messages = RosMessages("rov", "/rov", mounting)
     said = messages.static(UTC_NS)
     assert said is not None

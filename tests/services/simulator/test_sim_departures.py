@@ -14,7 +14,7 @@ from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.units import Quaternion, Vec6
 from services.marine.attitude import from_euler, to_euler
-from services.marine.mounting import Mount, Mounting
+from services.marine.mounting import ImuMount, Mounting
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -77,7 +77,7 @@ def test_both_centres_shifted_alike_turn_a_neutral_hull_nowhere(
 
 
 def test_sensors_may_sit_elsewhere_than_the_file_says() -> None:
-    real = Mounting(imu=Mount(rotation=((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0))))
+    real = Mounting(imu=ImuMount(rotation=((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0))))
     place = Settings(mounting=real, gyro_bias=0.0, accelerometer_bias=0.0)
     world = replace(
         at_the_surface(PIONEER, place), state=(0.0, 0.0, 5.0, *from_euler(0.5, 0.0, 0.0), *REST)

@@ -18,7 +18,7 @@ from messages.sensors import (
 )
 from messages.units import Vec3
 from services.marine.attitude import from_euler, normalised, to_world
-from services.marine.mounting import ALONG, Mount, Mounting, Placed, Rotation, Turned
+from services.marine.mounting import ALONG, ImuMount, Mount, Mounting, Placed, Rotation, Turned
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -60,7 +60,7 @@ def test_to_the_sensors_axes_and_back_is_nothing(angles: Vec3, vector: Vec3) -> 
 def test_a_mounted_imu_that_turns_steadily_is_put_right(
     angles: Vec3, arm: Vec3, force: Vec3, rate: Vec3
 ) -> None:
-    mount = Mount(rotation=rotation(angles), position=arm)
+    mount = ImuMount(rotation=rotation(angles), position=arm)
     felt, turned = measured_there(mount, MountedAxes(mount), force, rate, (0.0, 0.0, 0.0))
     credentials = AtOrigin(Mounting(imu=mount), DENSITY)
     for i in range(3):
@@ -72,7 +72,7 @@ def test_a_mounted_imu_that_turns_steadily_is_put_right(
 
 def test_the_angular_acceleration_is_felt_and_taken_off() -> None:
     """A point on an arm ahead is pushed sideways when the vehicle begins to turn."""
-    mount = Mount(position=(0.5, 0.0, 0.0))
+    mount = ImuMount(position=(0.5, 0.0, 0.0))
     credentials, felt, heard = AtOrigin(Mounting(imu=mount), DENSITY), (0.0, 0.0, 0.0), None
     for i in range(100):
         rate, acceleration = (0.0, 0.0, 0.02 * i), (0.0, 0.0, 2.0)

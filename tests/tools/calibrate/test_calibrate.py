@@ -17,7 +17,7 @@ from messages.sensors import ImuSample, PressureSample
 from messages.units import Quaternion, Vec6
 from services.marine.attitude import from_euler
 from services.marine.calibration import SensorCalibration
-from services.marine.mounting import Mount, Mounting, Turned
+from services.marine.mounting import ImuMount, Mounting, Turned
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
@@ -292,7 +292,7 @@ def test_estimation_corrects_by_the_table() -> None:
         hard_iron=(4e-6, -3e-6, 2e-6),
         pressure_offset=700.0,
     )
-    mounting = Mounting(imu=Mount(rotation=QUARTER))
+    mounting = Mounting(imu=ImuMount(rotation=QUARTER))
     q_NB, nu = from_euler(0.3, -0.2, 1.0), (0.1, 0.2, 0.3, 0.1, -0.2, 0.3)
     good, bad = sensors(5, SensorErrors(), mounting), sensors(5, wrong, mounting)
     corrected = AtOrigin(Mounting(), SEA_WATER, calibration)

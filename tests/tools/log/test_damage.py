@@ -168,7 +168,7 @@ def test_losses_are_counted_by_the_rule_of_the_summary(
     dive: ShortDive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording = open_recording(dive.folder)
-    counts = {"loss:state": 5, "accelerating:sensor/imu": 535}  # the second is no loss
+    counts = {"loss:state": 5, "resting:gyro_bias": 535}  # the second is no loss
     report = replace(report_on(read_dive(recording), Extras()), losses=counts)
 
     def same(_dive: RecordedDive, _extras: Extras) -> Report:

@@ -15,11 +15,10 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from messages.units import Vec3
 from services.estimation.core import Estimator
-from services.estimation.settings import Settings
-from services.estimation.settings import CalibrationSettings
 from services.estimation.first_samples import MOST_TILT, tilt, wrong_at_rest
+from services.estimation.settings import CalibrationSettings, Settings
 from services.marine.attitude import from_euler, to_body
-from services.marine.mounting import Mount, Mounting
+from services.marine.mounting import ImuMount, Mounting
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
 
@@ -146,7 +145,7 @@ def test_an_imu_upside_down_never_ends_the_calibration(how: tuple[float, float],
 
 def test_a_mounting_in_the_vehicle_file_that_is_untrue_by_half_a_turn_is_found():
     vehicle = Stack().section("vehicle", Vehicle)
-    turned = Mount(rotation=((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)))
+    turned = ImuMount(rotation=((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)))
     told = msgspec.structs.replace(vehicle, mounting=Mounting(imu=turned))
     bench = Bench(vehicle=told)
     assert not runs(bench, 6.0)

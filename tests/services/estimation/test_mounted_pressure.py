@@ -10,8 +10,7 @@ from messages.sensors import ImuSample, PressureSample
 from messages.state import VehicleState
 from messages.units import Vec3
 from services.estimation.core import Estimator
-from services.estimation.settings import Settings
-from services.estimation.settings import CalibrationSettings
+from services.estimation.settings import CalibrationSettings, Settings
 from services.marine.attitude import from_euler, to_body, to_world
 from services.marine.mounting import Mounting, Placed
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER, Vehicle

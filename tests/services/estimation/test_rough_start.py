@@ -9,8 +9,7 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from messages.vehicle import Actuation
 from services.estimation.core import Estimator
-from services.estimation.settings import Settings
-from services.estimation.settings import CalibrationSettings
+from services.estimation.settings import CalibrationSettings, Settings
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, SEA_WATER
 
 MS = 1_000_000  # [ns]
@@ -67,7 +66,7 @@ def test_it_begins_within_some_seconds_and_learns_the_bias_from_gravity():
     assert state.roll.value == pytest.approx(vehicle.roll, abs=0.02)
     assert abs(state.pitch.value) < 0.02
     assert state.depth.value == pytest.approx(DEPTH, abs=3.0 * state.depth.std)
-    assert vehicle.estimator.outbox.counts["doubted:gyroscope"] == 0
+    assert vehicle.estimator.outbox.counts["inconsistent:sensor/imu"] == 0
 
 
 def test_the_first_rest_calibrates_it():

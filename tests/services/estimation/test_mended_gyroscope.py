@@ -9,8 +9,7 @@ import pytest
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from services.estimation.core import Estimator
-from services.estimation.settings import Settings
-from services.estimation.settings import CalibrationSettings
+from services.estimation.settings import CalibrationSettings, Settings
 from services.marine.vehicle import GRAVITY, SEA_WATER
 
 QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for
@@ -70,7 +69,7 @@ def under_way(*, compass: bool = True) -> Turning:
 def assert_right(state: VehicleState, vehicle: Turning) -> None:
     assert state.heading.valid
     assert state.yaw_rate.valid
-    assert state.yaw_rate.value == pytest.approx(vehicle.rate, abs=0.02)
+    assert state.yaw_rate.value == pytest.approx(vehicle.rate, abs=0.03)
 
 
 @pytest.mark.parametrize("bias", [0.1, -0.3])
@@ -81,11 +80,11 @@ def test_once_mended_heading_and_rate_are_known_again_while_it_turns(bias: float
     vehicle.bias = 0.0
     state = vehicle.run(40.0)
     assert_right(state, vehicle)
-    assert vehicle.counts["trusted:gyroscope"] >= 1
+    assert vehicle.counts["found:heading"] >= 1
     assert state.heading_navigation is not None
     north = state.heading_navigation
     assert cos(north.value - vehicle.heading) > cos(0.1)
-    assert any("gyroscope fits" in text for _, text, _ in vehicle.estimator.outbox.said)
+    assert any("compass measures" in text for _, text, _ in vehicle.estimator.outbox.said)
 
 
 def test_a_step_that_lasts_is_learnt_from_the_magnetometer_while_it_turns() -> None:
@@ -100,7 +99,7 @@ def test_without_a_magnetometer_a_step_that_lasts_leaves_the_heading_unknown() -
     vehicle = under_way(compass=False)
     vehicle.bias = 0.1
     state = vehicle.run(25.0)
-    assert vehicle.counts["stepped:gyroscope"] == 1
+    assert vehicle.counts["inconsistent:sensor/imu"] == 1
     assert not state.heading.valid
     assert not state.yaw_rate.valid
 

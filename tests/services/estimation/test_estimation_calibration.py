@@ -34,7 +34,7 @@ def test_at_rest_the_bias_is_the_mean_rate():
     assert learnt is not None
     assert learnt.gyro_bias == pytest.approx(BIAS.tolist(), abs=5e-4)
     assert learnt.pressure == pytest.approx(101_325.0)
-    assert learnt.heading is None
+    assert learnt.field is None
 
 
 def test_motion_begins_the_average_anew_and_is_said_once():
@@ -67,13 +67,3 @@ def test_without_pressure_there_is_no_result():
         calibration.imu((0.0, 0.0, -GRAVITY), (0.0, 0.0, 0.0), DT)
     assert calibration.result() is None
     assert calibration.lacks_pressure
-
-
-def test_the_first_heading_is_the_mean_of_the_compass():
-    calibration = Calibration(QUICK)
-    calibration.magnetometer((0.0, -19e-6, 45e-6))
-    calibration.magnetometer((0.0, -21e-6, 45e-6))
-    feed(calibration, 3.0)
-    learnt = calibration.result()
-    assert learnt is not None
-    assert learnt.heading == pytest.approx(np.pi / 2, abs=0.01)  # north is to port: it looks east

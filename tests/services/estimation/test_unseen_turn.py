@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.state import VehicleState
 from services.estimation.core import Estimator
-from services.estimation.settings import Settings
-from services.estimation.settings import CalibrationSettings
+from services.estimation.settings import CalibrationSettings, Settings
 from services.marine.vehicle import GRAVITY, SEA_WATER
 
 QUICK = Settings(calibration=CalibrationSettings(still_time=3.0))  # [s] less to wait for
@@ -74,14 +73,15 @@ def test_the_heading_is_unknown_until_the_compass_has_measured_the_turn(
     assert state.heading_navigation is not None
     assert not state.heading_navigation.valid
     assert state.yaw_rate.valid  # the gyroscope is sound
-    state = vehicle.run(1.0)
+    state = vehicle.run(2.0)
     assert state.heading.valid
-    assert remainder(state.heading.value - by, 2.0 * pi) == pytest.approx(0.0, abs=0.01)
-    assert state.heading.std < 0.1
+    off = 3.0 * state.heading.std
+    assert remainder(state.heading.value - by, 2.0 * pi) == pytest.approx(0.0, abs=off)
+    assert state.heading.std < 0.15
     assert state.heading_navigation is not None
     assert state.heading_navigation.valid
     north = state.heading_navigation.value
-    assert remainder(north - by, 2.0 * pi) == pytest.approx(0.0, abs=0.01)
+    assert remainder(north - by, 2.0 * pi) == pytest.approx(0.0, abs=off)
     assert vehicle.estimator.outbox.counts["found:heading"] == 1
 
 
@@ -90,7 +90,7 @@ def test_the_compass_turns_nothing_while_the_imu_is_silent() -> None:
     vehicle.imu, vehicle.heading = False, 0.15
     vehicle.run(10.0)  # within the compass' gate
     vehicle.imu = True
-    assert vehicle.run(1.5).heading.value == pytest.approx(0.15, abs=0.01)
+    assert vehicle.run(2.5).heading.value == pytest.approx(0.15, abs=0.05)
 
 
 def test_near_iron_the_heading_stays_unknown() -> None:
@@ -99,7 +99,7 @@ def test_near_iron_the_heading_stays_unknown() -> None:
     vehicle.iron = 20e-6
     assert not vehicle.run(5.0).heading.valid
     vehicle.iron = 0.0
-    assert vehicle.run(1.5).heading.value == pytest.approx(1.0, abs=0.01)
+    assert vehicle.run(15.0).heading.value == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_short_silence_leaves_the_heading_known() -> None:
