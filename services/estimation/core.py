@@ -455,8 +455,8 @@ class Estimator:
                 self._align(learnt.field, at_ns)
             f.forget(YAW, LEAST_HEADING)
             bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
-            said = f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air.pressure / 100.0:.1f} hPa"
-            self.outbox.say("info", said)
+            said = f"atmosphere {air.pressure / 100.0:.1f} hPa"
+            self.outbox.say("info", f"calibrated: gyroscope bias {bias} deg/s, {said}")
         elif max(f.tilt_stds) < UNSURE_TILT and self._hull.fits(f, at_ns) and start.gives_up():
             self._start, self._improving = None, Calibration(self._settings.calibration)
             self.outbox.tell(events.ROUGH_CALIBRATION())
@@ -652,7 +652,9 @@ class Estimator:
         noise = FORCE_FACTOR * self._settings.depth.acceleration_noise * BANDWIDTH**0.5
         return hypot(self.filter.std(FORCE + 2), noise)
 
-    def _find_troubles(self, now: int, imu: bool, heard: bool) -> tuple[str, ...]:
+    def _find_troubles(  # noqa: C901 - all there is, top down
+        self, now: int, imu: bool, heard: bool
+    ) -> tuple[str, ...]:
         """Names of the events that say which sensors cannot be used now, and why. A sensor that the
         state lacks, and when it is back, is told once."""
         found = list[str]()

@@ -29,8 +29,8 @@ JUMPED_RATE, RESTARTED_RATE = 0.1, 0.5  # [m/s] 1σ of the rate after a jump, or
 STEPS = 2.0  # [steps] through which a coarse sensor has to change its value
 CHANGES = 3  # … after which the least one seen is its step
 # The wave: its variance rises and falls with these time constants, and is never less than the
-# filter can tell from nothing. Its rate is that of a sea's peak, 3 to 9 s. Tuned on simulated dives,
-# range 5 … 20 and 20 … 100 s.
+# filter can tell from nothing. Its rate is that of a sea's peak, 3 to 9 s. Tuned on simulated
+# dives, range 5 … 20 and 20 … 100 s.
 WAVE_RISE, WAVE_FALL = 10.0, 25.0  # [s]
 LEAST_WAVE, MOST_WAVE, FIRST_WAVE = 0.001, 100.0, 0.005  # [m] 1σ; the last before any is felt
 LEAST_RATE, MOST_RATE, FIRST_RATE = 0.7, 2.0, 1.0  # [rad/s]
@@ -118,7 +118,7 @@ class Pressure:
         outcome = quantity.fuse(f, h, depth, innovation, stamp_ns, why=outlier)
         if outcome is Outcome.USED:
             self._lost = False
-            return self._hear_wave(f, off, stamp_ns)
+            return self._hear_wave(f, off)
         if outcome is Outcome.OUTLIER:
             return outlier
         # Did it jump there, or had the filter drifted off?
@@ -148,7 +148,7 @@ class Pressure:
         sensor.repeats, sensor.rest_ns = coarse, 1 << 62 if coarse and not moved else None
         quantity.rounding = step * step / 12.0 if coarse else 0.0
 
-    def _hear_wave(self, f: Filter, off: float, stamp_ns: int) -> Event | None:
+    def _hear_wave(self, f: Filter, off: float) -> Event | None:
         """The wave's variance is what neither noise nor the depth's own error explains; its rate
         squared is the ratio of its states' variances, as of a stationary oscillator."""
         dt = self.quantity.period

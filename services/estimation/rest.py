@@ -239,9 +239,10 @@ class Calibration:
             if self._fields
             else (0.0,) * 3
         )
+        lasting = change if abs(change) > 3.0 * std else 0.0
         return Calibrated(
             (p, q, r), (a, b, c), (fx, fy, fz), _mean(self.pressures),
-            hypot(_spread(self.pressures) / sqrt(len(self.pressures)), change if abs(change) > 3.0 * std else 0.0),
+            hypot(_spread(self.pressures) / sqrt(len(self.pressures)), lasting),
             self.driven, (n, e, d) if self._fields else None,
         )  # fmt: skip
 

@@ -111,7 +111,7 @@ class Sensor:
             self._rhythm.see(stamp_ns)
 
     def judge(self, content: Content, stamp_ns: int) -> Event | None:
-        """Why a sample with these numbers, valid at this time [ns], cannot be used; None: it can."""
+        """Why a sample with these numbers at this time [ns] cannot be used; None: it can."""
         tell, key, last_ns = self._outbox.tell, self.key, self._stamp_ns
         same = content == self._content
         if last_ns is not None and stamp_ns <= last_ns:

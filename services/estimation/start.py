@@ -105,8 +105,8 @@ class Start:
         self._block(sensor or self._resting or self._lack() or self._unrest(now))
 
     def imu(self, force: Vec3, rate: Vec3, dt: float) -> Calibrated | None:
-        """One usable sample [m/s², rad/s], `dt` [s] after the one before. Returns the result once it
-        is complete."""
+        """One usable sample [m/s², rad/s], `dt` [s] after the one before. Returns the result once
+        it is complete."""
         self._used_ns = self._now
         if self._first_ns is None:
             self._first_ns = self._now
