@@ -35,7 +35,6 @@ LEAST_LEVEL = 2e-6  # [T] less horizontal field than this has no usable directio
 LEAST_EARTH, MOST_EARTH = 20.0, 70.0  # [µT] the Earth's field is 22 to 67 µT
 FIELD_TOLERANCE, DIP_TOLERANCE = 4.0, 5.0  # [µT], [deg] of the normal field
 GATE = radians(10.0)  # [rad] from the gyroscope
-TURNED = 0.1  # [rad] of heading, within which the field must not turn by `GATE`
 HOLD_OFF = 3.0  # [s] of normal field before the compass is used again
 RELEARN = 120.0  # [s] a field unchanged for so long is the new normal one
 STEADY, STEADY_S = 2.0, 5.0  # [µT] 1σ of a field that may teach the gyroscope, over [s]
@@ -64,7 +63,6 @@ class Compass:
         self._good_for = self._steady_for = (
             0.0  # [s] normal, after a disturbance; not normal, alike
         )
-        self._anchor: tuple[float, float] | None = None  # [rad] heading, and bearing less that
         self._first = (0.0, 0.0, 0.0)  # strength, dip, bearing when that began
         self._sum: Vec3 = (0.0, 0.0, 0.0)
         self._count, self._since_ns = 0, 0
@@ -117,7 +115,6 @@ class Compass:
         )
         learning = self.lost or f.std(GYRO + 2) > UNKNOWN_BIAS  # so the gyroscope refutes nothing
         gate = pi if learning else max(GATE, 3.0 * self.north_std(f))
-        self._hear_drift(f, bearing, hypot(level, d), atan2(d, level))
         event = self._judge(hypot(level, d), atan2(d, level), bearing, innovation, gate, dt)
         if not self._trusted:
             why = events.DISTURBED(topics.MAGNETOMETER.key)
@@ -190,18 +187,6 @@ class Compass:
         P = f.P
         total = float(P[NORTH, NORTH] + 2.0 * P[NORTH, YAW] + P[YAW, YAW])
         return min(pi, sqrt(max(0.0, total)))
-
-    def _hear_drift(self, f: Filter, bearing: float, strength: float, dip: float) -> None:
-        """A steady field turns about a vehicle that does not turn: the gyroscope drifts."""
-        steady = self._spread < STEADY**2 and self.is_normal(strength, dip) and self.knows_north
-        if self._anchor is None or not steady or abs(f.heading - self._anchor[0]) > TURNED:
-            self._anchor = f.heading, bearing
-        off = remainder(bearing - self._anchor[1], 2.0 * pi)
-        if abs(off) > GATE and not self.lost:
-            self.lose()
-            self._anchor = None
-            f.widen(YAW, abs(off))
-            f.widen(GYRO + 2, UNUSABLE_BIAS)
 
     def _hear_spread(self, level: float, down: float, dt: float) -> None:
         if self._mean is None:

@@ -195,9 +195,11 @@ class Filter:
         P = self.P
         moved = (G * P[MOVED_BY]).sum(axis=1)  # G P
         twice = (G * np.ascontiguousarray(moved.T)[MOVED_BY]).sum(axis=1)  # G P Gᵀ
-        P[:ERRATIC] += moved
-        P[:, :ERRATIC] += moved.T
-        P[:ERRATIC, :ERRATIC] += 0.5 * (twice + twice.T)
+        added = np.zeros((SIZE, SIZE))
+        added[:ERRATIC] = moved
+        added += added.T.copy()  # in this order it stays symmetric to the last bit
+        added[:ERRATIC, :ERRATIC] += 0.5 * (twice + twice.T)
+        P[:] += added
         gyro = (WIDE_GYRO_WALK if self.wide_gyro else GYRO_WALK) ** 2 * dt
         force = (WIDE_FORCE_WALK if self.wide_force else FORCE_WALK) ** 2 * dt
         current = CURRENT_WALK**2 * dt
