@@ -87,7 +87,8 @@ ARM_S, SPIN_S = 0.1, 0.5  # [s]
 FIRST_TILT, FIRST_GYRO, FIRST_FORCE = 0.1, 0.1, 0.1  # [rad], [rad/s], [m/s²]
 LEVELLED, FIRST_VELOCITY, FAR = 0.01, 0.2, 100.0  # [m], [m/s], [m]
 RESUMED_GYRO, RESUMED_FORCE = 1e-3, 0.02  # [rad/s], [m/s²] from before a restart
-WIDE_S = 2.0
+WIDE_S = 2.0  # [s] they may walk quickly, after the last time
+REJECTED = 0.2  # [-] share of outliers that says the same: five in a row
 # While innovations are not centred, once, where more than the pressure says so.
 INCONSISTENT_TILT, INCONSISTENT_GYRO = 0.1, 0.3  # [rad], [rad/s]
 STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
@@ -352,7 +353,7 @@ class Estimator:
         """Whose mean innovation is not zero? Then the IMU's biases have changed: they may walk
         quickly until it is."""
         f = self.filter
-        by_hull = any(quantity.off_centre for quantity in self._hull.quantities)
+        by_hull = any(q.off_centre or q.out > REJECTED for q in self._hull.quantities)
         off, wide = by_hull or self._pressure.quantity.off_centre, f.wide_force
         if off:
             self._off_ns = at_ns

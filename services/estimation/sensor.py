@@ -38,7 +38,7 @@ GAP = 5.0  # [periods] a longer break is a drop-out and does not count in the ra
 # age of its sample.
 MAGNETOMETER_SILENT, DVL_SILENT, USBL_SILENT = 1.0, 5.0, 20.0  # [s]
 # A noisy sensor never repeats a value for so long.
-PRESSURE_FROZEN, MAGNETOMETER_FROZEN, DVL_FROZEN, USBL_FROZEN = 1.0, 1.0, 10.0, 20.0  # [s]
+PRESSURE_FROZEN, MAGNETOMETER_FROZEN, DVL_FROZEN, USBL_FROZEN = 0.8, 1.0, 10.0, 20.0  # [s]
 # 1σ of one sample that the pilot is told of; the filter weighs it long before.
 FORCE_NOISE, GYRO_NOISE, PRESSURE_NOISE = 2.0, 0.15, 5000.0  # [m/s²], [rad/s], [Pa]
 NOISE_SAMPLES = 40  # of the running mean
