@@ -25,6 +25,7 @@ KNOWN_RATE = 0.1  # [m/s] 1σ; without pressure the accelerometer keeps it below
 PATIENCE = 1.5  # [s] of outliers only
 MEAN_MEMORY = 12.0  # [s] of the mean innovation: longer than a wave
 GROWN = 0.6  # [σ] mean innovation before the first outlier: it has grown, and did not jump
+GROWN_FAST = 1.0  # [σ] the same of the newest one: it grows within some samples
 JUMPED_RATE, RESTARTED_RATE = 0.1, 0.5  # [m/s] 1σ of the rate after a jump, or a restart
 STEPS = 2.0  # [steps] through which a coarse sensor has to change its value
 CHANGES = 3  # … after which the least one seen is its step
@@ -119,10 +120,12 @@ class Pressure:
         if outcome is Outcome.USED:
             self._lost = False
             return self._hear_wave(f, off)
-        if outcome is Outcome.OUTLIER:
-            return outlier
-        # Did it jump there, or had the filter drifted off?
+        # Did it jump there, or is the filter drifting off, because the IMU is wrong?
         grown = quantity.mean * innovation > GROWN * abs(innovation)
+        fast = f.wide_force and quantity.newest * innovation > GROWN_FAST * abs(innovation)
+        if outcome is Outcome.OUTLIER and not fast:
+            return outlier
+        grown = grown or fast
         f.forget(DEPTH, abs(innovation))
         f.widen(DEPTH_RATE, RESTARTED_RATE if grown else JUMPED_RATE)
         quantity.set_anew(f, h, innovation, stamp_ns)

@@ -76,6 +76,7 @@ class Quantity:
     def forget(self) -> None:
         """The innovations before say nothing about those to come."""
         self.mean = 0.0  # [σ] running, of the innovations
+        self.newest = 0.0  # [σ] of the newest used
         self.variance_ratio = 1.0  # [-] running, of their squares over their variance
         self.out = 0.0  # [-] share of outliers lately
         self._share = 0.0  # [-] of the newest in the mean
@@ -123,7 +124,8 @@ class Quantity:
             self.out += share * (1.0 - self.out)
             return Outcome.PERSISTENT if self.out > MOST_OUT else Outcome.OUTLIER
         self.out -= share * self.out
-        self._centre(innovation / std, dt)
+        self.newest = innovation / std
+        self._centre(self.newest, dt)
         self._match(innovation, explained, dt)
         used = max(-CLIP * std, min(CLIP * std, innovation))
         self._weights += used / innovation if innovation else 1.0
