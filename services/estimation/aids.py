@@ -145,7 +145,7 @@ class Aids:
             outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, states)
             found = max(found, outcome, key=lambda each: each.value)
         if found is not Outcome.OUTLIER:
-            self._lock.believe()
+            self._lock.take()
             if self._begun_ns is None:
                 self._begin(f, sample.stamp_ns)
         return self._heard_of(DVL, "velocity", found, sample.stamp_ns)
@@ -271,7 +271,7 @@ class BottomLock:
     swim.
 
     Call `sink` as the vehicle moves, then for each sample `see`, `swims` and, if its velocity is
-    used, `believe`.
+    used, `take`.
     """
 
     _expected: float | None = None  # [m] altitude over the bottom that is seen
@@ -292,7 +292,7 @@ class BottomLock:
         self._newest, self._newest_ns = altitude, stamp_ns
         expected = self._expected if since <= LONGEST_ALTITUDE else None
         if altitude is None or expected is None or abs(altitude - expected) <= most:
-            self.believe()
+            self.take()
         else:
             self._jumped = True
 
@@ -304,6 +304,6 @@ class BottomLock:
             self._swims_ns = stamp_ns
         return (stamp_ns - self._swims_ns) * 1e-9 < DVL_PATIENCE
 
-    def believe(self) -> None:
+    def take(self) -> None:
         """What is seen is the bottom from now on."""
         self._expected, self._jumped, self._swims_ns = self._newest, False, None

@@ -77,7 +77,6 @@ LONGEST_STEP, MOST_STEPS = 0.5, 20  # [s], [-] of a blind prediction
 LONGEST_GAP = 60.0  # [s] of a restart that matters
 BETWEEN = 0.25  # [-] of a change from sample to sample that may have come early or late: a knock
 SCALE = 0.01  # [-] of a turn that is missed or leaks into another axis
-FORCE_FACTOR = 1.0
 GYRO_NOISE = 3e-4  # [rad/s/√Hz] of a small MEMS gyroscope
 YAW_RATE_CUTOFF, YAW_RATE_STD = 8.0, 0.0006  # [Hz] of the low-pass, [rad/s] of what it lets through
 # An IMU that is not where it is said to be feels ω² and ω̇ for so long, averaged over so long.
@@ -308,7 +307,7 @@ class Estimator:
         self._turn(mean_rate, w0, rate, dt)
         f.predict(_mean(f0, force), mean_rate, dt, self._densities(dt, noise), unseen)
         if dt > INTEGRATED:
-            f.doubt_blind(dt)
+            f.widen_blind(dt)
             self._hull.restart()
         self._at_ns = at_ns
         if dt > TOLD_GAP:
@@ -334,7 +333,7 @@ class Estimator:
         """[m²/s³], [rad²/s] of what the IMU does not measure: its noise as stated, or as measured
         where that is more, and what a turn adds."""
         x, y, z, p, q, r = noise
-        stated = FORCE_FACTOR * self._settings.depth.acceleration_noise
+        stated = self._settings.depth.acceleration_noise
         force = max(stated * stated, (x + y + z) / 3.0 * dt)
         rate = max(GYRO_NOISE * GYRO_NOISE, (p + q + r) / 3.0 * dt)
         force += 2.0 * ARM_S * self._arm * self._arm * self._swinging
@@ -427,7 +426,7 @@ class Estimator:
 
     def _float(self, pressure: float) -> None:
         """While it floats, the air is that above its floating depth; in waves the mean is. Where
-        no thrust is reported, nobody knows that it floats."""
+        no thrust is reported, it may not float."""
         afloat = self._at_ns is not None and self._hull.is_afloat(self._at_ns)
         if self._was_afloat and not afloat:
             return
@@ -650,7 +649,7 @@ class Estimator:
         )
 
     def _acceleration_std(self) -> float:
-        noise = FORCE_FACTOR * self._settings.depth.acceleration_noise * BANDWIDTH**0.5
+        noise = self._settings.depth.acceleration_noise * BANDWIDTH**0.5
         return hypot(self.filter.std(FORCE + 2), noise)
 
     def _find_troubles(  # noqa: C901 - all there is, top down

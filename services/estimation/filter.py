@@ -154,10 +154,10 @@ class Filter:
         """Advance by `dt` [s] without IMU: constant velocity, unknown turns."""
         vn, ve, vd = self.velocity
         self._move(vn, ve, vd, dt)
-        self.doubt_blind(dt)
+        self.widen_blind(dt)
         self._advance(dt)
 
-    def doubt_blind(self, dt: float) -> None:
+    def widen_blind(self, dt: float) -> None:
         """What may have happened in `dt` [s] without IMU."""
         for k in range(3):
             self._noise[k] += BLIND_FORCE**2 * dt

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from messages import events, topics
 from messages.events import Event
-from services.estimation.filter import DEPTH, DEPTH_RATE, TILT, WAVE, Filter, to_world
+from services.estimation.filter import DEPTH, DEPTH_RATE, WAVE, Filter
 from services.estimation.quantity import Outcome, Quantity
 from services.estimation.sensor import Sensor
 from services.estimation.settings import Settings
@@ -66,7 +66,6 @@ class Pressure:
         self.air = STANDARD
         self.moved = 0.0  # [m] sum of the jumps of the pressure that were followed
         self.newest: float | None = None  # [Pa]
-        self._arm = (0.0, 0.0, 0.0)
         self._sensor = sensor
         self._latency_ns = round(settings.depth.pressure_latency * 1e9)
         self._lost = self._waves = False
@@ -107,11 +106,7 @@ class Pressure:
             quantity.refuse(events.LATE_PRESSURE(), stamp_ns)
             return events.LATE_PRESSURE()
         f.spread()
-        _, east, _ = lever = to_world(f.rotation, self._arm)
-        h = (
-            (DEPTH, 1.0), (DEPTH_RATE, -age), (WAVE + 1, 1.0),
-            (TILT, east), (TILT + 1, -lever[0]),
-        )  # fmt: skip
+        h = ((DEPTH, 1.0), (DEPTH_RATE, -age), (WAVE + 1, 1.0))
         depth = (pressure - self.air.pressure) / self.per_metre
         off = depth - (f.position[2] - age * f.velocity[2])
         outlier = events.OUTLIER(topics.PRESSURE.key)

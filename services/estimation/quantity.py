@@ -66,7 +66,6 @@ class Quantity:
         self.rounding = 0.0  # [unit²] of a coarse sensor
         self.white_variance = white * white  # [unit²] as measured
         self.used_ns: int | None = None  # [ns] newest sample used
-        self.verdict: Event | None = None  # why it has less weight now
         self.period = 1.0  # [s] from the sample before to the newest
         self._stamp_ns: int | None = None  # [ns] newest sample compared
         self._last: float | None = None
@@ -208,7 +207,7 @@ class Quantity:
             reasons=tuple(self._reasons),
             mean=self.mean,
             variance_ratio=self.variance_ratio,
-            verdict=trouble if self.verdict is None else self.verdict.name,
+            verdict=trouble,
         )
         self._empty()
         return source

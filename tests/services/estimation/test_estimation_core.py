@@ -224,7 +224,7 @@ def outliers(d: Dive) -> int:
     return counts(d)["outlier:sensor/pressure"] + counts(d)["implausible:sensor/pressure"]
 
 
-def test_a_lasting_jump_of_the_sensor_is_believed_in_the_end():
+def test_a_lasting_jump_of_the_sensor_is_followed_in_the_end():
     d = dive()
     d.pressure_error = lambda t: 50e3 if t >= 8.0 else 0.0
     _, state = d.run(15.0)[-1]
@@ -381,7 +381,7 @@ def test_an_imu_sample_that_is_not_newer_is_counted_and_not_used():
     assert counts(d)["not_newer:sensor/imu"] == 1
 
 
-def test_the_last_rate_is_not_believed_across_a_gap():
+def test_the_last_rate_is_not_used_across_a_gap():
     d = dive()
     _, before = d.run(4.0)[-1]
     after = d.estimator.imu(imu(9000, (0.0, 0.0, -9.81), rate=2.0), 9000 * MS)

@@ -18,7 +18,7 @@ ODD, FITS = SWIMS**2 + 1.0, 1.0  # surprises
 def locked(altitude: float = 5.0) -> BottomLock:
     lock = BottomLock()
     lock.see(altitude, S, 0.0)
-    lock.believe()
+    lock.take()
     return lock
 
 
@@ -49,7 +49,7 @@ def test_a_jump_with_a_velocity_that_goes_on_is_a_step(to: float, odd: float, la
     lock = locked()
     lock.see(to, S + S // 10, 0.0)
     assert not lock.swims(min(odd, SWIMS**2), 2 * S)
-    lock.believe()
+    lock.take()
     lock.see(to, S + S // 5, 0.0)
     assert not lock.swims(later, 2 * S)
 
@@ -75,10 +75,10 @@ def test_without_an_altitude_or_after_a_gap_nothing_is_said() -> None:
     assert not lock.swims(ODD, 2 * S)
 
 
-def test_who_is_believed_after_all_is_the_bottom() -> None:
+def test_what_is_used_after_all_is_the_bottom() -> None:
     lock = locked()
     lock.see(2.0, S + S // 10, 0.0)
     assert lock.swims(ODD, 2 * S)
-    lock.believe()
+    lock.take()
     lock.see(2.0, S + S // 5, 0.0)
     assert not lock.swims(ODD, 2 * S)
