@@ -13,7 +13,7 @@ from messages import topics
 from tools.choices import Json
 from tools.recordings.allan import AllanNoise, Floats
 from tools.recordings.allan import noise as noise_of
-from tools.recordings.at_rest import Rest, RestingSamples, rate, read, resting
+from tools.recordings.at_rest import RestingSamples, RestStatistics, rate, read, resting
 from tools.recordings.recording import open_recording
 
 
@@ -106,7 +106,7 @@ def _line(key: str, value: float, why: str) -> SettingLine:
     return SettingLine(key, None, "every sample is the same: frozen, or too coarse")
 
 
-def as_toml(axes: list[NoiseAxis], rest: Rest) -> str:
+def as_toml(axes: list[NoiseAxis], rest: RestStatistics) -> str:
     """Figures as comments, then the lines to paste."""
     text = [
         f"# Noise at rest; used {rest.seconds:.1f} s at rest, from {rest.begin:.1f} s.",
@@ -133,7 +133,7 @@ def _figures(axis: NoiseAxis) -> str:
     )
 
 
-def as_json(axes: list[NoiseAxis], rest: Rest) -> str:
+def as_json(axes: list[NoiseAxis], rest: RestStatistics) -> str:
     """Every figure, and the settings by section and key."""
     settings = {line.key: line.value for line in lines(axes) if line.value is not None}
     found: dict[str, Any] = {

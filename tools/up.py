@@ -30,7 +30,7 @@ from tools.live.piloted_dive import tell_who_flies, who_flies
 from tools.live.resume import ESTIMATION, resumed
 from tools.onboard.broken_off import broken_off
 from tools.onboard.plan import Plan, become
-from tools.onboard.this_start import NOTE, Start, boot_id, other_vehicle
+from tools.onboard.this_start import NOTE, StartNote, boot_id, other_vehicle
 from tools.start import RECORDER_HERE, Planned, as_it_can_run, fly_planned, own, settled
 
 OTHER = {"topside": "drone", "drone": "topside"}
@@ -179,7 +179,7 @@ def goes_on_with(stack: Stack, *, resumes: bool = False) -> dict[str, bytes]:
         LindyError: the vehicle file cannot be read.
     """
     boot, now, identity = boot_id(), time.monotonic_ns(), identity_now(stack, "drone")
-    note = Start(
+    note = StartNote(
         boot_id=boot or "",
         vehicle=stack.drone_name,
         began_ns=now,

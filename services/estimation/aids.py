@@ -21,11 +21,11 @@ from services.estimation.filter import (
     TILT,
     VELOCITY,
     YAW,
-    Filter,
+    ErrorStateFilter,
     Rotation,
     to_body,
 )
-from services.estimation.quantity import Outcome, Quantity
+from services.estimation.quantity import Fusion, Quantity
 from services.vehicle.mounting import cross
 
 DVL, USBL = topics.DVL.key, topics.USBL.key
@@ -54,9 +54,9 @@ class Past(NamedTuple):
     position: tuple[float, float]  # [m] north, east
     velocity: Vec3  # [m/s] world axes
     R: Rotation
-    shift: tuple[float, ...]  # `Filter.shift`
+    shift: tuple[float, ...]  # `ErrorStateFilter.shift`
 
-    def velocity_by(self, f: Filter) -> Vec3:
+    def velocity_by(self, f: ErrorStateFilter) -> Vec3:
         """[m/s] Then, with what corrections have changed since."""
         (u, v, w), now, before = self.velocity, f.shift, self.shift
         return u + now[3] - before[3], v + now[4] - before[4], w + now[5] - before[5]
@@ -94,7 +94,7 @@ class Aids:
         self._heard = dict[str, int]()  # [ns] stamp of the last accepted sample
         self._lock = BottomLock()
 
-    def remember(self, f: Filter, stamp_ns: int, dt: float) -> Event | None:
+    def remember(self, f: ErrorStateFilter, stamp_ns: int, dt: float) -> Event | None:
         """The filter is now at this time [ns], `dt` [s] later. Returns an event to tell."""
         past, (n, e, _), (u, v, w) = self._past, f.position, f.velocity
         past.append(Past(stamp_ns, (n, e), (u, v, w), f.rotation, f.shift))
@@ -106,7 +106,7 @@ class Aids:
         newest_ns = max(self._begun_ns, *self._heard.values())
         return self.stop(f) if (stamp_ns - newest_ns) * 1e-9 > LOST_AFTER else None
 
-    def stop(self, f: Filter) -> Event:
+    def stop(self, f: ErrorStateFilter) -> Event:
         """Discard the estimate."""
         self._begun_ns, self._fixed = None, False
         self._heard.clear()
@@ -114,7 +114,7 @@ class Aids:
             f.forget(CURRENT + k, STILL_CURRENT)
         return events.LOST_POSITION()
 
-    def dvl(self, f: Filter, sample: DvlSample) -> Event | None:
+    def dvl(self, f: ErrorStateFilter, sample: DvlSample) -> Event | None:
         """A validated sample, of the vehicle's origin. Returns an event to tell."""
         if (measured := sample.velocity) is None:
             return None
@@ -127,7 +127,7 @@ class Aids:
                 f.forget(VELOCITY + k, FIRST_VELOCITY)
                 f.forget(CURRENT + k, FIRST_CURRENT)
         std = max(LEAST_DVL_STD, sample.std)
-        found, swims = Outcome.USED, False
+        found, swims = Fusion.USED, False
         for k, quantity in enumerate(self.dvl_quantities):
             v = then.velocity_by(f)
             axis = then.R[0][k], then.R[1][k], then.R[2][k]
@@ -144,13 +144,13 @@ class Aids:
             states = (VELOCITY, VELOCITY + 1)
             outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, states)
             found = max(found, outcome, key=lambda each: each.value)
-        if found is not Outcome.OUTLIER:
+        if found is not Fusion.OUTLIER:
             self._lock.take()
             if self._begun_ns is None:
                 self._begin(f, sample.stamp_ns)
         return self._heard_of(DVL, "velocity", found, sample.stamp_ns)
 
-    def usbl(self, f: Filter, sample: UsblSample) -> Event | None:
+    def usbl(self, f: ErrorStateFilter, sample: UsblSample) -> Event | None:
         """A validated fix, of the vehicle's origin. Returns an event to tell."""
         then = self._then(sample.stamp_ns)
         if not isinstance(then, Past):
@@ -158,7 +158,7 @@ class Aids:
         if self._begun_ns is None:
             self._begin(f, sample.stamp_ns)
         std, measured = max(LEAST_USBL_STD, sample.std), (sample.north, sample.east)
-        found = Outcome.USED
+        found = Fusion.USED
         if first := not self._fixed:
             for k in range(2):
                 f.forget(POSITION + k, FAR)
@@ -181,7 +181,9 @@ class Aids:
         self._fixed = True
         return self._heard_of(USBL, "position", found, sample.stamp_ns)
 
-    def estimates(self, f: Filter, now: int, *, with_current: bool) -> HorizontalEstimates:
+    def estimates(
+        self, f: ErrorStateFilter, now: int, *, with_current: bool
+    ) -> HorizontalEstimates:
         """At `now` [ns]. Valid while DVL or fixes are: dead reckoning counts, with its growing std.
         `with_current`: thrust and drag have been compared with the accelerometer."""
         if self._begun_ns is None:
@@ -213,7 +215,7 @@ class Aids:
             return None
         return 0 if self._fixed else self._begun_ns // 1_000_000
 
-    def _begin(self, f: Filter, stamp_ns: int) -> None:
+    def _begin(self, f: ErrorStateFilter, stamp_ns: int) -> None:
         self._begun_ns = stamp_ns
         for k in range(2):
             f.place(k, 0.0, LEAST_USBL_STD)
@@ -230,11 +232,11 @@ class Aids:
         young = self._past[-1].stamp_ns - self._past[0].stamp_ns < OLDEST_NS // 2
         return events.UNREADY if young else events.TOO_OLD
 
-    def _heard_of(self, key: str, what: str, found: Outcome, stamp_ns: int) -> Event | None:
-        if found is Outcome.OUTLIER:
+    def _heard_of(self, key: str, what: str, found: Fusion, stamp_ns: int) -> Event | None:
+        if found is Fusion.OUTLIER:
             return events.OUTLIER(key)
         self._heard[key] = max(stamp_ns, self._heard.get(key, stamp_ns))
-        return events.RESTARTED(what) if found is Outcome.PERSISTENT else None
+        return events.RESTARTED(what) if found is Fusion.PERSISTENT else None
 
 
 def _refused(quantities: tuple[Quantity, ...], why: Event, stamp_ns: int) -> Event:
@@ -244,7 +246,7 @@ def _refused(quantities: tuple[Quantity, ...], why: Event, stamp_ns: int) -> Eve
 
 
 def _fuse(
-    f: Filter,
+    f: ErrorStateFilter,
     quantity: Quantity,
     h: tuple[tuple[int, float], ...],
     value: float,
@@ -252,12 +254,12 @@ def _fuse(
     std: float,
     stamp_ns: int,
     states: tuple[int, ...],
-) -> Outcome:
+) -> Fusion:
     """A sample whose sensor states its own spread: the measured one makes it larger only."""
     quantity.white = std
     quantity.white_variance = max(quantity.white_variance, std * std)
     outcome = quantity.fuse(f, h, value, off, stamp_ns)
-    if outcome is Outcome.PERSISTENT:
+    if outcome is Fusion.PERSISTENT:
         for state in states:
             f.forget(state, max(std, abs(off)))
         quantity.set_anew(f, h, off, stamp_ns)

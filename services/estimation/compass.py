@@ -23,11 +23,11 @@ from services.estimation.filter import (
     NORTH,
     TILT,
     YAW,
-    Filter,
+    ErrorStateFilter,
     considered,
     to_world,
 )
-from services.estimation.quantity import Outcome, Quantity
+from services.estimation.quantity import Fusion, Quantity
 from services.estimation.settings import AttitudeSettings
 
 PERIOD_NS = 95_000_000  # [ns] over which the field is averaged
@@ -85,7 +85,7 @@ class Compass:
         self._trusted, self._told = True, False
         return True
 
-    def take_north(self, f: Filter, bearing: float, std: float) -> None:
+    def take_north(self, f: ErrorStateFilter, bearing: float, std: float) -> None:
         """The offset [rad] from control heading to compass is this."""
         f.north, f.deviation = remainder(bearing, 2.0 * pi), 0.0
         f.forget(DEVIATION, self._settings.compass_std)
@@ -94,7 +94,7 @@ class Compass:
         self.knows_north = True
         self.quantity.forget()
 
-    def fuse(self, f: Filter, field: Vec3, stamp_ns: int) -> Event | None:
+    def fuse(self, f: ErrorStateFilter, field: Vec3, stamp_ns: int) -> Event | None:
         """One sample [T], FRD. Returns an event to tell."""
         n, e, d = to_world(f.rotation, field)
         x, y, z = self._sum
@@ -128,7 +128,7 @@ class Compass:
         return event or found
 
     def _correct(
-        self, f: Filter, field: Vec3, bearing: float, innovation: float, stamp_ns: int
+        self, f: ErrorStateFilter, field: Vec3, bearing: float, innovation: float, stamp_ns: int
     ) -> Event | None:
         (n, e, d), quantity = field, self.quantity
         square = n * n + e * e
@@ -150,7 +150,7 @@ class Compass:
             quantity.coloured = self._settings.compass_std
         if (
             quantity.fuse(f, h, bearing, innovation, stamp_ns, considered(*corrected))
-            is not Outcome.USED
+            is not Fusion.USED
         ):
             if self.lost:  # what is known of it does not fit: it begins anew
                 f.forget(YAW, pi)
@@ -163,12 +163,12 @@ class Compass:
             return events.FOUND_HEADING()
         return None
 
-    def watch(self, f: Filter) -> None:
+    def watch(self, f: ErrorStateFilter) -> None:
         """Without a compass, rest alone shows that the gyroscope measures turns again."""
         if not self.knows_north:
             self.lost = self.lost and f.std(GYRO + 2) > FOUND_BIAS
 
-    def unseen(self, f: Filter) -> None:
+    def unseen(self, f: ErrorStateFilter) -> None:
         """After a silence of the IMU: has the vehicle turned? Without a compass, nothing tells."""
         if self.knows_north and f.std(YAW) > LOST:
             self.lose()
@@ -180,7 +180,7 @@ class Compass:
     def is_recent(self, now: int) -> bool:
         return self.knows_north and now - self.used_ns <= VALID_NS
 
-    def north_std(self, f: Filter) -> float:
+    def north_std(self, f: ErrorStateFilter) -> float:
         """[rad] 1σ of the heading from north."""
         if self.lost:
             return pi

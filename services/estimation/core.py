@@ -45,10 +45,10 @@ from services.estimation.filter import (
     TILT,
     VELOCITY,
     YAW,
-    Filter,
+    ErrorStateFilter,
     to_world,
 )
-from services.estimation.hull import Hull
+from services.estimation.hull import HullModel
 from services.estimation.pressure import (
     GIVEN_STD,
     KNOWN_RATE,
@@ -133,7 +133,7 @@ class Estimator:
         self._at_origin = AtOrigin(Mounting(), density)
         if vehicle is not None:
             self._at_origin = AtOrigin(vehicle.mounting, density, vehicle.calibration)
-        self._hull = Hull(vehicle, settings.horizontal.wake_share)
+        self._hull = HullModel(vehicle, settings.horizontal.wake_share)
         self._pressure = Pressure(settings, self._sensors[topics.PRESSURE.key])
         self._compass = Compass(settings.attitude)
         self._rest = Rest(settings.calibration.largest_bias)
@@ -145,7 +145,7 @@ class Estimator:
         self._resumed_ns: int | None = None  # [ns] time of validity of the checkpoint
         self._now: int | None = None  # [ns] of the newest IMU sample or silence
         self._before: tuple[Vec3, Vec3] | None = None  # newest specific force and rate
-        self._kept: Filter | None = None  # as it was before a silence of the IMU
+        self._kept: ErrorStateFilter | None = None  # as it was before a silence of the IMU
         self._arm = (Mounting() if vehicle is None else vehicle.mounting).imu.position_std  # [m]
         self._off_ns = -(1 << 62)  # [ns] when the IMU was inconsistent last
         self._spin = (0.0, 0.0, 0.0)  # [rad/s²]
@@ -158,7 +158,7 @@ class Estimator:
         self._told_ns = 0  # [ns] when what was made of the measurements was told
         self._lacking = set[str]()  # sensors that the state lacks, and the pilot was told so
         self._troubles: tuple[str, ...] = ()  # events: which sensors cannot be used now, and why
-        self.filter = Filter()
+        self.filter = ErrorStateFilter()
         self._begin()
         if checkpoint is None:
             self._start = Start(settings, self.outbox)
@@ -389,7 +389,7 @@ class Estimator:
 
     def _restart(self, force: Vec3) -> None:
         """After a number that is not finite."""
-        heading, self.filter = self.filter.heading, Filter()
+        heading, self.filter = self.filter.heading, ErrorStateFilter()
         self._begin()
         f = self.filter
         f.turn_to(heading if isfinite(heading) else 0.0, pi)
@@ -686,7 +686,7 @@ class Estimator:
         return self._imu_ns is not None and now - self._imu_ns <= IMU_PATIENCE_NS
 
 
-def _from_north(f: Filter) -> Quaternion:
+def _from_north(f: ErrorStateFilter) -> Quaternion:
     """The attitude with its yaw counted from north."""
     w, x, y, z = f.q
     c, s = cos(f.north / 2.0), sin(f.north / 2.0)

@@ -72,7 +72,7 @@ SECOND_S = 0.5  # [s] that a tilt error lasts, where it is not small
 WAVE_DAMPING = 0.4  # [-]
 
 
-class Filter:
+class ErrorStateFilter:
     """Nominal state, covariance of its error, and time."""
 
     def __init__(self) -> None:
@@ -348,7 +348,7 @@ class Filter:
 
 
 def considered(*states: int) -> Floats:
-    """The mask of `Filter.correct` under which only these states are corrected."""
+    """The mask of `ErrorStateFilter.correct` under which only these states are corrected."""
     corrected = np.zeros(SIZE)
     corrected[list(states)] = 1.0
     return np.maximum(corrected[:, None], corrected[None, :])

@@ -23,11 +23,11 @@ from services.estimation.filter import (
     GYRO,
     TILT,
     VELOCITY,
-    Filter,
+    ErrorStateFilter,
     to_body,
     to_world,
 )
-from services.estimation.quantity import Outcome, Quantity
+from services.estimation.quantity import Fusion, Quantity
 from services.marine.hydrodynamics import Translation
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY, Vehicle, total_wrench, wrench_per_newton
@@ -52,7 +52,7 @@ STEP = 1e-4  # [m/s] of the derivative by differences
 RELEVELLED, STOPPED, UNSURE = 0.3, 0.5, 0.3  # [rad], [m/s], [rad/s] 1σ after a restart
 
 
-class Hull:
+class HullModel:
     """Thrust, drag and weight."""
 
     def __init__(self, vehicle: Vehicle | None, wake_share: float) -> None:
@@ -98,7 +98,7 @@ class Hull:
     def knows_thrust(self, at_ns: int) -> bool:
         return self._thrust_ns is not None and (at_ns - self._thrust_ns) * 1e-9 < FRESH
 
-    def fits(self, f: Filter, at_ns: int) -> bool:
+    def fits(self, f: ErrorStateFilter, at_ns: int) -> bool:
         """Has what is felt fitted gravity lately?"""
         anew = (at_ns - self._restarted_ns) * 1e-9 < FITS_S
         over = self._over > 0.0 or f.acceleration > 0.5 * GRAVITY
@@ -110,7 +110,7 @@ class Hull:
         """Known only where the thrust is known, and was never used."""
         return not self.driven and self.knows_thrust(at_ns)
 
-    def feel(self, f: Filter, force: Vec3, rate: Vec3, dt: float) -> bool:
+    def feel(self, f: ErrorStateFilter, force: Vec3, rate: Vec3, dt: float) -> bool:
         """A sample [m/s²], [rad/s], FRD, that the filter has been advanced by. True: it is time for
         `fuse`."""
         biased = force[0] - f.force_bias[0], force[1] - f.force_bias[1], force[2] - f.force_bias[2]
@@ -119,7 +119,7 @@ class Hull:
         self._seconds += dt
         return self._seconds >= PERIOD - 1e-4
 
-    def fuse(self, f: Filter, at_ns: int) -> Event | None:
+    def fuse(self, f: ErrorStateFilter, at_ns: int) -> Event | None:
         """Compare what was felt with what was to be expected. Returns an event to tell."""
         seconds = self._seconds
         felt: Vec3 = tuple(x / seconds for x in self._force)  # type: ignore[assignment]
@@ -150,7 +150,7 @@ class Hull:
         wrong = hypot(UNEXPLAINED, SHARE * pushed) * (1.0 if known else WITHOUT_THRUST)
         wrong = hypot(wrong, ARM * turning)
 
-        found = Outcome.USED
+        found = Fusion.USED
         why = events.OUTLIER_ACTUATION()
         for k, quantity in enumerate(self.quantities):
             quantity.coloured = wrong
@@ -170,8 +170,8 @@ class Hull:
         # A vehicle that is thought to be upside down feels no level force either.
         self._over = self._over + seconds if s[2] > -0.5 * GRAVITY else 0.0
         if self._over > PATIENCE:
-            found = Outcome.PERSISTENT
-        if found is Outcome.PERSISTENT:
+            found = Fusion.PERSISTENT
+        if found is Fusion.PERSISTENT:
             self._over = 0.0
             self._restarted_ns = at_ns
             f.level(to_body(R, felt), RELEVELLED)
@@ -182,7 +182,7 @@ class Hull:
             for quantity in self.quantities:
                 quantity.forget()
             return events.RESTARTED("attitude")
-        told, self._told = self._told, found is Outcome.OUTLIER
+        told, self._told = self._told, found is Fusion.OUTLIER
         return why if self._told and not told else None
 
     def _accelerates(self, nu: Vec3, w: Vec3, thrust: tuple[float, ...]) -> Vec3:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from messages import events, topics
 from messages.events import Event
-from services.estimation.filter import DEPTH, DEPTH_RATE, WAVE, Filter
-from services.estimation.quantity import Outcome, Quantity
+from services.estimation.filter import DEPTH, DEPTH_RATE, WAVE, ErrorStateFilter
+from services.estimation.quantity import Fusion, Quantity
 from services.estimation.sensor import Sensor
 from services.estimation.settings import Settings
 from services.marine.vehicle import ATMOSPHERE, GRAVITY
@@ -74,13 +74,13 @@ class Pressure:
         self._bob_variance = (FIRST_WAVE * FIRST_RATE**2) ** 2
         self._changes, self._step, self._at_change = 0, inf, 0.0  # [-], [Pa], [m]
 
-    def begin(self, f: Filter) -> None:
+    def begin(self, f: ErrorStateFilter) -> None:
         f.wave_variance, f.wave_rate = FIRST_WAVE**2, FIRST_RATE
         self._squares = (FIRST_WAVE / FIRST_RATE) ** 2, FIRST_WAVE**2  # of the wave's states
         f.forget(WAVE, FIRST_WAVE / FIRST_RATE)
         f.forget(WAVE + 1, FIRST_WAVE)
 
-    def take_air(self, f: Filter, air: Atmosphere, *, moved: bool = False) -> None:
+    def take_air(self, f: ErrorStateFilter, air: Atmosphere, *, moved: bool = False) -> None:
         """The air is this: the depth is moved, and the vehicle has not. `moved`: tell who flies."""
         by = (self.air.pressure - air.pressure) / self.per_metre
         f.position[2] += by
@@ -88,7 +88,7 @@ class Pressure:
         if moved:
             self.moved += by
 
-    def restart(self, f: Filter) -> None:
+    def restart(self, f: ErrorStateFilter) -> None:
         """The newest sample gives the depth, of a vehicle that may move."""
         if self.newest is not None:
             f.position[2] = (self.newest - self.air.pressure) / self.per_metre
@@ -97,7 +97,7 @@ class Pressure:
             f.forget(DEPTH_RATE, RESTARTED_RATE)
             self.quantity.forget()
 
-    def fuse(self, f: Filter, pressure: float, stamp_ns: int, at_ns: int) -> Event | None:
+    def fuse(self, f: ErrorStateFilter, pressure: float, stamp_ns: int, at_ns: int) -> Event | None:
         """Use a sample [Pa] that is valid, with the filter at this time [ns]. Returns an event to
         tell."""
         quantity, stamp_ns = self.quantity, stamp_ns - self._latency_ns
@@ -112,13 +112,13 @@ class Pressure:
         outlier = events.OUTLIER(topics.PRESSURE.key)
         innovation = off - f.wave[1]
         outcome = quantity.fuse(f, h, depth, innovation, stamp_ns, why=outlier)
-        if outcome is Outcome.USED:
+        if outcome is Fusion.USED:
             self._lost = False
             return self._hear_wave(f, off)
         # Did it jump there, or is the filter drifting off, because the IMU is wrong?
         grown = quantity.mean * innovation > GROWN * abs(innovation)
         fast = f.wide_force and quantity.newest * innovation > GROWN_FAST * abs(innovation)
-        if outcome is Outcome.OUTLIER and not fast:
+        if outcome is Fusion.OUTLIER and not fast:
             return outlier
         grown = grown or fast
         f.forget(DEPTH, abs(innovation))
@@ -131,7 +131,7 @@ class Pressure:
         self.air = Atmosphere(self.air.pressure, std)
         return events.JUMPED_PRESSURE()
 
-    def hear_step(self, f: Filter, pressure: float) -> None:
+    def hear_step(self, f: ErrorStateFilter, pressure: float) -> None:
         """Is the sensor coarse? Then the same value again is a measurement, for as long as the
         vehicle has not moved by more than its steps."""
         last, self.newest = self.newest, pressure
@@ -146,7 +146,7 @@ class Pressure:
         sensor.repeats, sensor.rest_ns = coarse, 1 << 62 if coarse and not moved else None
         quantity.rounding = step * step / 12.0 if coarse else 0.0
 
-    def _hear_wave(self, f: Filter, off: float) -> Event | None:
+    def _hear_wave(self, f: ErrorStateFilter, off: float) -> Event | None:
         """The wave's variance is what neither noise nor the depth's own error explains; its rate
         squared is the ratio of its states' variances, as of a stationary oscillator."""
         dt = self.quantity.period
@@ -164,7 +164,7 @@ class Pressure:
         told, self._waves = self._waves, f.wave_variance > limit * limit
         return events.WAVES_PRESSURE() if self._waves and not told else None
 
-    def hear_bobbing(self, f: Filter, dt: float) -> None:
+    def hear_bobbing(self, f: ErrorStateFilter, dt: float) -> None:
         """Who floats on a wave sees none in the pressure, but feels it: a / ω₀²."""
         self._bob += min(1.0, dt / BOB_SMOOTH) * (f.acceleration - self._bob)
         share = min(1.0, dt / BOB_MEMORY)
@@ -175,7 +175,7 @@ class Pressure:
 
     # Estimates.
 
-    def depth_std(self, f: Filter) -> float:
+    def depth_std(self, f: ErrorStateFilter) -> float:
         """[m] The atmosphere's included, which is constant during a dive."""
         return hypot(f.std(DEPTH), self.air.std / self.per_metre)
 

@@ -19,7 +19,7 @@ from math import sqrt
 
 from messages.aiding import AidSource
 from messages.events import Event
-from services.estimation.filter import Filter, Floats, Row
+from services.estimation.filter import ErrorStateFilter, Floats, Row
 
 GATE, CLIP = 4.5, 2.0  # [σ] tuned on simulated and real dives, range 4 … 6 and 1.5 … 3
 MOST_OUT = 0.6  # [-] share of outliers within `patience` that are no longer outliers
@@ -31,7 +31,7 @@ MATCHED_S = 10.0  # [s] of the coloured noise
 MOST_RATIO = 1e6  # [-] a larger test ratio counts as that
 
 
-class Outcome(Enum):
+class Fusion(Enum):
     USED = 0
     OUTLIER = 1
     PERSISTENT = 2  # an outlier, as most have been for long
@@ -93,18 +93,18 @@ class Quantity:
 
     def fuse(
         self,
-        f: Filter,
+        f: ErrorStateFilter,
         h: Row,
         value: float,
         innovation: float,
         stamp_ns: int,
         mask: Floats | None = None,
         why: Event | None = None,
-    ) -> Outcome:
+    ) -> Fusion:
         """Correct the filter by a sample at its time of validity [ns], unless it is an outlier.
 
         Args:
-            h: of the measurement; `mask`: see `Filter.correct`.
+            h: of the measurement; `mask`: see `ErrorStateFilter.correct`.
             value, innovation: [unit] measured, and measured minus predicted.
             why: the event that an outlier is counted as in the messages.
         """
@@ -121,7 +121,7 @@ class Quantity:
             if why is not None:
                 self._reasons[why.name] = None
             self.out += share * (1.0 - self.out)
-            return Outcome.PERSISTENT if self.out > MOST_OUT else Outcome.OUTLIER
+            return Fusion.PERSISTENT if self.out > MOST_OUT else Fusion.OUTLIER
         self.out -= share * self.out
         self.newest = innovation / std
         self._centre(self.newest, dt)
@@ -130,9 +130,9 @@ class Quantity:
         self._weights += used / innovation if innovation else 1.0
         f.correct(Ph, S, used, mask)
         self.used_ns = stamp_ns
-        return Outcome.USED
+        return Fusion.USED
 
-    def set_anew(self, f: Filter, h: Row, innovation: float, stamp_ns: int) -> None:
+    def set_anew(self, f: ErrorStateFilter, h: Row, innovation: float, stamp_ns: int) -> None:
         """Use a sample whatever its size, once the caller has widened the states it measures."""
         Ph, explained = f.explained(h)
         f.correct(Ph, explained + self._variance(1.0), innovation)

@@ -16,8 +16,8 @@ from typing import NamedTuple
 from messages import events
 from messages.events import Event
 from messages.units import Vec3
-from services.estimation.filter import GYRO, Filter
-from services.estimation.quantity import Outcome, Quantity
+from services.estimation.filter import GYRO, ErrorStateFilter
+from services.estimation.quantity import Fusion, Quantity
 from services.estimation.settings import CalibrationSettings
 from services.marine.summation import plain_sum
 
@@ -95,7 +95,7 @@ class Rest:
         self._rests = []
 
     def fuse(
-        self, f: Filter, force: Vec3, rate: Vec3, dt: float, at_ns: int, *, driven: bool
+        self, f: ErrorStateFilter, force: Vec3, rate: Vec3, dt: float, at_ns: int, *, driven: bool
     ) -> Event | None:
         """One sample, biases included. Returns an event to tell."""
         block = self._block
@@ -123,7 +123,7 @@ class Rest:
             quantity.white_variance = quantity.white**2
             off = measured - f.gyro_bias[k]
             h = ((GYRO + k, 1.0),)
-            if quantity.fuse(f, h, measured, off, at_ns) is Outcome.PERSISTENT:
+            if quantity.fuse(f, h, measured, off, at_ns) is Fusion.PERSISTENT:
                 f.widen(GYRO + k, abs(off))
                 quantity.set_anew(f, h, off, at_ns)
         return events.RESTING("gyro_bias") if len(rests) == BLOCKS else None

@@ -16,14 +16,14 @@ from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.running import running_in
 from services.runtime.launch.process_plan import CHECKPOINTS
 from tools.live.resume import ESTIMATION, LONGEST_S
-from tools.onboard.this_start import NOTE, Start, read
+from tools.onboard.this_start import NOTE, StartNote, read
 
 
 class BrokenOff(NamedTuple):
     """A dive to go on with, if its vehicle is the one that is started now."""
 
     folder: Path
-    start: Start  # says which vehicle it was
+    start: StartNote  # says which vehicle it was
     age_s: float  # [s] of what the estimator had learnt
     checkpoint: bytes
 

@@ -14,7 +14,7 @@ BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # Linux only
 NOTE = "this-start"  # its name, without .json; no service has a name with a hyphen
 
 
-class Start(msgspec.Struct, frozen=True):
+class StartNote(msgspec.Struct, frozen=True):
     boot_id: str  # of the computer's start; empty: not Linux
     vehicle: str  # name of the drone on the network
     began_ns: int  # [ns] of the clock that began with the computer
@@ -31,15 +31,15 @@ def boot_id() -> str | None:
         return None
 
 
-def read(path: Path) -> Start | None:
+def read(path: Path) -> StartNote | None:
     """None: there is no such note, or not a whole one."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Start)
+        return msgspec.json.decode(path.read_bytes(), type=StartNote)
     except (OSError, *UNDECODABLE):
         return None
 
 
-def other_vehicle(then: Start | None, now: SideIdentity) -> str:
+def other_vehicle(then: StartNote | None, now: SideIdentity) -> str:
     """Why what was learnt then is not of the vehicle that is started now; empty: it is.
 
     Args:

@@ -44,7 +44,7 @@ class HeardAtRest(NamedTuple):
     armed: list[Span]  # when the drone was armed, by the clock of the stamps
 
 
-class Rest(NamedTuple):
+class RestStatistics(NamedTuple):
     """The longest time at rest in a recording."""
 
     begin: float  # [s] after the recording's first IMU sample
@@ -88,7 +88,7 @@ def _numbers(sample: Message) -> tuple[float, ...]:
             return ()
 
 
-def resting(heard: HeardAtRest, recording: Path) -> Rest:
+def resting(heard: HeardAtRest, recording: Path) -> RestStatistics:
     """The samples in the longest time at rest.
 
     Raises:
@@ -114,7 +114,9 @@ def resting(heard: HeardAtRest, recording: Path) -> Rest:
     cut = {
         key: _between(each, imu.t[0] + begin, imu.t[0] + end) for key, each in heard.samples.items()
     }
-    rest = Rest(begin, end - begin, {key: s for key, s in cut.items() if len(s.t) >= FEWEST})
+    rest = RestStatistics(
+        begin, end - begin, {key: s for key, s in cut.items() if len(s.t) >= FEWEST}
+    )
     if topics.PRESSURE.key in rest.samples:
         _check_depth(rest.samples[topics.PRESSURE.key], recording)
     return rest

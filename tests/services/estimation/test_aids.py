@@ -23,7 +23,7 @@ from services.estimation.filter import (
     TILT,
     VELOCITY,
     YAW,
-    Filter,
+    ErrorStateFilter,
 )
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.stack import Stack
@@ -37,7 +37,7 @@ class Observer:
     """The filter with DVL and fixes."""
 
     def __init__(self, offset: float) -> None:
-        self.filter, self.aids = Filter(), Aids()
+        self.filter, self.aids = ErrorStateFilter(), Aids()
         self.filter.north = offset
         for state, std in (
             (TILT, 0.01), (TILT + 1, 0.01), (YAW, 0.002), (GYRO + 2, 1e-4), (NORTH, 0.01),

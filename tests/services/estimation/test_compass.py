@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from messages.units import Vec3
 from services.estimation.compass import Compass
-from services.estimation.filter import GYRO, TILT, Filter, to_world
+from services.estimation.filter import GYRO, TILT, ErrorStateFilter, to_world
 from services.estimation.rest import Rest
 from services.estimation.settings import AttitudeSettings
 from services.marine.vehicle import GRAVITY
@@ -26,7 +26,7 @@ class Sail:
     """A level vehicle without sensor noise, that turns while iron comes and goes."""
 
     def __init__(self, settings: AttitudeSettings | None = None, agreed: bool = True) -> None:
-        self.compass, self.filter = Compass(settings or AttitudeSettings()), Filter()
+        self.compass, self.filter = Compass(settings or AttitudeSettings()), ErrorStateFilter()
         for k in range(3):
             self.filter.forget(TILT + k, 0.01 if k < 2 else 1e-3)
             self.filter.forget(GYRO + k, 7e-5)
@@ -156,15 +156,21 @@ def test_a_compass_that_boots_late_is_used_after_the_hold_off() -> None:
 # The gyroscope's bias at rest.
 
 
-def bench() -> tuple[Filter, Rest]:
-    f = Filter()
+def bench() -> tuple[ErrorStateFilter, Rest]:
+    f = ErrorStateFilter()
     for k in range(3):
         f.forget(GYRO + k, 1e-3)
     return f, Rest(LARGEST)
 
 
 def lie(
-    f: Filter, rest: Rest, seconds: float, rate: Vec3, shake: float = 0.001, *, push: bool = False
+    f: ErrorStateFilter,
+    rest: Rest,
+    seconds: float,
+    rate: Vec3,
+    shake: float = 0.001,
+    *,
+    push: bool = False,
 ) -> int:
     """How often a rest was said to begin."""
     rng, said = np.random.default_rng(0), 0

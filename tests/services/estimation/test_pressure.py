@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from messages.events import Outbox
-from services.estimation.filter import DEPTH, DEPTH_RATE, FORCE, TILT, Filter
+from services.estimation.filter import DEPTH, DEPTH_RATE, FORCE, TILT, ErrorStateFilter
 from services.estimation.pressure import Atmosphere, Pressure
 from services.estimation.sensor import Sensor
 from services.estimation.settings import DepthSettings, Settings
@@ -24,7 +24,7 @@ class Dive:
         self.sensor = Sensor("sensor/pressure", Outbox(), 1.0)
         self.pressure = Pressure(settings, self.sensor)
         self.pressure.air = Atmosphere(ATMOSPHERE, 0.0)
-        self.filter, self.rng, self.k = Filter(), np.random.default_rng(1), 0
+        self.filter, self.rng, self.k = ErrorStateFilter(), np.random.default_rng(1), 0
         f = self.filter
         for state, spread in ((DEPTH, 0.1), (DEPTH_RATE, 0.1), (FORCE + 2, 0.05), (TILT, 0.01)):
             f.forget(state, spread)

@@ -12,7 +12,7 @@ from messages.identity import SideIdentity
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
 from tools.live.resume import LONGEST_S, resumed
-from tools.onboard.this_start import NOTE, Start
+from tools.onboard.this_start import NOTE, StartNote
 
 S = 1_000_000_000  # [ns]
 LEARNT = EstimationCheckpoint(
@@ -21,7 +21,7 @@ LEARNT = EstimationCheckpoint(
 )  # fmt: skip
 WRITTEN_S = 1_800_000_000.0  # [s] UTC
 OURS = SideIdentity(vehicle="pioneer", vehicle_hash="a1")
-BEGAN = Start("another", "rov2", 7 * S, vehicle_file="pioneer", vehicle_hash="a1")
+BEGAN = StartNote("another", "rov2", 7 * S, vehicle_file="pioneer", vehicle_hash="a1")
 
 
 def dive_with(folder: Path, data: bytes, name: str = "checkpoints") -> Path:
@@ -81,7 +81,7 @@ def test_a_folder_without_a_checkpoint_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_what_another_vehicle_learnt_is_refused(
-    tmp_path: Path, note: Start | None, why: str
+    tmp_path: Path, note: StartNote | None, why: str
 ) -> None:
     dive = dive_with(tmp_path, msgspec.json.encode(LEARNT))
     path = dive / "checkpoints" / f"{NOTE}.json"

@@ -16,7 +16,7 @@ from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from tools.live.resume import ESTIMATION, LONGEST_S
 from tools.onboard.broken_off import broken_off
-from tools.onboard.this_start import NOTE, Start, boot_id, mark_ended, other_vehicle, read
+from tools.onboard.this_start import NOTE, StartNote, boot_id, mark_ended, other_vehicle, read
 from tools.up import goes_on_with
 
 S = 1_000_000_000  # [ns]
@@ -25,10 +25,10 @@ LEARNT = EstimationCheckpoint(
     stamp_ns=NOW - 5 * S, atmosphere=101_300.0, atmosphere_std=20.0, gyro_bias=(0.01, 0.0, -0.01),
     accelerometer_bias=(0.0, 0.0, 0.02), heading=1.0, heading_std=0.1, north=0.3,
 )  # fmt: skip
-BROKEN = Start("this", "pioneer", 7 * S, vehicle_file="pioneer", vehicle_hash="a1")
+BROKEN = StartNote("this", "pioneer", 7 * S, vehicle_file="pioneer", vehicle_hash="a1")
 
 
-def dive(folder: Path, start: Start | bytes = BROKEN, learnt: bytes | None = None) -> Path:
+def dive(folder: Path, start: StartNote | bytes = BROKEN, learnt: bytes | None = None) -> Path:
     checkpoints = folder / "checkpoints"
     checkpoints.mkdir(parents=True)
     data = start if isinstance(start, bytes) else msgspec.json.encode(start)
@@ -60,7 +60,7 @@ def test_a_dive_that_broke_off_on_this_start_is_gone_on_with(tmp_path: Path):
         (BROKEN, b"{"),
     ],
 )
-def test_no_other_dive_is(tmp_path: Path, start: Start | bytes, learnt: bytes | None):
+def test_no_other_dive_is(tmp_path: Path, start: StartNote | bytes, learnt: bytes | None):
     dive(tmp_path / "dive", start, learnt)
     assert broken_off(tmp_path, "this", "pioneer", NOW) is None
 
