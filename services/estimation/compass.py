@@ -24,6 +24,7 @@ from services.estimation.filter import (
     TILT,
     YAW,
     ErrorStateFilter,
+    Row,
     considered,
     to_world,
 )
@@ -85,12 +86,15 @@ class Compass:
         self._trusted, self._told = True, False
         return True
 
-    def take_north(self, f: ErrorStateFilter, bearing: float, std: float) -> None:
-        """The offset [rad] from control heading to compass is this."""
-        f.north, f.deviation = remainder(bearing, 2.0 * pi), 0.0
+    def take_north(self, f: ErrorStateFilter, field: Vec3) -> None:
+        """North is where this field, world axes, points. An error of the tilt is one of north as
+        well: what corrects the one later corrects the other."""
+        n, e, _ = field
+        f.north, f.deviation = -atan2(e, n), 0.0
         f.forget(DEVIATION, self._settings.compass_std)
-        f.forget(NORTH, hypot(self._settings.compass_std, std))
-        f.P[NORTH, DEVIATION] = f.P[DEVIATION, NORTH] = -(self._settings.compass_std**2)
+        f.forget(NORTH, pi)
+        Ph, explained = f.explained(_row(field))
+        f.correct(Ph, explained + NOISE * NOISE, 0.0, considered(NORTH))
         self.knows_north = True
         self.quantity.forget()
 
@@ -122,20 +126,15 @@ class Compass:
             return event
         self.used_ns = stamp_ns
         if not self.knows_north or abs(innovation) > gate:
-            self.take_north(f, bearing, f.std(YAW))
+            self.take_north(f, (n, e, d))
             return event
-        found = self._correct(f, (n, e, d), bearing, innovation, stamp_ns)
+        found = self._correct(f, _row((n, e, d)), bearing, innovation, stamp_ns)
         return event or found
 
     def _correct(
-        self, f: ErrorStateFilter, field: Vec3, bearing: float, innovation: float, stamp_ns: int
+        self, f: ErrorStateFilter, h: Row, bearing: float, innovation: float, stamp_ns: int
     ) -> Event | None:
-        (n, e, d), quantity = field, self.quantity
-        square = n * n + e * e
-        h = (
-            (NORTH, 1.0), (DEVIATION, 1.0), (YAW, 1.0),
-            (TILT, -d * n / square), (TILT + 1, -d * e / square),
-        )  # fmt: skip
+        quantity = self.quantity
         helps = self._spread < STEADY**2
         corrected = [NORTH, DEVIATION]
         if helps and f.std(GYRO + 2) > UNKNOWN_BIAS:
@@ -249,3 +248,13 @@ class Compass:
         if s.earth_dip is not None and abs(degrees(dip) - s.earth_dip) > DIP_TOLERANCE:
             return False
         return LEAST_EARTH <= strength <= MOST_EARTH
+
+
+def _row(field: Vec3) -> Row:
+    """What the bearing of this field, world axes, measures."""
+    n, e, d = field
+    square = n * n + e * e
+    return (
+        (NORTH, 1.0), (DEVIATION, 1.0), (YAW, 1.0),
+        (TILT, -d * n / square), (TILT + 1, -d * e / square),
+    )  # fmt: skip

@@ -415,8 +415,9 @@ class Estimator:
         f.forget(DEPTH_RATE, RESTARTED_RATE)
         strength, dip = kept.field_strength, kept.field_dip
         if kept.north is not None and strength is not None and dip is not None:
-            self._compass.take_north(f, kept.north + kept.deviation, LEAST_HEADING)
             f.north, f.deviation = kept.north, kept.deviation
+            f.forget(NORTH, self._settings.attitude.compass_std)
+            self._compass.knows_north = True
             self._compass.learn(strength, dip)
         self.outbox.say(
             "warning",
@@ -451,9 +452,9 @@ class Estimator:
             self._take_rest(learnt)
             air = self._air_of(learnt)
             pressure.take_air(f, air)
+            f.forget(YAW, LEAST_HEADING)
             if learnt.field is not None:
                 self._align(learnt.field, at_ns)
-            f.forget(YAW, LEAST_HEADING)
             bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
             said = f"atmosphere {air.pressure / 100.0:.1f} hPa"
             self.outbox.say("info", f"calibrated: gyroscope bias {bias} deg/s, {said}")
@@ -501,7 +502,7 @@ class Estimator:
             self.outbox.say("warning", text)
             return
         self.filter.turn_to(self.filter.heading - atan2(e, n), LEAST_HEADING)
-        compass.take_north(self.filter, 0.0, LEAST_HEADING)
+        compass.take_north(self.filter, to_world(self.filter.rotation, field))
         compass.used_ns = at_ns
 
     def _given(self) -> Atmosphere | None:

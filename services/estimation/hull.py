@@ -39,8 +39,8 @@ PERIOD = 0.05  # [s] between two uses
 UNEXPLAINED, LASTS = 0.15, 1.0  # [m/s²], [s]
 SHARE = 0.3  # [-] of what thrust explains, that may be wrong
 WITHOUT_THRUST = 2.0  # [-] times that where no thrust is reported
-ARM = 0.1  # [m] from the centre of a turn to where the IMU is thought to be: ω² + ω̇
-PATIENCE = 2.0  # [s]
+ARM = 0.04  # [m] from the centre of a turn to where the IMU is thought to be: ω² + ω̇
+PATIENCE, OVERTURNED_S = 0.4, 2.0  # [s] of outliers only, of gravity felt upside down
 FITS, FITS_S = 0.02, 3.0  # [-] share of outliers lately: less than one in two seconds; [s]
 FRESH = 0.5  # [s] an older report of thrust is not used
 SLOWS = 0.2  # [1/s] drag of a vehicle of which no file says it: it is not fast for long
@@ -169,7 +169,7 @@ class HullModel:
                 found = outcome
         # A vehicle that is thought to be upside down feels no level force either.
         self._over = self._over + seconds if s[2] > -0.5 * GRAVITY else 0.0
-        if self._over > PATIENCE:
+        if self._over > OVERTURNED_S:
             found = Fusion.PERSISTENT
         if found is Fusion.PERSISTENT:
             self._over = 0.0

@@ -113,7 +113,10 @@ class Quantity:
         self.period = dt
         Ph, explained = f.explained(h)
         S = explained + self._variance(dt)
-        std, share = sqrt(S), min(0.2, dt / self.patience)
+        slow = self.factor * self.coloured * self.coloured
+        # What is coloured adds little information, but does not scatter more for that.
+        single = explained + self.rounding + self.white_variance + slow
+        std, share = sqrt(single), min(0.2, dt / self.patience)
         size = abs(innovation)
         self._note(stamp_ns, value, innovation, S)
         if size > GATE * std:
@@ -123,7 +126,7 @@ class Quantity:
             self.out += share * (1.0 - self.out)
             return Fusion.PERSISTENT if self.out > MOST_OUT else Fusion.OUTLIER
         self.out -= share * self.out
-        self.newest = innovation / std
+        self.newest = innovation / sqrt(S)
         self._centre(self.newest, dt)
         self._match(innovation, explained, dt)
         used = max(-CLIP * std, min(CLIP * std, innovation))

@@ -31,9 +31,9 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Attitude and headings."""
 
     gravity_tolerance: UpToTen = 0.5  # [m/s²] | |f| - g | at rest; beyond it the IMU is wrong
-    # [rad] of the navigation heading: 0.2 µT of iron left, and at a dip of 73° three times a tilt
-    # error of 0.01. More iron: calibrate, or state more.
-    compass_std: UpToTen = 0.033
+    # [rad] that iron turns the compass: 0.2 µT left, in a level field of 14 µT. More iron:
+    # calibrate, or state more. What a wrong tilt adds the filter knows.
+    compass_std: UpToTen = 0.014
     earth_field: Annotated[float, msgspec.Meta(ge=20.0, le=70.0)] | None = None  # [µT] None: learn
     earth_dip: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)] | None = None  # [deg] + is down
 

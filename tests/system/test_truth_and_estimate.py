@@ -117,10 +117,10 @@ def test_errors_are_small_and_no_larger_than_the_state_says(tmp_path: Path, seed
     for name, errors in found.items():
         assert errors.within_four >= 0.99, name
     # Pressure of σ 5 cm, a typical MEMS unit: 10 mg, 0.6 °/s, 0.2 µT of iron.
-    assert found["depth"].rms <= 0.010
-    assert found["rate"].rms <= 0.009
+    assert found["depth"].rms <= 0.012
+    assert found["rate"].rms <= 0.010
     assert degrees(found["control"].rms) <= 0.3
-    assert degrees(found["navigation"].rms) <= 4.0
+    assert degrees(found["navigation"].rms) <= 3.0
     # A spread that is far too large would also never be left.
     assert found["depth"].rms > 0.4 * float(np.mean(found["depth"].std))
     assert found["rate"].rms > 0.3 * float(np.mean(found["rate"].std))
@@ -144,7 +144,7 @@ def test_a_mounted_imu_is_as_good_as_one_at_the_origin(tmp_path: Path) -> None:
     )
     for name, errors in mounted.items():
         assert errors.within_four >= 0.99, name
-        assert errors.rms <= 1.2 * at_origin[name].rms, name
+        assert errors.rms <= 1.2 * at_origin[name].rms + radians(0.06), name
 
 
 ARMS = (

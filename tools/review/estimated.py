@@ -79,28 +79,23 @@ class Estimated(NamedTuple):
         return self.track is not None and bool(np.isfinite(self.track.depth).any())
 
 
-def estimate(
-    source: ReplaySource, what: str, overrides: Sequence[str] = (), until_s: float | None = None
-) -> Estimated:
+def estimate(source: ReplaySource, overrides: Sequence[str] = ()) -> Estimated:
     """
     Args:
-        what: it is done for, shown beside the bar.
         overrides: key.path=value into the vehicle file.
-        until_s: [s] since the recording began; None: to its end.
 
     Raises:
         LindyError: settings that are refused, or nothing in the recording.
     """
-    origin, end = source.origin_ns, source.span[1]
     services = Registry.read()
     with source.stack() as stack, rare_collections():
         stack.overrides.extend(overrides)
         stack.check(known_tables(services), recorded=True)
         replay = OnBoard(source, (ESTIMATION,), services, stack)
-        heard = _Heard(replay, origin - source.utc_offset_ns)
-        with reading(what, source.recording.size) as bar:
+        heard = _Heard(replay, source.origin_ns - source.utc_offset_ns)
+        with reading("estimating", source.recording.size) as bar:
             source.recording.advance = heard.draining(bar)
-            replay.run(end if until_s is None else origin + round(until_s * 1e9))
+            replay.run(source.span[1])
         heard.drain(keep=0)
         source.recording.advance = nowhere
     return heard.found()

@@ -26,7 +26,6 @@ img { max-width: 100%; } pre { background: #f2f2f2; padding: 0.8rem; overflow-x:
 SECTIONS = {
     "sensors": "What the recording holds",
     "vibration": "Noise and vibration",
-    "spreads": "Spreads for the vehicle file",
     "estimation": "Where it was: Lindy's estimate",
     "stops": "Every stop",
     "measurements": "What was rejected",
@@ -44,7 +43,6 @@ def page(found: Review, drawn: Drawn) -> str:
     bodies = {
         "sensors": _sensors(found),
         "vibration": _vibration(found, drawn),
-        "spreads": _spreads(found),
         "estimation": _estimation(found, drawn),
         "stops": _stops(found, drawn),
         "measurements": _measurements(found, drawn),
@@ -98,33 +96,6 @@ def _vibration(found: Review, drawn: Drawn) -> str:
         )
         + _image(plots.spectra(drawn.vibration), "Spectra of accelerometer and gyroscope")
         + _table(heads, rows)
-    )
-
-
-def _spreads(found: Review) -> str:
-    if (given := found.spreads) is None:
-        return ""
-    rows = [
-        (who, t.pressure_std, t.acceleration_noise, t.lag_one, t.spread_ratio, t.rejected,
-         t.known_s)
-        for who, t in (
-            ("vehicle file", given.before),
-            *((f"tried{' and proposed' if n == given.chosen else ''}", t)
-              for n, t in enumerate(given.trials)),
-        )
-    ]  # fmt: skip
-    heads = ("", "pressure_std [Pa]", "acceleration_noise", "correlation",
-             "over expected", "rejected", "known [s]")  # fmt: skip
-    copied = f"<p>To copy into the vehicle file:</p><pre>{escape(given.toml)}</pre>"
-    return (
-        _p(
-            f"{given.words} Where spreads are right, what a pressure sample says beyond what was "
-            f"expected has nothing to do with the sample before (0), and is as large as expected "
-            f"(1). Tried on {given.tried_s:.0f} s of the dive; the pressure's own noise under way "
-            f"is {given.measured_pressure_std:.3g} Pa."
-        )
-        + _table(heads, rows)
-        + (copied if given.toml else "")
     )
 
 

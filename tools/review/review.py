@@ -1,7 +1,6 @@
 """A review: every figure of the page, and what the page draws."""
 
 import sys
-from math import degrees
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +16,6 @@ from tools.review.estimated import Estimated, estimate
 from tools.review.measurements import Measurement, measurements
 from tools.review.recorded import Recorded, read
 from tools.review.sensor_table import SensorStream, sensor_table
-from tools.review.spreads import MOST_TILT, TRIAL_S, SpreadProposal, pressure_noise, proposal
 from tools.review.stick_stops import ReviewedStop, Stops, counting, reviewed_stops
 from tools.review.track import Track
 from tools.review.vibration import AxisVibration, ImuVibration, vibration
@@ -58,7 +56,6 @@ class Review(msgspec.Struct, kw_only=True, frozen=True):
     deepest: float | None  # [m] None: nobody estimated the depth
     sensors: list[SensorStream]
     vibration: list[AxisVibration]
-    spreads: SpreadProposal | None
     estimation: ReviewedEstimation
     stops: list[ReviewedStop]
     stops_with_lindy: list[ReviewedStop]  # the same sticks on the identified vehicle, simulated
@@ -92,9 +89,8 @@ def review(
     """
     recorded = read(path, overrides)
     missing: dict[str, list[str]] = {}
-    estimated = estimate(recorded.source, "estimating", overrides)
+    estimated = estimate(recorded.source, overrides)
     shaken = _vibration(recorded, missing)
-    spreads = _spreads(recorded, overrides, shaken, estimated, missing)
     motion = estimated.track if estimated.runs else recorded.own
     imu = recorded.sensors.get(topics.IMU.key)
     reference, begin = recorded.settings.reference, recorded.begin_ns
@@ -127,7 +123,6 @@ def review(
         deepest=None if motion is None else _deepest(motion),
         sensors=sensor_table(recorded.sensors),
         vibration=[] if shaken is None else shaken.axes,
-        spreads=spreads,
         estimation=estimation,
         stops=stops.stops,
         stops_with_lindy=simulated,
@@ -152,43 +147,6 @@ def _vibration(recorded: Recorded, missing: dict[str, list[str]]) -> ImuVibratio
         missing["vibration"] = [found]
         return None
     return found
-
-
-def _spreads(
-    recorded: Recorded,
-    overrides: tuple[str, ...],
-    shaken: ImuVibration | None,
-    estimated: Estimated,
-    missing: dict[str, list[str]],
-) -> SpreadProposal | None:
-    pressure = recorded.sensors.get(topics.PRESSURE.key)
-    noise = None if pressure is None else pressure_noise(pressure.values[:, 0])
-    if shaken is None or noise is None:
-        what = "vibration" if shaken is None else "noise of the pressure"
-        missing["spreads"] = [f"No spreads are proposed: the {what} is not known."]
-        return None
-    if not estimated.runs:
-        missing["spreads"] = [
-            f"The pressure's noise under way is {noise:.0f} Pa and the vibration along gravity "
-            f"{shaken.down_density:.2g} m/s²/√Hz; but no spreads are proposed, because Lindy's "
-            f"estimation did not run on this dive and so they cannot be tried."
-        ]
-        return None
-    tilt = 0.0 if estimated.track is None else estimated.track.tilt
-    if tilt > MOST_TILT:
-        missing["spreads"] = [
-            f"No spreads are proposed: the dive tilts by {degrees(tilt):.0f}°, and beyond "
-            f"{degrees(MOST_TILT):.0f}° spreads fit the tilt rather than the sensors."
-        ]
-        return None
-    seconds = min(TRIAL_S, recorded.seconds)
-    return proposal(
-        recorded.settings.estimation.depth,
-        shaken.down_density,
-        noise,
-        seconds,
-        lambda tried: estimate(recorded.source, "trying spreads", (*overrides, *tried), TRIAL_S),
-    )
 
 
 def _estimation(

@@ -36,13 +36,6 @@ class Track(NamedTuple):
         steps = np.minimum(np.diff(self.t, append=self.t[-1:]), 1.0)
         return float(np.sum(steps[known]))
 
-    @property
-    def tilt(self) -> float:
-        """[rad] From level, in 99 of 100 samples less; 0: roll and pitch are not known."""
-        level = np.cos(self.roll) * np.cos(self.pitch)
-        level = level[np.isfinite(level)]
-        return float(np.percentile(np.arccos(level), 99)) if len(level) else 0.0
-
     def known(self, name: str) -> tuple[Array, Array]:
         """Times and values of one of its columns, where it is known."""
         values: Array = getattr(self, name)

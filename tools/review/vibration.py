@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.marine.vehicle import GRAVITY
 from tools.report.columns import Array
 from tools.report.jerk import Spectrum, spectrum
 from tools.review.recorded import PAUSE, SensorColumns
@@ -47,7 +46,6 @@ class ImuVibration(NamedTuple):
     windows: int
     seconds: float  # [s] of a window
     axes: list[AxisVibration]
-    down_density: float  # [m/s²/√Hz] along gravity, in the most shaken fifth
     quiet: list[Spectrum]  # by axis
     shaken: list[Spectrum]
 
@@ -69,32 +67,26 @@ def vibration(imu: SensorColumns) -> ImuVibration | str:
             f"The IMU has {len(pieces)} stretches of {length / rate:.0f} s without a gap; a review "
             f"needs {LEAST_WINDOWS} to tell quiet from shaken."
         )
-    spectra = [[spectrum(piece[:, k], rate, length) for k in range(7)] for piece in pieces]
+    spectra = [[spectrum(piece[:, k], rate, length) for k in range(6)] for piece in pieces]
     power = np.array(
         [sum(s.density[s.frequency >= MOTION_HZ].sum() for s in each[3:6]) for each in spectra]
     )
     order, count = np.argsort(power), max(1, round(PART * len(pieces)))
-    quiet = [_mean([spectra[n][k] for n in order[:count]]) for k in range(7)]
-    shaken = [_mean([spectra[n][k] for n in order[-count:]]) for k in range(7)]
+    quiet = [_mean([spectra[n][k] for n in order[:count]]) for k in range(6)]
+    shaken = [_mean([spectra[n][k] for n in order[-count:]]) for k in range(6)]
     axes = [_axis(*named, quiet[k], shaken[k]) for k, named in enumerate(AXES)]
-    return ImuVibration(
-        rate, len(pieces), length / rate, axes, _density(shaken[6]),
-        quiet[:6], shaken[:6],
-    )  # fmt: skip
+    return ImuVibration(rate, len(pieces), length / rate, axes, quiet, shaken)
 
 
 def _windows(imu: SensorColumns, rate: float, length: int) -> list[NDArray[np.float64]]:
-    """(length, 7) Evenly spaced samples: rates, forces, and the force along gravity."""
-    down = imu.values[:, FORCE].mean(axis=0)
-    down = down / max(float(np.linalg.norm(down)), 0.1 * GRAVITY)
-    values = np.column_stack([imu.values, imu.values[:, FORCE] @ down])
+    """(length, 6) Evenly spaced samples: rates and forces."""
     gap_before = np.append(0, np.cumsum(np.diff(imu.stamp) > PAUSE / rate))
     found: list[NDArray[np.float64]] = []
     for begin in np.arange(imu.stamp[0], imu.stamp[-1] - length / rate, length / rate):
         at = begin + np.arange(length) / rate
         first, last = np.searchsorted(imu.stamp, (at[0], at[-1]), side="right") - 1
         if gap_before[first] == gap_before[last]:
-            columns: list[Array] = [np.interp(at, imu.stamp, each) for each in values.T]
+            columns: list[Array] = [np.interp(at, imu.stamp, each) for each in imu.values.T]
             found.append(np.column_stack(columns))
     return found
 

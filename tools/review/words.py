@@ -12,13 +12,13 @@ from tools.review.stick_stops import STICKS, ReviewedStop
 
 ENOUGH_KNOWN = 0.95  # [-] of the time after calibration: less, and it would have stopped under way
 # What a section lacks follows from what another one lacks, and is not said again.
-FOLLOWS = {"spreads": "vibration", "asked": "stops", "measurements": "estimation"}
+FOLLOWS = {"asked": "stops", "measurements": "estimation"}
 
 
 def in_short(found: Review) -> list[str]:
     """What the page says, in the order of its sections."""
     return [
-        *(*_dive(found), _verdict(found), *_sensors(found), *_vibration(found), *_spreads(found)),
+        *(*_dive(found), _verdict(found), *_sensors(found), *_vibration(found)),
         *(*_estimation(found), *_stops(found), *_measurements(found)),
         *(*_asked(found), *_missing(found)),
     ]
@@ -114,11 +114,6 @@ def _vibration(found: Review) -> Iterator[str]:
         f"Vibration: along {worst.name.split()[1]} the most shaken fifth of the dive has "
         f"{worst.shaken_density:.2g} m/s²/√Hz, {ratio:.1f} times the quietest{line}."
     )
-
-
-def _spreads(found: Review) -> Iterator[str]:
-    if found.spreads is not None:
-        yield found.spreads.words
 
 
 def _estimation(found: Review) -> Iterator[str]:

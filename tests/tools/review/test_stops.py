@@ -224,14 +224,6 @@ def test_a_heading_that_is_as_good_as_unknown_is_not_compared() -> None:
         assert rows.track().heading.tolist() == [0.0]  # of a stop: what it turned counts
 
 
-@given(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2))
-def test_tilt_is_the_angle_from_level(roll: float, pitch: float) -> None:
-    one = np.ones_like(T)
-    tilt = track(roll=roll * one, pitch=pitch * one).tilt
-    assert max(abs(roll), abs(pitch)) - 1e-6 <= tilt <= abs(roll) + abs(pitch) + 1e-6
-    assert track(roll=roll * one).tilt == 0.0
-
-
 @pytest.mark.parametrize("count", [1, 10, MOST_POINTS, 100_003])
 def test_a_thinned_line_keeps_its_extremes(count: int) -> None:
     t = np.arange(float(count))

@@ -37,7 +37,6 @@ def test_quiet_and_shaken_are_told_apart(density: float, shaken: float) -> None:
     for axis in found.axes:
         assert axis.quiet_density == pytest.approx(density, rel=0.2)
         assert axis.shaken_density == pytest.approx(density * shaken, rel=0.2)
-    assert found.down_density == pytest.approx(density * shaken, rel=0.2)
 
 
 def test_a_line_is_found_and_is_no_noise() -> None:
