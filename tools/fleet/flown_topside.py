@@ -20,7 +20,6 @@ from services.runtime.hosts.registry import PILOTS, Registry
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.local_stack import SLOW, LocalStack, local_stack
 from services.runtime.launch.process_plan import HOME
-from services.runtime.launch.process_pool import ProcessPool
 from services.runtime.node.ports import Latest, Publisher
 from tools.fleet.change import left_behind
 from tools.fleet.others import others_named
@@ -162,7 +161,6 @@ def opened(
     plan: Planned,
     stop: StopSignals,
     shown: Display,
-    pool: ProcessPool,
     hear: Callable[[FlyRequest, int], None],
     *,
     announced: bool,
@@ -185,7 +183,6 @@ def opened(
                 plan.here,
                 other_side=plan.other_side,
                 credentials=plan.credentials,
-                pool=pool,
             )
         )
         local.note.shown, local.note.changes = announced, True

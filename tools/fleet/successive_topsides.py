@@ -12,7 +12,6 @@ from messages.identity import SideIdentity
 from services.runtime.bus.network import Network
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
-from services.runtime.launch.process_pool import ProcessPool
 from services.runtime.node.answers import KeptAnswers
 from tools.fleet.change import Act, ChangeOfDrone, ChangeSeen
 from tools.fleet.fleet import watched
@@ -25,7 +24,6 @@ from tools.live.stop_signals import StopSignals
 from tools.start import Planned
 
 PASSING_NS = 3_000_000_000  # [ns] for a change to finish when the user wants to stop
-POOL_NS = 100_000_000  # [ns] between two looks at the pool of processes
 LIST_NS = round(1e9 / topics.FLY_DRONES.hz)  # [ns] between two lists of the drones
 GOES_ON = "the flight goes on"
 
@@ -64,8 +62,6 @@ class SuccessiveTopsides:
         self._take_in = watched(network, self._watch)
         self._list_at = 0  # [ns] next list of the drones
         self._left = ""  # what has become of the drone that was left last
-        self._pool = ProcessPool()
-        self._pool_at = 0  # [ns] next look at them
         self._background = ThreadPoolExecutor(thread_name_prefix="flight")
         self._endings: list[Future[None]] = []
         self._over = False  # no flight is opened any more
@@ -85,7 +81,6 @@ class SuccessiveTopsides:
         """End whatever is left."""
         self._over = True
         self._collect()
-        self._pool.end()
         for flight in (self._new, *self._flown[-1:]):
             if flight is not None:
                 self._end(flight)
@@ -168,7 +163,6 @@ class SuccessiveTopsides:
             self._do(act, now)
         if self._change.phase != "flying":
             return None
-        self._keep_pool(now)
         return self._flight.dive.over(now)
 
     def _tell_who_is_there(self, now: int) -> None:
@@ -178,13 +172,6 @@ class SuccessiveTopsides:
         self._take_in(now)
         flight = self._flight
         flight.tell(drone_list(self._watch, flight.ours, flight.drone, self._left, now))
-
-    def _keep_pool(self, now: int) -> None:
-        if now < self._pool_at:
-            return  # messages wake this program more often than a look is of use
-        flight, self._pool_at = self._flight, now + POOL_NS
-        wanted = flight.local.plan.prewarming
-        self._pool.keep({n: s for n, s in wanted.items() if n not in flight.slow})
 
     def _look_at_new(self) -> None:
         if self._new is None:
@@ -312,7 +299,7 @@ class SuccessiveTopsides:
         return None if known is None else known.identity
 
     def _open(self, plan: Planned, *, announced: bool) -> FlownTopside:
-        return opened(plan, self._stop, self._shown, self._pool, self._hear, announced=announced)
+        return opened(plan, self._stop, self._shown, self._hear, announced=announced)
 
     def _end(self, flight: FlownTopside) -> None:
         self._endings.append(self._background.submit(flight.end))

@@ -33,7 +33,7 @@ from tests.support.fleet_network import (
     synthetic,
 )
 from tests.support.patience import until
-from tests.support.processes import NOTHING, costs, memory_mb, total
+from tests.support.processes import NOTHING, costs, total
 from tests.support.started_dives import HAS_STICKS, PILOT, SETTLE_S, WATCH_S
 from tools.ask import dive_in
 from tools.fleet.look import look, who_is_there
@@ -46,8 +46,6 @@ MANY = 8  # … where there are so many processors
 LISTED, LIST_S = 20, 2.0  # drones of a list, and the time for it
 LOOKS = 5  # one after the other
 CHANGE_S, RESTART_S = 1.0, 3.0
-SPARES = 4  # processes of `lindy fly --grouped`: hub, recorder, pilot, and all others
-SPARE_S = 3.0  # [s] for the last one's imports
 AWAY_S = 2.0  # [s] a router is away: long enough that every drone holds by itself
 LOADED, SPEED, LOAD_S = 8, 3.0, 6.0  # synthetic drones, times the table's rates, for so long
 
@@ -227,9 +225,6 @@ def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
         second = begin_pilot(routers, folder / "second", names[1], PILOT, exits)
         until(lambda: statuses.flown(names[1:], began))
         end_and_start = time.monotonic() - began
-        until(lambda: len(second.spares()) == SPARES)
-        time.sleep(SPARE_S)
-        spare = memory_mb(second.spares())
         began = time.monotonic()
         answered = order(folder / "second", names[0])
         until(lambda: statuses.flown(names[:1], began))
@@ -239,7 +234,7 @@ def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
             section=SECTION, name=name, unit="s",
             ours=changed, baseline_name="goal", baseline=CHANGE_S, goal=1.0,
             note=f"as by `lindy ask fly`, without the start of that program; answered after "
-            f"{answered:.2f} s; {SPARES} spare processes alone would take {spare:.0f} MB",
+            f"{answered:.2f} s",
         )  # fmt: skip
         yield Figure(
             section=SECTION, name=f"{name}, beside another start", unit="s",

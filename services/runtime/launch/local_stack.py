@@ -30,7 +30,6 @@ from services.runtime.launch.child import is_stuck
 from services.runtime.launch.hang_detector import HangDetector, is_unheard
 from services.runtime.launch.lifecycle import Life
 from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
-from services.runtime.launch.process_pool import ProcessPool
 from services.runtime.launch.run_note import RunNote
 from services.runtime.launch.runtime_folder import runtime_folder
 from services.runtime.launch.supervisor import Supervisor
@@ -50,18 +49,12 @@ HUB_TIMEOUT_S = 20.0
 class LocalStack:
     """The processes of a plan, kept running; made by `local_stack`, which also ends it."""
 
-    def __init__(self, plan: ProcessPlan, pool: ProcessPool | None = None) -> None:
-        """
-        Args:
-            pool: whose processes are used, kept by the caller; default: this stack keeps spares.
-        """
+    def __init__(self, plan: ProcessPlan) -> None:
         self.plan = plan
-        self._spares = pool or ProcessPool()
-        self._spared = plan.spares if pool is None else None
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.aliveness = Aliveness(plan.services, plan.endpoints)
         self.note = RunNote(plan, partial(self._tell, "warning"))
-        self.supervisor = Supervisor(self._tell, self._spares.child)
+        self.supervisor = Supervisor(self._tell)
         self.hang_detector = HangDetector(dict.fromkeys(LAST, DISK_PATIENCE_S))
         self._busyness = Busyness()
         self.replaced = False  # by another one of this program, which goes on
@@ -243,8 +236,6 @@ class LocalStack:
         if now < self._watch_at:
             return  # messages wake this process more often than a look is of use
         self._watch_at = now + WATCH_NS
-        if self._spared is not None and set(self.missing()) <= set(SLOW):
-            self._spares.keep(self._spared)  # earlier the others need the processor
         self._restore_sockets(now)
         lives = self.supervisor.lives
         beats = {
@@ -274,9 +265,8 @@ class LocalStack:
         )
 
     def _stuck(self, process: str) -> bool:
-        """One on the way of the pilot's disarm, where a spare waits to take over."""
-        spared = process in self.plan.spares and self._spares.has(process)
-        return spared and self._idle(process)
+        """One on the way of the pilot's disarm."""
+        return self.plan.carries_stop(process) and self._idle(process)
 
     def _idle(self, process: str) -> bool:
         pid = self.supervisor.pids.get(process)
@@ -296,8 +286,6 @@ class LocalStack:
         """End all processes."""
         if not self.replaced:
             self._systemd.stopping()
-        if self._spared is not None:
-            self._spares.end()
         self.supervisor.stop()
 
     def _tell(self, level: Literal["info", "warning", "error"], text: str) -> None:
@@ -313,7 +301,6 @@ def local_stack(
     other_side: OtherSide | None = None,
     begin_with: Mapping[str, bytes] | None = None,
     credentials: Credentials | None = None,
-    pool: ProcessPool | None = None,
 ) -> Generator[LocalStack]:
     """Running hubs, without services yet; everything is ended when the block is left.
 
@@ -323,7 +310,6 @@ def local_stack(
         other_side: where it is another machine; `services` are then those of this one.
         begin_with: checkpoints by service, of an earlier start.
         credentials: for endpoints of and for other machines.
-        pool: as `LocalStack` has it.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
@@ -336,7 +322,7 @@ def local_stack(
     stack = msgspec.structs.replace(stack, watched=watched)
     with runtime_folder() as folder:
         plan = ProcessPlan(stack, services, folder, listen, other_side, begin_with, credentials)
-        local = LocalStack(plan, pool)
+        local = LocalStack(plan)
         with ExitStack() as exits:
             exits.callback(local.note.remove)
             exits.callback(local.supervisor.stop)

@@ -32,7 +32,6 @@ class NewGroup(TypedDict):
 
 
 APART = NewGroup(creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0))
-PREWARMS = False  # its stdin would be in use
 BECOMES = False
 
 

@@ -35,7 +35,6 @@ class NewSession(TypedDict):
 
 
 APART = NewSession(start_new_session=True)
-PREWARMS = True  # a child may be started before it is known what it works for
 BECOMES = True  # a program may go on as another one
 
 

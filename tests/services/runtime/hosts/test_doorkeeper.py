@@ -24,7 +24,7 @@ from services.runtime.bus.tcp_links import Ends, TcpLinks, let_callers_speak_fir
 from services.runtime.bus.zenoh_bus import ZenohBus, connected
 from services.runtime.hosts.doorkeeper import Doorkeeper
 from services.runtime.hosts.process_host import HubLaunch
-from services.runtime.launch.process_pool import PYTHON
+from services.runtime.launch.process_plan import PYTHON
 from tests.support.patience import PATIENCE_S, until
 from tools.keys import authority
 from tools.keys.key_folder import own_keys

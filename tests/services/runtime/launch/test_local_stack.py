@@ -159,42 +159,6 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
     assert "info engine: here" in (stack.out_dir / "logs/engine.log").read_text()
 
 
-def children() -> set[int]:
-    """Of this process."""
-    tasks = Path("/proc/self/task").glob("*/children")
-    return {int(pid) for file in tasks for pid in file.read_text().split()}
-
-
-def test_a_pilot_who_is_killed_is_followed_by_a_process_that_has_waited(tmp_path: Path) -> None:
-    pilot = STACK + '[services.gamepad]\nsides = ["topside"]\nmodule = "desk_module"\n'
-    stack, services = made(tmp_path, stack=pilot)
-    earlier = children()
-    with local_stack(stack, services) as local:
-        local.start_services()
-        alive(local)
-
-        def spares() -> set[int]:
-            return children() - earlier - {*local.supervisor.pids.values()}
-
-        for _ in range(2):
-            pump_until(local, lambda: len(spares()) == 3)  # of the pilot and of both hubs
-            waiting, before = spares(), local.supervisor.pids
-            os.kill(before["gamepad"], signal.SIGKILL)
-            pump_until(
-                local,
-                lambda old=before: (
-                    local.supervisor.pids.get("gamepad") not in (None, old["gamepad"])
-                ),
-            )
-            alive(local)
-            assert local.supervisor.pids["gamepad"] in waiting
-            assert {n for n, pid in local.supervisor.pids.items() if pid != before[n]} == {
-                "gamepad"
-            }
-        pump_until(local, lambda: len(spares()) == 3)
-    assert children() == earlier
-
-
 def test_what_is_killed_comes_again_and_the_file_names_the_new_process(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
     with local_stack(stack, services) as local:
