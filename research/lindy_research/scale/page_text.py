@@ -88,11 +88,7 @@ Where there are 8 processors, `lindy bench --only fleet` flies eight and measure
    and not that it works.
 2. **The uplink of a site.** Ten flown drones are more than most mobile networks carry upwards.
    Thinned they need less than a third. Commands are never thinned; they are small.
-3. **Who records everything** (`lindy record`). One core writes some 100,000 messages a second that
-   have arrived, and receives about as many: 100 drones are a core, 1,000 are not possible in one
-   program. Several share them (`--drone`); or each drone records on board, as it always does, and
-   its files are fetched after the dive.
-4. **A core router**: 1,000 drones need several, and Zenoh does not balance the load between them;
+3. **A core router**: 1,000 drones need several, and Zenoh does not balance the load between them;
    who connects where is in the routers' files.
 
 Not what breaks: whoever watches all (`lindy fleet`), because that asks for three slow rows; and the

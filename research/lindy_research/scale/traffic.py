@@ -49,16 +49,6 @@ def watched() -> FleetTraffic:
     return _sum(s for s in said_by("drone", "x", messages=HASH) if _row(s) in rows)
 
 
-def recorded(*, thinned: bool = False) -> FleetTraffic:
-    """What a drone says to `lindy record`, which asks for every row.
-
-    Args:
-        thinned: as `flown`.
-    """
-    every = said_by("drone", "x", messages=HASH)
-    return _sum(map(_thinned, every) if thinned else every)
-
-
 def _asked(side: Side) -> list[SyntheticStream]:
     asked = ASKED[OTHER[side]]
     return [s for s in said_by(side, "x", messages=HASH) if any(t.covers(_row(s)) for t in asked)]

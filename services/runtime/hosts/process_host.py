@@ -24,7 +24,6 @@ from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
-from services.runtime.bus.spaces import leave_key
 from services.runtime.bus.zenoh_bus import (
     announce_here,
     close_without_waiting,
@@ -57,7 +56,6 @@ TOPSIDE_KILLED = (
     "lindy: the program that supervises the services was killed: all of this side end; an armed "
     "drone stops and holds without its pilot, and rises later"
 )
-LEAVE_S = 0.1  # [s] for what says that a hub ends to reach others; nothing tells that it has
 EXIT_S = 5.0  # [s] for the interpreter, when everything is closed
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
@@ -185,10 +183,6 @@ def run_hub(launch: HubLaunch) -> int:
                 doorkeeper.look(now)
             # The router works on its own threads.
             time.sleep(POLL_S if doorkeeper is None else LOOK_S)
-        killed = launch.parent is not None and not system.is_parent(launch.parent)
-        if launch.here and not killed:  # who is killed does not say that it ends
-            _leaves = announce_here(session, leave_key(launch.here))
-            time.sleep(LEAVE_S)
         return 0
     return 1
 
