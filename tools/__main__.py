@@ -48,7 +48,6 @@ GROUPS: dict[str, dict[str, Verb]] = {
     },
     "Drones and links": {
         "drones": Verb("fleet.drones:drones", "List the drones that can be reached."),
-        "fleet": Verb("fleet.fleet:fleet", "Watch all drones that can be reached."),
         "keys": Verb("keys.command:keys", "Keys by which drone and pilot recognise each other."),
         "top": Verb("topic.top:top", "Show what each service costs, and how late it is."),
         "topic": Verb(

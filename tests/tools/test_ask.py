@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Generator
@@ -25,7 +24,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.patience import PATIENCE_S, until
-from tools.ask import ask, dive_in, dives_here, for_the_pilot, in_json, in_words, wanted_of
+from tools.ask import ask, dive_in, for_the_pilot, in_json, in_words, wanted_of
 from tools.live.asking import OneRequest
 from tools.path import PlannedPathFile
 
@@ -203,24 +202,6 @@ def test_where_nobody_dives_one_sentence_says_so(
         dive_in(None)
     with pytest.raises(LindyError, match="no dive is going on in dives/crashed"):
         dive_in(Path("dives/crashed"))
-
-
-def test_the_folder_of_a_dive_leads_to_the_one_that_its_pilot_has_left_it_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
-):
-    monkeypatch.chdir(tmp_path)
-    write(tmp_path / "dives/three", "rov1", os.getpid())
-    for folder, later in (("one", "two"), ("two", "three")):
-        write(tmp_path / "dives" / folder, "rov2", os.getpid())
-        note = tmp_path / "dives" / folder / RUNNING
-        left = msgspec.json.decode(note.read_bytes(), type=Running)
-        left = msgspec.structs.replace(left, left_for=str(tmp_path / "dives" / later))
-        note.write_bytes(msgspec.json.encode(left))
-    assert {dive_in(Path("dives") / each).vehicle for each in ("one", "two", "three")} == {"rov1"}
-    assert [running.vehicle for running in dives_here()] == ["rov1"]
-    write(tmp_path / "dives/three", "rov1", ended)
-    with pytest.raises(LindyError, match="no dive is going on in dives/one"):
-        dive_in(Path("dives/one"))
 
 
 # Until when.
@@ -430,20 +411,3 @@ def test_half_a_place_or_none_is_refused(given: dict[str, float]) -> None:
         wanted_of("goto", **(nothing | given))
     place = wanted_of("goto", **(nothing | {"north": 1.0, "east": -2.0}))
     assert (place.north, place.east) == (1.0, -2.0)
-
-
-@pytest.mark.parametrize(
-    ("drone", "changes", "said"),
-    [
-        ("rov2", False, "this dive of rov1 was not started by `lindy fly`"),
-        (None, True, "fly needs the name of a drone; `lindy drones` lists them"),
-        ("rov/2", True, "fly 'rov/2': a drone's name is a part of every key"),
-    ],
-)
-def test_an_order_that_nobody_could_carry_out_is_not_sent(
-    tmp_path: Path, drone: str | None, changes: bool, said: str
-):
-    running = Running("rov1", {}, os.getpid(), {}, changes=changes)
-    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(running))
-    with pytest.raises(LindyError, match=re.escape(said)):
-        ask("fly", drone, dive=tmp_path)

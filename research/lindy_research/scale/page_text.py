@@ -45,7 +45,8 @@ Checked on, and not fitted to:
 
 Ten drones at the router of their site, 25 pilots at a router of the centre, and core routers
 between them, each of which takes half a core at most. Every drone is flown, and two people watch
-all with `lindy fleet`. The routers are those of the model, with one thread; zenohd has more.
+all with `lindy drones --watch`. The routers are those of the model, with one thread; zenohd has
+more.
 
 {fleets}
 
@@ -91,8 +92,8 @@ Where there are 8 processors, `lindy bench --only fleet` flies eight and measure
 3. **A core router**: 1,000 drones need several, and Zenoh does not balance the load between them;
    who connects where is in the routers' files.
 
-Not what breaks: whoever watches all (`lindy fleet`), because that asks for three slow rows; and the
-routers of sites and of the centre.
+Not what breaks: whoever watches all (`lindy drones --watch`), because that asks for three slow
+rows; and the routers of sites and of the centre.
 
 Not measured: more than two routers in a row, network cards, TLS, zenohd, 1,000 real hubs.
 """

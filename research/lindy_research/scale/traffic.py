@@ -44,7 +44,7 @@ def flown(side: Side, *, thinned: bool = False) -> FleetTraffic:
 
 
 def watched() -> FleetTraffic:
-    """What a drone says to whoever watches all of them, as `lindy fleet` does."""
+    """What a drone says to whoever watches all of them, as `lindy drones --watch` does."""
     rows = {topic.key for topic in ROWS}
     return _sum(s for s in said_by("drone", "x", messages=HASH) if _row(s) in rows)
 

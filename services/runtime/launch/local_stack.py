@@ -5,7 +5,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -57,7 +57,6 @@ class LocalStack:
         self.supervisor = Supervisor(self._tell)
         self.hang_detector = HangDetector(dict.fromkeys(LAST, DISK_PATIENCE_S))
         self._busyness = Busyness()
-        self.replaced = False  # by another one of this program, which goes on
         self._systemd = Systemd(os.environ, os.getpid())
         self._watch_at = 0  # [ns] next look at the heartbeats
         self._heard: dict[str, int] = {}  # [ns] services' newest health
@@ -104,32 +103,14 @@ class LocalStack:
         self.node.each(topics.HEALTH, self._hear_health)
         self._has_node = True
 
-    def start_services(self, resting: Collection[str] = ()) -> None:
-        """
-        Args:
-            resting: processes that wait for `begin`.
-        """
-        self.aliveness.resting = self.plan.services_of(resting)
+    def start_services(self) -> None:
         self.plan.keep_files(partial(self._tell, "warning"))
-        begun = [name for name in self.plan.processes if name not in resting]
-        self._later = [name for name in begun if self.plan.services_of([name]) <= set(SLOW)]
-        self.supervisor.add(self.plan.process(name) for name in begun if name not in self._later)
-
-    def begin(self, processes: Collection[str]) -> None:
-        """Start processes that rest."""
-        self.aliveness.resting -= self.plan.services_of(processes)
-        self.supervisor.add(self.plan.process(name) for name in processes)
-
-    def rest(self, processes: Collection[str]) -> None:
-        """Ask these to end, while the others go on."""
-        self.aliveness.resting |= self.plan.services_of(processes)
-        self.supervisor.ask_to_end(processes)
-
-    def has_ended(self, processes: Collection[str]) -> bool:
-        return not any(name in self.supervisor.pids for name in processes)
+        every = self.plan.processes
+        self._later = [name for name in every if self.plan.services_of([name]) <= set(SLOW)]
+        self.supervisor.add(self.plan.process(name) for name in every if name not in self._later)
 
     def missing(self) -> list[str]:
-        """Services that are to run and are not alive on all of their sides."""
+        """Services that are not alive on all of their sides."""
         return self.aliveness.missing()
 
     def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
@@ -284,8 +265,7 @@ class LocalStack:
 
     def end(self) -> None:
         """End all processes."""
-        if not self.replaced:
-            self._systemd.stopping()
+        self._systemd.stopping()
         self.supervisor.stop()
 
     def _tell(self, level: Literal["info", "warning", "error"], text: str) -> None:

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 
 import msgspec
 
@@ -19,15 +18,12 @@ class RunNote:
     hold up whoever supervises."""
 
     def __init__(self, plan: ProcessPlan, warn: Callable[[str], None]) -> None:
-        self.shown = True  # False: `lindy ask` is to find another dive of this program
-        self.changes = False  # the pilot of this dive may take another drone
         self._plan, self._warn = plan, warn
         self._path = plan.stack.out_dir / RUNNING
         self._file = CheckpointFile(self._path)
         self._pids: dict[str, int] = {}
         self._again_ns: int | None = None  # [ns] when a write that failed is tried again
         self._said = False
-        self._left_for = ""
 
     def update(self, pids: dict[str, int], now: int) -> None:
         """Written atomically: on a full disk the older one stays, which is said once, and it is
@@ -44,22 +40,14 @@ class RunNote:
                 self._said = True
                 self._warn(f"cannot write {self._path}: {self._file.why}")
         due = self._again_ns is not None and now >= self._again_ns
-        if self.shown and (pids != self._pids or due):
+        if pids != self._pids or due:
             self._pids, self._again_ns = pids, None
             self._write(pids)
 
-    def leave(self, folder: Path) -> None:
-        """The pilot flies the dive in that folder now: this one leads there, also after `remove`,
-        and is not found by itself any more."""
-        self.shown, self._left_for = False, str(folder)
-        self._write({})
-        self._file.close()
-
     def remove(self) -> None:
         self._file.close()
-        if not self._left_for:
-            with suppress(OSError):  # the disk may be read-only by now
-                self._path.unlink(missing_ok=True)
+        with suppress(OSError):  # the disk may be read-only by now
+            self._path.unlink(missing_ok=True)
 
     def _write(self, pids: dict[str, int]) -> None:
         plan = self._plan
@@ -69,7 +57,5 @@ class RunNote:
             supervisor=os.getpid(),
             pids=pids,
             stack_file=str(plan.services.file),
-            left_for=self._left_for,
-            changes=self.changes,
         )
         self._file.save_checkpoint(msgspec.json.format(msgspec.json.encode(running)))
