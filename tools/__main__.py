@@ -54,9 +54,6 @@ GROUPS: dict[str, dict[str, Verb]] = {
             "topic.command:topic", "List the streams of a dive; show, time and weigh them."
         ),
         "link": Verb("link:link", "The tether: its model offline, a running link, a recorded one."),
-        "router-config": Verb(
-            "fleet.router:router_config", "Write the configuration of a Zenoh router (zenohd)."
-        ),
     },
     "Recordings": {
         "review": Verb(

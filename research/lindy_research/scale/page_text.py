@@ -50,7 +50,7 @@ more.
 
 {fleets}
 
-With the links of all sites thinned (`lindy router-config --thin`):
+With the links of all sites thinned (`downsampling` in deploy/router.json5):
 
 {thinned}
 

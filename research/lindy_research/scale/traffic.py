@@ -37,7 +37,7 @@ def flown(side: Side, *, thinned: bool = False) -> FleetTraffic:
     """What this side says to the other one while a pilot flies.
 
     Args:
-        thinned: to a link with little room, as `lindy router-config --thin` does.
+        thinned: to a link with little room, as `downsampling` in deploy/router.json5 does.
     """
     asked = _asked(side)
     return _sum(map(_thinned, asked) if thinned else asked)
