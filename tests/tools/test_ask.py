@@ -21,10 +21,10 @@ from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, 
 from messages.vehicle import VehicleStatus
 from services.gamepad.io.path_file import PathFile as FollowedFile
 from services.runtime.config.errors import LindyError
-from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.patience import PATIENCE_S, until
-from tools.ask import ask, dive_in, for_the_pilot, in_json, in_words, wanted_of
+from tools.ask import ask, dive_in, dives_here, for_the_pilot, in_json, in_words, wanted_of
 from tools.live.asking import OneRequest
 from tools.path import PlannedPathFile
 
@@ -106,7 +106,11 @@ def test_a_path_file_may_have_every_key_that_lindy_path_knows():
         ("output", {"name": "lasers", "setting": "yes"}, "from 0 to 1, found 'yes'"),
         ("output", {"name": "lasers", "setting": "nan"}, "from 0 to 1, found 'nan'"),
         ("output", {"name": "lasers", "setting": "-1"}, "from 0 to 1, found '-1'"),
-        ("output", {"name": 129 * "l", "setting": "on"}, "the name has 129 letters"),
+        (
+            "output",
+            {"name": 129 * "l", "setting": "on"},
+            "the name has 129 letters, expected at most 128",
+        ),
         ("light", {"value": 1.0, "setting": "on"}, "light takes no third word, found 'on'"),
         ("follow", {}, "follow needs --path"),
         ("follow", {"path": "inspection_bix"}, "did you mean 'inspection_box'?"),
@@ -202,6 +206,28 @@ def test_where_nobody_dives_one_sentence_says_so(
         dive_in(None)
     with pytest.raises(LindyError, match="no dive is going on in dives/crashed"):
         dive_in(Path("dives/crashed"))
+
+
+def test_a_dead_dive_whose_process_id_another_program_has_now_is_not_found(tmp_path: Path):
+    running = Running("rov1", {"topside": "tcp/x"}, os.getpid(), {}, began=1.0)
+    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(running))
+    with pytest.raises(LindyError, match="no dive is going on in"):
+        dive_in(tmp_path)
+
+
+def test_a_dive_that_ends_while_it_is_looked_for_is_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "dives/one", "rov1", os.getpid())
+
+    def then_it_ends(folder: Path) -> Running | None:
+        found = running_in(folder)
+        (folder / RUNNING).unlink(missing_ok=True)
+        return found
+
+    monkeypatch.setattr("tools.ask.running_in", then_it_ends)
+    assert [running.vehicle for running in dives_here()] == ["rov1"]
 
 
 # Until when.

@@ -16,12 +16,15 @@ class Running(msgspec.Struct, frozen=True):
     supervisor: int  # process id
     pids: dict[str, int]  # process id of every hub and service; some services may share one
     stack_file: str = ""  # path of the stack file
+    began: float | None = None  # when the supervisor began: its id may be another program's later
 
 
 def running_in(folder: Path) -> Running | None:
     """The dive that is going on in a folder; None: there is none."""
     try:
         running = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running)
-    except (FileNotFoundError, *UNDECODABLE):
+    except (OSError, *UNDECODABLE):
+        return None
+    if running.began is not None and running.began != system.began(running.supervisor):
         return None
     return running if system.exists(running.supervisor) else None

@@ -9,6 +9,7 @@ import msgspec
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.launch.process_plan import ProcessPlan
 from services.runtime.node.checkpoint import CheckpointFile
+from services.runtime.os import system
 
 RETRY_NS = 5_000_000_000  # [ns]
 
@@ -55,6 +56,7 @@ class RunNote:
             vehicle=plan.stack.space,
             endpoints=plan.endpoints,
             supervisor=os.getpid(),
+            began=system.began(os.getpid()),
             pids=pids,
             stack_file=str(plan.services.file),
         )

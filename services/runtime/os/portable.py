@@ -39,6 +39,12 @@ def exists(pid: int) -> bool:
     return psutil.pid_exists(pid)
 
 
+def began(pid: int) -> float | None:
+    with suppress(psutil.Error):
+        return psutil.Process(pid).create_time()
+    return None
+
+
 def is_parent(pid: int) -> bool:
     return exists(pid)  # a program that only starts Python may stand between them
 

@@ -24,6 +24,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import LocalStack, local_stack
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
+from services.runtime.os import system
 from tests.support.patience import PATIENCE_S, until
 
 STACK = """
@@ -141,7 +142,8 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         }
         found = running(stack)
         file, pids = str(services.file), local.supervisor.pids
-        assert found == Running("pioneer", local.plan.endpoints, os.getpid(), pids, file)
+        began = system.began(os.getpid())
+        assert found == Running("pioneer", local.plan.endpoints, os.getpid(), pids, file, began)
         assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
         said = list[LogLine]()
         decoder = msgspec.msgpack.Decoder(LogLine)

@@ -72,6 +72,12 @@ def test_a_process_exists_until_it_has_ended(system: ModuleType) -> None:
     with started(system, LONG) as child:
         assert system.exists(child.pid)
         assert system.exists(os.getpid())
+        if sys.platform != "darwin":
+            own, other = system.began(os.getpid()), system.began(child.pid)
+            assert own is not None
+            assert other is not None
+            assert own <= other
+    assert system.began(child.pid) is None
     assert not system.exists(child.pid)
 
 
