@@ -39,9 +39,6 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "simulate": Verb("simulate:simulate", "Fly a dive on virtual time, as fast as possible."),
         "up": Verb("up:up", "Start one SIDE of a dive, topside or drone, on this machine."),
         "fly": Verb("fleet.fly:fly", "Start the topside for one of several drones."),
-        "tour": Verb(
-            "tour:tour", "Lead through a first dive, step by step, beside a running dive."
-        ),
         "ask": Verb("ask:ask", "Send a request to a running dive, and print the answer."),
         "ros2": Verb("ros2:ros2", "Show a running dive in ROS 2, and have it flown from there."),
         "pad": Verb("pad.command:pad", "Show what a pad sends, and write a profile for it."),

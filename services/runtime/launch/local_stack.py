@@ -38,7 +38,6 @@ from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 
-SOCKET_NS = 3_000_000_000  # [ns] a hub has made its socket so long after its start
 SLOW = ("visualizer",)  # started when the others are alive: its libraries take a second to load
 WATCH_NS = 100_000_000  # [ns] between two looks at the heartbeats
 DISK_PATIENCE_S = 10.0  # [s] a slow disk may stop those of LAST before they are started again
@@ -217,7 +216,6 @@ class LocalStack:
         if now < self._watch_at:
             return  # messages wake this process more often than a look is of use
         self._watch_at = now + WATCH_NS
-        self._restore_sockets(now)
         lives = self.supervisor.lives
         beats = {
             name: last_beat(self.plan.heartbeat(name)) if self._has_begun(name, life) else None
@@ -252,16 +250,6 @@ class LocalStack:
     def _idle(self, process: str) -> bool:
         pid = self.supervisor.pids.get(process)
         return pid is not None and is_stuck(pid)
-
-    def _restore_sockets(self, now: int) -> None:
-        """A hub whose socket was removed is started again: no service that ends could come back."""
-        lives = self.supervisor.lives
-        with suppress(OSError):  # tried again at the next look
-            for name in self.plan.socketless():
-                life = lives.get(name)
-                if life is not None and life.phase == "running" and now > life.at + SOCKET_NS:
-                    self._tell("error", f"the socket of {name} was removed: it is started again")
-                    self.supervisor.kill(name)
 
     def end(self) -> None:
         """End all processes."""

@@ -110,20 +110,6 @@ class ProcessPlan:
             else:
                 self._copies[str(path)] = str(copy)
 
-    def socketless(self) -> list[str]:
-        """Hubs that nobody can connect to any more: something has removed their sockets, or the
-        whole folder, which is then made again."""
-        sockets = {
-            f"hub_{side}": Path(endpoint.removeprefix(UNIX))
-            for side, endpoint in self.endpoints.items()
-            if endpoint.startswith(UNIX)
-        }
-        gone = [name for name, path in sockets.items() if not path.exists()]
-        if gone and not self._folder.exists():
-            self._folder.mkdir(mode=0o700)
-            self._copy_files(lambda _: None)
-        return gone
-
     def heartbeat(self, process: str) -> Path:
         """The file with the sign of life of a process."""
         return self._folder / f"{process}.beat"

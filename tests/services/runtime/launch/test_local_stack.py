@@ -411,26 +411,6 @@ def test_a_removed_folder_ends_nothing(tmp_path: Path) -> None:
         assert local.supervisor.restarts["engine"] == 1
 
 
-@pytest.mark.slow
-def test_what_is_killed_comes_again_when_the_sockets_were_removed(tmp_path: Path) -> None:
-    """As when somebody clears /tmp."""
-    stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
-        local.start_services()
-        alive(local)
-        folder = local.plan.heartbeat("engine").parent
-        before = local.supervisor.pids
-        shutil.rmtree(folder)
-        os.kill(before["engine"], signal.SIGKILL)
-        pump_until(
-            local, lambda: len(set(before.values()) & set(local.supervisor.pids.values())) < 2
-        )
-        alive(local)
-        pump_until(local, lambda: set(local.supervisor.pids) == set(before))
-        assert sorted(path.suffix for path in folder.glob("*.sock")) == [".sock"] * 2
-    assert not folder.exists()
-
-
 def test_a_service_without_memory_is_named_and_started_again(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=GREEDY)
     with local_stack(stack, services) as local:
