@@ -8,7 +8,6 @@ checks and `docs/topics.md` all read these rows.
 from messages.aiding import AidSource
 from messages.control import ThrusterCommand, Wrench
 from messages.film import FilmAnswer, FilmRequest
-from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import (
@@ -70,9 +69,6 @@ ESTIMATE       = Topic("vehicle/estimate",    VehicleEstimate,    10, BULK,     
 TRUTH          = Topic("simulator/truth",     Truth,             100, BULK,        UP,      1,    0)
 FAULT_REQUEST  = Topic("simulator/request",   FaultRequest,        0, EVENT,       DOWN)
 FAULT_ANSWER   = Topic("simulator/answer",    FaultAnswer,         0, EVENT,       UP)
-FLY_REQUEST    = Topic("fly/request",         FlyRequest,          0, EVENT,       DOWN)
-FLY_ANSWER     = Topic("fly/answer",          FlyAnswer,           0, EVENT,       DOWN)
-FLY_DRONES     = Topic("fly/drones",          DroneList,           1, BULK,        DOWN)
 LINK           = Topic("link/status",         LinkStatus,          5, BULK,        BOTH)
 LINK_REQUEST   = Topic("link/request",        LinkRequest,         0, EVENT,       DOWN)
 LINK_ANSWER    = Topic("link/answer",         LinkAnswer,          0, EVENT,       BOTH)
@@ -110,9 +106,6 @@ WITHIN_ONE_MACHINE: tuple[AnyTopic, ...] = (
     FAULT_ANSWER,
     LINK_REQUEST,
     LINK_ANSWER,
-    FLY_REQUEST,
-    FLY_ANSWER,
-    FLY_DRONES,
 )
 
 

@@ -1,5 +1,4 @@
-"""Entry point of a process: `python -m services LAUNCH`, or `… hub HUBLAUNCH`, both as JSON; or
-`… prewarm PREWARMING`, which is told later which of them it is.
+"""Entry point of a process: `python -m services LAUNCH`, or `… hub HUBLAUNCH`, both as JSON.
 
 People use `lindy run`; the supervisor uses this, because it starts in a tenth of a second.
 """
@@ -8,14 +7,10 @@ import sys
 
 import msgspec
 
-from services.runtime.hosts.prewarmed_process import Prewarming, wait_for_work
 from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_services
 
 
 def main(arguments: list[str]) -> int:
-    if arguments[0] == "prewarm":
-        work = wait_for_work(msgspec.json.decode(arguments[1], type=Prewarming))
-        return 0 if work is None else main(work)
     if arguments[0] == "hub":
         return run_hub(msgspec.json.decode(arguments[1], type=HubLaunch))
     return run_services(msgspec.json.decode(arguments[0], type=Launch))

@@ -39,26 +39,18 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "simulate": Verb("simulate:simulate", "Fly a dive on virtual time, as fast as possible."),
         "up": Verb("up:up", "Start one SIDE of a dive, topside or drone, on this machine."),
         "fly": Verb("fleet.fly:fly", "Start the topside for one of several drones."),
-        "tour": Verb(
-            "tour:tour", "Lead through a first dive, step by step, beside a running dive."
-        ),
         "ask": Verb("ask:ask", "Send a request to a running dive, and print the answer."),
         "ros2": Verb("ros2:ros2", "Show a running dive in ROS 2, and have it flown from there."),
         "pad": Verb("pad.command:pad", "Show what a pad sends, and write a profile for it."),
     },
     "Drones and links": {
         "drones": Verb("fleet.drones:drones", "List the drones that can be reached."),
-        "fleet": Verb("fleet.fleet:fleet", "Watch all drones that can be reached."),
-        "record": Verb("fleet.record:record", "Record every drone that can be reached."),
         "keys": Verb("keys.command:keys", "Keys by which drone and pilot recognise each other."),
         "top": Verb("topic.top:top", "Show what each service costs, and how late it is."),
         "topic": Verb(
             "topic.command:topic", "List the streams of a dive; show, time and weigh them."
         ),
         "link": Verb("link:link", "The tether: its model offline, a running link, a recorded one."),
-        "router-config": Verb(
-            "fleet.router:router_config", "Write the configuration of a Zenoh router (zenohd)."
-        ),
     },
     "Recordings": {
         "review": Verb(

@@ -2,6 +2,7 @@
 
 import json
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, cast, get_args
 
@@ -10,7 +11,6 @@ from cyclopts import Parameter
 from msgspec import UNSET
 
 from messages import topics
-from messages.fly import FlyRequest
 from messages.pilot import (
     Course,
     FlightMode,
@@ -22,9 +22,8 @@ from messages.pilot import (
 from services.gamepad.io.path_file import course_of
 from services.piloting.pilot_intents import FARTHEST, goto
 from services.reference.guidance.path_following import PlannedPath
-from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
-from services.runtime.config.running import RUNNING, Running, followed_from, running_in
+from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.config.settings import deploy_file, nearest
 from services.runtime.launch.process_plan import HOME
 from services.runtime.node.node import Node
@@ -46,7 +45,6 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "offer": ("to",),
     "release": (),
     "resume": (),
-    "fly": ("name",),
 }  # the options of each kind of request
 FLIGHT_MODES: tuple[str, ...] = get_args(FlightMode)
 LONGEST_NAME = 128  # [letters] of a `Name`
@@ -58,10 +56,7 @@ def ask(
     kind: str,
     name: Annotated[
         str | None,
-        Parameter(
-            help=f"mode: {', '.join(FLIGHT_MODES)}; fly: name of another drone; output: its name "
-            "in the vehicle file"
-        ),
+        Parameter(help=f"mode: {', '.join(FLIGHT_MODES)}; output: its name in the vehicle file"),
     ] = None,
     setting: Annotated[str | None, Parameter(help="output: on, off or 0 … 1")] = None,
     *,
@@ -88,9 +83,8 @@ def ask(
 
     KIND is arm, disarm, stop, light, output, goto, follow, home (to where it was armed), unwind
     (turn back the tether's whole turns) or mode; take, offer or release control; resume after a
-    failsafe; fly another drone, where `lindy fly` runs. It is asked in the name of
-    the pilot of that dive. Where dives of several drones are going on, --dive must name one; a stop
-    without it is for all of them.
+    failsafe. It is asked in the name of the pilot of that dive. Where dives of several drones are
+    going on, --dive must name one; a stop without it is for all of them.
 
     Example: lindy ask goto --depth 3 --heading 90
     """
@@ -106,8 +100,6 @@ def ask(
         "force": force or None,
         "to": to,
     }
-    if kind == "fly":
-        return _fly(given, dive_in(dive), as_json)
     wanted = wanted_of(kind, **given)
     if wanted.kind == "stop" and dive is None:
         return max(_asked(wanted, running, as_json) for running in dives_here())
@@ -126,39 +118,6 @@ def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
         raise LindyError(f"{running.vehicle} refuses ({kind}): {answer.reason}")
     if not as_json:
         print(f"{running.vehicle}: {in_words(kind, answer)}")
-    return 0
-
-
-def _fly(given: dict[str, Any], running: Running, as_json: bool) -> int:
-    """Leave the drone that is flown, and fly another one."""
-    _check_options("fly", given)
-    drone = given["name"]
-    if drone is None:
-        raise LindyError("fly needs the name of a drone; `lindy drones` lists them")
-    checked_name(drone, "fly")
-    if not running.changes:
-        raise LindyError(
-            f"this dive of {running.vehicle} was not started by `lindy fly`, so its pilot stays "
-            f"with this drone; end it, and start `lindy fly {drone}`"
-        )
-    request = FlyRequest(stamp_ns=0, id="", drone=drone)
-    answer = answer_to(
-        lambda node: at_once(node, request, topics.FLY_REQUEST, topics.FLY_ANSWER),
-        running,
-        "topside, whose screen says which drone it flies,",
-    )
-    if as_json:
-        told = {"id": answer.id, "kind": "fly", "drone": drone, "accepted": answer.accepted}
-        print(
-            json.dumps(
-                {**told, "reason": answer.reason, "left": answer.left, "folder": answer.folder}
-            )
-        )
-    if not answer.accepted:
-        raise LindyError(f"still the topside of {running.vehicle}: {answer.reason}")
-    if not as_json:
-        where = f", in {answer.folder}" if answer.folder else ""
-        print(f"this is the topside of {drone} now{where}; {answer.left}")
     return 0
 
 
@@ -202,7 +161,7 @@ def dive_in(folder: Path | None) -> Running:
         LindyError: there is none, or there are several, of different drones.
     """
     if folder is not None:
-        if (running := followed_from(folder)) is None:
+        if (running := running_in(folder)) is None:
             raise LindyError(f"no dive is going on in {folder}; start one with `lindy dive`")
         return running
     drones = dives_here()
@@ -219,18 +178,21 @@ def dives_here() -> list[Running]:
         LindyError: there is none.
     """
     places = [Path(), *Path("dives").glob("*")]
-    files = [place / RUNNING for place in places if running_in(place) is not None]
-    if not files:
+    found = [(place, running) for place in places if (running := running_in(place)) is not None]
+    if not found:
         raise LindyError(
             "no dive is going on here or in dives/; name the folder of one with --dive, or "
             "start one with `lindy dive`"
         )
-    files.sort(key=lambda file: file.stat().st_mtime)
-    return list({running.vehicle: running for running in map(_read, files)}.values())
+    found.sort(key=lambda each: _written(each[0] / RUNNING))
+    return list({running.vehicle: running for _, running in found}.values())
 
 
-def _read(file: Path) -> Running:
-    return msgspec.json.decode(file.read_bytes(), type=Running)
+def _written(file: Path) -> float:
+    """[s] 0: it has ended meanwhile."""
+    with suppress(OSError):
+        return file.stat().st_mtime
+    return 0.0
 
 
 def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:
@@ -336,7 +298,9 @@ def _output(name: str | None, setting: str | None) -> PilotRequest:
     if not name or setting is None:
         raise LindyError("output needs its name and on, off or a number: output lasers on")
     if len(name) > LONGEST_NAME:
-        raise LindyError(f"output: the name has {len(name)} letters, expected {LONGEST_NAME}")
+        raise LindyError(
+            f"output: the name has {len(name)} letters, expected at most {LONGEST_NAME}"
+        )
     try:
         value = {"on": 1.0, "off": 0.0}.get(setting)
         value = float(setting) if value is None else value

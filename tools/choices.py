@@ -117,14 +117,6 @@ class Choices:
     ] = None
     seed: Annotated[Whole, Parameter(help="of everything random in simulator and link")] = 0
     set_: Overrides = ()
-    trust: Annotated[
-        bool,
-        Parameter(
-            negative=(),
-            help="run what a stack file or a recording names, also where it is not Lindy's own, "
-            "and ask nobody",
-        ),
-    ] = False
 
 
 DEFAULT = Choices()

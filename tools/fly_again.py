@@ -19,18 +19,19 @@ from tools.log.sticks import as_csv, sticks_of
 from tools.recordings.dive_file import FlownDive, FlownStack, flown_dive, unpacked
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import Simulated, simulated
-from tools.trust import foreign
+from tools.start import foreign
 
 STICKS = "recorded.csv"  # the stick log made of a dive that no script flew
 
 
-def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
+def fly_again(path: Path, choices: Choices, *, files: bool = True, trust: bool = False) -> int:
     """Fly the dive of a recording again on virtual time, and compare the hash of everything that
     was recorded. Returns the exit status.
 
     Args:
         path: a dive's folder, or its MCAP file.
-        choices: only `out` and `trust` may be given; everything else is in the recording.
+        choices: only `out` may be given; everything else is in the recording.
+        trust: also code that is not Lindy's own, which the recording names.
 
     Raises:
         LindyError: the recording does not say enough, or the dive was not the same.
@@ -50,7 +51,7 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True) -> int:
         pilot = _pilot(dive, recording, folder)
         exits.enter_context(reading_copies(unpacked(recording, dive.files, folder)))
         again = msgspec.structs.replace(dive.stack, pilot=pilot)
-        if not choices.trust:
+        if not trust:
             _require_own(path, again)
         # What a browser's pilot did is a script by now, which the gamepad plays.
         running = [GAMEPAD if name == COCKPIT else name for name in again.running]
@@ -91,7 +92,6 @@ def _require_unaltered(recording: Recording) -> None:
 
 def _choices(stack: FlownStack, out: Path | None) -> Choices:
     return Choices(
-        trust=True,  # it was judged above
         pilot=stack.pilot,
         vehicle=stack.vehicle,
         stack=stack.services,

@@ -61,6 +61,10 @@ def simulate(
             "fail (exit status 1) where what is recorded is not the same, bit for bit",
         ),
     ] = None,
+    trust: Annotated[
+        bool,
+        Parameter(negative=(), help="with --from: also code in it that is not Lindy's own"),
+    ] = False,
 ) -> int:
     """Fly a dive on virtual time, as fast as possible.
 
@@ -74,7 +78,7 @@ def simulate(
     if from_ is not None:
         from tools.fly_again import fly_again
 
-        return fly_again(from_, choices, files=files)
+        return fly_again(from_, choices, files=files, trust=trust)
     return simulated(choices, files=files).status
 
 

@@ -30,7 +30,6 @@ from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.packages import require_packages
 from tools.report import Elsewhere
-from tools.trust import asking, require_trusted
 
 RECORDER_HERE = f"{RECORDER}_topside"  # records what the topside hears
 
@@ -82,8 +81,8 @@ def settled(
     Raises:
         LindyError: the first mistake found, a package is missing, or nothing can be written.
     """
-    # Before anything of it is imported.
-    require_trusted(services, trust=choices.trust, ask=asking())
+    if names := foreign(services):  # said before anything of it is imported
+        print(f"{services.file} runs code that is not Lindy's own: {', '.join(names)}", flush=True)
     stack = checked(choices, pilot, services, here)
     require_packages(services if here is None else here, pilot.name)
     stack = msgspec.structs.replace(stack, **settings)
@@ -92,6 +91,12 @@ def settled(
         stack = msgspec.structs.replace(stack, out=str(out_folder(choices.out)))
         require_room(stack, services if here is None else here)
     return stack
+
+
+def foreign(services: Registry) -> list[str]:
+    """Services whose code is not Lindy's own, with the module of each."""
+    specs = services.items()
+    return [f"{name} (module {spec.module})" for name, spec in specs if spec.module is not None]
 
 
 def require_room(stack: Stack, here: Registry) -> None:

@@ -5,7 +5,6 @@ from messages import events, topics
 from messages.aiding import AidSource
 from messages.control import LearntModel, ThrusterCommand, Wrench
 from messages.film import FilmAnswer, FilmKind, FilmRequest
-from messages.fly import DroneList, FlyAnswer, FlyRequest, ReachableDrone
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import (
@@ -74,7 +73,6 @@ __all__ = [
     "Course",
     "Direction",
     "DirectionReport",
-    "DroneList",
     "DvlSample",
     "Estimate",
     "Failsafe",
@@ -85,8 +83,6 @@ __all__ = [
     "FilmKind",
     "FilmRequest",
     "FlightMode",
-    "FlyAnswer",
-    "FlyRequest",
     "Health",
     "ImuSample",
     "LatencyBudget",
@@ -109,7 +105,6 @@ __all__ = [
     "PressureSample",
     "Qos",
     "Quaternion",
-    "ReachableDrone",
     "Reaction",
     "Reference",
     "Request",

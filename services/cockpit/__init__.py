@@ -3,7 +3,6 @@ watches.
 
 page_messages   what a page may send, and how it is checked
 stick_page      which page has the sticks, and how old they are
-drone_order     the drones that can be reached, and the order to fly another one
 page_view       what every page is shown
 video           the camera's picture: as pages are sent it, and which pages get which
 core            the state machine of all pages

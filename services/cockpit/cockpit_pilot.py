@@ -104,16 +104,6 @@ class CockpitPilot:
             self._press(message, waiting, now, out)
         return out
 
-    def may_leave(self, page: int, drone: str, read_ns: Ns, now: Ns) -> bool:
-        """May this page give the drone up for another one? A refusal is counted and said."""
-        if now > read_ns + WISH_PATIENCE_NS:
-            self.pilot.outbox.tell(events.EXPIRED_WISH(detail=f"fly {drone}"))
-            return False
-        if not self.holder.may_take(page, now):
-            self._refuse(f"fly {drone}")
-            return False
-        return True
-
     def may_choose(self, page: int, camera: str, read_ns: Ns, now: Ns) -> bool:
         """May this page say which camera is large? A refusal is counted and said."""
         if now > read_ns + WISH_PATIENCE_NS:

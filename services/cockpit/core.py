@@ -13,7 +13,6 @@ from messages import events, topics
 from messages.control import ThrusterCommand, Wrench
 from messages.events import Level
 from messages.film import FilmAnswer, FilmRequest
-from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.sensors import TemperatureSample
@@ -24,12 +23,10 @@ from services.cockpit.aids import DiveTimer, Endurance
 from services.cockpit.cameras import Cameras
 from services.cockpit.chart import Chart
 from services.cockpit.cockpit_pilot import CockpitPilot
-from services.cockpit.drone_order import DroneOrder
 from services.cockpit.filming import Filming
 from services.cockpit.page_messages import (
     AnyPageMessage,
     PageAbsence,
-    PageFly,
     PageMessage,
     PageSeen,
     PageSticks,
@@ -119,7 +116,6 @@ class Page:
     sent: int  # number of the newest picture that it was sent
     seen: int  # number of the newest that it has confirmed
     delay_ns: Ns | None = None
-    listed_ns: Ns | None = None  # stamp of the newest list of drones that it was sent
     stops: int = 0  # that were heard from it
 
 
@@ -127,7 +123,6 @@ class Page:
 class PageEffects(Effects):
     """What one event causes, beyond what a pilot does."""
 
-    orders: list[FlyRequest] = field(default_factory=list[FlyRequest])
     films: list[FilmRequest] = field(default_factory=list[FilmRequest])
     choices: list[CameraChoice] = field(default_factory=list[CameraChoice])
 
@@ -160,7 +155,6 @@ class Cockpit:
         self._said: list[tuple[Level, str, str]] = []
         self._outbox.also = self._overhear
         self._pilot = CockpitPilot(pilot, settings.pilot)
-        self._order = DroneOrder()
         self.filming = Filming(settings.pilot, pilot.progress.filming_ns)
         self._limits, self._chart = limits, chart
         self._pages: dict[int, Page] = {}
@@ -206,8 +200,6 @@ class Cockpit:
             case PageWish():
                 sender.stops += message.what == "stop"
                 out = self._wished(page, message, read_ns, waiting, now)
-            case PageFly():
-                out = self._fly(page, message.drone, read_ns, now)
             case PageAbsence():
                 out = self._pilot.absent(page, message.why, waiting, now)
         return self._kept(out, now)
@@ -220,15 +212,6 @@ class Cockpit:
                 return self._choose(page, wish.camera, read_ns, now)
             case _:
                 return self._pilot.wish(page, wish, read_ns, waiting, now)
-
-    def _fly(self, page: int, drone: str, read_ns: Ns, now: Ns) -> Effects:
-        """An order to fly another drone."""
-        if not self._pilot.may_leave(page, drone, read_ns, now):
-            return Effects()
-        if why := self._order.refusal(drone):
-            self._outbox.tell(events.REFUSED_HERE("fly", detail=why))
-            return Effects()
-        return PageEffects(orders=[self._order.ask(drone, now)])
 
     def _film(self, wish: PageWish, read_ns: Ns, now: Ns) -> Effects:
         """Any page that may fly may film, without the sticks."""
@@ -281,14 +264,6 @@ class Cockpit:
     def given_up(self, request: PilotRequest, now: Ns) -> Effects:
         return self._kept(self._pilot.pilot.given_up(request, now), now)
 
-    def changed(self, request: FlyRequest, answer: FlyAnswer, now: Ns) -> None:
-        """`lindy fly` has answered."""
-        self._order.answered(request, answer, now)
-
-    def not_changed(self, request: FlyRequest, now: Ns) -> None:
-        """`lindy fly` has not answered."""
-        self._order.given_up(request, now)
-
     def filmed(self, request: FilmRequest, answer: FilmAnswer, now: Ns) -> None:
         """The recorder on board has answered."""
         self.filming.answered(request, answer, now)
@@ -319,7 +294,6 @@ class Cockpit:
         self,
         newest: Newest,
         thrusters: ThrusterCommand | None,
-        drones: DroneList | None,
         now: Ns,
         temperature: TemperatureSample | None = None,
         wrench: Wrench | None = None,
@@ -329,12 +303,10 @@ class Cockpit:
         newest pictures gets none, so that none of them waits anywhere.
 
         Args:
-            drones: that can be reached; None: nobody says so now.
             temperature: in the enclosure and of the water; None: never said.
             wrench: control's newest.
             waiting: kinds of requests that the drone has not answered yet.
         """
-        self._order.look(drones, now)
         self._picture += 1
         self._sent_ns[self._picture] = now
         self._sent_ns.pop(self._picture - REMEMBERED, None)
@@ -359,7 +331,6 @@ class Cockpit:
             sticks=positions(self._command, now),
             filming_s=self.filming.seconds(now),
             snapshots=self.filming.snapshots,
-            change=self._order.words,
             lines=tuple(map(line, self._lines.newest(LINES))),
             **self._looks(seen, now),
             dive_s=self._timer.seconds(now),
@@ -379,11 +350,9 @@ class Cockpit:
             every = self._encode([line(entry) for entry in self._lines.newest(LISTED)])
             head = f'{{"log":{every.decode()},"track":{self._chart.track()},{head[1:]}'
             self._listed = True
-        listed = "" if drones is None else f',"fly":{self._encode(drones).decode()}'
         self._outbox.tell(events.DROPPED_PAGE(), len(self._pages) - len(ready))
         return {
-            n: f'{head}{self._personal(n, seen, newest, waiting, now)},"view":{shared}'
-            f"{listed if self._is_new(n, drones) else ''}}}"
+            n: f'{head}{self._personal(n, seen, newest, waiting, now)},"view":{shared}}}'
             for n in ready
         }
 
@@ -398,14 +367,6 @@ class Cockpit:
             listed = tuple((name, cameras.roomless(name, now)) for name in cameras.views)
             found |= {"large": cameras.large, "cameras": listed}
         return found
-
-    def _is_new(self, number: int, drones: DroneList | None) -> bool:
-        """Has the page not been sent this list yet? It comes once a second, a picture 25 times."""
-        page = self._pages[number]
-        if drones is None or page.listed_ns == drones.stamp_ns:
-            return False
-        page.listed_ns = drones.stamp_ns
-        return True
 
     def _personal(
         self, number: int, view: VehicleView, newest: Newest, waiting: Waiting, now: Ns

@@ -25,7 +25,6 @@ Wish = Literal[
 ]  # fmt: skip
 Absence = Literal["hidden", "closed", "unplugged"]
 Way = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]
-DroneName = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_.-]{1,64}\Z")]
 
 
 class PageMessage(
@@ -62,12 +61,6 @@ class PageWish(PageMessage, frozen=True, kw_only=True, tag="wish"):
     camera: Name = ""  # camera
 
 
-class PageFly(PageMessage, frozen=True, kw_only=True, tag="fly"):
-    """The pilot wants to leave this drone and fly another one."""
-
-    drone: DroneName
-
-
 class PageAbsence(PageMessage, frozen=True, kw_only=True, tag="absent"):
     """The pilot cannot steer from this page now."""
 
@@ -78,7 +71,7 @@ class PageSeen(PageMessage, frozen=True, kw_only=True, tag="seen"):
     """Pictures arrive; nothing else to say."""
 
 
-AnyPageMessage = PageSticks | PageWish | PageFly | PageAbsence | PageSeen
+AnyPageMessage = PageSticks | PageWish | PageAbsence | PageSeen
 _DECODER = msgspec.json.Decoder(AnyPageMessage)
 
 

@@ -26,7 +26,7 @@ from services.vehicle_view.words import Tone
 # while nothing arrives, and adds the way to the browser.
 AGES_MS = {
     name: (table.grey_ns / 1e6, table.gone_ns / 1e6)
-    for name, table in (("state", ages.STATE), ("picture", ages.PICTURE), ("drones", ages.DRONES))
+    for name, table in (("state", ages.STATE), ("picture", ages.PICTURE))
 }
 
 
@@ -63,7 +63,6 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     sticks: tuple[float, ...] = ()  # [-] surge, sway, heave, yaw as sent to the drone
     filming_s: float | None = None  # [s] that a film runs; None: none does
     snapshots: int = 0  # that were taken
-    change: str = ""  # of drone: what has become of the newest order to fly another one
     acting: tuple[Sentence, ...] = ()  # what is lost, why, what the drone does, what the pilot must
     tools: tuple[PageOutput, ...] = ()  # outputs of the vehicle, in the order of its file
     lines: tuple[PageLine, ...] = ()  # the newest last

@@ -5,7 +5,6 @@ from typing import Protocol
 
 from messages import topics
 from messages.cameras import video
-from messages.fly import FlyAnswer, FlyRequest
 from messages.health import LogLine
 from messages.vehicle import VehicleStatus
 from messages.video import VideoPart
@@ -84,14 +83,7 @@ class CockpitPages:
         self._vehicle = VehiclePorts(node)
         self._temperature = node.latest(topics.TEMPERATURE)
         self._wrench = node.latest(topics.WRENCH)
-        self._drones = node.latest(topics.FLY_DRONES)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
-        self._ordering = node.request(
-            topics.FLY_REQUEST,
-            topics.FLY_ANSWER,
-            on_answer=self._on_change,
-            on_given_up=self._cockpit.not_changed,
-        )
         self._filming = node.request(
             topics.FILM_REQUEST,
             topics.FILM_ANSWER,
@@ -125,16 +117,14 @@ class CockpitPages:
 
     def _show(self, now: int) -> None:
         newest, thrusters = self._vehicle.newest(now), self._vehicle.thrusters(now)
-        drones, inside = self._drones.fresh(now), self._temperature.newest(now)
+        inside = self._temperature.newest(now)
         wrench = self._wrench.newest(now)
         waiting = self._ports.waiting
-        shown = self._cockpit.pictures(newest, thrusters, drones, now, inside, wrench, waiting)
+        shown = self._cockpit.pictures(newest, thrusters, now, inside, wrench, waiting)
         self._pages.show(shown)
 
     def _order(self, effects: Effects, now: int) -> None:
         if isinstance(effects, PageEffects):
-            for request in effects.orders:
-                self._ordering.ask(request, now)
             for request in effects.films:
                 self._filming.ask(request, now)
             for choice in effects.choices:
@@ -143,9 +133,6 @@ class CockpitPages:
     def sent_picture(self, camera: str, light_ns: int) -> None:
         """Pages were sent a picture of this camera with this light."""
         self._cockpit.sent_picture(camera, light_ns)
-
-    def _on_change(self, request: FlyRequest, answer: FlyAnswer, now: int) -> None:
-        self._cockpit.changed(request, answer, now)
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
         self._ports.do(self._cockpit.status(status, self._ports.waiting, now), now)

@@ -24,10 +24,10 @@ def wire(node: Node, stack: Stack) -> None:
     progress = restored(node)
     source = open_source(node, stack, progress.played)
     is_script = stack.pilot.startswith("script:")
-    by_itself = stack.arm or is_script
     name = stack.section("gamepad", Settings).pilot
     has = stack.section("vehicle", Vehicle).output
-    pilot = Pilot(progress, node.outbox, by_itself, resumes=is_script, has=has)
+    # A person arms by a button alone.
+    pilot = Pilot(progress, node.outbox, arms=is_script, resumes=is_script, has=has)
     Connected(node, source, pilot, name)
     if isinstance(source, HasWindow):
         Numbers(node, source.show)

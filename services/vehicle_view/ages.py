@@ -33,7 +33,6 @@ STATE, STATUS, REFERENCE = map(ages, (topics.STATE, topics.STATUS, topics.REFERE
 BATTERY, LINK, CLOCK = map(ages, (topics.BATTERY, topics.LINK, topics.CLOCK))
 LATENCY, THRUSTERS = map(ages, (topics.LATENCY, topics.THRUSTERS))
 PICTURE = Ages(1_000_000_000, GONE_AT_LEAST_NS)  # a still picture looks live: 25 are left out
-DRONES = ages(topics.FLY_DRONES)
 
 
 def old(ages: Ages, stamp_ns: Ns, now: Ns) -> bool:

@@ -9,7 +9,6 @@ import msgspec
 from messages.control import ThrusterCommand
 from messages.events import troubles
 from messages.film import FilmAnswer, FilmRequest
-from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
@@ -26,7 +25,6 @@ from services.vehicle_view.view import Newest, VehicleView, believed, vehicle_vi
 from services.visualizer.batch import Note
 
 SERVICES = 32  # services on the status page
-DRONES = 8  # of those that can be reached, in one line
 
 # Text of each state lane for a message. `rerun_writer.STATES` has a colour for each text.
 LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
@@ -45,8 +43,8 @@ LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
 
 
 STATUS_PARTS = VehicleStatus | ThrusterCommand  # which say together whether it is armed
-REQUESTS = PilotRequest | LinkRequest | FaultRequest | FlyRequest | FilmRequest
-ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer | FlyAnswer | FilmAnswer
+REQUESTS = PilotRequest | LinkRequest | FaultRequest | FilmRequest
+ANSWERS = PilotAnswer | LinkAnswer | FaultAnswer | FilmAnswer
 VIEWED: dict[type[Message], str] = {
     VehicleStatus: "status", VehicleState: "state", Reference: "reference",
     BatterySample: "battery", LinkStatus: "link", Clock: "clock", LatencyBudget: "latency",
@@ -54,7 +52,7 @@ VIEWED: dict[type[Message], str] = {
 NOTED = {
     *(*LANES, Health, LogLine, SideIdentity),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
-    *(FlyRequest, FlyAnswer, DroneList, FilmRequest, FilmAnswer, CameraChoice),
+    *(FilmRequest, FilmAnswer, CameraChoice),
 }  # may make notes
 
 
@@ -69,7 +67,6 @@ class Status:
         self._last_request = ""
         self._last_note = ""
         self._large_camera = ""
-        self._last_drones: tuple[str, ...] | None = None  # names of those that could be reached
         self._sides: dict[str, str] = {}  # which Lindy each side runs
         self._pages: dict[str, str] = {}  # by path, as last shown
 
@@ -121,20 +118,9 @@ class Status:
         if isinstance(message, CameraChoice) and message.camera != self._large_camera:
             self._large_camera = message.camera  # it is said again and again
             return [_line("pilot", time, f"the large camera: {message.camera}")]
-        if isinstance(message, DroneList):
-            return self._drones(message, time)
         if isinstance(message, SideIdentity):
             return self._identity(message, time)
         return []
-
-    def _drones(self, message: DroneList, time: int) -> list[Note]:
-        names = tuple(drone.name for drone in message.drones)
-        if names == self._last_drones:
-            return []
-        self._last_drones = names
-        more = max(0, len(names) - DRONES) + message.more
-        words = ", ".join(names[:DRONES]) + (f" and {more} more" if more > 0 else "")
-        return [_line("pilot", time, f"drones that can be reached: {words or 'none'}")]
 
     def _identity(self, message: SideIdentity, time: int) -> list[Note]:
         text = f"{message.side} runs Lindy {message.version} for {message.vehicle}"
@@ -213,8 +199,6 @@ def _bearing(heading_deg: float | None) -> str:
 def _asked(message: REQUESTS) -> str:
     if isinstance(message, FaultRequest):
         return f"{message.part} {message.fault}"
-    if isinstance(message, FlyRequest):
-        return f"fly {message.drone}"
     if isinstance(message, FilmRequest):
         return f"film {message.kind}"
     if isinstance(message, LinkRequest):

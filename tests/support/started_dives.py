@@ -53,12 +53,6 @@ class StartedDive:
         by_pid = {pid: name for name, pid in running.pids.items()}
         return {name: pid for pid, name in by_pid.items()} | {"supervisor": running.supervisor}
 
-    def spares(self) -> list[int]:
-        """Its processes that wait to be needed."""
-        tasks = Path(f"/proc/{self._process.pid}/task").glob("*/children")
-        started = [int(pid) for file in tasks for pid in file.read_text().split()]
-        return [pid for pid in started if pid not in self.pids().values()]
-
     def report(self) -> Report:
         """End it, and read its report."""
         self.end()

@@ -64,7 +64,7 @@ class Rival:
 
 
 def on_board(folder: Path) -> tuple[VirtualHost, list[Reference], list[VehicleStatus]]:
-    host, rows, stack = VirtualHost(), Registry.read(), Stack(out=str(folder), arm=False)
+    host, rows, stack = VirtualHost(), Registry.read(), Stack(out=str(folder))
     for name in ON_BOARD:
         host.add(name, rows[name], stack)
     references: list[Reference] = []
@@ -313,7 +313,7 @@ def test_of_many_gamepads_one_has_control_and_the_others_do_not_storm_for_it(
 
 
 def add_reference(host: VirtualHost, folder: Path) -> None:
-    host.add("reference", Registry.read()["reference"], Stack(out=str(folder), arm=False))
+    host.add("reference", Registry.read()["reference"], Stack(out=str(folder)))
 
 
 @pytest.mark.parametrize("forgets", [True, pytest.param(False, marks=pytest.mark.slow)])

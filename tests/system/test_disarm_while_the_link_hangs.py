@@ -1,5 +1,5 @@
-"""While a process between the pilot and the drone hangs, a spare takes its place, and the disarm
-arrives. In real processes; on virtual time test_fault_matrix.py says how soon."""
+"""While a process between the pilot and the drone hangs, another one takes its place, and the
+disarm arrives. In real processes; on virtual time test_fault_matrix.py says how soon."""
 
 from pathlib import Path
 

@@ -29,7 +29,7 @@ class Dive:
 
     def __init__(self, folder: Path, *more: str) -> None:
         self.host = VirtualHost()
-        self.stack = Stack(out=str(folder), arm=False, overrides=[*QUICK, *more])
+        self.stack = Stack(out=str(folder), overrides=[*QUICK, *more])
         self.limits = self.stack.section("reference", Settings)
         for name in CHAIN:
             self.host.add(name, Registry.read()[name], self.stack)

@@ -19,7 +19,6 @@ from messages.topic import M, Side, Topic
 from messages.vehicle import VehicleStatus
 from services.reference.service import wire
 from services.runtime.bus.access_control import HubSide
-from services.runtime.bus.router_config import router_config
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.stack import Stack
@@ -27,6 +26,7 @@ from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
 from tests.support.patience import PATIENCE_S, until
+from tests.support.router_file import router_tree
 
 
 def free_endpoint() -> str:
@@ -40,7 +40,7 @@ class World:
     def __init__(self, folder: Path, exits: ExitStack) -> None:
         self.endpoint, self._folder, self._exits = free_endpoint(), folder, exits
         file = folder / "router.json5"
-        file.write_text(json.dumps(router_config([self.endpoint])))
+        file.write_text(json.dumps(router_tree([self.endpoint])))
         exits.enter_context(zenoh.open(zenoh.Config.from_file(file)))
         self.nodes: list[Node] = []
 

@@ -131,7 +131,7 @@ def test_an_unknown_verb_is_met_with_the_nearest_one(capsys: pytest.CaptureFixtu
         (["run", "control", "--connect", "dron=tcp/127.0.0.1:7447"], "did you mean 'drone'?"),
         (["simulate", "--pilot", "gamepad"], "needs real time"),
         (["run", "control", "--connect", "drone=foo"], "'foo': expected PROTOCOL/ADDRESS"),
-        (["hub", "foo"], "endpoint 'foo': expected PROTOCOL/ADDRESS:PORT, such as tcp/127.0.0.1"),
+        (["hub", "foo"], "expected PROTOCOL/ADDRESS:PORT with tcp, tls, quic or udp, such as tcp"),
         (["hub", "udp//x"], "endpoint 'udp//x': expected PROTOCOL/ADDRESS"),
         (["hub", "tcp/127.0.0.1"], "endpoint 'tcp/127.0.0.1': expected PROTOCOL/ADDRESS:PORT"),
         (["dive", "--listen", "foo"], "--listen 'foo': expected PROTOCOL/ADDRESS"),

@@ -65,7 +65,7 @@ WAYS: list[tuple[str, Callable[[str], str]]] = [
     (r"lindy dive", lambda line: f"{without('--seconds')(line)} --headless --seconds 2 {QUICK}"),
     (r"lindy sweep", lambda line: f"{re.sub(r'--seed [^ ]+', '--seed 1..2', line)} --seconds 2"),
     (r"lindy replay(?!.*--through)", lambda line: f"{line} --to 31 --headless"),
-    (r"lindy (up|fly|fleet|drones|record) ", helped),  # another machine
+    (r"lindy (up|fly|drones) ", helped),  # another machine
     (r"lindy (doctor|calibrate|pad|cockpit) ", helped),  # a board, a pad, a person
     (r"lindy import ", helped),  # a log of somebody's vehicle
     (r"lindy (run|hub) ", helped),  # they never end

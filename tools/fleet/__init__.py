@@ -1,3 +1,3 @@
-"""Many drones on one network: which are there, their names, and a router's configuration.
+"""Many drones on one network: which are there, and their names.
 `roster` and `names` are pure; `look` asks the network.
 """

@@ -1,13 +1,14 @@
 """`lindy drones`: who is there, at a drone's own endpoint or on a whole network."""
 
 import json
-from typing import Any
+import time
+from typing import Annotated, Any
 
 import msgspec
+from cyclopts import Parameter
 
 from messages import topics
 from messages.identity import SideIdentity
-from messages.units import Ns
 from services.runtime.config.identity import messages_hash
 from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
@@ -17,6 +18,7 @@ from tools.fleet.names import clean
 from tools.fleet.roster import Drone, Roster
 from tools.keys.credentials import credentials
 from tools.keys.roles import Role
+from tools.live.stop_signals import StopSignals
 
 WATCHERS: tuple[Role, ...] = ("observer", "pilot")
 HEADING = ("name", "type", "Lindy", "activity", "battery", "who flies", "")
@@ -24,6 +26,7 @@ UNKNOWN = "–"
 SILENT = "is announced, but says nothing"
 OTHER_MESSAGES = "other messages than here: cannot be flown from here"
 TWICE = "two drones of this name"
+WATCH_S = 1.0  # [s] between two lists
 
 
 def drones(
@@ -31,6 +34,9 @@ def drones(
     router: Router = HERE,
     keys: KeysFolder = None,
     insecure: Insecure = False,
+    watch: Annotated[
+        bool, Parameter(negative=(), help="list them again and again, until Ctrl-C")
+    ] = False,
     as_json: Json = False,
 ) -> int:
     """List the drones that can be reached.
@@ -40,14 +46,20 @@ def drones(
     Example: lindy drones --router tls/192.168.2.1:7447
     """
     way = credentials(router, "--router", WATCHERS, keys, insecure=insecure)
-    roster = look(router, None if way is None else way.keys)
     ours = messages_hash(topics.ALL)
-    if as_json:
-        rows = [as_row(roster.drones[name], ours) for name in roster.names]
-        print(json.dumps({"drones": rows, "not_listed": dict(roster.counts)}))
-    else:
-        print(table(roster, router, ours))
-    return 0
+    with StopSignals() as stop:
+        while True:
+            roster = look(router, None if way is None else way.keys)
+            print(in_json(roster, ours) if as_json else table(roster, router, ours), flush=True)
+            if not watch or stop.asked:
+                return 0
+            time.sleep(WATCH_S)
+
+
+def in_json(roster: Roster, ours: str) -> str:
+    """For programs, on one line."""
+    rows = [as_row(roster.drones[name], ours) for name in roster.names]
+    return json.dumps({"drones": rows, "not_listed": dict(roster.counts)})
 
 
 def as_row(drone: Drone, ours: str) -> dict[str, Any]:
@@ -113,15 +125,10 @@ def _activity(view: VehicleView) -> str:
     return f"{words.failsafe(view)}: {known}" if view.acts else known
 
 
-def seen(drone: Drone, age: Ns = 0, battery_age: Ns = 0) -> VehicleView:
-    """What is shown of a drone, by the drone's own clock, which may differ from the one here.
-
-    Args:
-        age: [ns] since its status came.
-        battery_age: [ns] since its battery came.
-    """
-    now = (0 if drone.status is None else drone.status.stamp_ns) + age
+def seen(drone: Drone) -> VehicleView:
+    """What is shown of a drone, by the drone's own clock, which may differ from the one here."""
+    now = 0 if drone.status is None else drone.status.stamp_ns
     battery = drone.battery
     if battery is not None:
-        battery = msgspec.structs.replace(battery, stamp_ns=now - battery_age)
+        battery = msgspec.structs.replace(battery, stamp_ns=now)
     return vehicle_view(Newest(status=drone.status, battery=battery), now)

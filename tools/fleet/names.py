@@ -43,9 +43,8 @@ def other_drone(wanted: str, there: Sequence[str], *, was_there: bool = False) -
 for it"
     other = sorted(there)[0]
     return (
-        f"this is the topside of {wanted}, and only {in_words(there)} can be reached: "
-        f"`lindy ask fly {other}` where `lindy fly` runs, else end it, and start it with "
-        f"--name {other}"
+        f"this is the topside of {wanted}, and only {in_words(there)} can be reached: end it, and "
+        f"start it with --name {other}"
     )
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from messages import events
@@ -38,20 +38,15 @@ class Others:
 
 
 @contextmanager
-def others_named(local: LocalStack) -> Generator[Callable[[], list[str]]]:
-    """Watch who is there by way of this side's own hub, for as long as the dive goes on. Yields a
-    function that says which drones can be reached."""
+def others_named(local: LocalStack) -> Generator[None]:
+    """Watch who is there by way of this side's own hub, for as long as the dive goes on."""
     tokens: deque[tuple[str, bool]] = deque(maxlen=4096)  # filled on Zenoh's thread
     others, said = Others(local.stack.drone_name, time.monotonic_ns()), ""
 
-    def there() -> list[str]:
-        while tokens:
-            others.roster.token(*tokens.popleft())
-        return others.roster.names
-
     def look(now: int) -> None:
         nonlocal said
-        there()
+        while tokens:
+            others.roster.token(*tokens.popleft())
         was, said = said, others.words(now)
         if said and said != was:
             local.node.tell(events.ALARM_OTHER_DRONE(detail=said))
@@ -59,4 +54,4 @@ def others_named(local: LocalStack) -> Generator[Callable[[], list[str]]]:
     with open_network(local.plan.endpoints[HOME], PATIENCE_S) as network:
         network.watch(lambda key, there: tokens.append((key, there)))
         local.node.every(LOOK_HZ, look)
-        yield there
+        yield

@@ -19,6 +19,7 @@ from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_of, name_in, namespace
 
 MOST = 256  # drones that are told apart
+MOST_STARTS = 8  # hubs of one name that are
 ROWS: tuple[AnyTopic, ...] = (topics.IDENTITY.of("drone"), topics.STATUS, topics.BATTERY)
 BEYOND, STRANGE, UNREADABLE = "beyond", "strange", "unreadable"
 REMARKS = {
@@ -86,7 +87,7 @@ class Roster:
             self._count(BEYOND, True)
             return
         starts = self.drones.setdefault(name, Drone(name)).starts
-        if len(starts) < 2:  # more is not to be known
+        if len(starts) < MOST_STARTS:
             starts.add(instance)
 
     def row(self, key: str, payload: bytes) -> None:

@@ -58,7 +58,7 @@ def own_keys(keys: Path, roles: Collection[Role], now: datetime) -> Own:
         raise LindyError(f"{folder / CERTIFICATE} is that of {found.who}, but {wanted} is needed")
     said(folder / KEY, certificates.check_pair, data[CERTIFICATE], data[KEY])
     _private(folder / KEY)
-    for path in (folder, *(folder / name for name in (*WHOLE, ADMITTED))):
+    for path in (folder, *(folder / name for name in WHOLE)):
         _own(path)
     admitted = read_list(folder / ADMITTED)
     files = KeyFiles(*(str((folder / name).absolute()) for name in (CA, CERTIFICATE, KEY)))

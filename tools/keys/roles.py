@@ -82,7 +82,12 @@ def with_one(text: str, who: Identity) -> str:
 
 
 def without(text: str, who: Identity) -> str:
-    """The list without a name; nothing else in it changes."""
+    """The list without a name; nothing else in it changes.
+
+    Raises:
+        ValueError: a line that is not `role:name`, with its number.
+    """
+    parse_list(text)  # an error names the line of the whole list
     lines = text.splitlines(keepends=True)
     return "".join(line for line in lines if parse_list(line) != (who,))
 

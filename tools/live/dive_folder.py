@@ -2,7 +2,6 @@
 
 import atexit
 import contextlib
-import os
 import re
 import tempfile
 from datetime import UTC, datetime
@@ -23,12 +22,9 @@ CLAIMS: dict[Path, Lock] = {}  # folders that this program has locked
 WRITTEN = re.compile(r"dive(\.part\d+)?\.(mcap|rrd)|merging\.mcap|report\.json|run\.json")
 
 
-def out_folder(out: Path | None, *, ours: bool = False) -> Path:
+def out_folder(out: Path | None) -> Path:
     """A writable folder that holds no dive: `out`, or, where that holds one already, a new folder
     beside it, which is printed. If it stays empty, it is removed at the end of the program.
-
-    Args:
-        ours: the dive that is going on in it may be this program's.
 
     Raises:
         LindyError: it cannot be made or written to, or a dive is going on in it.
@@ -37,9 +33,8 @@ def out_folder(out: Path | None, *, ours: bool = False) -> Path:
     try:
         wanted = wanted.resolve()
         missing = [path for path in (wanted, *wanted.parents) if not path.exists()]
-        pid = running_in(wanted) if out is not None else None
-        if pid is not None and not (ours and pid == os.getpid()):
-            raise LindyError(f"a dive (process {pid}) is going on in --out {wanted}")
+        if out is not None and (running := running_in(wanted)) is not None:
+            raise LindyError(f"a dive (process {running.supervisor}) is going on in --out {wanted}")
         # Two dives may begin in the same second: a folder named by the time is always a new one.
         folder = fresh_folder(wanted, Path.exists if out is None else holds_dive)
         if not _claimed(folder):  # another dive has just begun in it and not written anything yet

@@ -31,17 +31,12 @@ def keep_running(
 
     local.start_services()
     local.wait_alive(ALIVE_S, goes_on)
-    begin(local, timeline)
+    if local.stack.insecure:
+        local.node.log("warning", OPEN)
+        local.node.every(1.0 / REMIND_S, lambda _: local.node.log("warning", OPEN))
+    timeline.began_ns = time.monotonic_ns()
     end = None
     while end is None and not stop.asked:
         look()
         end = timeline.over(time.monotonic_ns())
     return end or "clean"
-
-
-def begin(local: LocalStack, timeline: DiveTimeline) -> None:
-    """Everything is alive: the dive waits for its drone to arm."""
-    if local.stack.insecure:
-        local.node.log("warning", OPEN)
-        local.node.every(1.0 / REMIND_S, lambda _: local.node.log("warning", OPEN))
-    timeline.began_ns = time.monotonic_ns()

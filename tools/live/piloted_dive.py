@@ -12,7 +12,6 @@ from tools.choices import Choices
 from tools.live.disarming import Disarming
 from tools.live.display import Display
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.keep_running import begin
 from tools.live.monitor_loop import MonitorLoop
 from tools.live.own_pilot import OwnPilot
 from tools.live.pads import pad_is_there
@@ -100,34 +99,6 @@ class PilotedDive:
 
     def _hear(self, status: VehicleStatus, _: int) -> None:
         self.status = status
-
-    # Piece by piece, where this side's pilot may take another drone.
-
-    def begin(self) -> None:
-        """Everything is alive."""
-        begin(self._monitor.local, self._timeline)
-
-    def look(self) -> bool:
-        """Handle everything that is due. False: the user wants to stop."""
-        return self._monitor.look()
-
-    def over(self, now: int) -> str | None:
-        """None while the dive goes on; then how it ended.
-
-        Raises:
-            LindyError: a script has waited too long for the drone to arm.
-        """
-        return self._timeline.over(now)
-
-    def release(self) -> None:
-        """Give control up without disarming, if this side's pilot has it; `ask_on` asks for it."""
-        held = self.status is not None and self.status.pilot != ""
-        self._disarming.kinds = ("release",) if held and self._timeline.controlled else ()
-
-    def ask_on(self, now: int) -> bool:
-        """Ask the drone for what is left to be asked. Has it answered everything?"""
-        self._disarming.ask(now)
-        return self._disarming.done
 
     def disarm(self) -> None:
         """Ask the drone to disarm, and give control up, if this side's pilot has control. Wait for

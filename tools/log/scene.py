@@ -20,7 +20,7 @@ COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 def scene(recordings: tuple[Path, ...], /, *, out: NewFile) -> int:
     """The drones of several recordings in one 3-D scene.
 
-    RECORDINGS are dives' folders or MCAP files, such as those of `lindy record`. The scene is a
+    RECORDINGS are dives' folders or MCAP files. The scene is a
     file for rerun. All share one time and one frame: where a drone does not know its position, it
     is drawn at (0, 0). Exit status 3: one is damaged or was not finished.
 

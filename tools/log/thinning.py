@@ -1,4 +1,5 @@
-"""Messages that a router left out because its link has little room (`lindy router-config --thin`).
+"""Messages that a router left out because its link has little room: `downsampling` in
+deploy/router.json5.
 
 No router says what it leaves out, but it does so evenly: it sends a message once 40 ms have passed
 since the one before. So of a stream of 100 a second every fourth or fifth comes, and never two in

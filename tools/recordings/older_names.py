@@ -11,7 +11,6 @@ from messages.payload import UNDECODABLE
 RENAMED: dict[str, dict[str, str]] = {
     "VehicleStatus": {"mode": "activity", "hold": "flight_mode"},
     "PilotRequest": {"hold": "flight_mode"},
-    "DroneList": {"mode": "activity"},
 }  # message → older name of a field → its name today
 
 

@@ -82,7 +82,7 @@ def listen(
     Args:
         take: is given what arrives, in its order, but what cannot be read: anybody may send it.
         draw: lines to be shown: on a terminal every second, else once at the end; None: none.
-        count: messages after which it ends.
+        count: messages after which it ends; what cannot be read is none.
         seconds: [s] after which it ends.
         over: is everything heard that was wanted?
 
@@ -109,8 +109,8 @@ def listen(
             time.sleep(STEP_S)  # messages come on Zenoh's thread; nothing here is in a hurry
             while waiting and heard < most:
                 envelope, at = waiting.popleft()
-                heard += 1
                 if (message := reader.read(envelope)) is not None:
+                    heard += 1
                     take(envelope.key, message, len(envelope.payload), at)
             if show is not None and draw is not None and time.monotonic() >= show_at:
                 show_at = time.monotonic() + SHOW_S

@@ -1,4 +1,4 @@
-"""What each added drone costs on two Zenoh routers, and how soon drones are found, changed, and
+"""What each added drone costs on two Zenoh routers, and how soon drones are found, and
 flown again after a router's restart.
 
 Real drones, grouped, with scripted pilots; synthetic ones where only the network counts.
@@ -17,7 +17,6 @@ import msgspec
 
 from lindy_research.bench.table import Figure
 from messages import topics
-from messages.fly import FlyRequest
 from messages.topic import Direction
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.network import open_network
@@ -33,11 +32,9 @@ from tests.support.fleet_network import (
     synthetic,
 )
 from tests.support.patience import until
-from tests.support.processes import NOTHING, costs, memory_mb, total
+from tests.support.processes import NOTHING, costs, total
 from tests.support.started_dives import HAS_STICKS, PILOT, SETTLE_S, WATCH_S
-from tools.ask import dive_in
 from tools.fleet.look import look, who_is_there
-from tools.live.asking import answer_to, at_once
 from tools.recordings.recording import open_recording
 
 SECTION = "fleet"
@@ -45,9 +42,7 @@ COUNTS = (1, 2, 4)  # drones that are flown side by side
 MANY = 8  # … where there are so many processors
 LISTED, LIST_S = 20, 2.0  # drones of a list, and the time for it
 LOOKS = 5  # one after the other
-CHANGE_S, RESTART_S = 1.0, 3.0
-SPARES = 4  # processes of `lindy fly --grouped`: hub, recorder, pilot, and all others
-SPARE_S = 3.0  # [s] for the last one's imports
+RESTART_S = 3.0
 AWAY_S = 2.0  # [s] a router is away: long enough that every drone holds by itself
 LOADED, SPEED, LOAD_S = 8, 3.0, 6.0  # synthetic drones, times the table's rates, for so long
 
@@ -71,7 +66,7 @@ def figures() -> list[Figure]:
         return [
             *_each_added(points),
             _listed(),
-            *_changed_and_restarted(Path(folder) / "changed"),
+            *_restarted(Path(folder) / "changed"),
             *_per_core(),
         ]
 
@@ -194,25 +189,7 @@ class Statuses:
         )
 
 
-def order(dive: Path, drone: str) -> float:
-    """[s] Until the order to fly another drone was answered.
-
-    Raises:
-        LindyError: it was refused.
-    """
-    began = time.monotonic()
-    request = FlyRequest(stamp_ns=0, id="", drone=drone)
-    answer = answer_to(
-        lambda node: at_once(node, request, topics.FLY_REQUEST, topics.FLY_ANSWER),
-        dive_in(dive),
-        "topside",
-    )
-    if not answer.accepted:
-        raise LindyError(answer.reason)
-    return time.monotonic() - began
-
-
-def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
+def _restarted(folder: Path) -> Iterator[Figure]:
     folder.mkdir()
     statuses = Statuses()
     with ExitStack() as exits:
@@ -222,30 +199,7 @@ def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
         network.hear(topics.STATUS, statuses.hear)
         first = begin_pilot(routers, folder / "first", names[0], PILOT, exits)
         until(lambda: statuses.flown(names[:1], 0.0))
-        began = time.monotonic()
-        first.end()
         second = begin_pilot(routers, folder / "second", names[1], PILOT, exits)
-        until(lambda: statuses.flown(names[1:], began))
-        end_and_start = time.monotonic() - began
-        until(lambda: len(second.spares()) == SPARES)
-        time.sleep(SPARE_S)
-        spare = memory_mb(second.spares())
-        began = time.monotonic()
-        answered = order(folder / "second", names[0])
-        until(lambda: statuses.flown(names[:1], began))
-        changed = time.monotonic() - began
-        name = "change of drone, to the first command in force"
-        yield Figure(
-            section=SECTION, name=name, unit="s",
-            ours=changed, baseline_name="goal", baseline=CHANGE_S, goal=1.0,
-            note=f"as by `lindy ask fly`, without the start of that program; answered after "
-            f"{answered:.2f} s; {SPARES} spare processes alone would take {spare:.0f} MB",
-        )  # fmt: skip
-        yield Figure(
-            section=SECTION, name=f"{name}, beside another start", unit="s",
-            ours=changed, baseline_name="end and start", baseline=end_and_start,
-        )  # fmt: skip
-        again = begin_pilot(routers, folder / "again", names[1], PILOT, exits)
         until(lambda: statuses.flown(names, time.monotonic() - 1.0))
         routers.kill()
         time.sleep(AWAY_S)
@@ -257,8 +211,8 @@ def _changed_and_restarted(folder: Path) -> Iterator[Figure]:
             ours=time.monotonic() - began, baseline_name="goal", baseline=RESTART_S, goal=1.0,
             note=f"{len(names)} drones; it was away for {AWAY_S:g} s; with the start of the router",
         )  # fmt: skip
-        again.end()
         second.end()
+        first.end()
 
 
 def _per_core() -> Iterator[Figure]:

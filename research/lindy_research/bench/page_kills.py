@@ -24,7 +24,7 @@ from tests.support.docs.chromium import BrowserPage
 from tests.support.started_dives import StartedDive
 
 KILLED = ("cockpit", "camera_monitor", "link_monitor", "predictor", "tether", "hub_topside")
-AGAIN_S = 12.0  # [s] between two kills: the next spare is ready, and nothing is restarted slowly
+AGAIN_S = 12.0  # [s] between two kills: nothing is restarted slowly
 PATIENCE_S = 30.0  # [s] until a STOP is given up
 PRESS = """window.pressing = setInterval(() => document.getElementById('stop').dispatchEvent(
   new PointerEvent('pointerdown', { cancelable: true })), 50)"""

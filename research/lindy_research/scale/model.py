@@ -120,7 +120,7 @@ class FleetPlan(NamedTuple):
     drones: int
     per_site: int = 10  # drones at one router
     per_desk: int = 25  # pilots at one router
-    watchers: int = 2  # who see all drones, as `lindy fleet` does
+    watchers: int = 2  # who see all drones, as `lindy drones --watch` does
     most_cores: float = 0.5  # of a core router; more of them where it would need more
 
     @property

@@ -18,7 +18,7 @@ from lindy_research.scale.model import (
     load,
 )
 from lindy_research.scale.page_text import PAGE_TEXT
-from lindy_research.scale.traffic import FleetTraffic, flown, recorded, watched
+from lindy_research.scale.traffic import FleetTraffic, flown, watched
 
 POINTS = Path(__file__).with_name("points.json")
 FLEETS = (20, 100, 1000)  # drones that the model is read for
@@ -50,8 +50,7 @@ def page() -> str:
                 ("up, to its pilot", up),
                 ("up, over a thinned link", thin),
                 ("down, from its pilot", down),
-                ("up, to whoever records all (`lindy record`)", recorded()),
-                ("up, to whoever watches all (`lindy fleet`)", looked),
+                ("up, to whoever watches all (`lindy drones --watch`)", looked),
             ),
             model,
         ),
@@ -59,8 +58,8 @@ def page() -> str:
         fitted=_points(model, fitted_to),
         checked=_points(model, checked_on),
         joins=_joins(found.joins),
-        fleets=_fleets(model, up, down, looked, recorded()),
-        thinned=_fleets(model, thin, down, looked, recorded(thinned=True)),
+        fleets=_fleets(model, up, down, looked),
+        thinned=_fleets(model, thin, down, looked),
         capacity=f"{_capacity(model):,.0f}",
         drones=f"{_capacity(model) / (up + down).messages_hz:,.0f}",
     )
@@ -151,13 +150,12 @@ def _fleets(
     up: FleetTraffic,
     down: FleetTraffic,
     looked: FleetTraffic,
-    every: FleetTraffic,
 ) -> str:
-    rows = [_fleet(model, FleetPlan(drones), up, down, looked, every) for drones in FLEETS]
+    rows = [_fleet(model, FleetPlan(drones), up, down, looked) for drones in FLEETS]
     return _table(
         "| drones | routers at sites, centre, core | link of a site | router of a site, cores "
         "| router of the centre, cores | core: messages/s | core: each, cores "
-        "| who watches all | who records all |",
+        "| who watches all |",
         rows,
     )
 
@@ -168,7 +166,6 @@ def _fleet(
     up: FleetTraffic,
     down: FleetTraffic,
     looked: FleetTraffic,
-    every: FleetTraffic,
 ) -> tuple[str, ...]:
     found = load(plan, up, down, looked)
     cores = core_routers(plan, model, found.core)
@@ -182,7 +179,6 @@ def _fleet(
         f"{found.core.messages_hz:,.0f}",
         f"{model.cores(each):.2f}",
         _megabits(model.bits_hz(found.watcher)),
-        _megabits(model.bits_hz(every.times(plan.drones))),
     )
 
 

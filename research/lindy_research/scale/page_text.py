@@ -45,11 +45,12 @@ Checked on, and not fitted to:
 
 Ten drones at the router of their site, 25 pilots at a router of the centre, and core routers
 between them, each of which takes half a core at most. Every drone is flown, and two people watch
-all with `lindy fleet`. The routers are those of the model, with one thread; zenohd has more.
+all with `lindy drones --watch`. The routers are those of the model, with one thread; zenohd has
+more.
 
 {fleets}
 
-With the links of all sites thinned (`lindy router-config --thin`):
+With the links of all sites thinned (`downsampling` in deploy/router.json5):
 
 {thinned}
 
@@ -88,15 +89,11 @@ Where there are 8 processors, `lindy bench --only fleet` flies eight and measure
    and not that it works.
 2. **The uplink of a site.** Ten flown drones are more than most mobile networks carry upwards.
    Thinned they need less than a third. Commands are never thinned; they are small.
-3. **Who records everything** (`lindy record`). One core writes some 100,000 messages a second that
-   have arrived, and receives about as many: 100 drones are a core, 1,000 are not possible in one
-   program. Several share them (`--drone`); or each drone records on board, as it always does, and
-   its files are fetched after the dive.
-4. **A core router**: 1,000 drones need several, and Zenoh does not balance the load between them;
+3. **A core router**: 1,000 drones need several, and Zenoh does not balance the load between them;
    who connects where is in the routers' files.
 
-Not what breaks: whoever watches all (`lindy fleet`), because that asks for three slow rows; and the
-routers of sites and of the centre.
+Not what breaks: whoever watches all (`lindy drones --watch`), because that asks for three slow
+rows; and the routers of sites and of the centre.
 
 Not measured: more than two routers in a row, network cards, TLS, zenohd, 1,000 real hubs.
 """

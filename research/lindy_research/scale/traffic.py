@@ -37,26 +37,16 @@ def flown(side: Side, *, thinned: bool = False) -> FleetTraffic:
     """What this side says to the other one while a pilot flies.
 
     Args:
-        thinned: to a link with little room, as `lindy router-config --thin` does.
+        thinned: to a link with little room, as `downsampling` in deploy/router.json5 does.
     """
     asked = _asked(side)
     return _sum(map(_thinned, asked) if thinned else asked)
 
 
 def watched() -> FleetTraffic:
-    """What a drone says to whoever watches all of them, as `lindy fleet` does."""
+    """What a drone says to whoever watches all of them, as `lindy drones --watch` does."""
     rows = {topic.key for topic in ROWS}
     return _sum(s for s in said_by("drone", "x", messages=HASH) if _row(s) in rows)
-
-
-def recorded(*, thinned: bool = False) -> FleetTraffic:
-    """What a drone says to `lindy record`, which asks for every row.
-
-    Args:
-        thinned: as `flown`.
-    """
-    every = said_by("drone", "x", messages=HASH)
-    return _sum(map(_thinned, every) if thinned else every)
 
 
 def _asked(side: Side) -> list[SyntheticStream]:

@@ -16,11 +16,10 @@ export class Connection {
   constructor() {
     this.picture = null; // the newest
     this.arrived = 0; // [ms] when, by this page's clock
-    this.drones = null; // the newest list of those that can be reached
     this.track = []; // of the map: north and east [dm] and how it goes on, for each point
     this.log = []; // all warnings and errors of the dive
     this.listed = -Infinity; // [ms] when that arrived
-    this.ages = { state: [Infinity, Infinity], picture: [1000, 3000], drones: [0, 0] }; // until said
+    this.ages = { state: [Infinity, Infinity], picture: [1000, 3000] }; // until said
     this.words = "connecting"; // what is wrong; empty: nothing
     this.old = false; // this page is of another version than the service
     this.clock = new ServiceClock();
@@ -76,7 +75,6 @@ export class Connection {
       this.stopHeard?.();
     }
     this.waits = stop_waits ? (this.waits ?? this.arrived) : null;
-    if (this.picture.fly) [this.drones, this.listed] = [this.picture.fly, this.arrived];
     if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
     this.heard?.();
   }
@@ -119,10 +117,6 @@ export class Connection {
   // Returns whether it was sent.
   wish(what, fields = {}) {
     return this.send("wish", { what, ...fields });
-  }
-
-  fly(drone) {
-    this.send("fly", { drone });
   }
 
   absent(why) {

@@ -3,7 +3,6 @@
 import { Alarms } from "./alarms.js";
 import { Cameras } from "./cameras.js";
 import { Connection } from "./connection.js";
-import { Drones } from "./drones.js";
 import { Film } from "./film.js";
 import { Goto } from "./goto.js";
 import { HoldButton } from "./hold_button.js";
@@ -39,7 +38,6 @@ const $ = (id) => document.getElementById(id);
 const connection = new Connection();
 const hud = new Hud($("hud"));
 const trace = new Trace($("trace"));
-const drones = new Drones(connection);
 export const video = new Video($("picture"), connection);
 const cameras = new Cameras(video, connection, (name) => connection.wish("camera", { camera: name }));
 const picture = new Picture($("picture"));
@@ -231,7 +229,6 @@ function draw() {
   picture.use(cameras.large.canvas);
   showPicture(cameras.large);
   film.show(seen, !connection.watching);
-  drones.show(seen);
   map.draw();
   told(now);
   arming = buttons(you(), seen);

@@ -10,10 +10,9 @@ from contextlib import contextmanager
 import zenoh
 
 from messages.topic import AnyTopic
-from services.runtime.bus.envelope import Store
 from services.runtime.bus.key_files import KeyFiles
-from services.runtime.bus.spaces import EVERY_SPACE, here_key, leaves, name_in, namespace
-from services.runtime.bus.zenoh_bus import connected, envelope_of
+from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
+from services.runtime.bus.zenoh_bus import connected
 from services.runtime.bus.zenoh_threads import keep_thread_state
 from services.runtime.config.errors import LindyError
 
@@ -44,22 +43,14 @@ class Network:
         """Keys of the liveliness tokens of hubs that are there now, also strangers'."""
         wanted = here_key(namespace(name), side)
         replies = self._session.liveliness().get(wanted, timeout=QUERY_S)
-        found = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
-        return [key for key in found if not leaves(key)]
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
-    def watch(
-        self, changed: Callable[[str, bool], None], left: Callable[[str], None] | None = None
-    ) -> None:
-        """Call `changed(key of a token, is it there)` for every drone's hub, present and future,
-        and `left(name of a drone)` where one ends because it was asked to."""
+    def watch(self, changed: Callable[[str, bool], None]) -> None:
+        """Call `changed(key of a token, is it there)` for every drone's hub, present and future."""
 
         def on_token(sample: zenoh.Sample) -> None:
             keep_thread_state()
-            key, there = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
-            if not leaves(key):
-                changed(key, there)
-            elif there and left is not None:
-                left(name_in(key))
+            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         handler = zenoh.handlers.Callback(on_token, indirect=False)
         self._keep.append(
@@ -70,15 +61,11 @@ class Network:
 
     def hear(self, topic: AnyTopic, heard: Hears) -> None:
         """A row of every drone."""
-        self.collect(topic, lambda envelope: heard(envelope.key, envelope.payload))
-
-    def collect(self, topic: AnyTopic, store: Store) -> None:
-        """The same, as it has arrived."""
 
         def on_sample(sample: zenoh.Sample) -> None:
             keep_thread_state()
             if sample.kind == zenoh.SampleKind.PUT:
-                store(envelope_of(sample))
+                heard(str(sample.key_expr), sample.payload.to_bytes())
 
         handler = zenoh.handlers.Callback(on_sample, indirect=False)
         self._keep.append(self._session.declare_subscriber(f"{EVERY_SPACE}/{topic.key}", handler))

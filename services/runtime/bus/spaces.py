@@ -3,8 +3,7 @@
 Every drone's streams are below `lindy/@v1/<its name>`. As long as a hub runs, it holds the
 liveliness token `lindy/@v1/<name>/here/<side>/<instance>`. A token is a key without content: what
 else there is to know of a drone is in its rows `identity/drone`, `vehicle/status` and
-`sensor/battery`. A token goes when its hub ends, is killed, or is cut off. One that ends because it
-was asked to holds another one in its last moment, which says so.
+`sensor/battery`. A token goes when its hub ends, is killed, or is cut off.
 """
 
 import re
@@ -20,7 +19,6 @@ MAY_HAVE = (
 )
 # With a letter or digit: `.` and `..` are folders where recordings and keys are kept by name.
 NAME = re.compile(rf"(?=[_.-]*[A-Za-z0-9])[A-Za-z0-9_.-]{{1,{LONGEST}}}")
-LEAVES = "-leaves"  # how the token ends of a hub that is about to end because it was asked to
 TOKEN = re.compile(rf"lindy/{VERSION}/([^/]*)/here/(drone|topside)/([0-9a-f]{{1,16}})")
 
 
@@ -51,20 +49,6 @@ def here_of(key: str) -> Here | None:
     if found is None or NAME.fullmatch(found[1]) is None:
         return None
     return Here(*found.groups())
-
-
-def leave_key(here: str) -> str:
-    """Of the token of a hub that is about to end because it was asked to.
-
-    Args:
-        here: key of the token that it held so far.
-    """
-    return f"{here}{LEAVES}"
-
-
-def leaves(key: str) -> bool:
-    """Is this the token of a hub that is about to end, and not one of a hub that is there?"""
-    return key.endswith(LEAVES) and here_of(key.removesuffix(LEAVES)) is not None
 
 
 def name_in(key: str) -> str:

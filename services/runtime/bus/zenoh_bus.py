@@ -12,15 +12,14 @@ from typing import Any, Literal
 
 import zenoh
 
-from messages import topics
 from messages.payload import LONGEST
 from messages.topic import AnyTopic
+from services.runtime.bus import tcp_links
 from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
-from services.runtime.bus.tcp_links import Ends, TcpLinks, ends_of
 from services.runtime.bus.zenoh_threads import (
     ONE_THREAD,
     QUEUES,
@@ -35,6 +34,7 @@ from services.runtime.os import system
 SessionMode = Literal["router", "client"]
 UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
 HUB_PATIENCE_S = 10.0  # [s] a client waits for its hub to start
+MOST_SESSIONS = 128  # at a hub of a drone or topside: its own services, and other machines
 
 
 def config(
@@ -95,6 +95,7 @@ def listening(
         )
         if hub_side is not None:
             settings.insert_json5("access_control", json.dumps(access_control(hub_side)))
+            settings.insert_json5("transport/unicast/max_sessions", json.dumps(MOST_SESSIONS))
         return _open(settings)
     except OSError as error:
         raise LindyError(f"cannot listen on {endpoint}: {reason(error)}") from None
@@ -168,13 +169,13 @@ def announce_here(session: zenoh.Session, key: str) -> object:
     return session.liveliness().declare_token(key)
 
 
-def watch_callers(session: zenoh.Session, changed: Callable[[str, bool, Ends], None]) -> object:
-    """Call `changed(common name, connected, ends of the link)` for everybody who comes with a
-    certificate, present and future, as long as what is returned is kept."""
+def watch_callers(session: zenoh.Session, changed: Callable[[str, bool], None]) -> object:
+    """Call `changed(common name, connected)` for everybody who comes with a certificate, present
+    and future, as long as what is returned is kept."""
 
     def on_link(link: zenoh.Link, there: bool) -> None:
         if (name := link.auth_identifier) is not None:
-            changed(name, there, ends_of(link.src, link.dst))
+            changed(name, there)
 
     return _watch_links(session, on_link)
 
@@ -183,11 +184,10 @@ def close_without_waiting(session: zenoh.Session) -> object:
     """Let every link over TCP end at once, present and future, as long as what is returned is kept.
     Zenoh has Linux wait up to ten seconds for what the other end has not acknowledged, and a hub
     whose one thread waits so serves nobody meanwhile."""
-    links = TcpLinks()
 
     def on_link(link: zenoh.Link, there: bool) -> None:
         if there and link.src.startswith(("tcp/", "tls/")):
-            links.close_without_waiting([ends_of(link.src, link.dst)])
+            tcp_links.close_without_waiting(tcp_links.ends_of(link.src, link.dst))
 
     return _watch_links(session, on_link)
 
@@ -198,16 +198,6 @@ def _watch_links(session: zenoh.Session, changed: Callable[[zenoh.Link, bool], N
 
     handler = zenoh.handlers.Callback(on_link, indirect=False)
     return session.info.declare_link_events_listener(handler, history=True)
-
-
-def line_to(session: zenoh.Session, space: str, service: str) -> Say:
-    """A function with which a hub itself says a line of `log/<service>`, encoded."""
-    topic = topics.LOG.of(service)
-
-    def put(payload: bytes) -> None:
-        session.put(f"{space}/{topic.key}", payload, encoding=topic.encoding)
-
-    return put
 
 
 class ZenohBus:

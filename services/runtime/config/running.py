@@ -16,31 +16,15 @@ class Running(msgspec.Struct, frozen=True):
     supervisor: int  # process id
     pids: dict[str, int]  # process id of every hub and service; some services may share one
     stack_file: str = ""  # path of the stack file
-    left_for: str = (
-        ""  # folder of the dive that its pilot has gone over to; empty: he flies this one
-    )
-    changes: bool = False  # its pilot may take another drone: it was started by `lindy fly`
+    began: float | None = None  # when the supervisor began: its id may be another program's later
 
 
-def running_in(folder: Path) -> int | None:
-    """Process id of the running dive in a folder; None: there is none."""
-    running = _noted(folder)
-    return None if running is None or running.left_for else running.supervisor
-
-
-def followed_from(folder: Path) -> Running | None:
-    """The dive that is going on in a folder, or the one that its pilot has gone over to from there;
-    None: there is none."""
-    running = _noted(folder)
-    while running is not None and running.left_for:
-        running = _noted(Path(running.left_for))  # each was left for a newer one
-    return running
-
-
-def _noted(folder: Path) -> Running | None:
-    """What a folder says of a program that is there."""
+def running_in(folder: Path) -> Running | None:
+    """The dive that is going on in a folder; None: there is none."""
     try:
         running = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running)
-    except (FileNotFoundError, *UNDECODABLE):
+    except (OSError, *UNDECODABLE):
+        return None
+    if running.began is not None and running.began != system.began(running.supervisor):
         return None
     return running if system.exists(running.supervisor) else None

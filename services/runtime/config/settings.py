@@ -1,6 +1,7 @@
 """TOML files into frozen Structs. An error names the file, the line, the key, what was found, what
 is allowed, and the nearest known key."""
 
+import copy
 import difflib
 import os
 import re
@@ -8,6 +9,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -20,6 +22,7 @@ S = TypeVar("S")
 _copies: dict[str, str] = {}  # file → copy that is read in its place
 Key = tuple[str | int, ...]  # names, and indices of entries in arrays, from 0
 HEADING = re.compile(r"\s*(\[\[?)([\w.\-\"' ]+)\]\]?\s*(#.*)?$")
+QUOTES = ('"""', "'''")  # of strings of several lines
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
 LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
 LONGEST_TOML = 1_000_000  # [letters] a vehicle file has 20,000
@@ -94,6 +97,16 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parsed_toml(text: str) -> dict[str, Any]:
+    """TOML, parsed once in this process however often it is asked for.
+
+    Raises:
+        ValueError: it is not TOML, too long or too deep.
+    """
+    return copy.deepcopy(_parsed(text))
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str) -> dict[str, Any]:
     """TOML, of which a stranger's may have been made to take minutes: Python's parser needs the
     square of the parts of a key.
 
@@ -309,13 +322,17 @@ def _lines(text: str) -> dict[Key, int]:
     lines: dict[Key, int] = {}
     entries: Counter[Key] = Counter()
     table: Key = ()
+    inside = ""  # quotes at which the string ends that began on an earlier line
     for number, line in enumerate(text.splitlines(), 1):
-        if heading := HEADING.match(line):
+        if inside:
+            inside = "" if inside in line else inside
+        elif heading := HEADING.match(line):
             table = _resolved(heading[2], entries, array=len(heading[1]) == 2)
             for length in range(1, len(table) + 1):
                 lines.setdefault(table[:length], number)
         elif assignment := ASSIGNMENT.match(line):
             lines.setdefault((*table, *assignment[1].split(".")), number)
+            inside = next((quotes for quotes in QUOTES if line.count(quotes) == 1), "")
     return lines
 
 

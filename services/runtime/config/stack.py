@@ -55,7 +55,6 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     viewer: bool = False  # open a live viewer
     apart: bool = False  # topside and drone are two machines, each with its own clock
     insecure: bool = False  # other machines are let in without keys
-    arm: bool = True  # the gamepad arms the drone as soon as it is ready
     virtual: bool = False  # on virtual time: a driver that needs real time refuses to start
     services: str = "simulated"  # a name in deploy/stacks, or the path of a TOML file
     running: list[str] = []  # services of it that take part; empty: all

@@ -24,11 +24,9 @@ from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
-from services.runtime.bus.spaces import leave_key
 from services.runtime.bus.zenoh_bus import (
     announce_here,
     close_without_waiting,
-    line_to,
     listening,
     open_bus,
     watch_callers,
@@ -36,7 +34,7 @@ from services.runtime.bus.zenoh_bus import (
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.doorkeeper import LOOK_S, Doorkeeper
+from services.runtime.hosts.caller_log import CallerLog
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.heartbeat import Heartbeat
@@ -57,7 +55,6 @@ TOPSIDE_KILLED = (
     "lindy: the program that supervises the services was killed: all of this side end; an armed "
     "drone stops and holds without its pilot, and rises later"
 )
-LEAVE_S = 0.1  # [s] for what says that a hub ends to reach others; nothing tells that it has
 EXIT_S = 5.0  # [s] for the interpreter, when everything is closed
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
@@ -170,25 +167,15 @@ def run_hub(launch: HubLaunch) -> int:
         listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
         _closing = close_without_waiting(session)
-        doorkeeper, border = None, launch.hub_side
+        border = launch.hub_side
         if border is not None and border.credentials is not None:
-            hub = f"hub_{border.side}"
-            say = line_to(session, border.space, hub)
-            doorkeeper = Doorkeeper(hub, border.credentials.admitted, say)
-            _watching = watch_callers(session, doorkeeper.see)
+            _watching = watch_callers(session, CallerLog(border.credentials.admitted).see)
         if launch.here:
             _here = announce_here(session, launch.here)
         heartbeat = Heartbeat(None if launch.heartbeat is None else Path(launch.heartbeat))
         while not stop.asked:
-            heartbeat.beat(now := time.monotonic_ns())
-            if doorkeeper is not None:
-                doorkeeper.look(now)
-            # The router works on its own threads.
-            time.sleep(POLL_S if doorkeeper is None else LOOK_S)
-        killed = launch.parent is not None and not system.is_parent(launch.parent)
-        if launch.here and not killed:  # who is killed does not say that it ends
-            _leaves = announce_here(session, leave_key(launch.here))
-            time.sleep(LEAVE_S)
+            heartbeat.beat(time.monotonic_ns())
+            time.sleep(POLL_S)  # the router works on its own threads
         return 0
     return 1
 

@@ -7,14 +7,13 @@ from services.runtime.hosts.registry import Registry
 
 
 class Aliveness:
-    """Of the services that are to run."""
+    """Of the services of this machine."""
 
     def __init__(self, services: Registry, sides: Collection[str]) -> None:
         """
         Args:
             sides: those with a hub on this machine.
         """
-        self.resting: set[str] = set()  # services that are not to run now
         self._services, self._sides = services, sides
         self._processes = services.processes
         self.shown: set[tuple[str, str]] = set()  # (side, service)
@@ -33,17 +32,16 @@ class Aliveness:
         return process if whole else None
 
     def missing(self) -> list[str]:
-        """Services that are to run and are not alive on all of their sides."""
+        """Services that are not alive on all of their sides."""
         return self._not_in(self.shown)
 
     def never_alive(self) -> list[str]:
-        """Services that are to run and were not even once."""
+        """Services that were not even once."""
         return self._not_in(self.seen)
 
     def _not_in(self, tokens: set[tuple[str, str]]) -> list[str]:
         return [
             name
             for name, spec in self._services.items()
-            if name not in self.resting
             if any((s, name) not in tokens for s in spec.sides if s in self._sides)
         ]

@@ -2,10 +2,9 @@
 
 import contextlib
 import subprocess
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NamedTuple, Protocol
+from typing import IO, Protocol
 
 from services.runtime.os import system
 
@@ -54,36 +53,24 @@ class Child(Protocol):
         ...
 
 
-class Started(NamedTuple):
-    """A process, and what it prints."""
-
-    process: subprocess.Popen[bytes]
-    printed: IO[bytes]
-
-
-def started(task: Task) -> Started:
-    """A new process in a session of its own, so that Ctrl-C in the terminal reaches only this
-    program. Started, never forked: Zenoh's threads would not survive in a forked copy."""
-    process = subprocess.Popen(
-        task.command,
-        stdin=system.STDIN,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        **system.APART,
-    )
-    assert process.stdout is not None
-    return Started(process, process.stdout)
-
-
 class OsChild:
-    """A process of the operating system."""
+    """A process of the operating system, in a session of its own, so that Ctrl-C in the terminal
+    reaches only this program. Started, never forked: Zenoh's threads would not survive in a forked
+    copy."""
 
-    def __init__(self, task: Task, start: Callable[[Task], Started] = started) -> None:
+    def __init__(self, task: Task) -> None:
         """
         Raises:
             OSError: it cannot be started now.
         """
-        self._process, self.printed = start(task)
+        self._process = subprocess.Popen(
+            task.command,
+            stdin=system.STDIN,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            **system.APART,
+        )
+        self.printed: IO[bytes] | None = self._process.stdout
 
     @property
     def pid(self) -> int:

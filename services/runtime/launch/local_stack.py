@@ -5,7 +5,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -30,7 +30,6 @@ from services.runtime.launch.child import is_stuck
 from services.runtime.launch.hang_detector import HangDetector, is_unheard
 from services.runtime.launch.lifecycle import Life
 from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
-from services.runtime.launch.process_pool import ProcessPool
 from services.runtime.launch.run_note import RunNote
 from services.runtime.launch.runtime_folder import runtime_folder
 from services.runtime.launch.supervisor import Supervisor
@@ -39,7 +38,6 @@ from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 
-SOCKET_NS = 3_000_000_000  # [ns] a hub has made its socket so long after its start
 SLOW = ("visualizer",)  # started when the others are alive: its libraries take a second to load
 WATCH_NS = 100_000_000  # [ns] between two looks at the heartbeats
 DISK_PATIENCE_S = 10.0  # [s] a slow disk may stop those of LAST before they are started again
@@ -50,21 +48,14 @@ HUB_TIMEOUT_S = 20.0
 class LocalStack:
     """The processes of a plan, kept running; made by `local_stack`, which also ends it."""
 
-    def __init__(self, plan: ProcessPlan, pool: ProcessPool | None = None) -> None:
-        """
-        Args:
-            pool: whose processes are used, kept by the caller; default: this stack keeps spares.
-        """
+    def __init__(self, plan: ProcessPlan) -> None:
         self.plan = plan
-        self._spares = pool or ProcessPool()
-        self._spared = plan.spares if pool is None else None
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
         self.aliveness = Aliveness(plan.services, plan.endpoints)
         self.note = RunNote(plan, partial(self._tell, "warning"))
-        self.supervisor = Supervisor(self._tell, self._spares.child)
+        self.supervisor = Supervisor(self._tell)
         self.hang_detector = HangDetector(dict.fromkeys(LAST, DISK_PATIENCE_S))
         self._busyness = Busyness()
-        self.replaced = False  # by another one of this program, which goes on
         self._systemd = Systemd(os.environ, os.getpid())
         self._watch_at = 0  # [ns] next look at the heartbeats
         self._heard: dict[str, int] = {}  # [ns] services' newest health
@@ -111,32 +102,14 @@ class LocalStack:
         self.node.each(topics.HEALTH, self._hear_health)
         self._has_node = True
 
-    def start_services(self, resting: Collection[str] = ()) -> None:
-        """
-        Args:
-            resting: processes that wait for `begin`.
-        """
-        self.aliveness.resting = self.plan.services_of(resting)
+    def start_services(self) -> None:
         self.plan.keep_files(partial(self._tell, "warning"))
-        begun = [name for name in self.plan.processes if name not in resting]
-        self._later = [name for name in begun if self.plan.services_of([name]) <= set(SLOW)]
-        self.supervisor.add(self.plan.process(name) for name in begun if name not in self._later)
-
-    def begin(self, processes: Collection[str]) -> None:
-        """Start processes that rest."""
-        self.aliveness.resting -= self.plan.services_of(processes)
-        self.supervisor.add(self.plan.process(name) for name in processes)
-
-    def rest(self, processes: Collection[str]) -> None:
-        """Ask these to end, while the others go on."""
-        self.aliveness.resting |= self.plan.services_of(processes)
-        self.supervisor.ask_to_end(processes)
-
-    def has_ended(self, processes: Collection[str]) -> bool:
-        return not any(name in self.supervisor.pids for name in processes)
+        every = self.plan.processes
+        self._later = [name for name in every if self.plan.services_of([name]) <= set(SLOW)]
+        self.supervisor.add(self.plan.process(name) for name in every if name not in self._later)
 
     def missing(self) -> list[str]:
-        """Services that are to run and are not alive on all of their sides."""
+        """Services that are not alive on all of their sides."""
         return self.aliveness.missing()
 
     def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
@@ -243,9 +216,6 @@ class LocalStack:
         if now < self._watch_at:
             return  # messages wake this process more often than a look is of use
         self._watch_at = now + WATCH_NS
-        if self._spared is not None and set(self.missing()) <= set(SLOW):
-            self._spares.keep(self._spared)  # earlier the others need the processor
-        self._restore_sockets(now)
         lives = self.supervisor.lives
         beats = {
             name: last_beat(self.plan.heartbeat(name)) if self._has_begun(name, life) else None
@@ -274,30 +244,16 @@ class LocalStack:
         )
 
     def _stuck(self, process: str) -> bool:
-        """One on the way of the pilot's disarm, where a spare waits to take over."""
-        spared = process in self.plan.spares and self._spares.has(process)
-        return spared and self._idle(process)
+        """One on the way of the pilot's disarm."""
+        return self.plan.carries_stop(process) and self._idle(process)
 
     def _idle(self, process: str) -> bool:
         pid = self.supervisor.pids.get(process)
         return pid is not None and is_stuck(pid)
 
-    def _restore_sockets(self, now: int) -> None:
-        """A hub whose socket was removed is started again: no service that ends could come back."""
-        lives = self.supervisor.lives
-        with suppress(OSError):  # tried again at the next look
-            for name in self.plan.socketless():
-                life = lives.get(name)
-                if life is not None and life.phase == "running" and now > life.at + SOCKET_NS:
-                    self._tell("error", f"the socket of {name} was removed: it is started again")
-                    self.supervisor.kill(name)
-
     def end(self) -> None:
         """End all processes."""
-        if not self.replaced:
-            self._systemd.stopping()
-        if self._spared is not None:
-            self._spares.end()
+        self._systemd.stopping()
         self.supervisor.stop()
 
     def _tell(self, level: Literal["info", "warning", "error"], text: str) -> None:
@@ -313,7 +269,6 @@ def local_stack(
     other_side: OtherSide | None = None,
     begin_with: Mapping[str, bytes] | None = None,
     credentials: Credentials | None = None,
-    pool: ProcessPool | None = None,
 ) -> Generator[LocalStack]:
     """Running hubs, without services yet; everything is ended when the block is left.
 
@@ -323,7 +278,6 @@ def local_stack(
         other_side: where it is another machine; `services` are then those of this one.
         begin_with: checkpoints by service, of an earlier start.
         credentials: for endpoints of and for other machines.
-        pool: as `LocalStack` has it.
 
     Raises:
         LindyError: the endpoint is taken or malformed.
@@ -336,7 +290,7 @@ def local_stack(
     stack = msgspec.structs.replace(stack, watched=watched)
     with runtime_folder() as folder:
         plan = ProcessPlan(stack, services, folder, listen, other_side, begin_with, credentials)
-        local = LocalStack(plan, pool)
+        local = LocalStack(plan)
         with ExitStack() as exits:
             exits.callback(local.note.remove)
             exits.callback(local.supervisor.stop)

@@ -2,6 +2,7 @@
 
 import os
 import secrets
+import sys
 from collections.abc import Callable, Collection, Mapping
 from itertools import count
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import NamedTuple
 
 import msgspec
 
+import services
 from messages.topic import Side
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import Credentials
@@ -17,15 +19,14 @@ from services.runtime.bus.zenoh_bus import UNIX
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.prewarmed_process import Prewarming
 from services.runtime.hosts.process_host import HubLaunch, Launch
 from services.runtime.hosts.registry import PILOTS, Registry
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Task
-from services.runtime.launch.process_pool import PYTHON
 from services.runtime.launch.supervisor import NAME
 from services.runtime.node.checkpoint import write_safely
 
+PYTHON = [sys.executable, "-P", "-m", services.__name__]  # -P: nothing of the user's folder
 CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<service>.json
 HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
@@ -109,20 +110,6 @@ class ProcessPlan:
             else:
                 self._copies[str(path)] = str(copy)
 
-    def socketless(self) -> list[str]:
-        """Hubs that nobody can connect to any more: something has removed their sockets, or the
-        whole folder, which is then made again."""
-        sockets = {
-            f"hub_{side}": Path(endpoint.removeprefix(UNIX))
-            for side, endpoint in self.endpoints.items()
-            if endpoint.startswith(UNIX)
-        }
-        gone = [name for name, path in sockets.items() if not path.exists()]
-        if gone and not self._folder.exists():
-            self._folder.mkdir(mode=0o700)
-            self._copy_files(lambda _: None)
-        return gone
-
     def heartbeat(self, process: str) -> Path:
         """The file with the sign of life of a process."""
         return self._folder / f"{process}.beat"
@@ -187,26 +174,10 @@ class ProcessPlan:
             parts=() if names == [process] else tuple(names),
         )
 
-    @property
-    def prewarming(self) -> dict[str, Prewarming]:
-        """What a process of each name may import before it is known what it will work for; of the
-        hubs, too."""
-        hubs = {f"hub_{side}": Prewarming() for side in self.endpoints}
-        return hubs | {
-            process: Prewarming({n: self.services[n] for n in names}, str(self.services.file))
-            for process, names in self.processes.items()
-        }
-
-    @property
-    def spares(self) -> dict[str, Prewarming]:
-        """Of the processes in which a pilot has his stop button, and of those through which what
-        it says goes: they must be there again at once."""
-        return {
-            process: prewarming
-            for process, prewarming in self.prewarming.items()
-            if process not in self.processes
-            or any(s.gateway or code_of(n, s) in PILOTS for n, s in prewarming.services.items())
-        }
+    def carries_stop(self, process: str) -> bool:
+        """Has a pilot his stop button in it, or does what it says go through it?"""
+        specs = [(name, self.services[name]) for name in self.processes.get(process, ())]
+        return not specs or any(s.gateway or code_of(n, s) in PILOTS for n, s in specs)
 
     def _log(self, name: str) -> Path:
         return self.stack.out_dir / "logs" / f"{name}.log"

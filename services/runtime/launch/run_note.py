@@ -3,13 +3,13 @@
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 
 import msgspec
 
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.launch.process_plan import ProcessPlan
 from services.runtime.node.checkpoint import CheckpointFile
+from services.runtime.os import system
 
 RETRY_NS = 5_000_000_000  # [ns]
 
@@ -19,15 +19,12 @@ class RunNote:
     hold up whoever supervises."""
 
     def __init__(self, plan: ProcessPlan, warn: Callable[[str], None]) -> None:
-        self.shown = True  # False: `lindy ask` is to find another dive of this program
-        self.changes = False  # the pilot of this dive may take another drone
         self._plan, self._warn = plan, warn
         self._path = plan.stack.out_dir / RUNNING
         self._file = CheckpointFile(self._path)
         self._pids: dict[str, int] = {}
         self._again_ns: int | None = None  # [ns] when a write that failed is tried again
         self._said = False
-        self._left_for = ""
 
     def update(self, pids: dict[str, int], now: int) -> None:
         """Written atomically: on a full disk the older one stays, which is said once, and it is
@@ -44,22 +41,14 @@ class RunNote:
                 self._said = True
                 self._warn(f"cannot write {self._path}: {self._file.why}")
         due = self._again_ns is not None and now >= self._again_ns
-        if self.shown and (pids != self._pids or due):
+        if pids != self._pids or due:
             self._pids, self._again_ns = pids, None
             self._write(pids)
 
-    def leave(self, folder: Path) -> None:
-        """The pilot flies the dive in that folder now: this one leads there, also after `remove`,
-        and is not found by itself any more."""
-        self.shown, self._left_for = False, str(folder)
-        self._write({})
-        self._file.close()
-
     def remove(self) -> None:
         self._file.close()
-        if not self._left_for:
-            with suppress(OSError):  # the disk may be read-only by now
-                self._path.unlink(missing_ok=True)
+        with suppress(OSError):  # the disk may be read-only by now
+            self._path.unlink(missing_ok=True)
 
     def _write(self, pids: dict[str, int]) -> None:
         plan = self._plan
@@ -67,9 +56,8 @@ class RunNote:
             vehicle=plan.stack.space,
             endpoints=plan.endpoints,
             supervisor=os.getpid(),
+            began=system.began(os.getpid()),
             pids=pids,
             stack_file=str(plan.services.file),
-            left_for=self._left_for,
-            changes=self.changes,
         )
         self._file.save_checkpoint(msgspec.json.format(msgspec.json.encode(running)))

@@ -1,4 +1,4 @@
-"""The folder of one start, for what its processes share: sockets, heartbeats, checkpoints."""
+"""The folder of one start, for what its processes share: sockets, heartbeats, copies of files."""
 
 import shutil
 import tempfile

@@ -47,8 +47,7 @@ class Supervisor:
         """Start these at the next step."""
         for task in tasks:
             self._tasks[task.name] = task
-            if task.name not in self._logs:  # it may be added again, by the same log
-                self._logs[task.name] = ChildLog(task.log)
+            self._logs[task.name] = ChildLog(task.log)
             self.lives[task.name] = Life(at=self._clock())
 
     def seen(self, name: str) -> None:
@@ -68,11 +67,6 @@ class Supervisor:
         """End a child that does not answer; it is started again like one that has crashed."""
         if (child := self._children.get(name)) is not None:
             child.kill()
-
-    def ask_to_end(self, names: Iterable[str]) -> None:
-        """End these, while the others go on. They may be added again later."""
-        for name in names:
-            self._handle(name, LifeEvent.STOP)
 
     def step(self) -> None:
         """Check every child once and do what is due."""

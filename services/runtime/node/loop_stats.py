@@ -37,7 +37,7 @@ class LoopStats:
         self._lateness: list[int] = []  # [ns] of every call since the last report
         self._late_at: int | None = None  # [ns] newest report of a late period
         self._reported_at: int | None = None
-        self._cpu_s = 0.0
+        self._cpu_s: float | None = None  # [s] at the last report; None: before the first
 
     def handled(self, late_ns: int) -> None:
         self._lateness.append(late_ns)
@@ -75,7 +75,9 @@ class LoopStats:
         since = self._reported_at  # the same instant: reports of a stalled process in a row
         seconds = 1.0 if since is None or now <= since else (now - since) / 1e9
         lateness = sorted(self._lateness)
-        cpu = None if usage is None else 100.0 * (usage.cpu_s - self._cpu_s) / seconds
+        cpu = None  # of the first period nothing is known: it would count the imports
+        if usage is not None and self._cpu_s is not None:
+            cpu = 100.0 * (usage.cpu_s - self._cpu_s) / seconds
         health = Health(
             stamp_ns=now,
             service=service,
@@ -93,7 +95,7 @@ class LoopStats:
         )
         self._lateness = []
         self._reported_at = now
-        self._cpu_s = 0.0 if usage is None else usage.cpu_s
+        self._cpu_s = None if usage is None else usage.cpu_s
         return health
 
 

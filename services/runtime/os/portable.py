@@ -32,12 +32,17 @@ class NewGroup(TypedDict):
 
 
 APART = NewGroup(creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0))
-PREWARMS = False  # its stdin would be in use
 BECOMES = False
 
 
 def exists(pid: int) -> bool:
     return psutil.pid_exists(pid)
+
+
+def began(pid: int) -> float | None:
+    with suppress(psutil.Error):
+        return psutil.Process(pid).create_time()
+    return None
 
 
 def is_parent(pid: int) -> bool:

@@ -35,7 +35,6 @@ class NewSession(TypedDict):
 
 
 APART = NewSession(start_new_session=True)
-PREWARMS = True  # a child may be started before it is known what it works for
 BECOMES = True  # a program may go on as another one
 
 
@@ -50,6 +49,15 @@ def exists(pid: int) -> bool:
     return True
 
 
+def began(pid: int) -> float | None:
+    """When a process began, to tell it from a later one of the same id; None: nobody can tell."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
+        return float(stat.rpartition(")")[2].split()[19])  # [clock ticks] since the boot
+    except (OSError, ValueError, IndexError):
+        return None
+
+
 def is_parent(pid: int) -> bool:
     """Does the process that started this one still live?"""
     return os.getppid() == pid
@@ -58,7 +66,7 @@ def is_parent(pid: int) -> bool:
 def wait_until_unwanted(parent: int) -> bool:
     """Wait until this process has to end. True: it was asked to; False: its parent has ended."""
     while is_parent(parent):
-        time.sleep(PARENT_S)  # the kernel does not tell a process that its parent died
+        time.sleep(PARENT_S)  # Linux could tell, but of the thread that began it
     return False  # who is asked to end gets SIGTERM
 
 

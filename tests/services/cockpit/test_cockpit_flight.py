@@ -9,11 +9,9 @@ from typing import Any
 import pytest
 
 from messages import topics
-from messages.fly import DroneList, FlyAnswer, FlyRequest, ReachableDrone
 from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import Truth, VehicleStatus
 from services.cockpit.core import SHOW_HZ, UNSEEN, Settings
-from services.cockpit.drone_order import SHOWN_NS, DroneOrder
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid, parsed
 from services.cockpit.service import CockpitPages
 from services.marine.vehicle import Vehicle
@@ -466,119 +464,3 @@ def test_what_comes_without_an_age_is_not_shown_once_it_is_old(
     dive.host.kill(service)
     dive.steer(3.2)
     assert shown not in dive.view()
-
-
-class FlyProgram:
-    """Says which drones there are, as `lindy fly` does, and answers as it is told."""
-
-    def __init__(self, dive: Dive) -> None:
-        node = dive.host.node("supervisor", ["topside"])
-        self.lists, answers = node.publisher(topics.FLY_DRONES), node.publisher(topics.FLY_ANSWER)
-        self.says, self.reason = True, ""
-        self.asked: list[FlyRequest] = []
-        drones = tuple(ReachableDrone(name=name) for name in ("rov1", "rov2"))
-
-        def tell(now: int) -> None:
-            if self.says:
-                self.lists.put(DroneList(stamp_ns=now, flown="rov1", drones=drones))
-
-        def hear(request: FlyRequest, now: int) -> None:
-            self.asked.append(request)
-            if self.reason:
-                told = FlyAnswer(stamp_ns=now, id=request.id, accepted=False, reason=self.reason)
-                answers.put(told)
-
-        node.every(topics.FLY_DRONES.hz, tell)
-        node.each(topics.FLY_REQUEST, hear)
-
-    @property
-    def ordered(self) -> list[str]:
-        """Once each, however often it was repeated."""
-        return list({request.id: request.drone for request in self.asked}.values())
-
-
-def fly(dive: Dive, drone: str, page: int = ANN, **more: Any) -> str:
-    """Returns what the page is then shown."""
-    dive.say("fly", page, drone=drone, **more)
-    dive.run(0.1)
-    return dive.view(page).get("change", "")
-
-
-def test_every_page_gets_the_list_once_a_second_and_a_pilots_page_orders_a_drone(tmp_path: Path):
-    dive = Dive(tmp_path)
-    program = FlyProgram(dive)
-    dive.open(ANN).open(BOB, watcher=True)
-    lists = Counter[int]()
-    show = dive.browsers.show
-
-    def counted(texts: Mapping[int, str]) -> None:
-        lists.update(page for page, text in texts.items() if "fly" in json.loads(text))
-        show(texts)
-
-    dive.browsers.show = counted
-    dive.run(5.0)
-    assert {*lists} == {ANN, BOB}
-    assert all(4 <= count <= 6 for count in lists.values())
-    # Nobody has the sticks: a pilot's page may order, one that watches may not.
-    assert fly(dive, "rov2", BOB) == ""
-    assert dive.counts["refused:watcher"] == 1
-    assert fly(dive, "rov2") == "changing to rov2"
-    assert fly(dive, "rov3") == "changing to rov2"
-    assert dive.counts["refused_here:fly"] == 1
-    assert program.ordered == ["rov2"]
-    program.reason = "rov2 does not answer within 3 s; the flight goes on"
-    dive.run(0.5)
-    said = "not changed to rov2: rov2 does not answer within 3 s; the flight goes on"
-    assert dive.view(ANN)["change"] == dive.view(BOB)["change"] == said
-    # What is late is not done; what nobody answers is given up, and said.
-    program.reason = ""
-    dive.run(0.1)
-    fly(dive, "rov2", held_ms=1500.0)
-    assert dive.counts["expired:wish"] == 1
-    assert fly(dive, "rov2") == "changing to rov2"
-    dive.run(5.1)
-    assert dive.view()["change"] == "changing to rov2: `lindy fly` does not answer"
-
-
-def test_what_became_of_an_order_is_shown_for_a_while():
-    order, drones = DroneOrder(), DroneList(stamp_ns=0, flown="rov1", drones=())
-    order.look(drones, 0)
-    assert order.refusal("rov2") == ""
-    request = order.ask("rov2", 0)
-    assert order.refusal("rov3") == "fly rov3: the change to rov2 is going on"
-    order.answered(request, FlyAnswer(stamp_ns=0, id="", accepted=False, reason="no"), S)
-    assert order.refusal("rov3") == ""
-    order.look(drones, S + SHOWN_NS - 1)
-    assert order.words == "not changed to rov2: no"
-    order.look(drones, S + SHOWN_NS)
-    assert order.words == ""
-
-
-def test_while_another_page_has_the_sticks_no_drone_is_ordered(dive: Dive):
-    program = FlyProgram(dive)
-    dive.open(BOB).steer(1.2)
-    fly(dive, "rov2", BOB)
-    assert dive.counts["not_the_holder:page"] == 1
-    assert program.ordered == []
-    dive.steer(0.1)
-    assert fly(dive, "rov2") == "changing to rov2"
-    assert program.ordered == ["rov2"]
-
-
-@pytest.mark.slow
-def test_without_a_list_no_drone_is_ordered_and_nothing_is_shown(tmp_path: Path):
-    dive = Dive(tmp_path)
-    program = FlyProgram(dive)
-    program.says = False
-    dive.open()
-    assert "fly" not in dive.browsers.pictures[ANN]
-    assert fly(dive, "rov2") == ""
-    assert dive.counts["refused_here:fly"] == 1
-    program.says = True
-    dive.run(1.1)
-    program.says = False
-    dive.run(6.0)  # … nor by a list that is old
-    assert fly(dive, "rov2") == ""
-    assert dive.counts["refused_here:fly"] == 2
-    assert program.ordered == []
-    assert any("was not started by `lindy fly`" in line[3] for line in dive.view()["lines"])

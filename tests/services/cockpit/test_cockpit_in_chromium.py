@@ -9,7 +9,6 @@ import pytest
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
 from messages import topics
-from messages.fly import DroneList, FlyRequest, ReachableDrone
 from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import VehicleStatus
 from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium, insist
@@ -44,27 +43,6 @@ OVERFLOWS = """
   })
   .map((e) => e.id || e.textContent).join()
 """
-
-
-COVERED = """
-['left', 'right', 'stop', 'arm', 'take', 'list'].filter((id) => {
-  const a = document.getElementById(id).getBoundingClientRect();
-  const b = document.getElementById('drones').getBoundingClientRect();
-  const over = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-  return a.width && over > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
-}).join()
-"""  # what the list of drones lies over
-TALLEST = """document.getElementById('drones').getBoundingClientRect().top
-  - document.getElementById('heading').getBoundingClientRect().bottom"""  # [px] of picture
-CHANGE = "document.getElementById('change').textContent"
-TEXTS = "[...document.querySelectorAll('#drones li')].map((line) => line.textContent)"
-DRONES = (
-    ReachableDrone(name="rov1", vehicle="pioneer", activity="ready", pilot="cockpit"),
-    ReachableDrone(name="rov2", vehicle="pioneer", activity="piloted", armed=True, pilot="ann"),
-    ReachableDrone(name="<img src=x>", activity="<b>x</b>", failsafe=True, alarms="<i>leak</i>"),
-    ReachableDrone(name="rov4", vehicle="bluerov2", misfit="another vehicle " * 12),
-    *(ReachableDrone(name=f"rov{n}", vehicle="pioneer", activity="ready") for n in range(10, 40)),
-)
 
 
 class Flight:
@@ -209,73 +187,7 @@ def hold_key(page: BrowserPage, code: str, key: str, happens: Callable[[], bool]
     let_go()
 
 
-def listed(dive: CockpitDive, flown: str, left: str = "") -> list[str]:
-    """Say which drones there are, as `lindy fly` does. Returns the drones that pages order."""
-    node, ordered = dive.host.node("supervisor", ["topside"]), list[str]()
-
-    def hear(request: FlyRequest, _: int) -> None:
-        if request.drone not in ordered:
-            ordered.append(request.drone)
-
-    def tell(now: int) -> None:
-        lists.put(DroneList(stamp_ns=now, flown=flown, drones=DRONES, more=3, left=left))
-
-    lists = node.publisher(topics.FLY_DRONES)
-    node.each(topics.FLY_REQUEST, hear)
-    node.every(topics.FLY_DRONES.hz, tell)
-    return ordered
-
-
 def press(page: BrowserPage, selector: str) -> None:
     """As a finger does: at its place on the screen, whatever lies there."""
     page.touch("touchStart", page.middle(selector))
     page.touch("touchEnd")
-
-
-@pytest.mark.slow
-def test_a_pilot_takes_another_drone_from_a_list_that_covers_nothing():
-    with ExitStack() as exits:
-        assert PROGRAM is not None
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            port = free.getsockname()[1]
-        browser = exits.enter_context(Browser(PROGRAM))
-        with CockpitDive(port, name="rov1") as dive:
-            ordered = listed(dive, "rov1")
-            watching = browser.open(f"{dive.url}watch", Size(1280, 800))
-            for size in (Size(640, 360, touch=True), Size(1280, 800, touch=True), PHONE):
-                page = browser.open(dive.url, size)
-                page.wait("document.getElementById('list').textContent === 'Drones: 37'")
-                assert page.look("document.getElementById('drones').offsetParent === null")
-                assert page.look(OVERFLOWS) == ""
-                press(page, "#list")
-                page.wait("document.getElementById('drones').offsetParent !== null")
-                assert page.look(COVERED) == ""
-                assert page.look(OVERFLOWS) == ""
-                assert page.look(TALLEST) >= 70
-                if size is not PHONE:
-                    page.close()
-            texts = page.look(TEXTS)
-            assert texts[0].startswith("rov1pioneerreadycockpit flies · shown here")
-            assert texts[2].startswith("<img src=x><b>x</b>nobody flies")
-            assert texts[2].endswith("<i>leak</i>")
-            assert page.look("document.querySelectorAll('#drones img, #drones i').length") == 0
-            fly = "document.querySelectorAll('#drones li button')"
-            assert page.look(f"{fly}[0].hidden && {fly}[3].disabled && !{fly}[1].disabled")
-            press(page, "#drones li:nth-child(2) button")
-            page.wait("document.getElementById('confirm').offsetParent !== null")
-            assert ordered == []
-            press(page, "#confirm .yes")
-            page.wait(f"{CHANGE} === 'changing to rov2'")
-            until(lambda: ordered)
-            assert ordered == ["rov2"]
-            watching.look("document.getElementById('list').click()")
-            watching.wait(f"{TEXTS}.length > 30")
-            assert watching.look(f"[...{fly}].every((button) => button.hidden)")
-            watching.close()
-        left = "rov1 holds at 4.1 m, armed, nobody flies it; it rises after 60 s"
-        with CockpitDive(port, name="rov2") as dive:
-            listed(dive, "rov2", left)
-            page.wait(f"{CHANGE} === 'this page shows rov2 now · {left}'")
-            assert page.look("document.getElementById('drone').textContent") == "rov2"
-            assert page.look("document.getElementById('drones').offsetParent === null")
-            page.close()

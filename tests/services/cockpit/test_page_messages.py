@@ -21,10 +21,6 @@ from services.cockpit.page_messages import LONGEST, PageSticks, parsed
         '{"kind":"sticks","seen":-1,"held_ms":0,"surge":1,"sway":0,"heave":0,"yaw":0}',
         '{"kind":"wish","seen":1,"held_ms":0,"what":"explode"}',
         '{"kind":"wish","seen":1,"held_ms":0,"what":"stop","why":"newer page"}',
-        '{"kind":"fly","seen":1,"held_ms":0}',
-        '{"kind":"fly","seen":1,"held_ms":0,"drone":"rov/2"}',
-        '{"kind":"fly","seen":1,"held_ms":0,"drone":"rov2\\n"}',
-        '{"kind":"fly","seen":1,"held_ms":0,"drone":"\\u001b[2J"}',
     ],
 )  # fmt: skip
 def test_what_a_page_cannot_have_said_is_none(raw: str | bytes):

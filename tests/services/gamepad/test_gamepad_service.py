@@ -124,7 +124,7 @@ def drone(host: VirtualHost) -> Drone:
 def script(tmp_path: Path) -> Stack:
     path = tmp_path / "log.csv"
     path.write_text(LOG)
-    return Stack(pilot=f"script:{path}", arm=False)
+    return Stack(pilot=f"script:{path}")
 
 
 def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
@@ -288,6 +288,25 @@ def test_a_device_that_is_gone_says_so_with_centred_sticks(host: VirtualHost, dr
     host.run(2 * S)
     assert drone.commands[-1].pilot == "lost"
     assert sticks_of(drone.commands[-1]) == CENTRED
+
+
+@pytest.mark.parametrize("pilot", ["gamepad", "keyboard"])
+def test_a_persons_pad_or_keyboard_arms_nothing_until_its_button_is_held(
+    host: VirtualHost, drone: Drone, monkeypatch: pytest.MonkeyPatch, pilot: str
+):
+    hands = Hands()
+
+    def opened(node: Node, stack: Stack, played: int) -> Hands:  # noqa: ARG001
+        return hands
+
+    monkeypatch.setattr("services.gamepad.service.open_source", opened)
+    host.add("gamepad", HOME, Stack(pilot=pilot), wire)
+    host.run(10 * S)
+    assert drone.requests == []
+    assert not drone.armed
+    hands.presses = ["arm"]
+    host.run(11 * S)
+    assert drone.armed
 
 
 def test_without_leave_to_arm_by_itself_only_the_button_arms(host: VirtualHost, drone: Drone):

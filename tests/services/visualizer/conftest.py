@@ -6,7 +6,6 @@ from messages import topics
 from messages.aiding import AidSource
 from messages.control import ThrusterCommand, Wrench
 from messages.film import FilmAnswer, FilmRequest
-from messages.fly import DroneList, FlyAnswer, FlyRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import (
@@ -144,9 +143,6 @@ def _all(now: int) -> list[Message]:
         ),
         FaultRequest(stamp_ns=now, id=str(now), part="port", fault="dead"),
         FaultAnswer(stamp_ns=now, id=str(now), accepted=True),
-        FlyRequest(stamp_ns=now, id=str(now), drone="rov2"),
-        FlyAnswer(stamp_ns=now, id=str(now), accepted=True),
-        DroneList(stamp_ns=now, flown="rov1", drones=()),
         LinkStatus(
             stamp_ns=now, profile="tether", up=True, down_link=leg, up_link=leg, rtt_ms=20.0
         ),

@@ -16,8 +16,8 @@ from tests.support.faults.virtual_dive import VirtualDive
 ON_BOARD = ("simulator", "estimation", "reference", "control")
 PROCESSES = (*ON_BOARD, "tether", "gamepad", "link_monitor", "hub_drone", "hub_topside")
 ONLOOKERS = ("recorder", "visualizer")  # in real dives alone
-# Between the pilot and the reference, each with a spare that takes over before the sticks expire.
-# Without its hub the drone hears nobody either, but then nobody hears when it notices.
+# Between the pilot and the reference. Without its hub the drone hears nobody either, but
+# then nobody hears when it notices.
 BETWEEN = ("tether", "gamepad", "hub_topside")
 DEAF = ("simulator", "hub_drone")  # without it no sample arrives
 KILL_S, HANG_S, RESUME_S = 1.5, 3.0, 2.0  # [s] goals

@@ -196,14 +196,6 @@ def _pin(dive: RealFaultDive, cores: set[int]) -> None:
 
 
 @contextmanager
-def _wiped(dive: RealFaultDive) -> Generator[None]:
-    """The folder of sockets and settings of the running dive is removed. It does not come back."""
-    hub = Path(dive.running.endpoints["drone"].partition("/")[2])
-    shutil.rmtree(hub.parent)
-    yield
-
-
-@contextmanager
 def _library(dive: RealFaultDive) -> Generator[None]:
     """Whoever imports numpy now gets a file that is cut off."""
     damaged = dive.folder / MODULES / "numpy.py"
@@ -287,7 +279,6 @@ FAILURES = (
     Failure("no memory left", _memory),
     Failure("no processes left", _processes),
     Failure("one core taken away", _one_core, kills=False),
-    Failure("runtime folder wiped", _wiped),
     Failure("a library damaged", _library),
     Failure("no inodes left", _no_files, _small),
     Failure("the disk hangs", _hangs, _image),

@@ -38,9 +38,7 @@ SECOND = 1_000_000_000  # [ns]
 STEP_NS = 40_000_000  # [ns] between two steps of the supervisor, at most as in a real dive
 WATCH_NS = 100_000_000  # [ns] between two looks at who answers
 START_NS = 350_000_000  # [ns] from a start to the first message of a service, measured
-SPARE_NS = 100_000_000  # [ns] the same where a spare has waited, measured
-REFILL_NS = 5_000_000_000  # [ns] until the next spare waits
-SPARED = ("hub_drone", "hub_topside", "tether", "gamepad")  # as `ProcessPlan.spares` has it
+CARRY_STOP = ("hub_drone", "hub_topside", "tether", "gamepad")  # as `ProcessPlan.carries_stop`
 LONGEST_START_S = 60.0  # [s] until the drone is armed
 SERVICES = (
     "simulator", "estimation", "reference", "control", "tether", "gamepad", "link_monitor",
@@ -98,7 +96,6 @@ class VirtualDive:
         self._processes: dict[str, VirtualProcess] = {}
         self._stopped: dict[str, int] = {}  # [ns] last sign of life of those that are stopped
         self._watched_ns = 0
-        self._refilled = dict.fromkeys(SPARED, 0)  # [ns] when a spare waits
         self._asked = 0
         self._instances = 0  # processes that have begun
         self._answering = HangDetector()
@@ -183,10 +180,7 @@ class VirtualDive:
                 self._supervisor.kill(name)
 
     def _stuck(self, name: str) -> bool:
-        return name in self._stopped and self._has_spare(name)
-
-    def _has_spare(self, name: str) -> bool:
-        return name in SPARED and self.host.now >= self._refilled[name]
+        return name in self._stopped and name in CARRY_STOP
 
     def _tell(self, _level: str, text: str) -> None:
         self.seen.tell(self.host.now, f"supervisor: {text}")
@@ -196,11 +190,7 @@ class VirtualDive:
     def _spawn(self, task: Task) -> VirtualProcess:
         name = task.name
         self._stopped.pop(name, None)
-        takes = 0
-        if self._supervisor.lives[name].restarts:
-            takes = SPARE_NS if self._has_spare(name) else START_NS
-            if name in SPARED:
-                self._refilled[name] = self.host.now + REFILL_NS
+        takes = START_NS if self._supervisor.lives[name].restarts else 0
         self._later.append((self.host.now + takes, name))
         process = self._processes[name] = VirtualProcess(lambda: self._drop(name))
         if not takes:

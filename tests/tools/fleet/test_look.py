@@ -5,7 +5,6 @@ import socket
 import threading
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -25,11 +24,9 @@ from tests.support.patience import PATIENCE_S, until
 from tools.__main__ import main
 from tools.fleet import look as looking
 from tools.fleet import meeting
-from tools.fleet import record as recording_of_all
 from tools.fleet.look import is_there, look, who_is_there
 from tools.fleet.meeting import drone_at, require_only
 from tools.fleet.roster import MOST
-from tools.recordings.recording import open_recording
 
 TALK_S = 0.05  # [s] between two words of a drone here; a real one says them once a second
 
@@ -230,35 +227,3 @@ def test_a_network_knows_that_its_router_is_gone() -> None:
         assert network.answers
         hub.close()
         until(lambda: not network.answers)
-
-
-def test_every_drone_of_a_network_is_recorded_by_one_program(
-    network: Drones, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    network.announce(["rov1", "rov2", "ghost"])
-    network.speak(["rov1", "rov2"])
-    words = ["record", "--router", network.endpoint, "--seconds", "1", "--out", str(tmp_path)]
-    assert main(words) == 0
-    assert "rov2: " in capsys.readouterr().out
-    assert {path.name for path in tmp_path.iterdir()} == {"rov1", "rov2"}
-    for name in ("rov1", "rov2"):
-        keys = {entry.key for entry in open_recording(tmp_path / name)}
-        assert keys == {"identity/drone", topics.STATUS.key, topics.BATTERY.key}
-
-
-def test_a_misspelt_drone_is_said_while_it_is_recorded_and_at_the_end_and_is_status_3(
-    network: Drones,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(recording_of_all, "FIRST_LOOK_S", 0.5)
-    network.announce(["rov1"])
-    network.speak(["rov1"])
-    words = ["record", "--router", network.endpoint, "--seconds", "1", "--drone", "rov9"]
-    assert main([*words, "--out", str(tmp_path / "out")]) == 3
-    first, early, last = capsys.readouterr().out.splitlines()
-    assert first.startswith(f"records rov9 at {network.endpoint} → ")
-    assert first.endswith(", for 1 s, or until Ctrl-C")
-    assert last == "never heard: rov9; heard, and not asked for: rov1"
-    assert early.startswith("after 0.5 s: never heard: rov9")

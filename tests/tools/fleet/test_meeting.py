@@ -1,12 +1,10 @@
 """Where a drone meets its pilots, by which name and with which keys; and a router's file."""
 
-import json
 from datetime import UTC, datetime
 from pathlib import Path
 from socket import gethostname
 
 import pytest
-import zenoh
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -80,45 +78,6 @@ def test_a_name_that_no_key_may_have_is_one_sentence(name: str) -> None:
 def test_on_virtual_time_a_drone_is_called_as_its_file() -> None:
     stack = checked(Choices(), pilot_of("gamepad"), Registry.read("simulated"))
     assert stack.drone_name == stack.vehicle_name == "pioneer"
-
-
-def test_a_routers_file_is_read_by_zenoh_and_never_written_over(
-    keys: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "router.json5"
-    words = ["router-config", "--listen", LISTEN, "--keys", str(keys), "--out", str(out)]
-    assert main([*words, "--thin", "wwan0", "--connect", ROUTER]) == 0
-    assert "lets in 2 roles and drones by their keys" in capsys.readouterr().out
-    read = zenoh.Config.from_file(out)
-    assert json.loads(read.get_json("listen/endpoints")) == [LISTEN]
-    assert json.loads(read.get_json("connect/endpoints")) == [ROUTER]
-    assert json.loads(read.get_json("scouting/multicast/enabled")) is False
-    subjects = json.loads(read.get_json("access_control"))["subjects"]
-    assert [each["cert_common_names"] for each in subjects] == [["drone:boat"], ["pilot:ann"]]
-    before = out.read_bytes()
-    assert main(words) == 1
-    assert out.read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
-        (["--listen", "tcp/0.0.0.0:7447"], "goes over the network without keys"),
-        (["--listen", "7447"], "expected PROTOCOL/ADDRESS:PORT"),
-        (["--connect", "7447"], "expected PROTOCOL/ADDRESS:PORT"),
-        (["--out", "router.json"], "*.json5"),
-        (["--thin", "wwan0"], "add --drone NAME, once for each"),
-        (["--thin", "wwan0", "--drone", "a b"], "--drone 'a b': a drone's name"),
-        (["--listen", "tcp/127.0.0.1:1", "--listen", LISTEN], "all with tls, or none of them"),
-    ],
-)
-def test_a_router_that_would_be_open_or_unreadable_is_refused(
-    keys: Path, words: list[str], why: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["router-config", *words, "--keys", str(keys)]) == 1
-    complaint = capsys.readouterr().err
-    assert why in complaint
-    assert complaint.count("\n") == 1
 
 
 @pytest.mark.parametrize(

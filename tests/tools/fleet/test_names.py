@@ -10,8 +10,6 @@ from services.runtime.bus.spaces import (
     checked_name,
     here_key,
     here_of,
-    leave_key,
-    leaves,
     name_in,
     namespace,
 )
@@ -30,10 +28,6 @@ def test_a_name_is_read_from_its_keys_as_it_was_written(name: str, side: str, st
     token = here_key(namespace(name), side, start)
     assert here_of(token) == Here(name, side, start)
     assert name_in(token) == name_in(f"{namespace(name)}/state") == name
-    assert not leaves(token)
-    assert leaves(leave := leave_key(token))
-    assert name_in(leave) == name
-    assert here_of(leave) is None
 
 
 @given(st.one_of(st.text(max_size=80), st.sampled_from([*"*$?#/@._-", "..", "..."])))
@@ -56,7 +50,6 @@ def test_what_is_no_name_is_refused_in_one_sentence_and_is_in_no_key(text: str) 
 def test_a_strangers_key_is_no_hub_of_ours(key: str) -> None:
     here = here_of(key)
     assert here is None or here_key(namespace(here.name), here.side, here.instance) == key
-    assert not leaves(key) or leave_key(key.removesuffix("-leaves")) == key
     assert len(name_in(key)) <= LONGEST
 
 

@@ -17,7 +17,7 @@ from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_key, namespace
 from tools.fleet.drones import as_row, table
 from tools.fleet.others import WAIT_NS, Others
-from tools.fleet.roster import BEYOND, MOST, ROWS, STRANGE, UNREADABLE, Roster
+from tools.fleet.roster import BEYOND, MOST, MOST_STARTS, ROWS, STRANGE, UNREADABLE, Roster
 
 IDENTITY = topics.IDENTITY.of("drone")
 NAME = st.sampled_from(["a", "b", "c"])
@@ -118,7 +118,7 @@ def test_a_thousand_announced_by_a_stranger_are_counted_and_hide_nobody_who_was_
         roster.token(token("rov1", f"{k:x}"))
     assert len(roster.drones) == MOST
     assert roster.counts == {BEYOND: 1001 - MOST, STRANGE: 1000}
-    assert len(roster.drones["rov1"].starts) == 2
+    assert len(roster.drones["rov1"].starts) == MOST_STARTS
     assert roster.drones["rov1"].complete
     last = table(roster, "E", "same").splitlines()[-2:]
     assert last[0] == f"{1001 - MOST} announced beyond the first {MOST}, and not listed"
@@ -176,3 +176,12 @@ def test_a_topside_is_told_that_two_drones_have_its_name() -> None:
     for instance in "12":
         others.roster.token(token("a", instance))
     assert others.words(0) == "two drones call themselves a: give one of them another --name"
+
+
+def test_of_three_hubs_of_a_name_the_last_one_keeps_it_on_the_list() -> None:
+    roster = Roster()
+    for instance in "123":
+        roster.token(token("rov1", instance))
+    for instance in "12":
+        roster.token(token("rov1", instance), there=False)
+    assert roster.names == ["rov1"]

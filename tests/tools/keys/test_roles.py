@@ -103,6 +103,11 @@ def test_a_name_that_is_taken_off_is_off_and_nothing_else_changes(text: str, who
     assert without(after, who) == after
 
 
+def test_a_bad_line_of_a_list_is_named_by_its_number() -> None:
+    with pytest.raises(ValueError, match="line 3: "):
+        without("pilot:ann\n# friends\nbob\n", parse("pilot:ann"))
+
+
 @given(st.lists(WHO, max_size=8))
 def test_a_drone_lets_in_who_calls_and_a_caller_speaks_to_drones_and_routers_alone(
     others: list[Identity],

@@ -7,7 +7,6 @@ import msgspec
 import pytest
 
 from messages import topics
-from messages.fly import DroneList, ReachableDrone
 from messages.message import Message
 from messages.pilot import PilotRequest
 from messages.topic import AnyTopic
@@ -20,10 +19,6 @@ from tools.recordings.recording import open_recording
 MESSAGES: list[tuple[AnyTopic, Message]] = [
     (topics.STATUS, VehicleStatus(stamp_ns=5, activity="goto", armed=True, flight_mode="manual")),
     (topics.PILOT_REQUEST, PilotRequest(stamp_ns=5, id="a", kind="mode", flight_mode="depth_hold")),
-    (
-        topics.FLY_DRONES,
-        DroneList(stamp_ns=5, flown="a", drones=(ReachableDrone(name="a", activity="ready"),)),
-    ),
 ]
 
 

@@ -191,6 +191,31 @@ def test_streams_of_a_real_session_are_shown_timed_and_weighed(
         assert said("hz", "state", "--seconds", "0.2")[1].split()[:2] == ["state", "0"]
 
 
+def test_what_cannot_be_read_is_no_message_of_the_count(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    over = threading.Event()
+
+    def junk(endpoint: str) -> None:
+        with connected(endpoint, namespace("rov1")) as session:
+            while not over.wait(0.002):
+                session.put("sensor/battery", b"junk")
+
+    with dive(tmp_path):
+        running = msgspec.json.decode((tmp_path / RUNNING).read_bytes(), type=Running)
+        thread = threading.Thread(target=junk, args=(running.endpoints["topside"],))
+        thread.start()
+        try:
+            words = ["topic", "echo", "sensor/battery", "--count", "3", "--dive", str(tmp_path)]
+            assert main(words) == 1
+        finally:
+            over.set()
+            thread.join()
+    shown = capsys.readouterr()
+    assert len(shown.out.splitlines()) == 3
+    assert "messages on sensor/battery could not be read" in shown.err
+
+
 @pytest.mark.parametrize(
     ("words", "shown"),
     [

@@ -96,7 +96,7 @@ class Drone:
         )
         hub = exits.enter_context(listening(self.address, private, hub_side=border))
         self.callers: list[tuple[str, bool]] = []
-        self._watching = watch_callers(hub, lambda name, on, _: self.callers.append((name, on)))
+        self._watching = watch_callers(hub, lambda name, on: self.callers.append((name, on)))
         self.board = exits.enter_context(connected(private, SPACE, PATIENCE_S))
         self.outside = exits.enter_context(
             zenoh.open(config("client", connect=[private]))
@@ -370,7 +370,7 @@ def test_a_pilot_speaks_to_a_drone_on_the_list_only(
     with ExitStack() as exits:
         fake = exits.enter_context(zenoh.open(posing))
         came = list[str]()
-        _watching = watch_callers(fake, lambda name, _on, _link: came.append(name))
+        _watching = watch_callers(fake, lambda name, _on: came.append(name))
         heard, shown = list[Envelope](), list[Envelope]()
         ears = ZenohBus(fake)
         for topic in topics.ALL:

@@ -164,6 +164,12 @@ def test_the_line_of_a_table_and_of_a_key_is_where_they_stand(
     assert line_of(path, (names[0],)) == ""  # of a recorded dive, flown again in another folder
 
 
+def test_what_a_string_of_several_lines_says_is_no_key(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('[a]\ntext = """\nmass = 1\n"""\nmass = 2\n')
+    assert line_of(path, ("a", "mass")) == ":5"
+
+
 @pytest.mark.parametrize(
     "text",
     ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "udp/rov.local:1", "unixsock-stream//tmp/a.sock",
@@ -186,7 +192,8 @@ def test_a_port_that_there_is_not_is_one_sentence(text: str) -> None:
 @pytest.mark.parametrize(
     "text", ["", "127.0.0.1:7447", "tcp/host", "tcp/host:", "tcp/:7447", "tpc/host:7447",
              "tcp/a b:1", "tls/host:7447#enable_mtls=false", "tls/host:7447?enable_mtls=false",
-             "tls/host:7447#iface=eth0;enable_mtls=false", "unixsock-stream//a.sock#x=1"]
+             "tls/host:7447#iface=eth0;enable_mtls=false", "unixsock-stream//a.sock#x=1",
+             "ws/host:7447", "unixpipe//tmp/a", "vsock/1:1", "serial//dev/ttyS0"]
 )  # fmt: skip
 def test_what_is_no_endpoint_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(LindyError) as refused:

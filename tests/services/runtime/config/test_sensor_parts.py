@@ -1,6 +1,9 @@
 """Sensors that a vehicle file names: their figures lie under what it states."""
 
+import tomllib
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -120,3 +123,20 @@ def test_a_mistake_in_a_part_names_its_file(tmp_path: Path, part: str, sentence:
         vehicle_with(tmp_path, part).section("simulator", Simulator)
     assert sentence in str(told.value)
     assert "\n" not in str(told.value)
+
+
+def test_each_file_is_parsed_once_however_many_tables_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parsed, loads = Counter[str](), tomllib.loads
+
+    def counted(text: str, /) -> dict[str, Any]:
+        parsed[text] += 1
+        return loads(text)
+
+    monkeypatch.setattr(tomllib, "loads", counted)
+    text = (DEPLOY / "vehicles/bluerov2_heavy.toml").read_text() + "# mine\n"
+    (tmp_path / "mine.toml").write_text(text)
+    Stack(vehicle=str(tmp_path / "mine.toml")).check(known_tables(Registry.read()))
+    assert parsed[text] == 1
+    assert set(parsed.values()) == {1}

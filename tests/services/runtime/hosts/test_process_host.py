@@ -14,8 +14,7 @@ import pytest
 from messages import topics
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.network import open_network
-from services.runtime.bus.spaces import here_key, namespace
+from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, listening, open_bus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import PARENT_KILLED, TOPSIDE_KILLED, HubLaunch, Launch
@@ -268,35 +267,6 @@ def test_a_hub_says_in_the_terminal_that_its_parent_was_killed_and_only_then(
     parent.kill()
     _, shown = parent.communicate(timeout=PATIENCE_S)
     assert shown == ("" if said is None else f"{said}\n")
-
-
-@pytest.mark.parametrize("how", ["asked", "killed", "parent killed"])
-def test_a_drones_hub_takes_its_leave_where_it_is_asked_to_end_and_not_where_it_is_killed(
-    bench: Bench, how: str
-) -> None:
-    """Its token goes in all three cases. Heard by way of a router, which lives on."""
-    router, own = (f"unixsock-stream/{bench.folder}/{name}.sock" for name in ("router", "own"))
-    hub(bench, router)
-    here, border = here_key(namespace("rov"), "drone", "1"), HubSide("drone", namespace("rov"))
-    launch = HubLaunch(listen=[own], connect=[router], here=here, hub_side=border)
-    text = msgspec.json.encode(msgspec.to_builtins(launch) | {"parent": "PARENT"}).decode()
-    parent = bench.start(
-        [sys.executable, "-S", "-c", PARENT, *PYTHON, "hub", text.replace('"PARENT"', "PARENT")]
-    )
-    assert parent.stdout is not None
-    pid = int(parent.stdout.readline())
-    seen, left = list[tuple[str, bool]](), list[str]()
-    with open_network(router, PATIENCE_S) as network:
-        network.watch(lambda key, there: seen.append((key, there)), left.append)
-        until(lambda: (here, True) in seen)
-        if how == "parent killed":
-            parent.kill()
-        else:
-            os.kill(pid, signal.SIGTERM if how == "asked" else signal.SIGKILL)
-        until(lambda: (here, False) in seen)
-        assert network.tokens() == []
-    assert left == (["rov"] if how == "asked" else [])
-    assert {key for key, _ in seen} == {here}
 
 
 def test_a_hub_whose_endpoint_is_taken_says_so(bench: Bench) -> None:

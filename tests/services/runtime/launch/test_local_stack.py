@@ -24,6 +24,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import LocalStack, local_stack
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
+from services.runtime.os import system
 from tests.support.patience import PATIENCE_S, until
 
 STACK = """
@@ -141,7 +142,8 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         }
         found = running(stack)
         file, pids = str(services.file), local.supervisor.pids
-        assert found == Running("pioneer", local.plan.endpoints, os.getpid(), pids, file)
+        began = system.began(os.getpid())
+        assert found == Running("pioneer", local.plan.endpoints, os.getpid(), pids, file, began)
         assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
         said = list[LogLine]()
         decoder = msgspec.msgpack.Decoder(LogLine)
@@ -157,42 +159,6 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
     assert not (stack.out_dir / RUNNING).exists()
     assert set(local.supervisor.restarts.values()) == {0}
     assert "info engine: here" in (stack.out_dir / "logs/engine.log").read_text()
-
-
-def children() -> set[int]:
-    """Of this process."""
-    tasks = Path("/proc/self/task").glob("*/children")
-    return {int(pid) for file in tasks for pid in file.read_text().split()}
-
-
-def test_a_pilot_who_is_killed_is_followed_by_a_process_that_has_waited(tmp_path: Path) -> None:
-    pilot = STACK + '[services.gamepad]\nsides = ["topside"]\nmodule = "desk_module"\n'
-    stack, services = made(tmp_path, stack=pilot)
-    earlier = children()
-    with local_stack(stack, services) as local:
-        local.start_services()
-        alive(local)
-
-        def spares() -> set[int]:
-            return children() - earlier - {*local.supervisor.pids.values()}
-
-        for _ in range(2):
-            pump_until(local, lambda: len(spares()) == 3)  # of the pilot and of both hubs
-            waiting, before = spares(), local.supervisor.pids
-            os.kill(before["gamepad"], signal.SIGKILL)
-            pump_until(
-                local,
-                lambda old=before: (
-                    local.supervisor.pids.get("gamepad") not in (None, old["gamepad"])
-                ),
-            )
-            alive(local)
-            assert local.supervisor.pids["gamepad"] in waiting
-            assert {n for n, pid in local.supervisor.pids.items() if pid != before[n]} == {
-                "gamepad"
-            }
-        pump_until(local, lambda: len(spares()) == 3)
-    assert children() == earlier
 
 
 def test_what_is_killed_comes_again_and_the_file_names_the_new_process(tmp_path: Path) -> None:
@@ -443,26 +409,6 @@ def test_a_removed_folder_ends_nothing(tmp_path: Path) -> None:
         pump_until(local, lambda: bool(local.missing()))
         alive(local)
         assert local.supervisor.restarts["engine"] == 1
-
-
-@pytest.mark.slow
-def test_what_is_killed_comes_again_when_the_sockets_were_removed(tmp_path: Path) -> None:
-    """As when somebody clears /tmp."""
-    stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
-        local.start_services()
-        alive(local)
-        folder = local.plan.heartbeat("engine").parent
-        before = local.supervisor.pids
-        shutil.rmtree(folder)
-        os.kill(before["engine"], signal.SIGKILL)
-        pump_until(
-            local, lambda: len(set(before.values()) & set(local.supervisor.pids.values())) < 2
-        )
-        alive(local)
-        pump_until(local, lambda: set(local.supervisor.pids) == set(before))
-        assert sorted(path.suffix for path in folder.glob("*.sock")) == [".sock"] * 2
-    assert not folder.exists()
 
 
 def test_a_service_without_memory_is_named_and_started_again(tmp_path: Path) -> None:

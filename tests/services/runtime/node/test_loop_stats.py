@@ -76,7 +76,8 @@ def test_each_report_is_about_its_own_period(
 
 def test_processor_time_is_a_share_of_the_period_and_counts_are_a_copy() -> None:
     stats, counts = LoopStats(), Counter(stale=1)
-    report(stats, SECOND, Usage(cpu_s=5.0, rss_mb=40.0))
+    first = report(stats, SECOND, Usage(cpu_s=5.0, rss_mb=40.0))
+    assert (first.cpu_percent, first.rss_mb) == (None, 40.0)  # it would count the imports
     health = stats.report("control", 3 * SECOND, 3, 4, counts, Usage(cpu_s=5.5, rss_mb=41.0))
     assert (health.cpu_percent, health.rss_mb) == (25.0, 41.0)
     counts["stale"] += 1

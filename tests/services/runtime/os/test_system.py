@@ -61,7 +61,7 @@ def names(system: ModuleType) -> dict[str, list[str]]:
 
 def test_both_have_the_same_functions() -> None:
     assert names(posix) == names(portable)
-    constants = {"STDIN", "APART", "PREWARMS", "BECOMES", "HANG_UP", "LOCAL"}
+    constants = {"STDIN", "APART", "BECOMES", "HANG_UP", "LOCAL"}
     assert constants <= vars(posix).keys() & vars(portable).keys()
 
 
@@ -72,6 +72,12 @@ def test_a_process_exists_until_it_has_ended(system: ModuleType) -> None:
     with started(system, LONG) as child:
         assert system.exists(child.pid)
         assert system.exists(os.getpid())
+        if sys.platform != "darwin":
+            own, other = system.began(os.getpid()), system.began(child.pid)
+            assert own is not None
+            assert other is not None
+            assert own <= other
+    assert system.began(child.pid) is None
     assert not system.exists(child.pid)
 
 
