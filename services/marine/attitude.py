@@ -4,7 +4,7 @@ Plain floats instead of arrays: at three or four numbers NumPy costs ten times t
 Source of all: Fossen 2011, §2.2.
 """
 
-from math import asin, atan2, cos, hypot, pi, sin, sqrt, tau
+from math import asin, atan2, cos, hypot, pi, remainder, sin, sqrt, tau
 
 from messages.units import Quaternion, Vec3
 
@@ -91,5 +91,6 @@ def whole_turns(heading: float) -> int:
 
 
 def wrapped(angle: float) -> float:
-    """The same angle [rad] in −π … π."""
-    return (angle + pi) % (2 * pi) - pi
+    """The same direction in (−π, π] [rad]."""
+    turned = remainder(angle, tau)
+    return pi if turned == -pi else turned

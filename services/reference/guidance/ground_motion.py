@@ -6,7 +6,7 @@ from typing import NamedTuple
 from msgspec import UNSET, UnsetType
 
 from messages.state import VehicleState
-from services.reference.paths.heading import wrap
+from services.marine.attitude import wrapped
 
 Pair = tuple[float, float]  # north and east, or surge and sway
 
@@ -40,7 +40,7 @@ def north_offset(state: VehicleState) -> float:
     control heading from north too."""
     if state.heading_navigation is None:
         return 0.0
-    return wrap(state.heading_navigation.value - state.heading.value)
+    return wrapped(state.heading_navigation.value - state.heading.value)
 
 
 def turned(vector: Pair, angle: float) -> Pair:
@@ -63,5 +63,5 @@ def whereabouts(state: VehicleState | None) -> Whereabouts:
         return Whereabouts()
     return Whereabouts(
         state.depth.value if state.depth.valid else UNSET,
-        wrap(state.heading.value + north_offset(state)) if state.heading.valid else UNSET,
+        wrapped(state.heading.value + north_offset(state)) if state.heading.valid else UNSET,
     )

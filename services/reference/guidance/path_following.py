@@ -13,8 +13,8 @@ from math import hypot
 
 from messages.pilot import Course
 from messages.state import VehicleState
+from services.marine.attitude import wrapped
 from services.reference.guidance.ground_motion import GroundMotion, Pair
-from services.reference.paths.heading import wrap
 from services.reference.paths.path import Path
 from services.reference.paths.route import RoutePoint, point_on
 from services.reference.paths.stretch import stretch
@@ -122,7 +122,7 @@ class PlannedPath:
     def first_heading(self, heading: float, offset: float) -> float:
         """[rad] The path's first course, by the shortest turn from an accumulated heading; `offset`
         [rad]: north heading minus control heading."""
-        return heading + wrap(self.path.at(0.0).course - offset - heading)
+        return heading + wrapped(self.path.at(0.0).course - offset - heading)
 
     def begin(self, heading: float, place: Pair | None, t: float) -> PathFollowing:
         """Begin at `t` [s] with the drone pointing along `first_heading`, from `place` [m] if the

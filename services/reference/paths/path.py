@@ -13,9 +13,9 @@ from itertools import pairwise
 from math import cos, isfinite, sin
 from typing import Literal, NamedTuple, Self
 
+from services.marine.attitude import wrapped
 from services.marine.summation import plain_sum
 from services.reference.paths.clothoid import TwinClothoids
-from services.reference.paths.heading import wrap
 from services.reference.paths.outline import ROUNDING, Outline, TurnOf, approximating, interpolating
 from services.reference.paths.smooth_turn import SmoothTurn
 from services.reference.paths.turn import STRAIGHT, Turn
@@ -185,7 +185,7 @@ def _away(here: PathPoint, other: Path, s: float) -> float:
 def _lay(outline: Outline, turn_of: TurnOf) -> tuple[list[Part], list[float]]:
     """Lines and turns along an outline, and the distances at which it passes the way-points."""
     corners, courses, knots = outline
-    turns = [wrap(after - before) for before, after in pairwise(courses)]
+    turns = [wrapped(after - before) for before, after in pairwise(courses)]
     bends = [turn_of(abs(turn)) if abs(turn) >= STRAIGHT else None for turn in turns]
     cut = [0.0, *(bend.tangent if bend else 0.0 for bend in bends), 0.0]
     spans = [(0.0, 0.0)]  # [m] where the turn at each corner begins and ends

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from messages.events import Outbox
 from messages.message import Estimate
 from messages.state import VehicleState
+from services.marine.attitude import wrapped
 from services.reference.core import ReferenceGenerator, Settings
 from services.reference.guidance.ground_motion import Whereabouts, whereabouts
-from services.reference.paths.heading import wrap
 
 ZERO = Estimate(0.0, 0.01)
 STATE = VehicleState(
@@ -37,7 +37,7 @@ def test_the_heading_is_that_of_the_compass_however_often_the_drone_has_turned(
     assert isinstance(said, float)
     assert -pi <= said <= pi
     wanted = control if compass is None else compass
-    assert wrap(said - wanted) == pytest.approx(0.0, abs=1e-9)
+    assert wrapped(said - wanted) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_is_not_known_is_not_said() -> None:
