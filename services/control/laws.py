@@ -202,7 +202,7 @@ class Laws:
         before, self._water = self._water, water
         if (before is None) == (water is None):
             return
-        velocities = here.surge, here.sway
+        velocities = here.ahead, here.starboard
         currents = before or water or horizontal_plane.STILL_WATER
         for axis, velocity, current in zip(
             (self.surge, self.sway), velocities, currents, strict=True
@@ -256,8 +256,8 @@ class Laws:
         surge, sway = [
             axis.fed_back(motion, 0.0, velocity, dt, water=current, extra=force + turn_force)
             for axis, motion, velocity, current, force, turn_force in (
-                (self.surge, plane.surge, here.surge, water[0], extra[0], turning[0]),
-                (self.sway, plane.sway, here.sway, water[1], extra[1], turning[1]),
+                (self.surge, plane.surge, here.ahead, water[0], extra[0], turning[0]),
+                (self.sway, plane.sway, here.starboard, water[1], extra[1], turning[1]),
             )
         ]
         return surge, sway
