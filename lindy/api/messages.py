@@ -3,7 +3,7 @@ units and limits at their fields. docs/topics.md"""
 
 from messages import events, topics
 from messages.aiding import AidSource
-from messages.control import LearntModel, ThrusterCommand, Wrench
+from messages.control import ThrusterCommand, Wrench
 from messages.film import FilmAnswer, FilmKind, FilmRequest
 from messages.fly import DroneList, FlyAnswer, FlyRequest, ReachableDrone
 from messages.health import Health, LogLine
@@ -91,7 +91,6 @@ __all__ = [
     "ImuSample",
     "LatencyBudget",
     "LeakSample",
-    "LearntModel",
     "LinkAnswer",
     "LinkRequest",
     "LinkStatus",

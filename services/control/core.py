@@ -166,8 +166,6 @@ class Controller:
             saturated=bool(done.saturated),
             disturbance=(-x, -y, -z, -k, -m, -n),
             distrusted=self._propulsion.allocation.distrusted,
-            heave=self._laws.adaptation.heave.learnt,
-            yaw=self._laws.adaptation.yaw.learnt,
         )
         command = ThrusterCommand(
             stamp_ns=now,
