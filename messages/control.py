@@ -1,7 +1,7 @@
 """Forces asked of the thrusters. From `control`; received by `simulator` or a vehicle driver."""
 
 from messages.message import Message
-from messages.units import Count, Finite, Names, Stamp, Stick, Thrusts, Ttl, Vec6
+from messages.units import Count, Finite, Stamp, Stick, Thrusts, Ttl, Vec6
 
 THRUST_TTL_MS = 200.0  # [ms] older thruster commands count as zero thrust
 
@@ -17,7 +17,6 @@ class Wrench(Message, frozen=True, kw_only=True):
     heading_integral: Finite  # [N m] integrator's share of N
     saturated: bool  # achieved differs from wanted because a thruster is at its limit
     disturbance: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [N, N m] estimated
-    distrusted: Names = ()  # thrusters that do not follow their commands
 
 
 class ThrusterCommand(Message, frozen=True, kw_only=True):
