@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from services.marine.attitude import wrapped
 from services.reference.paths.clothoid import TwinClothoids
-from services.reference.paths.path import Kind, Path, PathPoint, furthest
+from services.reference.paths.path import Kind, Path, PathPoint
+from tools.generators.route import furthest
 
 PAPER = [[0.0, 0.0], [60.0, 0.0], [0.0, 90.0], [60.0, 90.0]]
 KINDS: st.SearchStrategy[Kind] = st.sampled_from(["approximating", "interpolating"])
