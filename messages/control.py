@@ -1,21 +1,9 @@
 """Forces asked of the thrusters. From `control`; received by `simulator` or a vehicle driver."""
 
-import msgspec
-
 from messages.message import Message
-from messages.units import Count, Finite, Names, Stamp, Stick, Thrusts, Ttl, Vec6
+from messages.units import Count, Finite, Stamp, Stick, Thrusts, Ttl, Vec6
 
 THRUST_TTL_MS = 200.0  # [ms] older thruster commands count as zero thrust
-
-
-class LearntModel(msgspec.Struct, frozen=True):
-    """What control has learnt of one axis in flight: how the vehicle answers a command, as factors
-    of what the vehicle file says, with its inertia."""
-
-    thrust: Finite = 1.0  # [-] estimate
-    drag: Finite = 1.0  # [-] estimate
-    thrust_used: Finite = 1.0  # [-] what the law counts with; 1 while the estimate is near 1
-    drag_used: Finite = 1.0  # [-]
 
 
 class Wrench(Message, frozen=True, kw_only=True):
@@ -29,9 +17,6 @@ class Wrench(Message, frozen=True, kw_only=True):
     heading_integral: Finite  # [N m] integrator's share of N
     saturated: bool  # achieved differs from wanted because a thruster is at its limit
     disturbance: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [N, N m] estimated
-    distrusted: Names = ()  # thrusters that do not follow their commands
-    heave: LearntModel = LearntModel()
-    yaw: LearntModel = LearntModel()
 
 
 class ThrusterCommand(Message, frozen=True, kw_only=True):

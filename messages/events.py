@@ -252,8 +252,6 @@ DEPTH_LOST = _condition("depth_lost", "the depth is not known and not held", "ho
 HEADING_LOST = _condition(
     "heading_lost", "the heading is not known and not held", "hold it by hand")
 SENSOR_TROUBLE = _condition("sensor", "a sensor is in trouble", "hold by hand what it measures")
-THRUSTER_TROUBLE = _condition(
-    "thruster", "a thruster does not follow its commands", "come back, and look what blocks it")
 CONTROL_SILENT = _condition(
     "control_silent", "control does not answer: the thrusters have stopped", "wait, or disarm")
 BOARD_SILENT = _condition(
@@ -443,8 +441,6 @@ CLAMPED_PLACE = row("clamped:reference.place", LIMIT, f"the wanted position {_HE
 CLAMPED_HORIZONTAL = row("clamped:reference.horizontal", LIMIT, "the drone tilts too far: less surge and sway than asked for", said="warning")
 SATURATED = row("saturated", LIMIT, "a thruster reached its limit")
 LAW_REFUSED = row("law_refused", DANGER, "a plan of the user's reference law cannot be flown, and Lindy's own flies in its place", "look at the law, or take it out of the stack file", said="warning")
-DISTRUSTED = row("distrusted", DANGER, THRUSTER_TROUBLE.sentence)
-LOST_AXIS = row("lost_axis", DANGER, "the thrusters can no longer move the drone along an axis")
 UNDRIVEN = row("undriven", LIMIT, "a motion was asked for that the thrusters cannot produce")
 DISARMED = row("disarmed", LIMIT, "thrust was asked for while the drone is disarmed")
 EMPTY = row("empty", DANGER, "the battery is empty")

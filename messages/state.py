@@ -28,8 +28,8 @@ class VehicleState(Message, frozen=True, kw_only=True):
     heading: Estimate  # [rad] control heading: no magnetometer, accumulates past ±π
     heading_navigation: Estimate | None  # [rad] with magnetometer, clockwise from north, ±π
     yaw_rate: Estimate  # [rad/s] about the body's down axis
-    surge_velocity: Estimate | None = None  # [m/s] body
-    sway_velocity: Estimate | None = None  # [m/s] body
+    surge_velocity: Estimate | None = None  # [m/s] over the ground, along the body's forward axis
+    sway_velocity: Estimate | None = None  # [m/s] along its starboard axis; both tilt with the body
     north: Estimate | None = None  # [m] NED
     east: Estimate | None = None  # [m] NED
     current_north: Estimate | None = None  # [m/s] of the water over the ground, NED

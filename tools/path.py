@@ -9,13 +9,11 @@ import msgspec
 from cyclopts import Parameter
 
 from messages.units import PathQuantity
-from services.reference.paths.path import Kind, Path, furthest
-from services.reference.paths.route import MotionLaw, Route, RoutePoint, route
-from services.reference.paths.stretch import stretch
-from services.reference.trajectory.minimum_jerk import Limits
-from services.reference.trajectory.profile import MotionProfile
+from services.reference.paths.path import Kind, Path, RoutePoint
+from services.reference.trajectory.minimum_jerk import Limits, MotionProfile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
+from tools.generators.route import MotionLaw, Route, furthest, route, stretch
 
 MOST_ROWS = 10_000_000
 

@@ -3,7 +3,7 @@ units and limits at their fields. docs/topics.md"""
 
 from messages import events, topics
 from messages.aiding import AidSource
-from messages.control import LearntModel, ThrusterCommand, Wrench
+from messages.control import ThrusterCommand, Wrench
 from messages.film import FilmAnswer, FilmKind, FilmRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
@@ -87,7 +87,6 @@ __all__ = [
     "ImuSample",
     "LatencyBudget",
     "LeakSample",
-    "LearntModel",
     "LinkAnswer",
     "LinkRequest",
     "LinkStatus",

@@ -21,6 +21,7 @@ from msgspec import UNSET
 from messages.control import Wrench
 from messages.state import VehicleState
 from messages.units import Ns, Vec6
+from services.marine.attitude import level_velocity
 from services.marine.hydrodynamics import Translation
 from services.marine.vehicle import Vehicle
 
@@ -236,9 +237,9 @@ def _level(thrust: Vec6, state: VehicleState) -> Vec6:
 
 
 def _through_water(state: VehicleState) -> Pair:
-    """[m/s] Surge and sway; at rest where they are not known."""
-    surge, sway, heading = state.surge_velocity, state.sway_velocity, from_north(state)
-    if surge is None or sway is None or heading is None or not (surge.valid and sway.valid):
+    """[m/s] Ahead and to starboard, level; at rest where they are not known."""
+    level, heading = level_velocity(state), from_north(state)
+    if level is None or heading is None:
         return 0.0, 0.0
     (north, east), c, s = current(state) or (0.0, 0.0), cos(heading), sin(heading)
-    return surge.value - c * north - s * east, sway.value - c * east + s * north
+    return level[0] - c * north - s * east, level[1] - c * east + s * north

@@ -13,8 +13,8 @@ from messages.pilot import PilotAnswer, PilotRequest
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns, Vec6
-from messages.vehicle import Actuation
-from services.control.allocation.propulsion import Propulsion
+from services.control.allocation.allocation import Allocation
+from services.control.allocation.layout import AXES, require_pilotable
 from services.control.laws import Laws
 from services.control.settings import Settings as Settings
 from services.control.stability import require_stable
@@ -48,7 +48,7 @@ class Controller:
     outbox: Outbox
     latch: DisarmLatch = field(init=False)
     _laws: Laws = field(init=False)
-    _propulsion: Propulsion = field(init=False)
+    _allocation: Allocation = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)
     _last: Ns | None = None  # sensor time of the step before
     _newest: Reference | None = None
@@ -58,10 +58,11 @@ class Controller:
     def __post_init__(self) -> None:
         self.latch = DisarmLatch(self.outbox)
         require_stable(self.settings, self.vehicle, PERIOD_S)
-        self._propulsion = Propulsion(self.vehicle, self.settings.allocation)
-        pushes = self._propulsion.allocation.smallest("yaw")
+        require_pilotable(self.vehicle)
+        self._allocation = Allocation(self.vehicle, self.settings.allocation)
+        pushes = self._allocation.smallest("yaw")
         self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note, pushes)
-        _require_possible(self.settings, self.vehicle, self._propulsion.allocation.axes)
+        _require_possible(self.settings, self.vehicle, self._allocation.axes)
 
     def step(
         self, reference: Reference | None, state: VehicleState | None, now: Ns
@@ -108,11 +109,6 @@ class Controller:
         self._was_true, self._now_true = self._now_true, set()
         return result
 
-    def heard(self, actuation: Actuation | None, state: VehicleState | None) -> None:
-        """Take in the driver's report of the thrust; used only while the depth is known."""
-        if actuation is not None and state is not None and state.depth.valid:
-            self._propulsion.heard(actuation, state.depth.value)
-
     def _note(self, what: Event) -> None:
         self._now_true.add(what)
 
@@ -143,7 +139,7 @@ class Controller:
         self._laws.stop()
         if reference is None or not reference.armed:
             self._laws.forget()
-            self._propulsion.allocation.forget()
+            self._allocation.forget()
         elif state is None:
             self._note(events.STALE(topics.STATE.key))
 
@@ -151,8 +147,11 @@ class Controller:
         self, reference: Reference | None, state: VehicleState | None, wanted: Vec6, now: Ns
     ) -> tuple[Wrench, ThrusterCommand]:
         sensor_ns = None if state is None else state.sensor_ns
-        done = self._propulsion.allocate(wanted, sensor_ns, now)
-        self._now_true |= self._propulsion.conditions
+        done = self._allocation.allocate(wanted)
+        self._now_true.update(map(events.SATURATED, done.saturated))
+        for axis, value in zip(AXES, wanted, strict=True):
+            if value and axis not in self._allocation.axes:
+                self._note(events.UNDRIVEN(axis))
         self._laws.done(wanted, done.achieved, saturated=bool(done.saturated))
         standing = self._laws.standing
         x, y, z, k, m, n = standing
@@ -165,9 +164,6 @@ class Controller:
             heading_integral=n,
             saturated=bool(done.saturated),
             disturbance=(-x, -y, -z, -k, -m, -n),
-            distrusted=self._propulsion.allocation.distrusted,
-            heave=self._laws.adaptation.heave.learnt,
-            yaw=self._laws.adaptation.yaw.learnt,
         )
         command = ThrusterCommand(
             stamp_ns=now,

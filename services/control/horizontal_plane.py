@@ -9,6 +9,7 @@ from messages.message import Estimate
 from messages.reference import Motion
 from messages.state import VehicleState
 from messages.units import Vec6
+from services.marine.attitude import level_velocity
 
 Place = tuple[float, float]  # [m] north, east
 STILL_WATER = (0.0, 0.0)  # [m/s]
@@ -40,24 +41,24 @@ class MeasuredMotion(NamedTuple):
     heading: float  # [rad] clockwise from north
     north: float  # [m] NED
     east: float  # [m]
-    surge: float  # [m/s] body, over the ground
-    sway: float  # [m/s]
+    ahead: float  # [m/s] over the ground, horizontal, as the heading points
+    starboard: float  # [m/s] to the right of it
 
     def through_water(self, state: VehicleState) -> tuple[float, float]:
-        """[m/s] Surge and sway relative to the water."""
+        """[m/s] Ahead and to starboard relative to the water."""
         along, across = water_velocity(state, self.heading)
-        return self.surge - along, self.sway - across
+        return self.ahead - along, self.starboard - across
 
 
 def measured(state: VehicleState) -> MeasuredMotion | None:
     """None when position, velocity or heading are not valid."""
     heading = state.heading if state.heading_navigation is None else state.heading_navigation
-    values = list[float]()
-    for part in (heading, state.north, state.east, state.surge_velocity, state.sway_velocity):
-        if part is None or not part.valid:
-            return None
-        values.append(part.value)
-    return MeasuredMotion(*values)
+    north, east, level = state.north, state.east, level_velocity(state)
+    if north is None or east is None or level is None:
+        return None
+    if not (heading.valid and north.valid and east.valid):
+        return None
+    return MeasuredMotion(heading.value, north.value, east.value, *level)
 
 
 def water_velocity(state: VehicleState, heading: float) -> tuple[float, float]:

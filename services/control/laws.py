@@ -14,7 +14,6 @@ from messages.units import Vec6
 from services.control import horizontal_plane
 from services.control.allocation.layout import AXES
 from services.control.allocation.propulsion import REST, ActuatorModel, lags_of
-from services.control.axis.adaptation import Adaptation
 from services.control.axis.axis import BumplessTransfer, PilotedAxis, RollPitchHold
 from services.control.axis.axis_law import AxisLaw, Gains
 from services.control.axis.plant import plant_of
@@ -61,7 +60,6 @@ class Laws:
         self.sway = axis("sway", settings.sway, 1)
         self.depth = axis("depth", settings.depth, 2)
         self.heading = axis("heading", settings.heading, 5, own=False)
-        self.adaptation = Adaptation(settings.adaptation, vehicle)
         self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
         self._coupling: HeaveCoupling | None = None
@@ -75,8 +73,7 @@ class Laws:
             self._pulse = RestPulse(yaw.plant, yaw.lag, period, moments, settings.heading_pulse)
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
-        """The required wrench [N, N m], `dt` [s] after the last one, as commands of thrusters that
-        yield what the vehicle file says."""
+        """The required wrench [N, N m], `dt` [s] after the last one."""
         r, s = reference, state
         # Roll and pitch level: first, because what follows uses their rates.
         roll = self._roll.step(s.roll, s.sensor_ns)
@@ -102,19 +99,17 @@ class Laws:
             motion = along_body(r.heading, s.roll, s.pitch)
             rate = of_heading(s.yaw_rate, s.roll, self._pitch.rate)
             yaw = self.heading.held(motion, s.heading, rate, dt)
-        commands = self.adaptation.commands(r, (surge, sway, heave, roll, pitch, yaw))
         if self._pulse is None:
-            return commands
+            return surge, sway, heave, roll, pitch, yaw
         # A pulse instead of the moment, where that has no effect at rest.
         held = r.yaw_moment is None and s.heading.valid and s.yaw_rate.valid
         resting = held and r.heading.velocity == 0.0 == r.heading.acceleration
         error = r.heading.position - s.heading.value
         share = self._pulse.step(error, s.yaw_rate.value, resting=resting)
         if share is None:
-            return commands
-        x, y, z, k, m, _ = commands
+            return surge, sway, heave, roll, pitch, yaw
         a, b, c, d, e, f = [share * part for part in self._yaw_pushes[self._pulse.turn]]
-        return x + a, y + b, z + c, k + d, m + e, f
+        return surge + a, sway + b, heave + c, roll + d, pitch + e, f
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
         """Take in the achieved wrench. An axis short of force by saturation does not learn; the
@@ -125,7 +120,6 @@ class Laws:
         self._short, self._turn_short = frozenset(), 0.0
         if not saturated:
             return
-        self.adaptation.saturated()
         pairs = zip(AXES, wanted, achieved, strict=True)
         self._short = frozenset(name for name, want, got in pairs if abs(want - got) > 1e-6)
         lack = wanted[5] - achieved[5]
@@ -140,7 +134,6 @@ class Laws:
 
     def pause(self) -> None:
         """Learn nothing from the time since the last step."""
-        self.adaptation.pause()
         for axis in (self.surge, self.sway, self.depth, self.heading):
             axis.law.pause()
 
@@ -178,20 +171,15 @@ class Laws:
         known = state.depth_rate.valid and state.depth_acceleration.valid
         heave = state.depth_rate.value if known else None
         yaw = state.yaw_rate.value if state.yaw_rate.valid else None
-        self.adaptation.learn(state, (heave, force[2]), (yaw, force[5]), dt)
-        self.depth.law.take_model(self.adaptation.heave.model)
-        self.heading.law.take_model(self.adaptation.yaw.model)
-        thrust = self.adaptation.heave.thrust.value
         for axis, row, velocity, pushed in (
             (self.surge, 0, surge, force[0]),
             (self.sway, 1, sway, force[1]),
-            (self.depth, 2, heave, upright * thrust * force[2] + coupling),
+            (self.depth, 2, heave, upright * force[2] + coupling),
         ):
             axis.learn(None if AXES[row] in self._short else velocity, pushed, dt)
         # Freely, where the dead-band leaves the law of the heading without effect.
         idle = self._pulse is not None and abs(force[5]) < IDLE * self._pulse.pushes[0]
-        moment = self.adaptation.yaw.thrust.value * force[5]
-        self.heading.learn(yaw, moment, dt, freely=idle, short=self._turn_short)
+        self.heading.learn(yaw, force[5], dt, freely=idle, short=self._turn_short)
 
     def _switch_current(
         self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None
@@ -202,7 +190,7 @@ class Laws:
         before, self._water = self._water, water
         if (before is None) == (water is None):
             return
-        velocities = here.surge, here.sway
+        velocities = here.ahead, here.starboard
         currents = before or water or horizontal_plane.STILL_WATER
         for axis, velocity, current in zip(
             (self.surge, self.sway), velocities, currents, strict=True
@@ -256,8 +244,8 @@ class Laws:
         surge, sway = [
             axis.fed_back(motion, 0.0, velocity, dt, water=current, extra=force + turn_force)
             for axis, motion, velocity, current, force, turn_force in (
-                (self.surge, plane.surge, here.surge, water[0], extra[0], turning[0]),
-                (self.sway, plane.sway, here.sway, water[1], extra[1], turning[1]),
+                (self.surge, plane.surge, here.ahead, water[0], extra[0], turning[0]),
+                (self.sway, plane.sway, here.starboard, water[1], extra[1], turning[1]),
             )
         ]
         return surge, sway

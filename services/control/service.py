@@ -17,7 +17,6 @@ SILENCE_S = 0.1  # [s] without a reference: hold the last position
 def wire(node: Node, stack: Stack) -> None:
     controller = _controller(stack, node.outbox)
     state = node.latest(topics.STATE)
-    actuation = node.latest(topics.ACTUATION)
     wrenches = node.publisher(topics.WRENCH)
     thrusters = node.publisher(topics.THRUSTERS)
     answers = node.publisher(topics.PILOT_ANSWER)
@@ -30,9 +29,7 @@ def wire(node: Node, stack: Stack) -> None:
             handed_on.put(request)
 
     def act(reference: Reference | None, now: int) -> None:
-        newest = state.fresh(now)
-        controller.heard(actuation.fresh(now), newest)
-        wrench, command = controller.step(reference, newest, now)
+        wrench, command = controller.step(reference, state.fresh(now), now)
         wrenches.put(wrench)
         thrusters.put(command)
 

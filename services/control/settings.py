@@ -5,7 +5,6 @@ from typing import Annotated
 import msgspec
 
 from services.control.allocation.allocation import AllocationSettings
-from services.control.axis.adaptation import AdaptationSettings
 from services.control.axis.axis import RollPitchGains
 from services.control.axis.axis_law import Gains
 
@@ -27,7 +26,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     roll: RollPitchGains = RollPitchGains()
     pitch: RollPitchGains = RollPitchGains()
     allocation: AllocationSettings = AllocationSettings()
-    adaptation: AdaptationSettings = AdaptationSettings()
     # [rad] A larger error of the heading at rest, for which the thrusters' dead-band leaves the law
     # without effect, is corrected by pulses (axis/rest_pulse.py). 0: none.
     heading_pulse: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.0

@@ -1,5 +1,7 @@
 """Unstable gains are refused before they reach a thruster."""
 
+from math import tau
+
 from services.control.allocation.propulsion import lags_of
 from services.control.axis.axis_law import Gains, StaticGains
 from services.control.axis.plant import plant_of
@@ -8,7 +10,16 @@ from services.control.settings import Settings
 from services.marine.vehicle import Vehicle
 
 ROWS = {"surge": 0, "sway": 1, "depth": 2, "heading": 5}
+# [Hz] Of the low-pass of the yaw rate, YAW_RATE_CUTOFF in services/estimation/core.py.
+YAW_RATE_CUTOFF = 8.0
 ROUNDING = 1e-9  # [-] a loop without spring has an eigenvalue of exactly 1, give or take this
+
+
+def sampled_loop(vehicle: Vehicle, axis: str, period: float) -> SampledLoop:
+    """The loop of an axis of `ROWS`, which is stepped each `period` [s]."""
+    row = ROWS[axis]
+    rate_lag = 1.0 / (tau * YAW_RATE_CUTOFF) if axis == "heading" else 0.0
+    return SampledLoop(plant_of(vehicle, row), lags_of(vehicle)[row], period, rate_lag)
 
 
 def require_stable(settings: Settings, vehicle: Vehicle, period: float) -> None:
@@ -19,10 +30,9 @@ def require_stable(settings: Settings, vehicle: Vehicle, period: float) -> None:
     Raises:
         ValueError: names the table, its gains and the largest eigenvalue.
     """
-    lags = lags_of(vehicle)
-    for name, row in ROWS.items():
+    for name in ROWS:
         gains: Gains = getattr(settings, name)
-        loop = SampledLoop(plant_of(vehicle, row), lags[row], period)
+        loop = sampled_loop(vehicle, name, period)
         _require(f"control.{name}", loop, gains, gains)
         if gains.static is not None:
             _require(f"control.{name}.static", loop, gains, gains.static)

@@ -4,11 +4,13 @@ Plain floats instead of arrays: at three or four numbers NumPy costs ten times t
 Source of all: Fossen 2011, §2.2.
 """
 
-from math import asin, atan2, cos, hypot, pi, sin, sqrt, tau
+from math import asin, atan2, cos, hypot, pi, remainder, sin, sqrt, tau
 
+from messages.state import VehicleState
 from messages.units import Quaternion, Vec3
 
 LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+LEAST_UPRIGHT = 0.5  # [-] of the body's down axis that is vertical: at most 60 deg of tilt
 
 
 def from_euler(roll: float, pitch: float, heading: float) -> Quaternion:
@@ -67,6 +69,33 @@ def down_in_body(q_NB: Quaternion) -> Vec3:
     return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
+def level_velocity(state: VehicleState) -> tuple[float, float] | None:
+    """[m/s] The horizontal velocity over the ground: ahead, as the heading points, and to
+    starboard of it. None where surge or sway is not valid, or the vehicle tilts by over 60°.
+
+    With a, b, c the down axis in the body, sin θ = -a, h = cos θ, sin φ = b / h and cos φ = c / h:
+    surge and sway are the first two parts of R_BN v_N (Fossen 2011, §2.2.1), solved for ahead and
+    starboard. A depth rate that is not valid counts as zero.
+    """
+    surge, sway, rate = state.surge_velocity, state.sway_velocity, state.depth_rate
+    if surge is None or sway is None or not (surge.valid and sway.valid):
+        return None
+    a, b, c = down_in_body(state.attitude)
+    if c < LEAST_UPRIGHT:
+        return None
+    down, h = rate.value if rate.valid else 0.0, hypot(b, c)
+    ahead = (surge.value - a * down) / h
+    return ahead, (h * (sway.value - b * down) + a * b * ahead) / c
+
+
+def north_offset(state: VehicleState) -> float:
+    """[rad] North heading minus control heading; 0 without a compass, where estimation counts the
+    control heading from north too."""
+    if state.heading_navigation is None:
+        return 0.0
+    return wrapped(state.heading_navigation.value - state.heading.value)
+
+
 def attitude_rate(q_NB: Quaternion, rate_B: Vec3) -> Quaternion:
     """dq/dt [1/s] for a body angular rate [rad/s]: half of q ⊗ ω (Fossen 2011, §2.2.2)."""
     w, x, y, z = q_NB
@@ -91,5 +120,6 @@ def whole_turns(heading: float) -> int:
 
 
 def wrapped(angle: float) -> float:
-    """The same angle [rad] in −π … π."""
-    return (angle + pi) % (2 * pi) - pi
+    """The same direction in (−π, π] [rad]."""
+    turned = remainder(angle, tau)
+    return pi if turned == -pi else turned

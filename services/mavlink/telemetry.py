@@ -13,6 +13,7 @@ from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
+from services.marine.attitude import level_velocity
 from services.mavlink.modes import custom_mode
 from services.mavlink_io.numbers import (
     ARDUPILOT,
@@ -310,11 +311,8 @@ def _speed(state: VehicleState) -> float:
 
 
 def _horizontal(state: VehicleState) -> tuple[float, float]:
-    """[m/s] Forward and to starboard; 0 where it is not measured."""
-    surge, sway = state.surge_velocity, state.sway_velocity
-    if surge is None or sway is None or not (surge.valid and sway.valid):
-        return 0.0, 0.0
-    return surge.value, sway.value
+    """[m/s] Ahead and to starboard, level; 0 where it is not measured."""
+    return level_velocity(state) or (0.0, 0.0)
 
 
 def _wrapped(angle: float) -> float:

@@ -16,6 +16,7 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
+from services.marine.attitude import level_velocity, north_offset
 from services.marine.vehicle import Vehicle
 from services.predictor.drift import Drift
 from services.predictor.prediction_quality import JudgedPrediction, Pose, PredictionQuality
@@ -72,10 +73,8 @@ class Predictor:
         self._state = state
         if state.phase == "running":
             self._quality.truth(state.sensor_ns, _pose(state))
-        if (u := state.surge_velocity) is not None and u.valid:
-            self._surge.velocity = u.value
-        if (v := state.sway_velocity) is not None and v.valid:
-            self._sway.velocity = v.value
+        if (level := level_velocity(state)) is not None:
+            self._surge.velocity, self._sway.velocity = level
 
     def predict(self, now: Ns) -> Prediction | None:
         """The prediction; None while there is no state to start from, or it is too old."""
@@ -94,7 +93,8 @@ class Predictor:
             state.yaw_rate, now,
         )  # fmt: skip
         forward, starboard = self._displacement(reference, seconds)
-        north, east = _moved(state, (state.heading.value + heading) / 2, forward, starboard)
+        middle = (state.heading.value + heading) / 2 + north_offset(state)
+        north, east = _moved(state, middle, forward, starboard)
         self._quality.predicted(
             JudgedPrediction(now, Pose(depth, heading, north, east), _pose(state))
         )
@@ -173,7 +173,8 @@ def _pose(state: VehicleState) -> Pose:
 def _moved(
     state: VehicleState, heading: float, forward: float, starboard: float
 ) -> tuple[float | None, float | None]:
-    """[m] North and east after this displacement; None where the position is not measured."""
+    """[m] North and east after this displacement at a heading [rad] clockwise from north; None
+    where the position is not measured."""
     pose = _pose(state)
     if pose.north is None or pose.east is None:
         return None, None

@@ -25,7 +25,7 @@ def test_no_arrow_among_the_services_goes_upwards(graph: grimp.ImportGraph) -> N
 
 
 def test_a_module_is_in_the_smallest_box_around_it() -> None:
-    assert box_of("services.reference.paths.route") == "services.reference"
+    assert box_of("services.reference.paths.path") == "services.reference"
     assert box_of("tools.simulate") == "tools"
     assert box_of("services.__main__") == "services"
 

@@ -266,7 +266,7 @@ def test_a_sensor_that_cannot_be_used_is_named_while_it_lasts(
 
 
 @pytest.mark.slow
-def test_a_service_that_died_and_a_thruster_that_died_are_said(tmp_path: Path) -> None:
+def test_a_service_that_died_is_said(tmp_path: Path) -> None:
     dive = Dive(tmp_path).armed_at(2.0)
     dive.host.kill("control")
     dive.run(1.0)
@@ -277,7 +277,3 @@ def test_a_service_that_died_and_a_thruster_that_died_are_said(tmp_path: Path) -
     dive.host.add("control", Registry.read()["control"], dive.stack)
     dive.run(10.0)
     assert dive.status.conditions == ()
-    dive.break_("vertical", "dead")
-    dive.heave = 1.0
-    dive.run(6.0)
-    assert "a thruster does not follow its commands (vertical)" in dive.status.note

@@ -1,6 +1,7 @@
 """What a vehicle file tells by itself, without a board. The file is one that a dive accepts."""
 
-from services.control.allocation.propulsion import Propulsion
+from services.control.allocation.allocation import Allocation
+from services.control.allocation.layout import require_pilotable
 from services.control.settings import Settings as ControlSettings
 from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
@@ -16,7 +17,8 @@ def of_file(stack: Stack, *, simulated: bool) -> list[VehicleFinding]:
     """
     vehicle = stack.section(BODY, Vehicle)
     up, down = vehicle.vertical_thrust
-    axes = Propulsion(vehicle, stack.section("control", ControlSettings).allocation).allocation.axes
+    require_pilotable(vehicle)
+    axes = Allocation(vehicle, stack.section("control", ControlSettings).allocation).axes
     found = [
         VehicleFinding("ok", "vehicle file", f"{vehicle.name}, {stack.vehicle_path}"),
         VehicleFinding(

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple, get_args
 
 from messages.pilot import FlightMode
 from messages.units import Vec6
-from services.control.allocation.propulsion import Propulsion
+from services.control.allocation.allocation import Allocation
 from services.control.axis.plant import Plant, plant_of
 from services.marine.vehicle import Vehicle
 from services.reference.settings import Settings, StickForce
@@ -166,9 +166,9 @@ def _unsaturated(vehicle: Vehicle, axis: PlanAxis, full: float) -> float:
         wrench[ROW[axis]] = tenths / 10 * full / ROOM
         x, y, z, k, m, n = wrench
         both: list[Vec6] = [(x, y, z, k, m, n), (-x, -y, -z, -k, -m, -n)]
-        if axis not in Propulsion(vehicle).allocation.axes:
+        if axis not in Allocation(vehicle).axes:
             raise LindyError(f"--axes: the thrusters of {vehicle.name} cannot drive {axis}")
-        if any(Propulsion(vehicle).allocate(w, None, 0).saturated for w in both):
+        if any(Allocation(vehicle).allocate(w).saturated for w in both):
             break
         most = tenths / 10
     if most == 0.0:

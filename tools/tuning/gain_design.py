@@ -9,7 +9,7 @@ from services.control.axis.axis_law import Gains
 from services.control.axis.plant import Plant, plant_of
 from services.control.axis.sampled_loop import SampledLoop
 from services.control.core import PERIOD_S
-from services.control.stability import ROWS
+from services.control.stability import ROWS, sampled_loop
 from services.marine.vehicle import Vehicle
 from services.reference.trajectory.minimum_jerk import Limits
 from services.runtime.config.errors import LindyError
@@ -45,7 +45,7 @@ def design(
         max_integral=3 * worth.force,
         observer=observer,
     )
-    loop = SampledLoop(real, lag, PERIOD_S)
+    loop = sampled_loop(vehicle, axis, PERIOD_S)
     radius = loop.radius(usual, usual)
     if radius > 1.0:
         raise LindyError(

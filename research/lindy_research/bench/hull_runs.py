@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.control import LearntModel
 from messages.units import Vec6
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
@@ -75,9 +74,6 @@ class HullDive(NamedTuple):
     overshoots: tuple[float, ...]  # [deg] of yaw, at every stop
     depth_error: float  # [mm] largest, reference minus truth, less the sensor's offset
     heading_error: float  # [deg] the same
-    heave: LearntModel  # at the end
-    yaw: LearntModel
-    adapted: bool  # the law was at any time another than that of the vehicle file
 
 
 def fly(
@@ -100,14 +96,7 @@ def fly(
         overshoots=tuple([degrees(_past(seen.heading, t, sticks[3])) for t, sticks, _ in ends]),
         depth_error=1e3 * float(np.abs(depth).max()),
         heading_error=degrees(float(np.abs(heading).max())),
-        heave=sortie.wrenches[-1].heave,
-        yaw=sortie.wrenches[-1].yaw,
-        adapted=any(_in_use(m.heave) or _in_use(m.yaw) for m in sortie.wrenches),
     )
-
-
-def _in_use(learnt: LearntModel) -> bool:
-    return (learnt.thrust_used, learnt.drag_used) != (1.0, 1.0)
 
 
 def settings(vehicle: str, difference: HullDifference) -> list[str]:

@@ -55,7 +55,6 @@ def judged(
     bounces = [size for dive in dives for size in dive.bounces]
     overshoots = [size for dive in dives for size in dive.overshoots]
     last = line == list(HULLS)[-1]
-    learnt = np.median([(d.heave.thrust_used, d.yaw.thrust_used) for d in dives], axis=0)
     sagging = line == "thrust −40 %"
     rows = (
         ("bounce back", "mm", bounces, goals.last_bounce if last else goals.bounce),
@@ -63,16 +62,11 @@ def judged(
         ("depth error", "mm", [dive.depth_error for dive in dives], None),
         ("heading error", "deg", [d.heading_error for d in dives], goals.heading * sagging or None),
     )
-    adapted = sum(dive.adapted for dive in dives)
-    uses = (
-        f"law adapted in {adapted} of {len(dives)} dives, in the end to {learnt[0]:.2f} of the "
-        f"thrust in heave, {learnt[1]:.2f} in yaw (median)"
-    )
     return [
         Figure(
             section=section, name=f"{vehicle}, {line}: {what}, worst", unit=unit,
             ours=max(sizes), baseline_name="" if goal is None else "limit", baseline=goal,
-            goal=None if goal is None else 1.0, note=f"{_spread(sizes)}; {uses}",
+            goal=None if goal is None else 1.0, note=_spread(sizes),
         )
         for what, unit, sizes, goal in rows
     ]  # fmt: skip

@@ -32,9 +32,8 @@ from lindy_research.papers.setups import (
 from lindy_research.papers.unwrapped import accumulate
 from services.reference.paths.clothoid import TwinClothoids
 from services.reference.paths.path import Path
-from services.reference.paths.route import Route
-from services.reference.trajectory.profile_sequence import ProfileSequence, sequence
 from tools.generators.fernandes.reference_model import ReferenceModel, plan
+from tools.generators.route import ProfileSequence, Route, sequence
 
 PAPER = "Fernandes et al. 2015"
 TABLE_3_TIMES = (50.0, 140.3, 313.1, 430.6, 603.5, 731.5)  # [s]

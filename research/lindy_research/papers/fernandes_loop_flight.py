@@ -25,10 +25,7 @@ from messages.topic import M, Topic
 from messages.vehicle import Truth
 from services.marine.vehicle import Vehicle
 from services.reference.paths.path import Path
-from services.reference.paths.route import Route
-from services.reference.paths.stretch import stretch
-from services.reference.trajectory.profile import MotionProfile
-from services.reference.trajectory.profile_sequence import sequence
+from services.reference.trajectory.minimum_jerk import MotionProfile
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -37,6 +34,7 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from services.simulator.core import Settings, at_the_surface
 from tools.generators.fernandes.reference_model import plan
+from tools.generators.route import Route, sequence, stretch
 
 Floats = NDArray[np.float64]
 LawName = Literal["paper", "lindy"]

@@ -11,10 +11,12 @@ from messages import topics
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns
-from services.reference.guidance.ground_motion import ground_of, north_offset
-from services.reference.paths.route import Route, RoutePoint
+from services.marine.attitude import north_offset
+from services.reference.guidance.ground_motion import ground_of
+from services.reference.paths.path import RoutePoint
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
+from tools.generators.route import Route
 
 
 @dataclass(slots=True)

@@ -15,7 +15,7 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns, Vec6
 from services.control import horizontal_plane
-from services.control.allocation.propulsion import Propulsion
+from services.control.allocation.allocation import Allocation
 from services.control.axis.plant import plant_of
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
@@ -45,12 +45,12 @@ class PrintedLaw:
 
     vehicle: Vehicle
     integral: list[float]
-    _propulsion: Propulsion = field(init=False)
+    _allocation: Allocation = field(init=False)
     _wanted: Vec6 = OFF
     _due: Ns = 0
 
     def __post_init__(self) -> None:
-        self._propulsion = Propulsion(self.vehicle)
+        self._allocation = Allocation(self.vehicle)
 
     def step(
         self, reference: Reference, state: VehicleState, now: Ns
@@ -60,7 +60,7 @@ class PrintedLaw:
             self._wanted = OFF
         elif now >= self._due:
             self._wanted, self._due = self._wrench(reference, state), now + PERIOD_NS
-        done = self._propulsion.allocate(self._wanted, state.sensor_ns, now)
+        done = self._allocation.allocate(self._wanted)
         wrench = Wrench(
             stamp_ns=now, sensor_ns=state.sensor_ns, wanted=self._wanted, achieved=done.achieved,
             depth_integral=self.integral[2], heading_integral=self.integral[3],
@@ -88,8 +88,8 @@ class PrintedLaw:
             reference.heading.velocity,
         )
         errors = (
-            _errors(plane.surge, 0.0, here.surge),
-            _errors(plane.sway, 0.0, here.sway),
+            _errors(plane.surge, 0.0, here.ahead),
+            _errors(plane.sway, 0.0, here.starboard),
             _errors(reference.depth, state.depth.value, state.depth_rate.value),
             _errors(reference.heading, state.heading.value, state.yaw_rate.value),
         )

@@ -18,12 +18,9 @@ from lindy_research.papers.setups import (
     paper_route,
     table_3,
 )
-from services.reference.paths.path import furthest
-from services.reference.paths.route import Route
-from services.reference.paths.stretch import stretch
-from services.reference.trajectory.profile import MotionProfile
-from services.reference.trajectory.profile_sequence import ProfileSequence, sequence
+from services.reference.trajectory.minimum_jerk import MotionProfile
 from tools.generators.fernandes.reference_model import plan
+from tools.generators.route import ProfileSequence, Route, furthest, sequence, stretch
 
 PARTS = ("1st", "2nd", "3rd", "4th", "5th")
 BESIDE = ((10, 0), (4, -26), (10, 4), (-62, 36), (10, 0))  # [points] from a part to its label

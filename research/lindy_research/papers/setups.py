@@ -6,11 +6,10 @@ Figures and claims share them, so a claim is about the figure that is drawn.
 from math import exp
 
 from services.reference.paths.path import Path
-from services.reference.paths.route import Route
 from services.reference.trajectory.minimum_jerk import Limits
-from services.reference.trajectory.profile_sequence import ProfileSequence, sequence
 from tools.generators.fernandes.model_request import MotionRequest
 from tools.generators.fernandes.reference_model import plan
+from tools.generators.route import ProfileSequence, Route, sequence
 
 # Andrén 2023, figures 4.2 and 4.3.
 JERK = 10.0  # [m/s³]

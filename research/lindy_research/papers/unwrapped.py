@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from services.reference.paths.heading import wrap
+from services.marine.attitude import wrapped
 
 
 def accumulate(headings: Iterable[float]) -> list[float]:
@@ -15,6 +15,6 @@ def accumulate(headings: Iterable[float]) -> list[float]:
     total: list[float] = []
     before = 0.0
     for heading in headings:
-        total.append(total[-1] + wrap(heading - before) if total else heading)
+        total.append(total[-1] + wrapped(heading - before) if total else heading)
         before = heading
     return total

@@ -5,7 +5,6 @@ import pytest
 
 from lindy_research.bench.hull_runs import BUOYANCY, GOALS, HULLS, HullDive, file_of, settings
 from lindy_research.bench.hulls import judged
-from messages.control import LearntModel
 from services.runtime.config.stack import Stack
 from services.simulator.hull import in_the_water
 from services.simulator.settings import Settings
@@ -43,8 +42,7 @@ def test_nominal_is_the_vehicle_of_the_file_and_buoyancy_is_newtons() -> None:
 
 
 def dive(bounce: float, overshoot: float, heading: float) -> HullDive:
-    learnt = LearntModel(thrust_used=0.6)
-    return HullDive((1.0, bounce), (0.1, overshoot), 50.0, heading, learnt, learnt, adapted=True)
+    return HullDive((1.0, bounce), (0.1, overshoot), 50.0, heading)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +60,7 @@ def test_the_worst_stop_of_a_line_is_judged(line: str, flown: HullDive, missed: 
     found = judged("pioneer", line, [dive(1.0, 0.1, 0.1), flown])
     assert [f.name.split(": ")[1].split(",")[0] for f in found if f.met is False] == missed
     assert found[0].ours == max(flown.bounces)
-    assert "of 4; law adapted in 2 of 2 dives" in found[0].note
+    assert found[0].note.endswith("of 4")
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES[1:])

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.trajectory.profile_sequence import sequence
 from tools.generators.fernandes.model_request import MotionRequest
 from tools.generators.fernandes.reference_model import plan
+from tools.generators.route import sequence
 
 many = settings(max_examples=60, deadline=None)
 speeds = st.lists(st.one_of(st.just(0.0), st.floats(0.0, 1.0)), min_size=2, max_size=5)

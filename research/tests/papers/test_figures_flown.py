@@ -27,9 +27,8 @@ from lindy_research.papers.fernandes_loop_guide import Guide
 from messages.message import Estimate
 from messages.state import VehicleState
 from services.reference.paths.path import Path
-from services.reference.paths.route import Route
-from services.reference.paths.stretch import stretch
 from services.reference.trajectory.minimum_jerk import Limits
+from tools.generators.route import Route, stretch
 
 pytestmark = pytest.mark.slow
 

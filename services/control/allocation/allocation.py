@@ -24,7 +24,7 @@ from services.control.allocation.layout import (
     on_any_processor,
 )
 from services.control.allocation.thrust_bias import ThrustBias
-from services.marine.vehicle import Thruster, Vehicle, total_wrench
+from services.marine.vehicle import Vehicle, total_wrench
 
 PRIORITY = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
 ROUNDING = 1e-9  # [N] a smaller share of a demand counts as none
@@ -43,18 +43,14 @@ class AllocationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 @dataclass(frozen=True, slots=True)
 class Allocated:
     thrust: tuple[float, ...]  # [N] per thruster, command within its limits
-    achieved: Vec6  # [N, N m] their wrench, dead-bands and thruster gains included
+    achieved: Vec6  # [N, N m] their wrench, dead-bands included
     saturated: tuple[str, ...]  # names of the thrusters at their limits
 
 
 class Allocation:
     """Built once per vehicle. Plain floats: at this size five times faster than NumPy.
 
-    A faulty thruster has a gain [-], set by `trust`: it yields gain times the command. Inside this
-    class, all forces are those that the thrusters yield.
-
-    `axes` can be driven independently now, `lost` are those that could be before thrusters failed,
-    and `distrusted` are the names of the thrusters whose gain is not 1.
+    `axes` are those that can be driven independently.
     """
 
     def __init__(self, vehicle: Vehicle, settings: AllocationSettings | None = None) -> None:
@@ -66,26 +62,26 @@ class Allocation:
         self._settings = settings or AllocationSettings()
         self._effect = effect_matrix(vehicle)
         self._columns: list[Vec6] = [tuple(c) for c in self._effect.T.tolist()]
-        self._gains = [1.0] * len(vehicle.thruster)
         self._on = [False] * len(vehicle.thruster)  # driven at the dead-band's edge or beyond
-        self._axes_when_healthy = frozenset[str]()
-        self._update_layout()
-        self._axes_when_healthy = self.axes
+        self._limits = [thruster.limits for thruster in vehicle.thruster]  # [N]
+        self._strength = [min(-low, high) for low, high in self._limits]  # [N]
+        dead_bands = [thruster.dead_band for thruster in vehicle.thruster]  # [N]
+        self._bias = ThrustBias(self._effect, dead_bands, self._settings.biased)
+        driven_axes = drivable(self._effect, self._strength)
+        self.axes = frozenset(driven_axes)
+        self._rows = [AXES.index(axis) for axis in driven_axes]
+        self._groups = [
+            {AXES.index(axis) for axis in group if axis in self.axes} for group in PRIORITY
+        ]
+        self._cache: dict[int, list[list[float]] | None] = {}  # by bit mask of frozen thrusters
+        columns = self._columns_without([]) or [[0.0] * len(vehicle.thruster)] * 6
+        self._all_shares = list(zip(*columns, strict=True))  # per thruster, of each row
         if self._settings.biased and not self._bias.sets:
             raise ValueError(
                 f"control.allocation.biased: no thrusters that act on "
                 f"{' or '.join(self._settings.biased)} can push against each other without "
                 "moving the vehicle"
             )
-
-    # Capability of the layout.
-
-    def trust(self, index: int, gain: float) -> None:
-        """Expect `gain` [-] times the command from this thruster: 1 healthy, 0 dead, −1 reversed,
-        between 0 and 1 weak."""
-        if gain != self._gains[index]:
-            self._gains[index] = gain
-            self._update_layout()
 
     def forget(self) -> None:
         """Reset the hysteresis of the dead-bands. For disarming."""
@@ -115,13 +111,11 @@ class Allocation:
             yields, saturated = self._by_priority(wrench)
         if self._bias.sets and any(wrench):
             yields = self._bias.added(yields, self._limits)
-        # Commands for which the thrusters yield these forces, with dead-band compensation, and the
-        # forces they will then yield (`marine.vehicle.driven`).
+        # Commands with dead-band compensation, and the forces they yield (`marine.vehicle.driven`).
         thrust, achieved = list[float](), list[float]()
-        for index, (force, gain) in enumerate(zip(yields, self._gains, strict=True)):
-            low, high, edge = self._bounds[index]
-            # Rounding may exceed the limits slightly.
-            command = max(low, min(high, force / gain)) if gain else 0.0
+        for index, force in enumerate(yields):
+            (low, high), edge = self._limits[index], self._thrusters[index].dead_band
+            command = max(low, min(high, force))  # rounding may exceed the limits slightly
             if not -edge < command < edge:
                 self._on[index] = True
             elif self._settings.dead_band_compensation:
@@ -130,7 +124,7 @@ class Allocation:
                 self._on[index] = abs(command) > edge * switch
                 command = copysign(edge, command) if self._on[index] else 0.0
             thrust.append(command)
-            achieved.append(0.0 if -edge < command < edge else gain * command)
+            achieved.append(0.0 if -edge < command < edge else command)
         return Allocated(tuple(thrust), total_wrench(self._columns, achieved), saturated)
 
     def _at_once(self, wrench: Vec6) -> list[float] | None:
@@ -152,7 +146,7 @@ class Allocation:
         can give more of a group that came before. So after each group those before it have another
         turn; none ever gets less by a group that comes after it.
         """
-        yields = [0.0] * len(self._gains)
+        yields = [0.0] * len(self._thrusters)
         left = [1.0] * len(self._groups)  # [-] of each group's demand
         limiting: list[list[int]] = [[] for _ in self._groups]
         demands = [[(row, wrench[row]) for row in rows if wrench[row]] for rows in self._groups]
@@ -204,32 +198,6 @@ class Allocation:
                 share, limiting = max(0.0, (low - force) / extra), index
         return share, limiting
 
-    # The layout, recomputed when the gain of a thruster changes.
-
-    def _update_layout(self) -> None:
-        pairs = list(zip(self._gains, self._thrusters, strict=True))
-        self._bounds = [(*_command_limits(t, gain), t.dead_band) for gain, t in pairs]  # [N]
-        self._limits = [
-            (min(gain * low, gain * high), max(gain * low, gain * high))
-            for gain, (low, high, _) in zip(self._gains, self._bounds, strict=True)
-        ]
-        self._strength = [min(-low, high) for low, high in self._limits]  # [N]
-        healthy = np.array(self._gains) == 1.0
-        dead_bands = [thruster.dead_band for thruster in self._thrusters]
-        self._bias = ThrustBias(self._effect * healthy, dead_bands, self._settings.biased)
-        driven_axes = drivable(self._effect, self._strength)
-        self.axes = frozenset(driven_axes)
-        lost = self._axes_when_healthy - self.axes
-        self.lost = tuple(axis for axis in AXES if axis in lost)
-        self.distrusted = tuple(thruster.name for gain, thruster in pairs if gain != 1.0)
-        self._rows = [AXES.index(axis) for axis in driven_axes]
-        self._groups = [
-            {AXES.index(axis) for axis in group if axis in self.axes} for group in PRIORITY
-        ]
-        self._cache: dict[int, list[list[float]] | None] = {}  # by bit mask of frozen thrusters
-        columns = self._columns_without([]) or [[0.0] * len(pairs)] * 6
-        self._all_shares = list(zip(*columns, strict=True))  # per thruster, of each row
-
     def _columns_without(self, frozen: list[int]) -> list[list[float]] | None:
         """Per row of the wrench: each thruster's share of one newton, without the frozen ones. None
         when the others cannot drive all axes. Cached, because it is slow."""
@@ -249,13 +217,3 @@ class Allocation:
         inverse = np.linalg.pinv(self._effect[self._rows] * weights)
         shares[self._rows] = on_any_processor(weights[:, None] * inverse).T
         return shares.tolist()
-
-
-def _command_limits(thruster: Thruster, gain: float) -> tuple[float, float]:
-    """[N] Limits of the commands that a thruster follows in proportion. A reversed one follows a
-    forward command with its weaker reverse thrust."""
-    low, high = thruster.limits
-    if gain >= 0.0:
-        return low, high
-    both_ways = min(-low, high)
-    return -both_ways, both_ways

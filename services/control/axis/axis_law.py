@@ -268,12 +268,6 @@ class AxisLaw:
         most = self._slow * dt if slowly else inf
         self._observer.learn(velocity, force, dt, most, self._reference_rate, short)
 
-    def take_model(self, plant: Plant) -> None:
-        """Count with this plant from now on."""
-        self.plant = plant
-        if self._observer is not None:
-            self._observer.plant = plant
-
     def give_up(self, force: float) -> None:
         """The feed-forward gives `force` [N] or [N m] more from now on: subtract it from the learnt
         compensation, which does not change sign."""

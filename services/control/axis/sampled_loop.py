@@ -1,7 +1,11 @@
-"""Stability of the loop as it runs: sampled, with one step of delay and thruster lag.
+"""Stability of the loop as it runs: sampled, with one step of delay, thruster lag, and the rate
+behind its low-pass.
 
 Between samples the plant (inertia and linear drag) and the thrusters' first-order lag are solved
-exactly for a held command. A command takes effect one step after its state. The loop is linear, so
+exactly for a held command. A command takes effect one step after its state. The rate of the state
+follows the plant's by the estimator's first-order low-pass, if it has one: position and the other
+rates come from an estimator that integrates an accelerometer or a gyroscope, without a lag. The
+loop is linear, so
 its matrix is found by stepping each unit state once; it is stable when all eigenvalues lie inside
 the unit circle. Quadratic drag only adds damping and is left out.
 """
@@ -16,8 +20,8 @@ from services.control.axis.axis_law import Gains, StaticGains
 from services.control.axis.plant import Plant
 
 Matrix = NDArray[np.float64]
-# States: position, velocity, thrust, delayed command, learnt compensation, velocity and thrust one
-# step ago (for the observer, whose model of the thrusters is assumed exact).
+# States: position, velocity, thrust, delayed command, learnt compensation, the rate as it was seen
+# and the thrust one step ago (for the observer, whose model of the thrusters is assumed exact).
 STATES = 7
 
 
@@ -26,6 +30,7 @@ class SampledLoop:
     plant: Plant
     lag: float  # [s] of the thrusters
     period: float  # [s]
+    rate_lag: float = 0.0  # [s] time constant of the low-pass of the rate; 0: none
 
     def radius(self, gains: Gains, feedback: Gains | StaticGains) -> float:
         """[-] Largest absolute eigenvalue; the loop is stable below 1.
@@ -42,17 +47,19 @@ class SampledLoop:
         self, state: Matrix, gains: Gains, feedback: Gains | StaticGains, move: Matrix
     ) -> Matrix:
         """The state one period later."""
-        x, v, f, delayed, learnt, v_before, mean_before = state
+        x, v, f, delayed, learnt, seen_before, mean_before = state
+        follows = -expm1(-self.period / self.rate_lag) if self.rate_lag else 1.0
+        seen = seen_before + follows * (v - seen_before)
         if gains.observer > 0.0:
             inertia = self.plant.sampled_inertia(self.period)
-            disturbance = inertia * (v - v_before) / self.period
-            disturbance += self.plant.linear * v_before - mean_before
+            disturbance = inertia * (seen - seen_before) / self.period
+            disturbance += self.plant.linear * seen_before - mean_before
             learnt -= -expm1(-gains.observer * self.period) * (disturbance + learnt)
         else:
             learnt += -gains.ki * self.period * x
-        command = learnt - feedback.kp * x - feedback.kd * v
+        command = learnt - feedback.kp * x - feedback.kd * seen
         x_new, v_new, f_new, mean = move @ (x, v, f, delayed)
-        return np.array([x_new, v_new, f_new, command, learnt, v, mean])
+        return np.array([x_new, v_new, f_new, command, learnt, seen, mean])
 
 
 def held(plant: Plant, lag: float, period: float) -> Matrix:

@@ -129,12 +129,6 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
             told=False,
         ),
         FailsafeRow(
-            events.THRUSTER_TROUBLE,
-            "`control/wrench`: distrusted",
-            (NOTICE,),
-            told=False,
-        ),
-        FailsafeRow(
             events.CONTROL_SILENT,
             "armed, and no `control/wrench` for 0.5 s",
             (NOTICE,),

@@ -120,8 +120,6 @@ class ConditionWatch:
             if state.depth.valid and state.depth.value > s.depth_limit + TOO_DEEP:
                 holds[events.TOO_DEEP.name] = Holding(detail=f"{s.depth_limit:g} m")
         wrench = newest.wrench
-        if wrench is not None and wrench.distrusted:
-            holds[events.THRUSTER_TROUBLE.name] = Holding(detail=", ".join(wrench.distrusted))
         if wrench is not None and armed and now - wrench.stamp_ns > CONTROL_PATIENCE_NS:
             holds[events.CONTROL_SILENT.name] = Holding()
         for axis in unheld:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from msgspec import UNSET, UnsetType
 
 from messages.state import VehicleState
-from services.reference.paths.heading import wrap
+from services.marine.attitude import level_velocity, north_offset, wrapped
 
 Pair = tuple[float, float]  # north and east, or surge and sway
 
@@ -20,27 +20,13 @@ class GroundMotion(NamedTuple):
 
 
 def ground_of(state: VehicleState) -> GroundMotion | None:
-    """None when any part is unknown or invalid.
-
-    Roll and pitch are assumed zero: the relative error of the horizontal velocity is 1 - cos.
-    """
-    north, east = state.north, state.east
-    surge, sway = state.surge_velocity, state.sway_velocity
-    if north is None or east is None or surge is None or sway is None:
-        return None
-    if not (north.valid and east.valid and surge.valid and sway.valid):
+    """None when any part is unknown or invalid."""
+    north, east, level = state.north, state.east, level_velocity(state)
+    if north is None or east is None or level is None or not (north.valid and east.valid):
         return None
     offset = north_offset(state)
-    velocity = turned((surge.value, sway.value), state.heading.value + offset)
+    velocity = turned(level, state.heading.value + offset)
     return GroundMotion((north.value, east.value), velocity, offset)
-
-
-def north_offset(state: VehicleState) -> float:
-    """[rad] North heading minus control heading; 0 without a compass, where estimation counts the
-    control heading from north too."""
-    if state.heading_navigation is None:
-        return 0.0
-    return wrap(state.heading_navigation.value - state.heading.value)
 
 
 def turned(vector: Pair, angle: float) -> Pair:
@@ -63,5 +49,5 @@ def whereabouts(state: VehicleState | None) -> Whereabouts:
         return Whereabouts()
     return Whereabouts(
         state.depth.value if state.depth.valid else UNSET,
-        wrap(state.heading.value + north_offset(state)) if state.heading.valid else UNSET,
+        wrapped(state.heading.value + north_offset(state)) if state.heading.valid else UNSET,
     )

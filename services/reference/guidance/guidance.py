@@ -17,9 +17,10 @@ from messages.pilot import FlightMode, PilotCommand, StopDistance
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns
+from services.marine.attitude import north_offset
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.bottom import Bottom, HeightHold
-from services.reference.guidance.ground_motion import GroundMotion, ground_of, north_offset
+from services.reference.guidance.ground_motion import GroundMotion, ground_of
 from services.reference.guidance.guards import (
     EstimateWatch,
     ReferenceGovernor,

@@ -6,10 +6,10 @@ from math import dist
 from msgspec import UNSET
 
 from messages.pilot import Course, StopDistance
+from services.marine.attitude import wrapped
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.ground_motion import Pair
 from services.reference.guidance.path_following import PathFollowing, PlannedPath
-from services.reference.paths.heading import wrap
 from services.reference.settings import VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 from services.reference.trajectory.position import pair
@@ -56,7 +56,7 @@ class Manoeuvre:
     def turn_to(self, heading: float, t: float) -> float:
         """[rad] Accumulated heading for one in (-π, π], by the shortest turn."""
         here = self.axes.yaw.at(t).position
-        return here + wrap(heading - here)
+        return here + wrapped(heading - here)
 
     def follow(
         self,

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from messages.pilot import FlightMode
 from messages.state import VehicleState
+from services.marine.attitude import level_velocity
 
 
 class HeldAxes(NamedTuple):
@@ -54,6 +55,6 @@ def lacking(
 
 
 def measures_place(state: VehicleState) -> bool:
-    """Whether north, east, surge and sway velocity are all valid."""
-    parts = (state.north, state.east, state.surge_velocity, state.sway_velocity)
-    return all(part is not None and part.valid for part in parts)
+    """Whether north, east and the velocity over the ground are all known."""
+    known = all(part is not None and part.valid for part in (state.north, state.east))
+    return known and level_velocity(state) is not None

@@ -13,13 +13,12 @@ from math import hypot
 
 from messages.pilot import Course
 from messages.state import VehicleState
+from services.marine.attitude import wrapped
 from services.reference.guidance.ground_motion import GroundMotion, Pair
-from services.reference.paths.heading import wrap
-from services.reference.paths.path import Path
-from services.reference.paths.route import RoutePoint, point_on
-from services.reference.paths.stretch import stretch
+from services.reference.paths.path import Path, RoutePoint, point_on
 from services.reference.trajectory.emergency_stop import stop_motion
 from services.reference.trajectory.minimum_jerk import Limits, Sample
+from services.reference.trajectory.position import pair
 from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
 
 WAIT, RESUME = 1.0, 0.5  # [-] of the tolerances below
@@ -122,13 +121,13 @@ class PlannedPath:
     def first_heading(self, heading: float, offset: float) -> float:
         """[rad] The path's first course, by the shortest turn from an accumulated heading; `offset`
         [rad]: north heading minus control heading."""
-        return heading + wrap(self.path.at(0.0).course - offset - heading)
+        return heading + wrapped(self.path.at(0.0).course - offset - heading)
 
     def begin(self, heading: float, place: Pair | None, t: float) -> PathFollowing:
         """Begin at `t` [s] with the drone pointing along `first_heading`, from `place` [m] if the
         position is measured."""
         c, start = self.course, self.path.at(0.0)
-        profile = stretch(self.path.length, Limits(c.jerk, c.acceleration), c.cruise)
+        profile = pair(self.path.length, Limits(c.jerk, c.acceleration), c.cruise)
         clock = WaitingClock(WAIT, RESUME, WAITING, since=t)
 
         def along(now: float) -> Sample:

@@ -5,8 +5,8 @@ from math import tau
 
 from messages.pilot import Course, FlightMode, PilotRequest
 from messages.units import Finite
-from services.marine.attitude import whole_turns
-from services.reference.guidance.ground_motion import Pair, north_offset
+from services.marine.attitude import north_offset, whole_turns
+from services.reference.guidance.ground_motion import Pair
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking, safe
 from services.reference.guidance.path_following import PlannedPath

@@ -30,7 +30,7 @@ from itertools import pairwise
 from math import cos, inf, pi, sin
 from typing import NamedTuple
 
-from services.reference.paths.heading import wrap
+from services.marine.attitude import wrapped
 from services.reference.paths.turn import STRAIGHT, Turn
 from services.reference.paths.waypoints import Waypoint, course, distance
 
@@ -60,7 +60,7 @@ def approximating(points: Sequence[Waypoint], turn_of: TurnOf) -> Outline:
         ValueError: a leg is too short for its turns.
     """
     courses = [course(a, b) for a, b in pairwise(points)]
-    turns = [wrap(after - before) for before, after in pairwise(courses)]
+    turns = [wrapped(after - before) for before, after in pairwise(courses)]
     tangents = [0.0, *(tangent(turn, turn_of) for turn in turns), 0.0]
     for number, (a, b) in enumerate(pairwise(points)):
         need = tangents[number] + tangents[number + 1]
@@ -84,7 +84,7 @@ def interpolating(points: Sequence[Waypoint], turn_of: TurnOf) -> Outline:
 
 def tangent(angle: float, turn_of: TurnOf) -> float:
     """[m] From the start of a turn of either sign to its corner; inf for one of 180°."""
-    angle = wrap(angle)
+    angle = wrapped(angle)
     if abs(angle) < STRAIGHT:
         return 0.0
     return inf if abs(angle) > pi - STRAIGHT else turn_of(abs(angle)).tangent
@@ -92,12 +92,12 @@ def tangent(angle: float, turn_of: TurnOf) -> float:
 
 def _bisecting(legs: Sequence[float]) -> list[float | None]:
     """The course at every way-point; None: free, at the ends."""
-    inner = [before + wrap(after - before) / 2 for before, after in pairwise(legs)]
+    inner = [before + wrapped(after - before) / 2 for before, after in pairwise(legs)]
     return [None, *inner, None]
 
 
 def _changing_lanes(legs: Sequence[float], bisecting: Sequence[float | None]) -> list[float | None]:
-    turns = [wrap(after - before) for before, after in pairwise(legs)]
+    turns = [wrapped(after - before) for before, after in pairwise(legs)]
     changes = [False, *(_is_lane_change(*pair) for pair in pairwise(turns)), False]  # per leg
     courses = list(bisecting)
     for leg in range(1, len(legs) - 1):
@@ -170,8 +170,8 @@ class _Leg(NamedTuple):
     def _turns(self, line: float) -> tuple[float, float]:
         """[rad] The first and the second turn, positive to the right."""
         return (
-            0.0 if self.start is None else wrap(line - self.start),
-            0.0 if self.end is None else wrap(self.end - line),
+            0.0 if self.start is None else wrapped(line - self.start),
+            0.0 if self.end is None else wrapped(self.end - line),
         )
 
     def _offset(self, line: float) -> float:

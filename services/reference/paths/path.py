@@ -1,6 +1,11 @@
-"""Paths of straight lines and symmetric turns through, or near, way-points.
+"""Paths of straight lines and symmetric turns through, or near, way-points, and the reference of a
+vehicle that points along its course.
 
-Source: Fernandes et al. 2015, section 3. `s` is the distance along the path in the horizontal
+Source: Fernandes et al. 2015, section 3, (80) to (83) and (118) to (126). There, the speed along
+the path is multiplied by the sign of the distance, which makes it 0 for one sample at the start of
+a part; here it is the speed of the profile. The heading is the path's course, which has no jumps,
+so it need not be accumulated.
+ `s` is the distance along the path in the horizontal
 plane: surge and yaw follow the plane curve (81), depth is a separate axis. The half-open intervals
 of (97) to (99) and (125) leave the end of a part without a value; here every part includes its end.
 """
@@ -13,16 +18,16 @@ from itertools import pairwise
 from math import cos, isfinite, sin
 from typing import Literal, NamedTuple, Self
 
+from services.marine.attitude import wrapped
 from services.marine.summation import plain_sum
 from services.reference.paths.clothoid import TwinClothoids
-from services.reference.paths.heading import wrap
 from services.reference.paths.outline import ROUNDING, Outline, TurnOf, approximating, interpolating
 from services.reference.paths.smooth_turn import SmoothTurn
 from services.reference.paths.turn import STRAIGHT, Turn
 from services.reference.paths.waypoints import Waypoint, checked, distance
+from services.reference.trajectory.minimum_jerk import Sample
 
 Kind = Literal["approximating", "interpolating"]
-STEP = 0.1  # [m] between the points that are compared
 
 
 class PathPoint(NamedTuple):
@@ -154,38 +159,64 @@ class Path:
         )
 
 
-def furthest(path: Path, other: Path) -> float:
-    """[m] Largest distance of `path` from `other`, sampled every `STEP`.
+class RoutePoint(NamedTuple):
+    """The reference at one instant. Body velocities are those of (82), body accelerations their
+    derivatives (83): in a turn, sway stays 0 although the vehicle accelerates in NED."""
 
-    Both must come from the same way-points: the search starts at the same point of the same leg.
-    """
-    most = 0.0
-    for leg, (begin, end) in enumerate(pairwise(path.passes)):
-        count = max(2, min(10_000, int((end - begin) / STEP) + 1))
-        their_begin, their_end = other.passes[leg : leg + 2]
-        for i in range(count + 1):
-            here = path.at(begin + (end - begin) * i / count)
-            s = their_begin + (their_end - their_begin) * i / count
-            most = max(most, _away(here, other, s))
-    return most
+    t: float  # [s]
+    s: float  # [m] along the path
+    north: float  # [m]
+    east: float  # [m]
+    down: float  # [m]
+    v_north: float  # [m/s]
+    v_east: float  # [m/s]
+    v_down: float  # [m/s]
+    a_north: float  # [m/s²]
+    a_east: float  # [m/s²]
+    a_down: float  # [m/s²]
+    heading: float  # [rad] accumulated, without jumps
+    yaw_rate: float  # [rad/s]
+    yaw_acceleration: float  # [rad/s²]
+    surge_velocity: float  # [m/s]
+    surge_acceleration: float  # [m/s²]
+    sway_velocity: float  # [m/s]
+    sway_acceleration: float  # [m/s²]
+    curvature: float  # [1/m] positive when turning to the right
 
 
-def _away(here: PathPoint, other: Path, s: float) -> float:
-    """[m] From a point to the nearest point of a path; the search starts at `s`."""
-    cross_track = 0.0
-    for _ in range(6):
-        there = other.at(s)
-        north, east = here.north - there.north, here.east - there.east
-        ahead = north * cos(there.course) + east * sin(there.course)
-        cross_track = abs(east * cos(there.course) - north * sin(there.course))
-        s += ahead
-    return cross_track
+def point_on(path: Path, along: Sample, t: float) -> RoutePoint:
+    """The reference of a vehicle whose motion along a path is `along` [m, m/s, m/s²] at `t` [s]."""
+    s, v, a, _ = along
+    here = path.at(s)
+    ahead, aside = cos(here.course), sin(here.course)
+    inwards = here.curvature * v * v
+    return RoutePoint(
+        t=t,
+        s=max(0.0, min(path.length, s)),
+        north=here.north,
+        east=here.east,
+        down=here.down,
+        v_north=v * ahead,
+        v_east=v * aside,
+        v_down=v * here.slope,
+        a_north=a * ahead - inwards * aside,
+        a_east=a * aside + inwards * ahead,
+        a_down=a * here.slope + v * v * here.slope_rate,
+        heading=here.course,
+        yaw_rate=here.curvature * v,
+        yaw_acceleration=here.curvature_rate * v * v + here.curvature * a,
+        surge_velocity=v,
+        surge_acceleration=a,
+        sway_velocity=0.0,
+        sway_acceleration=0.0,
+        curvature=here.curvature,
+    )
 
 
 def _lay(outline: Outline, turn_of: TurnOf) -> tuple[list[Part], list[float]]:
     """Lines and turns along an outline, and the distances at which it passes the way-points."""
     corners, courses, knots = outline
-    turns = [wrap(after - before) for before, after in pairwise(courses)]
+    turns = [wrapped(after - before) for before, after in pairwise(courses)]
     bends = [turn_of(abs(turn)) if abs(turn) >= STRAIGHT else None for turn in turns]
     cut = [0.0, *(bend.tangent if bend else 0.0 for bend in bends), 0.0]
     spans = [(0.0, 0.0)]  # [m] where the turn at each corner begins and ends

@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import atan2, hypot, pi
 from typing import NamedTuple
 
-from services.reference.paths.heading import wrap
+from services.marine.attitude import wrapped
 from services.reference.paths.turn import STRAIGHT
 
 APART = 1e-6  # [m] way-points closer than this count as the same
@@ -64,7 +64,7 @@ def course(a: Waypoint, b: Waypoint) -> float:
 def _require_no_reversal(points: Sequence[Waypoint]) -> None:
     courses = [course(a, b) for a, b in pairwise(points)]
     for number, (before, after) in enumerate(pairwise(courses), 2):
-        if abs(wrap(after - before)) > pi - STRAIGHT:
+        if abs(wrapped(after - before)) > pi - STRAIGHT:
             raise ValueError(
                 f"way-point {number}: the path goes exactly back there; a turn needs a corner of"
                 " less than 180°, so add a way-point beside it"

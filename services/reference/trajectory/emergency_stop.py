@@ -10,8 +10,14 @@ from dataclasses import dataclass
 from math import isfinite
 
 from services.marine.summation import plain_sum
-from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
-from services.reference.trajectory.profile import MotionProfile
+from services.reference.trajectory.minimum_jerk import (
+    Limits,
+    MotionProfile,
+    Sample,
+    Segment,
+    along,
+    solve,
+)
 
 
 @dataclass(frozen=True, slots=True)

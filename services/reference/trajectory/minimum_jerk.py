@@ -16,7 +16,7 @@ At most four segments, in closed form, once per change of target. Units: any pos
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from math import inf, sqrt
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from services.marine.summation import plain_sum
 
@@ -38,6 +38,20 @@ class Sample(NamedTuple):
     velocity: float
     acceleration: float
     jerk: float
+
+
+class MotionProfile(Protocol):
+    """A motion along one coordinate, known in advance: what all generators return. Before 0 and
+    after the end, velocity is constant."""
+
+    @property
+    def duration(self) -> float:
+        """[s] From start to arrival."""
+        ...
+
+    def at(self, t: float) -> Sample:
+        """Position (from 0), velocity, acceleration and jerk at `t` [s]."""
+        ...
 
 
 class Segment(NamedTuple):

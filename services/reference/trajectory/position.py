@@ -4,7 +4,8 @@ Andrén 2023 leaves positions as future work (7.2.2) and sketches one quintic (7
 reach 7.5 J and which has neither a velocity nor an acceleration limit. Here the motion is two
 bounded transitions, from the present velocity to a peak and from the peak to rest, with a cruise
 between them when the peak is the velocity limit. All limits hold from any state, and jerk is
-continuous where the two transitions meet. It ends exactly on the target.
+continuous where the two transitions meet. It ends exactly on the target, at rest or with a speed
+that is asked for.
 
 Only the peak has no closed form; it is found by bisection, once per target.
 """
@@ -24,6 +25,7 @@ class PositionMove(NamedTuple):
 
     segments: tuple[Segment, ...]
     peak: float  # velocity between the two transitions
+    final: float = 0.0  # velocity after the end
 
     @property
     def duration(self) -> float:
@@ -31,8 +33,8 @@ class PositionMove(NamedTuple):
         return plain_sum(segment.duration for segment in self.segments)
 
     def at(self, t: float) -> Sample:
-        """Position from the start, velocity, acceleration and jerk; at rest after the end."""
-        return along(self.segments, t, 0.0)
+        """Position from the start, velocity, acceleration and jerk."""
+        return along(self.segments, t, self.final)
 
 
 def pair(
@@ -41,12 +43,14 @@ def pair(
     v_max: float,
     velocity: float = 0.0,
     acceleration: float = 0.0,
+    final: float = 0.0,
 ) -> PositionMove:
-    """The motion over `distance` (either sign) that ends at rest.
+    """The motion over `distance` (either sign).
 
     Args:
         v_max: > 0, highest cruise speed. A present speed above it is reduced.
         velocity, acceleration: of the reference now.
+        final: velocity at the end, at most v_max.
 
     Raises:
         ValueError: v_max is not positive.
@@ -57,13 +61,14 @@ def pair(
     def over(peak: float, cruise: float = 0.0) -> PositionMove:
         first = solve(velocity, acceleration, peak, limits)
         middle = [Segment(cruise, peak, 0.0, 0.0, 0.0)] if cruise > 0 else []
-        return PositionMove((*first, *middle, *solve(peak, 0.0, 0.0, limits)), peak)
+        return PositionMove((*first, *middle, *solve(peak, 0.0, final, limits)), peak, final)
 
     for fastest in (v_max, -v_max):
         missing = (distance - travelled(over(fastest).segments)) / fastest
         if missing >= 0:
             return over(fastest, missing)
-    candidates = [over(peak) for peak in _peaks(distance, limits, v_max, velocity, acceleration)]
+    peaks = _peaks(distance, limits, v_max, velocity, acceleration, final)
+    candidates = [over(peak) for peak in peaks]
     return min(candidates, key=lambda candidate: candidate.duration)
 
 
@@ -73,19 +78,24 @@ def travelled(segments: tuple[Segment, ...] | list[Segment]) -> float:
 
 
 def _peaks(
-    distance: float, limits: Limits, v_max: float, velocity: float, acceleration: float
+    distance: float,
+    limits: Limits,
+    v_max: float,
+    velocity: float,
+    acceleration: float,
+    final: float,
 ) -> list[float]:
-    """Peaks that travel exactly `distance`. The distance grows with the peak, except between 0 and
-    the velocity reached when the present acceleration is brought to zero, where it is not
-    monotonic; so each of the three ranges may hold a solution."""
+    """Peaks that travel exactly `distance`. The distance grows with the peak, except between the
+    final velocity, 0, and the velocity reached when the present acceleration is brought to zero,
+    where it is not monotonic; so each of the ranges between them may hold a solution."""
 
     def excess(peak: float) -> float:
         first = travelled(solve(velocity, acceleration, peak, limits))
-        return first + travelled(solve(peak, 0.0, 0.0, limits)) - distance
+        return first + travelled(solve(peak, 0.0, final, limits)) - distance
 
     coasting = velocity + acceleration * abs(acceleration) / (2 * limits.jerk)
     coasting = max(-v_max, min(v_max, coasting))
-    edges = sorted({-v_max, min(0.0, coasting), max(0.0, coasting), v_max})
+    edges = sorted({-v_max, 0.0, coasting, final, v_max})
     return [
         _root(excess, low, high)
         for low, high in pairwise(edges)

@@ -12,34 +12,9 @@ continues.
 
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Generic, NamedTuple, Protocol, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
-
-Value = TypeVar("Value", float, NDArray[np.float64])  # one coordinate, or several as an array
-Seen = TypeVar("Seen", float, NDArray[np.float64], covariant=True)
-
-
-class MovingReference(Protocol[Seen]):
-    """A reference at one instant; a `Sample` is one."""
-
-    @property
-    def position(self) -> Seen: ...
-    @property
-    def velocity(self) -> Seen: ...  # per s of its clock
-    @property
-    def acceleration(self) -> Seen: ...  # per s² of its clock
-
-
-class ScaledReference(NamedTuple, Generic[Value]):
-    """A reference at one instant, in real time."""
-
-    position: Value
-    velocity: Value  # per s
-    acceleration: Value  # per s²
 
 
 class PathClock(NamedTuple):
@@ -97,22 +72,16 @@ class WaitingClock:
         return PathClock(*self._ramp.at(t))
 
 
-def scaled(reference: MovingReference[Value], clock: PathClock) -> ScaledReference[Value]:
-    """The reference at `clock.tau`, in real time."""
-    rate, change = clock.rate, clock.rate_change
-    return ScaledReference(
-        reference.position,
-        reference.velocity * rate,
-        reference.acceleration * (rate * rate) + reference.velocity * change,
-    )
-
-
 def scaled_sample(reference: Sample, clock: PathClock) -> Sample:
-    """The same for one coordinate, with the jerk j_r λ³ + 3 a_r λ dλ/dt + v_r d²λ/dt²."""
-    position, velocity, acceleration = scaled(reference, clock)
-    jerk = (
-        reference.jerk * clock.rate**3
-        + 3 * reference.acceleration * clock.rate * clock.rate_change
-        + reference.velocity * clock.rate_bend
+    """The reference at `clock.tau`, in real time.
+
+    Its jerk is j_r λ³ + 3 a_r λ dλ/dt + v_r d²λ/dt².
+    """
+    position, v, a, j = reference
+    rate, change = clock.rate, clock.rate_change
+    return Sample(
+        position,
+        v * rate,
+        a * (rate * rate) + v * change,
+        j * rate**3 + 3 * a * rate * change + v * clock.rate_bend,
     )
-    return Sample(position, velocity, acceleration, jerk)

@@ -308,3 +308,18 @@ def test_pulses_of_the_heading_need_a_damping_that_says_what_they_do() -> None:
     with pytest.raises(ValueError, match=r"control\.heading_pulse is 0\.003.*allowed is 0"):
         Controller(Settings(heading_pulse=0.003), slippery, Outbox())
     Controller(Settings(), slippery, Outbox())
+
+
+def test_a_demand_that_cannot_be_met_is_told_once() -> None:
+    no_sway = [thruster for thruster in PIONEER.thruster if thruster.name != "lateral"]
+    law = Controller(Settings(), msgspec.structs.replace(PIONEER, thruster=no_sway), Outbox())
+    sideways = msgspec.structs.replace(reference(), sway_force=5.0)
+    for k in range(5):
+        law.step(sideways, state(), k * 10_000_000)
+    assert told(law.outbox) == ["undriven:sway"]
+
+
+def test_a_vehicle_that_nobody_can_fly_is_refused() -> None:
+    grounded = msgspec.structs.replace(PIONEER, thruster=PIONEER.thruster[:3])
+    with pytest.raises(ValueError, match="cannot drive heave independently"):
+        Controller(Settings(), grounded, Outbox())

@@ -166,3 +166,17 @@ def test_without_a_measured_place_the_reference_alone_drives_it(pioneer: Vehicle
     assert wrench.wanted[0] == pytest.approx(expected)
     assert wrench.wanted[1] == 0.0
     assert told(law.outbox) == ["invalid:state.position"]
+
+
+def test_a_vehicle_that_dives_nose_down_is_not_pushed_for_a_motion_that_is_none(
+    pioneer: Vehicle,
+) -> None:
+    """At 0.35 rad and 0.4 m/s straight down its surge is 0.137 m/s, and it stays over its place."""
+    tilted = from_euler(0.0, -0.35, 0.7)
+    surge, sway, _ = rotated(tilted, (0.0, 0.0, 0.4))
+    level = seen((0.0, 0.0), 0.7, (surge, sway))
+    state = msgspec.structs.replace(
+        level, attitude=tilted, pitch=Estimate(-0.35, 0.01), depth_rate=Estimate(0.4, 0.01)
+    )
+    wrench, _ = Controller(OURS, pioneer, Outbox()).step(asked(ZERO, ZERO, at(0.7)), state, 0)
+    assert wrench.wanted[:2] == pytest.approx((0.0, 0.0), abs=1e-9)

@@ -2,15 +2,19 @@
 
 from math import cos, isclose, pi, radians, sin, sqrt
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.message import Estimate
+from messages.state import VehicleState
 from services.marine.attitude import (
     attitude_rate,
     down_in_body,
     from_euler,
+    level_velocity,
     normalised,
     tilt,
     to_body,
@@ -83,3 +87,41 @@ def test_tilt_is_the_angle_from_upright_and_wrapped_stays_within_pi() -> None:
     assert tilt(from_euler(pi, 0.0, 0.0)) == pytest.approx(pi)
     assert wrapped(3 * pi / 2) == pytest.approx(-pi / 2)
     assert isclose(sqrt(sum(x * x for x in normalised((2.0, 1.0, -3.0, 0.1)))), 1.0)
+
+
+@law
+@given(st.floats(-0.9, 0.9), st.floats(-0.9, 0.9), angle, st.tuples(number, number, number))
+def test_the_level_velocity_is_that_of_the_body_turned_by_its_whole_attitude(
+    roll: float, pitch: float, heading: float, v_N: tuple[float, float, float]
+) -> None:
+    """Whatever the tilt: a vehicle that dives nose down without any horizontal motion has none."""
+    attitude = from_euler(roll, pitch, heading)
+    surge, sway, _ = to_body(attitude, v_N)
+    found = level_velocity(example_state(attitude, surge, sway, v_N[2]))
+    if found is None:
+        assert tilt(attitude) > pi / 3 - 1e-9
+        return
+    ahead, starboard, _ = to_body(from_euler(0.0, 0.0, heading), v_N)
+    assert found == pytest.approx((ahead, starboard), abs=1e-9)
+
+
+def test_a_level_velocity_is_known_where_surge_and_sway_are() -> None:
+    state = example_state(from_euler(0.0, 0.0, 0.3), 0.5, 0.1, 0.0)
+    assert level_velocity(state) == pytest.approx((0.5, 0.1))
+    assert level_velocity(msgspec.structs.replace(state, sway_velocity=None)) is None
+    unknown = Estimate(0.5, 0.1, valid=False)
+    assert level_velocity(msgspec.structs.replace(state, surge_velocity=unknown)) is None
+    assert level_velocity(example_state(from_euler(0.0, 1.2, 0.3), 0.5, 0.1, 0.0)) is None
+
+
+def example_state(
+    attitude: tuple[float, float, float, float], surge: float, sway: float, depth_rate: float
+) -> VehicleState:
+    roll, pitch_, heading = (Estimate(each, 0.01) for each in to_euler(attitude))
+    none = Estimate(0.0, 0.01)
+    return VehicleState(
+        stamp_ns=0, sensor_ns=0, phase="running", depth=none,
+        depth_rate=Estimate(depth_rate, 0.01), depth_acceleration=none, attitude=attitude,
+        roll=roll, pitch=pitch_, heading=heading, heading_navigation=None, yaw_rate=none,
+        surge_velocity=Estimate(surge, 0.01), sway_velocity=Estimate(sway, 0.01),
+    )  # fmt: skip

@@ -1,6 +1,6 @@
 """Topside, the predicted now is far nearer to the truth than the picture that arrives late."""
 
-from math import sqrt
+from math import pi, sqrt
 from pathlib import Path
 
 import pytest
@@ -8,13 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.message import Estimate
 from messages.prediction import Miss, Prediction
-from messages.reference import Motion
+from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.vehicle import Truth
+from services.marine.vehicle import Vehicle
+from services.predictor.core import Predictor
 from services.predictor.drift import Drift
 from services.predictor.prediction_quality import JudgedPrediction, Pose, PredictionQuality
 from services.predictor.reference_ahead import Change, coasting, joined, reference_ahead
+from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -108,6 +112,34 @@ def test_the_misses_are_the_root_mean_squares_of_what_the_guesses_were_off_by(
     assert (missed.depth, missed.heading) == pytest.approx((size, 2.0 * size), abs=1e-6)
     assert missed.place == (None if place is None else pytest.approx(sqrt(2.0) * size, abs=1e-6))
     assert delayed == Miss(depth=0.0, heading=0.0, place=None if place is None else 0.0)
+
+
+def test_north_and_east_are_predicted_by_the_compass() -> None:
+    """A drone that drives to the east at 0.5 m/s while its control heading is zero."""
+    stack = Stack(vehicle="pioneer")
+    still = Estimate(0.0, 0.01)
+    ours = Predictor(stack.section("reference", Settings), stack.section("vehicle", Vehicle))
+    ours.state(
+        VehicleState(
+            stamp_ns=0, sensor_ns=0, phase="running", depth=still, depth_rate=still,
+            depth_acceleration=still, attitude=(1.0, 0.0, 0.0, 0.0), roll=still, pitch=still,
+            heading=still, heading_navigation=Estimate(pi / 2, 0.01), yaw_rate=still,
+            surge_velocity=Estimate(0.5, 0.01), sway_velocity=still, north=still, east=still,
+        ),
+        0,
+    )  # fmt: skip
+    rest, along = Motion(0.0, 0.0, 0.0, 0.0), Motion(0.0, 0.5, 0.0, 0.0)
+    ours.reference(
+        Reference(
+            stamp_ns=0, sensor_ns=0, pilot_ns=None, armed=True, depth=rest, heading=rest,
+            surge_force=0.0, sway_force=0.0, surge=along,
+        ),
+        0,
+    )  # fmt: skip
+    found = ours.predict(SECOND)
+    assert found is not None
+    assert found.forward == pytest.approx(0.5)
+    assert (found.north, found.east) == pytest.approx((0.0, 0.5), abs=1e-9)
 
 
 @pytest.mark.slow

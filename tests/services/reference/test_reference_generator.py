@@ -16,10 +16,10 @@ from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import PlaceAhead
+from services.marine.attitude import wrapped
 from services.reference.core import ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
-from services.reference.paths.heading import wrap
 from services.runtime.config.stack import Stack
 from tests.support.told import told
 
@@ -333,7 +333,7 @@ def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
     assert guidance.generator.activity == "goto"
     end = guidance.fly(15.0, sticks(0))
     assert abs(end.depth.position - 3.0) < 1e-9
-    assert abs(wrap(end.heading.position - 0.5)) < 1e-9
+    assert abs(wrapped(end.heading.position - 0.5)) < 1e-9
     assert abs(end.heading.position - turned) <= pi
     assert guidance.generator.activity == "piloted"
     continuous(guidance.flown)

@@ -51,7 +51,8 @@ def _disarm(_: FaultCase, figures: Figures) -> bool | None:
 
 
 def _announced(fault: FaultCase, figures: Figures) -> bool | None:
-    return None if fault is NONE else figures.announced is not None
+    """Of a thruster nobody can know: no driver measures its thrust."""
+    return None if fault is NONE or fault.cause == "thruster" else figures.announced is not None
 
 
 def _within(seconds: float | None, limit: float) -> bool:

@@ -46,10 +46,9 @@ MEANING = """
 NOT_COVERED = """
 ## Not observable
 
-- A thruster is judged by its measured thrust, where the driver measures it, and only while it has
-  at least 5 % of its limit to produce. Nobody can know of a fault of one that is at rest, such as
-  `lateral` where nobody asks for sway. A drone with a single vertical thruster cannot hold its
-  depth without it.
+- No driver measures the thrust of a thruster, so one that is dead, weak or turns the wrong way is
+  not announced: the pilot sees it by what the drone does. A drone with a single vertical thruster
+  cannot hold its depth without it.
 - A hub that hangs for 0.3 s delays messages, and nothing expires that matters: no service is late.
 - A recorder or a viewer that hangs for 0.3 s loses nothing, because it takes what arrived from a
   ring of a second and more; and four busy processes that make no service late cost nothing.

@@ -188,7 +188,7 @@ def test_other_messages_are_said_and_compared_as_far_as_possible(
 ) -> None:
     def older(key: str, body: dict[str, object]) -> None:
         if key == "control/wrench":
-            body.pop("distrusted", None)  # one field fewer
+            body.pop("disturbance", None)  # one field fewer
         if key == "state":
             body["of_old"] = 1.0  # and one that nobody knows any more
 

@@ -145,13 +145,13 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
     report = make_report(open_recording(severe), Extras())
     counts = dict.fromkeys(("thinned:state", "burst:state", "lost:state", "loss:state"), 99_999)
     counts |= {"failsafe:state_lost": 1, "failsafe:pilot_lost": 1, "empty:battery": 1}
-    counts |= {"distrusted:port": 1, "saturated:port": 500}
+    counts |= {"lost:depth": 1, "saturated:port": 500}
     text = summary(msgspec.structs.replace(report, losses=counts))
     for words in (
         "drone's state lost",
         "pilot lost",
         events.EMPTY.sentence,
-        events.DISTRUSTED.sentence,
+        events.LOST_DEPTH.sentence,
     ):
         assert words in text
     assert "reached its limit" in text

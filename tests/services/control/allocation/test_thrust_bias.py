@@ -59,16 +59,6 @@ def test_any_wrench_is_met_at_least_as_well_as_without_it(
         assert np.linalg.norm(with_it - truth) <= np.linalg.norm(without - truth) + 1e-9
 
 
-@pytest.mark.parametrize("index", range(8))
-def test_a_dead_thruster_is_never_counted_on(heavy: Vehicle, index: int) -> None:
-    allocation = Allocation(heavy, BIASED)
-    allocation.trust(index, 0.0)
-    done = allocation.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.01))
-    assert done.thrust[index] == 0.0
-    others = [thrust for i, thrust in enumerate(done.thrust) if i // 4 != index // 4]
-    assert min(map(abs, others)) >= 0.5 - 1e-9  # the other four still push against each other
-
-
 @many
 @given(st.integers(0, 2**32 - 1), st.integers(4, 9))
 def test_a_bias_makes_no_wrench_with_any_layout(seed: int, thrusters: int) -> None:

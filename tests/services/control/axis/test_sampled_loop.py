@@ -10,17 +10,18 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
+from services.control.allocation.propulsion import lags_of
 from services.control.axis.axis_law import AxisLaw, Gains
-from services.control.axis.plant import Plant
+from services.control.axis.plant import Plant, plant_of
 from services.control.axis.sampled_loop import SampledLoop, exponential, held
 from services.control.core import PERIOD_S
 from services.control.settings import Settings
-from services.control.stability import require_stable
+from services.control.stability import YAW_RATE_CUTOFF, require_stable
+from services.estimation import core
 from services.marine.vehicle import Vehicle
 
 LAG, DT = 0.08, 0.01
 PLANT = Plant(20.0, 2.0)
-LOOP = SampledLoop(PLANT, LAG, DT)
 
 
 def gains(kp: float, kd: float, ki: float = 0.0, observer: float = 0.0) -> Gains:
@@ -29,18 +30,20 @@ def gains(kp: float, kd: float, ki: float = 0.0, observer: float = 0.0) -> Gains
 
 @dataclass
 class Sea:
-    """The law flown on the exact plant, with a step of delay."""
+    """The law flown on the exact plant, with a step of delay and a low-pass of the rate."""
 
     law: AxisLaw
+    rate_lag: float = 0.0  # [s]
 
     def growth(self, seconds: float) -> float:
         """[-] Size at the end relative to the size half-way."""
         move, (x, v, f, coming, mean) = held(PLANT, LAG, DT), (1e-3, 0.0, 0.0, 0.0, 0.0)
-        sizes: list[float] = []
+        sizes, seen = list[float](), 0.0
         for k in range(round(seconds / DT)):
+            seen += (1.0 - exp(-DT / self.rate_lag) if self.rate_lag else 1.0) * (v - seen)
             if k:
-                self.law.learn(v, mean, DT)
-            command = self.law.step(Motion(0.0, 0.0, 0.0, 0.0), x, v, DT).total
+                self.law.learn(seen, mean, DT)
+            command = self.law.step(Motion(0.0, 0.0, 0.0, 0.0), x, seen, DT).total
             x, v, f, mean = (float(part) for part in move @ (x, v, f, coming))
             coming = command
             sizes.append(abs(x) + abs(v))
@@ -49,14 +52,20 @@ class Sea:
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.floats(1.0, 2000.0), st.floats(1.0, 2000.0), st.floats(0.0, 100.0), st.booleans())
+@given(
+    st.floats(1.0, 2000.0),
+    st.floats(1.0, 2000.0),
+    st.floats(0.0, 100.0),
+    st.booleans(),
+    st.sampled_from((0.0, 0.02, 0.3)),
+)
 def test_the_eigenvalue_says_whether_the_flown_loop_grows(
-    kp: float, kd: float, learns: float, observer: bool
+    kp: float, kd: float, learns: float, observer: bool, rate_lag: float
 ) -> None:
     tried = gains(kp, kd, observer=learns / 10) if observer else gains(kp, kd, learns)
-    radius = LOOP.radius(tried, tried)
+    radius = SampledLoop(PLANT, LAG, DT, rate_lag).radius(tried, tried)
     assume(abs(radius - 1) > 5e-3)
-    growth = Sea(AxisLaw(tried, PLANT, LAG, DT)).growth(10.0)
+    growth = Sea(AxisLaw(tried, PLANT, LAG, DT), rate_lag).growth(10.0)
     assert (growth > 1) == (radius > 1)
 
 
@@ -76,3 +85,13 @@ def test_gains_that_shake_the_vehicle_are_refused_by_name(table: str, pioneer: V
     wild = msgspec.structs.replace(getattr(ours, table), kd=5000.0)
     with pytest.raises(ValueError, match=rf"^control.{table}: .* kd = 5000 .* not stable"):
         require_stable(msgspec.structs.replace(ours, **{table: wild}), pioneer, PERIOD_S)
+
+
+@pytest.mark.parametrize("kd", [12.0, 20.0])
+def test_the_low_pass_of_the_yaw_rate_is_part_of_the_loop(kd: float, pioneer: Vehicle) -> None:
+    """With these gains the heading of a Pioneer swings ever further."""
+    wild = msgspec.structs.replace(Settings().heading, kp=3.0 * kd, kd=kd, observer=5.0)
+    assert SampledLoop(plant_of(pioneer, 5), lags_of(pioneer)[5], PERIOD_S).radius(wild, wild) < 1
+    with pytest.raises(ValueError, match=rf"^control.heading: .* kd = {kd:g} .* not stable"):
+        require_stable(Settings(heading=wild), pioneer, PERIOD_S)
+    assert YAW_RATE_CUTOFF == core.YAW_RATE_CUTOFF

@@ -17,12 +17,12 @@ from messages.pilot import Course, FlightMode, PilotAnswer, PilotCommand, PilotR
 from messages.reference import Motion, Reference
 from messages.sensors import DvlSample
 from messages.state import VehicleState
+from services.marine.attitude import wrapped
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.ground_motion import turned
 from services.reference.guidance.guidance import PLACE_PATIENCE_S
 from services.reference.guidance.modes import HELD_AXES
-from services.reference.paths.heading import wrap
 from services.reference.settings import StickForce
 from tests.support.told import told
 
@@ -68,7 +68,7 @@ class Sea:
 
     def state(self) -> VehicleState:
         estimate: Callable[[float], Estimate] = lambda x: Estimate(x, 0.01)  # noqa: E731
-        nav = wrap(self.at[3] + self.offset)
+        nav = wrapped(self.at[3] + self.offset)
         over_ground = (
             [Estimate(x, 0.01, self.knows_place) for x in (*self.at[:2], *self.v[:2])]
             if self.measures
@@ -572,7 +572,7 @@ def test_a_path_begins_where_the_drone_is_and_is_run_in_four_degrees(
         sea.fly(1.0)
     flown = [r for r, _ in sea.seen[seen:]]
     assert dist(last_place(sea), (begin[0] + 6.0, begin[1] + 6.0)) < 1e-6
-    assert abs(wrap(sea.at[3] + offset - pi / 2)) < 0.011
+    assert abs(wrapped(sea.at[3] + offset - pi / 2)) < 0.011
     assert all(r.surge is None for r in flown)
     speed = max(hypot(r.north.velocity, r.east.velocity) for r in flown if r.north and r.east)
     assert speed == pytest.approx(WAY.cruise)

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from messages.events import Outbox
 from messages.message import Estimate
 from messages.state import VehicleState
+from services.marine.attitude import from_euler, to_body, wrapped
 from services.reference.core import ReferenceGenerator, Settings
-from services.reference.guidance.ground_motion import Whereabouts, whereabouts
-from services.reference.paths.heading import wrap
+from services.reference.guidance.ground_motion import Whereabouts, ground_of, whereabouts
 
 ZERO = Estimate(0.0, 0.01)
 STATE = VehicleState(
@@ -37,7 +37,7 @@ def test_the_heading_is_that_of_the_compass_however_often_the_drone_has_turned(
     assert isinstance(said, float)
     assert -pi <= said <= pi
     wanted = control if compass is None else compass
-    assert wrap(said - wanted) == pytest.approx(0.0, abs=1e-9)
+    assert wrapped(said - wanted) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_is_not_known_is_not_said() -> None:
@@ -54,3 +54,24 @@ def test_a_status_says_where_the_drone_is_only_while_there_is_a_state() -> None:
     assert generator.status(0).depth == 2.5
     generator.step(None, None, 10_000_000)
     assert generator.status(10_000_000).depth is UNSET
+
+
+def test_a_vehicle_that_dives_nose_down_does_not_move_over_the_ground() -> None:
+    """Straight down by the compass's north, whatever the control heading."""
+    tilted = from_euler(0.0, -0.35, 1.0)
+    surge, sway, _ = to_body(tilted, (0.1, 0.0, 0.4))
+    state = replace(
+        STATE,
+        attitude=tilted,
+        pitch=Estimate(-0.35, 0.01),
+        heading=Estimate(1.0, 0.01),
+        heading_navigation=Estimate(1.0 - pi / 2, 0.1),
+        depth_rate=Estimate(0.4, 0.01),
+        surge_velocity=Estimate(surge, 0.01),
+        sway_velocity=Estimate(sway, 0.01),
+        north=ZERO,
+        east=ZERO,
+    )
+    found = ground_of(state)
+    assert found is not None
+    assert found.velocity == pytest.approx((0.0, -0.1), abs=1e-9)

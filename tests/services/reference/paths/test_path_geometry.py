@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.marine.attitude import wrapped
 from services.reference.paths.clothoid import TwinClothoids
-from services.reference.paths.heading import wrap
-from services.reference.paths.path import Kind, Path, PathPoint, furthest
+from services.reference.paths.path import Kind, Path, PathPoint
+from tools.generators.route import furthest
 
 PAPER = [[0.0, 0.0], [60.0, 0.0], [0.0, 90.0], [60.0, 90.0]]
 KINDS: st.SearchStrategy[Kind] = st.sampled_from(["approximating", "interpolating"])
@@ -180,7 +181,7 @@ def test_a_moved_turned_or_mirrored_polyline_gives_the_moved_turned_or_mirrored_
     a, b = path.at(fraction * path.length), other.at(fraction * other.length)
     assert path.length == pytest.approx(other.length, abs=1e-7)
     assert (b.north, b.east) == pytest.approx(image(a.north, a.east), abs=1e-6)
-    assert wrap(b.course - mirror * a.course - turned) == pytest.approx(0.0, abs=1e-6)
+    assert wrapped(b.course - mirror * a.course - turned) == pytest.approx(0.0, abs=1e-6)
     assert b.curvature == pytest.approx(mirror * a.curvature, abs=1e-6)
 
 
@@ -189,17 +190,17 @@ def test_a_moved_turned_or_mirrored_polyline_gives_the_moved_turned_or_mirrored_
 def test_the_course_is_the_accumulated_heading(case: tuple[Points, Path]) -> None:
     _, path = case
     courses = [path.at(path.length * i / 500).course for i in range(501)]
-    turns = courses[0] - wrap(courses[0])  # a path may begin at -π, which is also π
-    continuous = np.unwrap([wrap(course) for course in courses]) + turns
+    turns = courses[0] - wrapped(courses[0])  # a path may begin at -π, which is also π
+    continuous = np.unwrap([wrapped(course) for course in courses]) + turns
     assert continuous == pytest.approx(courses, abs=1e-9)
 
 
 @given(st.floats(-1e6, 1e6))
 def test_a_wrapped_angle_is_the_same_direction(angle: float) -> None:
-    assert -pi < wrap(angle) <= pi
-    assert cos(wrap(angle)) == pytest.approx(cos(angle), abs=1e-9)
-    assert sin(wrap(angle)) == pytest.approx(sin(angle), abs=1e-9)
-    assert wrap(-pi) == pi
+    assert -pi < wrapped(angle) <= pi
+    assert cos(wrapped(angle)) == pytest.approx(cos(angle), abs=1e-9)
+    assert sin(wrapped(angle)) == pytest.approx(sin(angle), abs=1e-9)
+    assert wrapped(-pi) == pi
 
 
 def test_the_papers_path_has_the_papers_lengths() -> None:

@@ -7,13 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.reference.paths.path import Path
-from services.reference.paths.route import MotionLaw, Route, route
-from services.reference.paths.stretch import stretch
-from services.reference.trajectory.minimum_jerk import Limits, solve
+from services.reference.trajectory.minimum_jerk import Limits, MotionProfile, solve
 from services.reference.trajectory.position import pair
-from services.reference.trajectory.profile import MotionProfile
 from tools.generators.fernandes.model_request import MotionRequest
 from tools.generators.fernandes.reference_model import plan
+from tools.generators.route import MotionLaw, Route, route, stretch
 
 POINTS = [[0.0, 0.0, 2.0], [60.0, 0.0, 5.0], [0.0, 90.0, 3.0], [60.0, 90.0, 8.0]]
 LIMITS = Limits(0.3, 0.15)
