@@ -104,7 +104,7 @@ class ErrorStateFilter:
     def _begin_interval(self) -> None:
         """Since the covariance was advanced: time, impulse of the specific force, its directions,
         and the variance that noise has added to velocity and attitude."""
-        self._seconds = 0.0
+        self._seconds = self._felt = 0.0  # [s] in all, and with an IMU
         self._impulse = (0.0, 0.0, 0.0)  # [m/s] world
         self._turned = [0.0] * 9  # [s] R over time
         self._noise = [0.0] * 6
@@ -148,6 +148,7 @@ class ErrorStateFilter:
             total[3 * k] += density + (a * x + b * y + c * z) ** 2
             total[3 * k + 1] += density + (d * x + e * y + f * z) ** 2
             total[3 * k + 2] += density + (g * x + h * y + i * z) ** 2
+        self._felt += dt
         self._advance(dt)
 
     def predict_blind(self, dt: float) -> None:
@@ -206,7 +207,7 @@ class ErrorStateFilter:
         wave = 4.0 * WAVE_DAMPING * self.wave_rate * self.wave_variance * dt
         # A tilt error θ makes g θ² / 2 of gravity vertical, which no first derivative has.
         second = 0.5 * GRAVITY * float(P[TILT, TILT] + P[TILT + 1, TILT + 1])
-        self._noise[2] += 2.0 * SECOND_S * second * second * dt
+        self._noise[2] += 2.0 * SECOND_S * second * second * self._felt
         P[DIAGONAL] += (
             0.0, 0.0, 0.0, *self._noise, 0.0, wave, gyro, gyro, gyro, force, force, force,
             current, current, NORTH_WALK**2 * dt, 0.0,
