@@ -13,10 +13,9 @@ from messages.state import VehicleState
 from messages.units import Vec6
 from services.control import horizontal_plane
 from services.control.allocation.layout import AXES
-from services.control.allocation.propulsion import REST, ActuatorModel, lags_of
 from services.control.axis.axis import BumplessTransfer, PilotedAxis, RollPitchHold
 from services.control.axis.axis_law import AxisLaw, Gains
-from services.control.axis.plant import plant_of
+from services.control.axis.plant import REST, ActuatorModel, lags_of, plant_of
 from services.control.axis.rest_pulse import RestPulse
 from services.control.heave_coupling import HeaveCoupling
 from services.control.settings import Settings

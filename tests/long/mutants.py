@@ -63,7 +63,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/control/axis/test_axis_law.py",
         "tests/services/control/axis/test_gain_blend.py",
         "tests/services/control/axis/test_static_hold.py",
-        "tests/services/control/axis/test_sampled_loop.py",
+        "tests/services/control/test_stability.py",
     ),
     "services/control/allocation/allocation.py": (
         "tests/services/control/allocation/test_allocation.py",

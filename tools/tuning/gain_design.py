@@ -4,12 +4,10 @@ from typing import Literal, NamedTuple
 
 from msgspec.structs import replace
 
-from services.control.allocation.propulsion import lags_of
 from services.control.axis.axis_law import Gains
-from services.control.axis.plant import Plant, plant_of
-from services.control.axis.sampled_loop import SampledLoop
+from services.control.axis.plant import Plant, lags_of, plant_of
 from services.control.core import PERIOD_S
-from services.control.stability import ROWS, sampled_loop
+from services.control.stability import ROWS, SampledLoop, sampled_loop
 from services.marine.vehicle import Vehicle
 from services.reference.trajectory.minimum_jerk import Limits
 from services.runtime.config.errors import LindyError

@@ -130,7 +130,7 @@ def _broken() -> Iterable[Figure]:
         away = dead_thruster(part, 0)
         name = f"bluerov2_heavy: {part} dies under way"
         yield _mm(f"{name}, depth", away.depth, 50.0, "furthest in 12 s")
-        note = f"furthest in 12 s, until it is known; {degrees(away.left):.1f}° in the end"
+        note = f"furthest in 12 s; {degrees(away.left):.1f}° in the end"
         yield Figure(
             section="control", name=f"{name}, heading", unit="deg", ours=degrees(away.heading),
             note=note,

@@ -1,5 +1,5 @@
-"""The law's model of one axis of the vehicle, M v' = u - D(v) + w, and the observer of w: the
-external force, estimated from motion that the thrusters do not explain.
+"""The law's model of one axis of the vehicle, M v' = u - D(v) + w, of the thrusters' lag, and the
+observer of w: the external force, estimated from motion that the thrusters do not explain.
 
 The observer is the first-order filter ŵ' = ω (w - ŵ), which needs no derivative of the velocity
 when written with z = ŵ - ω M v:
@@ -22,8 +22,9 @@ from math import exp, expm1, inf
 from statistics import median
 from typing import NamedTuple
 
+from messages.units import Vec6
 from services.marine.hydrodynamics import system_inertia
-from services.marine.vehicle import Vehicle
+from services.marine.vehicle import Vehicle, wrench_per_newton
 
 NEARLY = 0.99  # [-] of the limit, which the estimate only approaches
 DRAG_DECAY = 1.0  # [s] time constant of the drag without motion
@@ -33,6 +34,10 @@ BLOCK = 1.0  # [s] of learning, of which the mean is kept
 KEPT = 45  # blocks
 DOUBTED = 15  # newest blocks, not used if there are enough older ones: longer than any recognition
 SHARE = 3  # … and at most one in so many, early in a dive
+
+
+REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+Lags = tuple[float, ...]
 
 
 class Plant(NamedTuple):
@@ -64,6 +69,41 @@ def plant_of(vehicle: Vehicle, axis: int) -> Plant:
         linear=vehicle.linear_damping[axis],
         quadratic=vehicle.quadratic_damping[axis],
     )
+
+
+@dataclass(slots=True)
+class ActuatorModel:
+    """A model of the wrench, axis by axis, with the lag of each axis' slowest thruster."""
+
+    lags: Lags  # [s] of the six axes
+    _now: Vec6 = REST  # [N, N m]
+    settles_at: Vec6 = REST  # [N, N m] at which the thrusters settle from now on
+
+    def mean(self, dt: float) -> Vec6:
+        """Advance by `dt` [s]; returns the mean wrench [N, N m] over that time."""
+        if dt <= 0.0:
+            return self._now
+        means: list[float] = []
+        after: list[float] = []
+        for force, end, lag in zip(self._now, self.settles_at, self.lags, strict=True):
+            left = exp(-dt / lag)
+            means.append(end + (force - end) * (1 - left) * lag / dt)
+            after.append(end + (force - end) * left)
+        a, b, c, d, e, f = after
+        self._now = a, b, c, d, e, f
+        a, b, c, d, e, f = means
+        return a, b, c, d, e, f
+
+
+def lags_of(vehicle: Vehicle) -> Lags:
+    """[s] Of each axis: the longest of the thrusters that act on it."""
+    columns = [wrench_per_newton(thruster) for thruster in vehicle.thruster]
+    slowest = max(thruster.time_constant for thruster in vehicle.thruster)
+    lags = [
+        [t.time_constant for t, column in zip(vehicle.thruster, columns, strict=True) if column[k]]
+        for k in range(6)
+    ]
+    return tuple(max(acting, default=slowest) for acting in lags)
 
 
 @dataclass(slots=True)

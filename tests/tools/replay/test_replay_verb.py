@@ -121,8 +121,9 @@ def test_what_is_left_of_a_cut_off_file_is_compared(
     whole = golden("pioneer").read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     together = [f for n in ("estimation", "reference", "control") for f in ("--through", n)]
-    arguments = ["replay", str(path), *together, "--diff", "--tolerance", "*=1e-6"]
-    assert main(arguments) == 0
+    # Not its last moment: of the messages of one instant the cut may leave the answer alone.
+    to_the_cut = ["--to", "5", "--tolerance", "*=1e-6"]
+    assert main(["replay", str(path), *together, "--diff", *to_the_cut]) == 0
     out, _ = capsys.readouterr()
     assert "was not finished" in out
     assert "exactly as recorded" in out

@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.allocation.propulsion import ActuatorModel
 from services.control.axis.axis_law import AxisLaw, FeedbackGains, GainBlend, Gains, StaticGains
-from services.control.axis.plant import Plant
+from services.control.axis.plant import ActuatorModel, Plant
 from services.control.core import Settings
 from services.runtime.config.stack import Stack
 

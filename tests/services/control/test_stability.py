@@ -10,13 +10,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.allocation.propulsion import lags_of
 from services.control.axis.axis_law import AxisLaw, Gains
-from services.control.axis.plant import Plant, plant_of
-from services.control.axis.sampled_loop import SampledLoop, exponential, held
+from services.control.axis.plant import Plant, lags_of, plant_of
 from services.control.core import PERIOD_S
 from services.control.settings import Settings
-from services.control.stability import YAW_RATE_CUTOFF, require_stable
+from services.control.stability import (
+    YAW_RATE_CUTOFF,
+    SampledLoop,
+    exponential,
+    held,
+    require_stable,
+)
 from services.estimation import core
 from services.marine.vehicle import Vehicle
 
