@@ -14,12 +14,12 @@ from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import Actuation
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.jitter import Jitter, Lateness
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.vehicle_view import words
 from services.vehicle_view.io.ports import VehiclePorts
 from services.vehicle_view.view import VehicleView, vehicle_view
+from tests.support.jitter import Jitter, Lateness
 
 S, MS = 10**9, 10**6  # [ns]
 ON_BOARD = ("simulator", "estimation", "reference", "control")

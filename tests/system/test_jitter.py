@@ -14,9 +14,9 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import Truth
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.jitter import Jitter, Lateness
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.jitter import Jitter, Lateness
 
 pytestmark = pytest.mark.slow
 

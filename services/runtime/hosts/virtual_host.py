@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from math import ceil
+from typing import Protocol
 
 import msgspec
 
@@ -18,7 +19,6 @@ from messages.health import LogLine
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.jitter import Lateness
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.service_module import Wire, wire_of
 from services.runtime.hosts.stack_file import ServiceSpec
@@ -45,6 +45,16 @@ class Skew:
 
 
 SAME = Skew()
+
+
+class Lateness(Protocol):
+    """When one node is stepped. [ns]"""
+
+    def arrived(self, now: int) -> None: ...
+
+    def next_step(self, deadline: int) -> int: ...
+
+    def stepped(self) -> None: ...
 
 
 class VirtualHost:

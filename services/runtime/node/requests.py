@@ -25,11 +25,11 @@ Overrules = Callable[[Q, Q], bool]  # (newer, older): does the newer withdraw th
 class Pending(Generic[Q]):
     request: Q  # as it was first sent
     repeat_at: Ns  # [ns]
-    asked_at: Ns
+    alive_at: Ns  # [ns] when it was sent, or said to be under way
 
     @property
     def given_up_at(self) -> Ns:
-        return self.asked_at + GIVE_UP_NS
+        return self.alive_at + GIVE_UP_NS
 
 
 class Requests(Generic[Q]):
@@ -54,10 +54,14 @@ class Requests(Generic[Q]):
         self.pending.append(Pending(asked, now + REPEAT_NS, now))
         return asked
 
-    def answered(self, answer: Answer) -> Q | None:
-        """The request that this answers; None when it is not ours or was answered before."""
+    def answered(self, answer: Answer, now: Ns) -> Q | None:
+        """The request that this answers; None when it is not ours, was answered before, or is still
+        under way."""
         for pending in self.pending:
             if pending.request.id == answer.id:
+                if answer.under_way:
+                    pending.alive_at = now
+                    return None
                 self.pending.remove(pending)
                 return pending.request
         return None
@@ -105,7 +109,7 @@ class Requester(Generic[Q, A]):
         self._alarm.set(self._requests.due())
 
     def hear(self, answer: A, now: int) -> None:
-        request = self._requests.answered(answer)
+        request = self._requests.answered(answer, now)
         self._alarm.set(self._requests.due())
         if request is not None:  # else another one's, the answer to a repetition, or not done
             self._on_answer(request, answer, now)

@@ -8,10 +8,10 @@ from functools import partial
 
 from messages.link import LinkRequest
 from messages.simulator import FaultKind
-from services.runtime.hosts.jitter import Jitter
 from tests.support.faults.fault import HANGS, AnyDive, Deeds, FaultCase, VirtualDeeds, nothing
 from tests.support.faults.modes import VERTICAL
 from tests.support.faults.virtual_dive import VirtualDive
+from tests.support.jitter import Jitter
 
 ON_BOARD = ("simulator", "estimation", "reference", "control")
 PROCESSES = (*ON_BOARD, "tether", "gamepad", "link_monitor", "hub_drone", "hub_topside")

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from services.runtime.hosts.jitter import Jitter, Lateness
+from tests.support.jitter import Jitter, Lateness
 
 FOR_EVER = 10**18  # [ns]
 PUNCTUAL = Jitter()

@@ -19,7 +19,6 @@ from messages.pilot import PilotCommand, PilotRequest
 from messages.simulator import FaultKind, FaultRequest
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.jitter import Jitter
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.service_module import wire_of
 from services.runtime.hosts.stack_file import ServiceSpec
@@ -32,6 +31,7 @@ from services.runtime.node.node import Node
 from tests.support.faults.hindrance import Hindrance
 from tests.support.faults.modes import VERTICAL, FlownMode
 from tests.support.faults.observed import Observed
+from tests.support.jitter import Jitter
 from tests.support.twin import take_name
 
 SECOND = 1_000_000_000  # [ns]

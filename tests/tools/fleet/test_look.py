@@ -22,8 +22,8 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from tests.support.patience import PATIENCE_S, until
 from tools.__main__ import main
+from tools.fleet import drones, meeting
 from tools.fleet import look as looking
-from tools.fleet import meeting
 from tools.fleet.look import is_there, look, who_is_there
 from tools.fleet.meeting import drone_at, require_only
 from tools.fleet.roster import MOST
@@ -203,22 +203,35 @@ def something_else() -> Generator[str]:
             thread.join()
 
 
-@pytest.mark.slow
-def test_a_fleet_is_shown_as_lines_and_as_json_until_its_time_is_over(
-    network: Drones, capsys: pytest.CaptureFixture[str]
+class StopsAfterTwo:
+    """In the place of the signals."""
+
+    def __init__(self) -> None:
+        self._left = 2
+
+    def __enter__(self) -> "StopsAfterTwo":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    @property
+    def asked(self) -> bool:
+        self._left -= 1
+        return self._left == 0
+
+
+def test_with_watch_the_drones_are_listed_again_until_it_is_stopped(
+    network: Drones, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     network.announce(["rov1", "rov2"])
     network.speak(["rov1", "rov2"])
-    words = ["fleet", "--router", network.endpoint, "--seconds", "1.2"]
-    assert main(words) == 0
-    said = capsys.readouterr().out
-    assert "rov1  ready" in said
-    assert "rov2  ready" in said
+    monkeypatch.setattr(drones, "WATCH_S", 0.01)
+    monkeypatch.setattr(drones, "StopSignals", StopsAfterTwo)
+    words = ["drones", "--router", network.endpoint, "--watch"]
     assert main([*words, "--json"]) == 0
-    last = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert [(row["name"], row["pilot"]) for row in last["drones"]] == [
-        ("rov1", "ann"), ("rov2", "ann"),
-    ]  # fmt: skip
+    lists = [json.loads(line)["drones"] for line in capsys.readouterr().out.splitlines()]
+    assert [[row["name"] for row in rows] for rows in lists] == [["rov1", "rov2"]] * 2
 
 
 def test_a_network_knows_that_its_router_is_gone() -> None:

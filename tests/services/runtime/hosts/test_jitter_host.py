@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.sensors import ImuSample
 from services.runtime.bus.envelope import Envelope
-from services.runtime.hosts.jitter import Jitter, Lateness
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.jitter import Jitter, Lateness
 
 MS = 1_000_000  # [ns]
 DRONE = ["drone"]
