@@ -39,7 +39,7 @@ def test_every_cell_of_a_notebook_runs(path: Path, tmp_path: Path) -> None:
     (tmp_path / "cells.py").write_text(program.replace(*SEEDS), encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "cells.py"], cwd=tmp_path, capture_output=True, text=True,
-        timeout=PATIENCE_S, check=False, env={"MPLBACKEND": "Agg", "HOME": str(tmp_path)},
+        timeout=5.0 * PATIENCE_S, check=False, env={"MPLBACKEND": "Agg", "HOME": str(tmp_path)},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert all((tmp_path / name).stat().st_size > 1000 for name in MAKES[path.stem])
