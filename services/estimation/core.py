@@ -85,7 +85,8 @@ ARM_S, SPIN_S = 0.1, 0.5  # [s]
 # MPU-6000 in a real vehicle was 0.06), accelerometer's along down (10 mg).
 FIRST_TILT, FIRST_GYRO, FIRST_FORCE = 0.1, 0.1, 0.1  # [rad], [rad/s], [m/s²]
 LEVELLED, FIRST_VELOCITY, FAR = 0.01, 0.2, 100.0  # [m], [m/s], [m]
-RESUMED_GYRO, RESUMED_FORCE = 1e-3, 0.02  # [rad/s], [m/s²] from before a restart
+# 1σ after a restart: tilt by the accelerometer of a vehicle that is driven, biases from before it.
+RESUMED_TILT, RESUMED_GYRO, RESUMED_FORCE = 0.2, 1e-3, 0.02  # [rad], [rad/s], [m/s²]
 WIDE_S = 2.0  # [s] they may walk quickly, after the last time
 REJECTED = 0.2  # [-] share of outliers that says the same: five in a row
 # While innovations are not centred, once, where more than the pressure says so.
@@ -282,7 +283,7 @@ class Estimator:
         self._before, self._imu_ns = (force, rate), at_ns
         if before is None or imu_ns is None:
             self._at_ns = at_ns
-            f.level(force, FIRST_TILT if self._resumed_ns is None else UNKNOWN_TILT)
+            f.level(force, FIRST_TILT if self._resumed_ns is None else RESUMED_TILT)
             if self._resumed_ns is not None:
                 gap = min(LONGEST_GAP, abs(at_ns - self._resumed_ns) * 1e-9)
                 f.widen(YAW, BLIND_TURN[2] * gap**0.5)
