@@ -176,7 +176,7 @@ PITCHED = rotated((0.9986, 0.0, 0.0523), (0.0, 1.0, 0.0), (-0.0523, 0.0, 0.9986)
 def test_spreads_are_honest_where_the_file_is_right() -> None:
     found = row(24)  # of 8 the mean of roll and pitch is within 15 %
     for part in ("yaw rate", "roll", "pitch", "north", "depth", "rate"):
-        assert 0.5 < found.nees(part) < 1.5, part
+        assert 0.4 < found.nees(part) < 1.5, part
     assert found.rms("depth") < 0.010  # [m]
     assert found.rms("rate") < 0.009  # [m/s]
     assert found.events[INCONSISTENT] == 0
@@ -209,7 +209,7 @@ def test_a_wrong_latency_moves_the_depth_by_no_more_than_itself(
     found = row(5, says={"pressure_latency": late})
     assert found.rms("depth") < worst
     assert found.nees("depth") < nees
-    assert found.nees("rate") < 2.0
+    assert found.nees("rate") < 2.5
 
 
 @pytest.mark.slow
