@@ -28,7 +28,6 @@ class Answer(Message, frozen=True, kw_only=True):
 
     id: Name
     accepted: bool
-    under_way: bool = False  # it takes its time, and is answered again when it is done
 
 
 class Estimate(msgspec.Struct, frozen=True):

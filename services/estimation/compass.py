@@ -114,9 +114,8 @@ class Compass:
             return events.STEEP(topics.MAGNETOMETER.key)
         self._hear_spread(level, d, dt)
         bearing = -atan2(e, n)
-        innovation = (
-            remainder(bearing - f.north - f.deviation, 2.0 * pi) if self.knows_north else 0.0
-        )
+        innovation = remainder(bearing - f.north - f.deviation, 2.0 * pi)
+        innovation = innovation if self.knows_north else 0.0
         learning = self.lost or f.std(GYRO + 2) > UNKNOWN_BIAS  # so the gyroscope refutes nothing
         gate = pi if learning else max(GATE, 3.0 * self.north_std(f))
         event = self._judge(hypot(level, d), atan2(d, level), bearing, innovation, gate, dt)

@@ -152,10 +152,8 @@ class Estimator:
         self._spin = (0.0, 0.0, 0.0)  # [rad/s²]
         self._turning = self._swinging = 0.0  # [1/s²] ω², [1/s⁴] mean of (ω² + ω̇)²
         self._yaw_rate = self._lag = 0.0  # [rad/s]
-        self._floated, self._was_afloat = (
-            0,
-            False,
-        )  # pressure samples before the dive; known to be so
+        self._floated = 0  # pressure samples before the dive
+        self._was_afloat = False  # known to be so
         self._told_ns = 0  # [ns] when what was made of the measurements was told
         self._lacking = set[str]()  # sensors that the state lacks, and the pilot was told so
         self._troubles: tuple[str, ...] = ()  # events: which sensors cannot be used now, and why
@@ -248,7 +246,8 @@ class Estimator:
         sample = self._at_origin.magnetometer(sample)
         if self._start is not None:
             self._start.calibration.magnetometer(sample.field)
-        if self._hears_imu(sample.stamp_ns):  # without attitude, a field says nothing
+        # Without attitude, a field says nothing; before the dive the rest measures it.
+        if self._hears_imu(sample.stamp_ns) and (self._start is None or not self._start.at_rest):
             self.outbox.tell(self._compass.fuse(self.filter, sample.field, sample.stamp_ns))
 
     def dvl(self, sample: DvlSample) -> None:

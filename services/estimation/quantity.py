@@ -157,9 +157,8 @@ class Quantity:
             self.white_variance = min(max(measured, QUIETER**2 * stated), NOISIER**2 * stated)
         self._last = innovation
         if self.coloured > 0.0:
-            off = innovation - self.mean * sqrt(
-                explained + self._variance(dt)
-            )  # a mean is no noise
+            # A mean is no noise.
+            off = innovation - self.mean * sqrt(explained + self._variance(dt))
             seen = (off * off - explained) / (self.coloured * self.coloured)
             seen = max(0.0, min(2.0 * self.most_factor, seen))
             self.factor += min(0.1, dt / MATCHED_S) * (seen - self.factor)

@@ -30,10 +30,7 @@ AFLOAT_TURN, DRIVEN_TURN = 5e-5, 6e-4
 
 # Before the dive a rest is longer and its limits are wider: it may bob. What the mean of half
 # seconds scatters by is in its spread.
-MOST_RATE_STD, MOST_FORCE_STD = (
-    0.02,
-    0.2,
-)  # [rad/s], [m/s²] a larger one within half a second is motion
+MOST_RATE_STD, MOST_FORCE_STD = 0.02, 0.2  # [rad/s], [m/s²] more within half a second is motion
 SCATTERED = 0.3  # [-] of their spread: a swell of 8 s averages out by so much in 10 s
 MOST_CHANGE = 1500.0  # [Pa] of pressure in the whole rest, and 3 σ: 15 cm; more is no bobbing
 ENOUGH_PRESSURES = 20  # samples; fewer do not average 5 mbar away

@@ -22,9 +22,8 @@ class DepthSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pressure_std: Positive = 500.0  # [Pa] of one pressure sample; 5 mbar
     pressure_latency: Latency = 0.0  # [s] from a sample's time of validity to its stamp
     acceleration_noise: Positive = 0.0016  # [m/s²/√Hz] of the accelerometer
-    horizontal_bias_std: Positive = (
-        0.05  # [m/s²] of it, forward and starboard: 5 mg, unseen at rest
-    )
+    # [m/s²] of its bias, forward and starboard: 5 mg, unseen at rest
+    horizontal_bias_std: Positive = 0.05
 
 
 class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

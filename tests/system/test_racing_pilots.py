@@ -102,7 +102,7 @@ class Topside:
 
     def answer(self, answer: PilotAnswer) -> None:
         now = self.race.net.now
-        if not self.gone and (request := self.requests.answered(answer, now)) is not None:
+        if not self.gone and (request := self.requests.answered(answer)) is not None:
             self._do(self.pilot.answered(request, answer, now))
 
     @property

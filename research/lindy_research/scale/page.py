@@ -50,7 +50,7 @@ def page() -> str:
                 ("up, to its pilot", up),
                 ("up, over a thinned link", thin),
                 ("down, from its pilot", down),
-                ("up, to whoever watches all (`lindy drones --watch`)", looked),
+                ("up, to a computer that runs `lindy drones --watch`", looked),
             ),
             model,
         ),

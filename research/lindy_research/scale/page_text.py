@@ -92,8 +92,8 @@ Where there are 8 processors, `lindy bench --only fleet` flies eight and measure
 3. **A core router**: 1,000 drones need several, and Zenoh does not balance the load between them;
    who connects where is in the routers' files.
 
-Not what breaks: whoever watches all (`lindy drones --watch`), because that asks for three slow
-rows; and the routers of sites and of the centre.
+Two things hold: `lindy drones --watch` over all drones, which asks for three slow rows only, and
+the routers of sites and of the centre.
 
 Not measured: more than two routers in a row, network cards, TLS, zenohd, 1,000 real hubs.
 """

@@ -25,11 +25,7 @@ Overrules = Callable[[Q, Q], bool]  # (newer, older): does the newer withdraw th
 class Pending(Generic[Q]):
     request: Q  # as it was first sent
     repeat_at: Ns  # [ns]
-    alive_at: Ns  # [ns] when it was sent, or said to be under way
-
-    @property
-    def given_up_at(self) -> Ns:
-        return self.alive_at + GIVE_UP_NS
+    given_up_at: Ns  # [ns]
 
 
 class Requests(Generic[Q]):
@@ -51,17 +47,13 @@ class Requests(Generic[Q]):
         )
         self._asked += 1
         self.pending[:] = [p for p in self.pending if not self._overrules(asked, p.request)]
-        self.pending.append(Pending(asked, now + REPEAT_NS, now))
+        self.pending.append(Pending(asked, now + REPEAT_NS, now + GIVE_UP_NS))
         return asked
 
-    def answered(self, answer: Answer, now: Ns) -> Q | None:
-        """The request that this answers; None when it is not ours, was answered before, or is still
-        under way."""
+    def answered(self, answer: Answer) -> Q | None:
+        """The request that this answers; None when it is not ours, or was answered before."""
         for pending in self.pending:
             if pending.request.id == answer.id:
-                if answer.under_way:
-                    pending.alive_at = now
-                    return None
                 self.pending.remove(pending)
                 return pending.request
         return None
@@ -109,9 +101,9 @@ class Requester(Generic[Q, A]):
         self._alarm.set(self._requests.due())
 
     def hear(self, answer: A, now: int) -> None:
-        request = self._requests.answered(answer, now)
+        request = self._requests.answered(answer)
         self._alarm.set(self._requests.due())
-        if request is not None:  # else another one's, the answer to a repetition, or not done
+        if request is not None:  # else another one's, or the answer to a repetition
             self._on_answer(request, answer, now)
 
     def _look(self, now: int) -> None:

@@ -122,4 +122,4 @@ def test_a_gyroscope_that_works_is_not_touched() -> None:
     assert after is not None
     assert after.gyro_bias == pytest.approx(before.gyro_bias, abs=5e-5)
     assert_right(state, vehicle)
-    assert vehicle.counts["doubted:gyroscope"] == 0
+    assert vehicle.counts["inconsistent:sensor/imu"] == 0
