@@ -100,7 +100,7 @@ class Pressure:
     def fuse(self, f: ErrorStateFilter, pressure: float, stamp_ns: int, at_ns: int) -> Event | None:
         """Use a sample [Pa] that is valid, with the filter at this time [ns]. Returns an event to
         tell."""
-        quantity, stamp_ns = self.quantity, stamp_ns - self._latency_ns
+        quantity, stamp_ns = self.quantity, max(0, stamp_ns - self._latency_ns)
         age = (at_ns - stamp_ns) * 1e-9
         if not -AHEAD <= age <= LATEST_AGE:
             quantity.refuse(events.LATE_PRESSURE(), stamp_ns)

@@ -43,6 +43,7 @@ PRESSURE_FROZEN, MAGNETOMETER_FROZEN, DVL_FROZEN, USBL_FROZEN = 0.8, 1.0, 10.0, 
 FORCE_NOISE, GYRO_NOISE, PRESSURE_NOISE = 2.0, 0.15, 5000.0  # [m/s²], [rad/s], [Pa]
 NOISE_SAMPLES = 40  # of the running mean
 GOOD = 0.5  # [-] of that limit, to be quiet again
+REFUSED_NS = 500_000_000  # [ns] of samples that cannot be true, until the sensor is not used
 
 Content = tuple[float, ...]
 
@@ -80,7 +81,8 @@ class Sensor:
         self._stamp_ns: int | None = None
         self._silent_after, self._silent = silent_after, False
         self._rhythm = SampleRhythm(silent_after) if by_rhythm else None
-        self._excuse: Event | None = None  # what the sensor itself says it lacks
+        self._refused: Event | None = None  # why its newest sample cannot be true …
+        self._refused_ns = 0  # [ns] … and since when that is so
         self._hz, self._periods, self._span_ns, self._rate_wrong = hz, 0, 0, False
         self._since_ns, self._since_moved_ns = 0, 0  # [ns] it says the same, and was moved first
         self._frozen = self._noisy = False
@@ -98,15 +100,19 @@ class Sensor:
                 self._outbox.tell(events.SILENT(self.key))
         if self._silent:
             return events.SILENT(self.key)
-        if self._excuse is not None:
-            return self._excuse
+        if self._refused is not None and now - self._refused_ns > REFUSED_NS:
+            return self._refused
         if self._frozen:
             return events.FROZEN(self.key)
         return events.NOISY(self.key) if self._noisy else None
 
-    def excused(self, why: Event, stamp_ns: int) -> None:
-        """The sensor is alive and says itself why it measures nothing now."""
-        self._excuse, self._stamp_ns, self._silent = why, max(stamp_ns, self._stamp_ns or 0), False
+    def refused(self, why: Event, stamp_ns: int) -> None:
+        """The sensor is alive, but this sample measures nothing, or cannot be true."""
+        self._outbox.tell(why)
+        if self._refused is None:
+            self._refused_ns = stamp_ns
+        self._refused = why
+        self._stamp_ns, self._silent = max(stamp_ns, self._stamp_ns or 0), False
         if self._rhythm is not None:
             self._rhythm.see(stamp_ns)
 
@@ -119,7 +125,7 @@ class Sensor:
             tell(row(key))
             return row(key)
         self._content, self._stamp_ns = content, stamp_ns
-        self._silent, self._excuse = False, None
+        self._silent, self._refused = False, None
         if self._rhythm is not None:
             self._rhythm.see(stamp_ns)
         if self._hz is not None and last_ns is not None:

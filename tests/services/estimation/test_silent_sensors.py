@@ -45,12 +45,30 @@ def test_a_dvl_that_says_it_has_no_lock_is_not_silent_until_it_is() -> None:
     watch = Sensor("sensor/x", outbox, 1e3, PATIENCE)
     why = events.NO_BOTTOM("sensor/x")
     for k in range(100):
-        watch.excused(why, k * 100 * MS)
-        assert watch.trouble(k * 100 * MS) == why
+        watch.refused(why, k * 100 * MS)
+        assert watch.trouble(k * 100 * MS) == (why if k > 5 else None)
     lately = 99 * 100 * MS
     assert watch.trouble(lately + round((PATIENCE + 0.1) * 1e9)) == events.SILENT("sensor/x")
     assert watch.judge((1.0,), lately + 2 * round(PATIENCE * 1e9)) is None
     assert watch.trouble(lately + 2 * round(PATIENCE * 1e9)) is None
+
+
+def test_a_sensor_whose_samples_cannot_be_true_is_not_silent() -> None:
+    estimator = Estimator(Settings(calibration=CalibrationSettings(still_time=1.0)), 0.17)
+    state: VehicleState | None = None
+    for k in range(1, 1000):
+        now, wave = 10 * k * MS, 1e-3 * (k % 7)
+        if k % 2:
+            estimator.pressure(PressureSample(stamp_ns=now, pressure=101_900.0 + wave))
+        if k % 10 == 0:  # a magnet beside the sensor, from the sixth second
+            field = (15e-6, 1e-8 * (k % 7), 49e-6) if k < 600 else (200e-6, 1e-8 * (k % 7), 0.0)
+            estimator.magnetometer(MagnetometerSample(stamp_ns=now, field=field))
+        force, rate = (0.0, wave, -GRAVITY), (1e-7 * (k % 7), 0.0, 0.0)
+        state = estimator.imu(imu_sample(now, force, rate), now) or state
+    assert state is not None
+    assert state.troubles == ("implausible:sensor/magnetometer",)
+    assert estimator.outbox.counts["silent:sensor/magnetometer"] == 0
+    assert estimator.outbox.counts["implausible:sensor/magnetometer"] == 40
 
 
 def test_without_a_lock_the_state_says_why_it_does_not_know_where_it_is() -> None:
