@@ -170,6 +170,7 @@ class Compass:
         """After a silence of the IMU: has the vehicle turned? Without a compass, nothing tells."""
         if self.knows_north and f.std(YAW) > LOST:
             self.lose()
+            f.forget(YAW, pi)  # a turn of several 1σ is no outlier
 
     def lose(self) -> None:
         """The heading is not known."""

@@ -89,11 +89,12 @@ LEVELLED, FIRST_VELOCITY, FAR = 0.01, 0.2, 100.0  # [m], [m/s], [m]
 RESUMED_TILT, RESUMED_GYRO, RESUMED_FORCE = 0.2, 1e-3, 0.02  # [rad], [rad/s], [m/s²]
 WIDE_S = 2.0  # [s] they may walk quickly, after the last time
 # [-] share of the hull's outliers that says the same: two in a row. On real dives none or seven
-# follow each other; a step of the gyroscope by 1 rad/s moves the vehicle by 0.08, 0.16, 0.32 m where
-# two, three, five are waited for.
+# follow each other; a step of the gyroscope by 1 rad/s moves the vehicle by 0.08, 0.16 and 0.32 m
+# where two, three and five are waited for.
 REJECTED = 0.2
 # While innovations are not centred, once, where more than the pressure says so.
 INCONSISTENT_TILT, INCONSISTENT_GYRO = 0.1, 0.3  # [rad], [rad/s]
+INCONSISTENT_FORCE = 0.2  # [m/s²] level, 20 mg: else all that is wrong is the gyroscope's
 STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
 UNKNOWN_TILT = 0.3  # [rad] 1σ beyond which the attitude is invalid …
 UNSURE_TILT = 0.15  # [rad] … or no dive begins
@@ -365,6 +366,8 @@ class Estimator:
             for k in range(3):
                 f.widen(TILT + k, INCONSISTENT_TILT)
                 f.widen(GYRO + k, INCONSISTENT_GYRO)
+            for k in range(2):
+                f.widen(FORCE + k, INCONSISTENT_FORCE)
             for quantity in self._hull.quantities:
                 quantity.forget()
 

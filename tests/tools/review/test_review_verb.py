@@ -57,7 +57,7 @@ def test_the_estimator_runs_as_it_ran_in_the_dive(dive: Path) -> None:
     for each in open_recording(dive):
         if each.key == topics.STATE.key and isinstance(each.message, VehicleState):
             rows.add(each.message)
-    found, recorded = estimate(open_source(dive), "estimating").track, rows.track()
+    found, recorded = estimate(open_source(dive)).track, rows.track()
     assert found is not None
     for name in ("roll", "depth", "heading", "surge"):
         ours, theirs = found.known(name)[1], recorded.known(name)[1]
