@@ -111,7 +111,7 @@ class Submarine:
         elif handler := self._handlers.get(packet.name):
             handler(packet, waiting, now, out)
         elif answer := identity.ANSWERS.get(packet.name):
-            if (answered := answer(packet, self._known)) is not None:
+            if (answered := answer(packet, self._known._replace(now=now))) is not None:
                 out.packets.append(Addressed(packet.sender.link, answered))
         elif packet.name not in identity.EXPECTED:
             self._outbox.tell(events.IGNORED("mavlink"))

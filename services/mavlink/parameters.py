@@ -14,7 +14,7 @@ from services.mavlink_io.packet import MavlinkPacket
 
 INT8, INT16, INT32, REAL32 = 2, 4, 6, 9  # MAV_PARAM_TYPE
 NO_INDEX = -1  # PARAM_REQUEST_READ: by name
-BUTTONS = 16  # of MANUAL_CONTROL
+BUTTONS = 32  # of MANUAL_CONTROL: `buttons` and `buttons2`
 
 
 class Parameter(NamedTuple):
@@ -24,7 +24,7 @@ class Parameter(NamedTuple):
 
 
 # What the buttons do: as in ArduSub, for those functions that are here (`buttons.py`).
-BUTTON_DEFAULTS = (0, 5, 7, 6, 4, 0, 3, 0, 0, 23, 22, 42, 43, 33, 32, 0)
+BUTTON_DEFAULTS = (0, 5, 7, 6, 4, 0, 3, 0, 0, 23, 22, 42, 43, 33, 32, 0, *(0,) * 16)
 TABLE: Mapping[str, Parameter] = {
     "SYSID_THISMAV": Parameter(1.0, INT16),
     "SYSID_MYGCS": Parameter(255.0, INT16),
@@ -33,12 +33,13 @@ TABLE: Mapping[str, Parameter] = {
     "FS_PILOT_INPUT": Parameter(1.0, INT8),  # comes to rest and holds; ArduSub would only warn
     "FS_PILOT_TIMEOUT": Parameter(TTL_MS / 1e3),  # [s]
     "FS_GCS_ENABLE": Parameter(0.0, INT8),  # sticks count, not heartbeats
-    "FS_LEAK_ENABLE": Parameter(0.0, INT8),
+    "FS_LEAK_ENABLE": Parameter(2.0, INT8),  # rises
     "FS_PRESS_ENABLE": Parameter(0.0, INT8),
-    "FS_TEMP_ENABLE": Parameter(0.0, INT8),
-    "FS_EKF_ACTION": Parameter(0.0, INT8),
+    "FS_TEMP_ENABLE": Parameter(1.0, INT8),  # warns
+    "FS_EKF_ACTION": Parameter(1.0, INT8),  # warns, and comes to rest
     "FS_CRASH_CHECK": Parameter(0.0, INT8),
-    "FS_BATT_ENABLE": Parameter(0.0, INT8),
+    "BATT_FS_LOW_ACT": Parameter(0.0, INT8),  # warns; ArduSub has no number for that
+    "BATT_FS_CRT_ACT": Parameter(3.0, INT8),  # rises
     "BATT_MONITOR": Parameter(4.0, INT8),  # voltage and current
     "RC_OVERRIDE_TIME": Parameter(TTL_MS / 1e3),  # [s]
     "SURFACE_DEPTH": Parameter(0.0),

@@ -12,7 +12,7 @@ from services.mavlink_io.packet import MavlinkPacket
 from services.piloting.pilot import Effects
 
 TEXT = 50  # [B] of one STATUSTEXT; longer text is sent in several
-LONGEST = 250  # [B] of a text; the rest is in the log
+LONGEST = 249  # [B] of a text; the rest is in the log
 TEXTS = 20  # that may be sent at once
 PER_TEXT_NS = 200_000_000  # [ns] in the long run there are no more than this allows
 
@@ -65,7 +65,9 @@ class Texts:
 
     def _packets(self, severity: MavSeverity, text: str) -> list[MavlinkPacket]:
         raw = _plain(text)[:LONGEST]
-        chunks = [raw[at : at + TEXT] for at in range(0, len(raw), TEXT)] or [b""]
+        # A chunk that is not full is the last one.
+        end = len(raw) + 1 if len(raw) > TEXT else max(1, len(raw))
+        chunks = [raw[at : at + TEXT] for at in range(0, end, TEXT)]
         number = 0
         if len(chunks) > 1:
             number = self._id = self._id % 65535 + 1

@@ -1,6 +1,6 @@
 """MANUAL_CONTROL and RC_CHANNELS_OVERRIDE of the ground station that has the sticks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from messages import events
 from messages.units import Ns
@@ -9,7 +9,7 @@ from services.mavlink.buttons import ButtonReader
 from services.mavlink.ground_pilot import GroundPilot
 from services.mavlink.packets import GroundStation, ReceivedPacket
 from services.mavlink.reaction import Reaction
-from services.mavlink.stick_packets import StickPacket, manual_control, rc_override
+from services.mavlink.stick_packets import Channels, StickPacket, lets_go, manual_control
 from services.mavlink_io.numbers import MavSeverity
 from services.piloting.pilot import Waiting
 
@@ -21,16 +21,21 @@ class StickInput:
     pilot: GroundPilot
     buttons: ButtonReader
     status: VehicleStatus | None = None  # newest of the drone
+    _channels: Channels = field(default_factory=Channels)  # of who has the sticks
     _lamp: float | None = None  # [-] as RC channel 9 last said
     _warned_ns: Ns | None = None
 
     def manual_control(
         self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction
     ) -> None:
-        holder, down, gain = self.pilot.holder, int(packet.fields["buttons"]), self.buttons.gain
+        holder, gain = self.pilot.holder, self.buttons.gain
+        down = int(packet.fields["buttons"]) | int(packet.fields.get("buttons2") or 0) << 16
         if packet.sender != holder.sender:
             self.buttons.forget(down)
+            self._channels = Channels()
         said = manual_control(packet.fields, gain)
+        tilted = said.sticks._replace(tilt=self._channels.tilt(now))
+        said = said._replace(sticks=tilted)
         if not self._steer(packet.sender, said, waiting, now, out):
             return
         armed = self.status is not None and self.status.armed
@@ -44,14 +49,20 @@ class StickInput:
             self.pilot.light(pressed.light, out)
 
     def rc_override(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
-        holder, said = self.pilot.holder, rc_override(packet.fields)
-        if said is None:  # all channels released
-            if packet.sender == holder.sender:
-                holder.release()
+        holder = self.pilot.holder
+        has_them = packet.sender == holder.sender
+        if not has_them:
+            self._channels = Channels()
+        said = self._channels.hear(packet.fields, now)
+        if has_them and lets_go(packet.fields):
+            holder.release()
             return
-        if not self._steer(packet.sender, said, waiting, now, out):
+        if said is None:
             return
-        holder.tilt = holder.gripper = 0.0
+        if said.moves or not (has_them and holder.fresh(now)):
+            if not self._steer(packet.sender, said, waiting, now, out):
+                return
+            holder.tilt = holder.gripper = 0.0
         if said.light is not None and said.light != self._lamp and "light" not in waiting:
             self._lamp = said.light
             self.pilot.light(said.light, out)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from messages.pilot import TTL_MS
 from services.mavlink.packets import GroundStation
-from services.mavlink.stick_packets import manual_control, rc_override
+from services.mavlink.stick_packets import Channels, StickPacket, lets_go, manual_control
 from services.mavlink_io.numbers import NO_AXIS, NO_CHANNEL
 from services.piloting.stick_holder import KEPT_NS, StickHolder
 from services.piloting.sticks import CENTRED, Sticks
@@ -21,6 +21,10 @@ ANN, BOB = GroundStation("udp a", 255, 190), GroundStation("tcp b", 255, 190)
 MOST = {"surge": ("x", 1000), "sway": ("y", 1000), "heave": ("z", 0), "yaw": ("r", 1000)}
 CHANNELS = {"surge": (5, 1900), "sway": (6, 1900), "heave": (3, 1100), "yaw": (4, 1900)}
 DOWN = Sticks(heave=1.0)
+
+
+def rc_override(fields: dict[str, Any]) -> StickPacket | None:
+    return Channels().hear(fields, 0)
 
 
 def override(**channels: int) -> dict[str, Any]:
@@ -63,12 +67,33 @@ def test_a_stick_is_monotonic_and_without_a_jump() -> None:
     assert surges == [-s for s in reversed(surges)]
 
 
-@pytest.mark.parametrize("released", [0, NO_CHANNEL])
-def test_released_channels_are_centred_and_all_of_them_are_nobodys_sticks(released: int) -> None:
-    said = rc_override(override(ch3=released, ch5=1700))
+@pytest.mark.parametrize("unsaid", [0, NO_CHANNEL])
+def test_channels_that_are_not_said_are_centred(unsaid: int) -> None:
+    said = rc_override(override(ch3=unsaid, ch5=1700))
     assert said is not None
     assert (said.sticks.heave, said.clipped) == (0.0, False)
-    assert rc_override(dict.fromkeys(override(), released)) is None
+    nothing = dict.fromkeys(override(), unsaid)
+    assert rc_override(nothing) is None
+    assert lets_go(nothing) == (unsaid == 0)
+
+
+def test_one_channel_at_a_time_is_all_of_them() -> None:
+    """As in the example of ArduSub's documentation: 65535 in all others."""
+    channels = Channels()
+    for k in range(40):
+        number, us = ((3, 1300), (5, 1700), (4, 1900))[k % 3]
+        said = channels.hear(override(**{f"ch{number}": us}), 50 * k * MS)
+    assert said is not None
+    assert said.sticks.heave > 0.4
+    assert said.sticks.surge > 0.4
+    assert said.sticks.yaw == 1.0
+    later = 40 * 50 * MS
+    said = channels.hear(override(ch5=0), later)  # released
+    assert said is not None
+    assert (said.sticks.surge, said.sticks.yaw) == (0.0, 1.0)
+    said = channels.hear(override(ch6=1500), later + round(TTL_MS * MS))
+    assert said is not None
+    assert said.sticks == CENTRED  # all others are too old
 
 
 def test_lights_and_tilt_have_channels() -> None:

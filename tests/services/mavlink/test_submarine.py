@@ -418,6 +418,14 @@ def test_questions_have_answers(name: str, fields: dict[str, Any], answer: dict[
     assert answer.items() <= dict(addressed.packet.fields).items()
 
 
+def test_a_timesync_is_answered_with_the_time_of_its_arrival() -> None:
+    drone = Drone()
+    drone.tick()
+    drone.now += 19 * MS  # between two ticks
+    (answer,) = sent(drone.hear("TIMESYNC", tc1=0, ts1=7), "TIMESYNC")
+    assert answer["tc1"] == drone.now
+
+
 def test_an_answered_timesync_is_not_answered() -> None:
     assert Drone().hear("TIMESYNC", tc1=5, ts1=7).packets == []
 
@@ -428,6 +436,32 @@ def test_files_are_refused_at_once(payload: list[int]) -> None:
     (answer,) = sent(reaction, "FILE_TRANSFER_PROTOCOL")
     assert len(answer["payload"]) == 251
     assert answer["payload"][3] == 129
+
+
+@pytest.mark.parametrize("size", [50, 51, 97, 99, 100, 147, 150, 200, 249, 250, 400])
+def test_the_last_chunk_of_a_text_is_not_full(size: int) -> None:
+    """So a ground station knows that it is the last, and shows the text at once."""
+    line = LogLine(stamp_ns=0, service="a", level="warning", text="x" * (size - 3))
+    chunks = [c["text"] for c in sent(Drone().submarine.log(line, 0), "STATUSTEXT")]
+    assert b"".join(chunks) == (b"a: " + b"x" * size)[: min(size, 249)]
+    assert all(len(chunk) == 50 for chunk in chunks[:-1])
+    assert len(chunks[-1]) < 50 or len(chunks) == 1
+
+
+def test_a_channel_alone_leaves_the_sticks_beside_it() -> None:
+    drone = Drone().flown()
+    unsaid = {f"chan{n}_raw": 65535 for n in range(1, 19)}
+    drone.sticks(x=1000)
+    gain = drone.submarine.gain
+    out = drone.tick()
+    for _ in range(5):
+        drone.hear("RC_CHANNELS_OVERRIDE", **unsaid | {"chan8_raw": 1900}, **HERE)
+        drone.sticks(x=1000)
+        out = drone.tick()
+        assert out.command is not None
+        assert out.command.surge == pytest.approx(gain)
+    assert out.command is not None
+    assert out.command.tilt == 1.0
 
 
 def test_warnings_become_texts_and_too_many_are_counted() -> None:
@@ -468,6 +502,14 @@ def test_buttons_arm_choose_modes_and_light_when_they_go_down() -> None:
     drone.sticks(buttons=1 << 14)
     drone.sticks(buttons=1 << 4)
     assert drone.asked[-3:] == ["mode", "light", "disarm"]
+
+
+def test_there_are_buttons_beyond_sixteen() -> None:
+    drone = Drone()
+    drone.sticks()
+    drone.hear("PARAM_SET", param_id="BTN16_FUNCTION", param_value=3.0, param_type=2, **HERE)
+    drone.sticks(buttons2=1)
+    assert drone.asked.count("arm") == 1
 
 
 def test_a_held_button_tilts_the_camera_and_one_changes_the_gain() -> None:
