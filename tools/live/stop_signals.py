@@ -10,10 +10,10 @@ from contextlib import suppress
 from types import TracebackType
 
 from services.runtime.os import system
+from tools.exit_status import INTERRUPTED
 
 PRESSED = (signal.SIGINT, signal.SIGTERM)
 SIGNALS = (*PRESSED, *system.HANG_UP)
-BROKEN_OFF = 130  # exit status, as after any Ctrl-C
 APART_S = 0.5  # [s] signals that come closer are one: `uv run` hands on what also came by itself
 HANGS_S = 2.0  # [s] a dive in this process that has not ended by then hangs
 WRITING = "the report is being written; once more, and it is broken off"
@@ -58,7 +58,7 @@ class StopSignals:
 
     def report(self, write: Callable[[], int], kept: str = "the recording is whole") -> int:
         """Write the report of a dive that is over. Returns the exit status of `write`, or
-        `BROKEN_OFF`.
+        `INTERRUPTED`.
 
         Args:
             kept: what is left if the report is broken off.
@@ -71,7 +71,7 @@ class StopSignals:
             self._reporting = False  # everything is written: nothing is left to break off
         except BrokenOffError:
             print(f"lindy: the report was broken off; {kept}", file=sys.stderr, flush=True)
-            return BROKEN_OFF
+            return INTERRUPTED
         finally:
             self._reporting = False
             atexit.register(_ignore)  # the program is about to end with the status of the dive

@@ -5,12 +5,11 @@ from pathlib import Path
 
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
+from tools.exit_status import ERROR
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.stop_signals import StopSignals
 from tools.onboard.plan import DiveEnd, handed_on
 from tools.report import Elsewhere
-
-ERROR = 1  # exit status
 
 
 def report(end: DiveEnd) -> int:

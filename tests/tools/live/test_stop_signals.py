@@ -19,8 +19,9 @@ from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.stack import Stack
 from tests.support.patience import PATIENCE_S
+from tools.exit_status import INTERRUPTED
 from tools.live.outcome import Outcome
-from tools.live.stop_signals import BROKEN_OFF, SIGNALS, WRITING, StopSignals
+from tools.live.stop_signals import SIGNALS, WRITING, StopSignals
 
 HERE = Path(__file__).parents[3]
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -118,7 +119,7 @@ def test_one_more_breaks_the_report_off_and_leaves_no_half_of_it(
     with StopSignals(partial(next, count())) as stop:  # a second passes at every look
         press(number)
         press(number)
-        assert stop.report(outcome.sum_up) == BROKEN_OFF
+        assert stop.report(outcome.sum_up) == INTERRUPTED
     sentence = "lindy: the report was broken off; the recording is whole"
     assert capfd.readouterr().err.splitlines() == [f"lindy: {WRITING}", sentence]
     assert [path.name for path in tmp_path.iterdir()] == ["dive.mcap"]
@@ -128,6 +129,7 @@ def test_one_more_breaks_the_report_off_and_leaves_no_half_of_it(
 def test_the_end_of_the_program_keeps_the_status_of_the_dive(number: int):
     program = f"""
 import atexit, os
+from tools.exit_status import INTERRUPTED
 from tools.live.stop_signals import StopSignals
 atexit.register(lambda: os.kill(os.getpid(), {int(number)}))
 with StopSignals() as stop:
@@ -153,6 +155,7 @@ def test_a_closed_terminal_ends_the_dive_and_its_report_is_written(tmp_path: Pat
 import os, signal, time
 from services.runtime.config.stack import Stack
 from tools.live.outcome import Outcome
+from tools.exit_status import INTERRUPTED
 from tools.live.stop_signals import StopSignals
 outcome = Outcome(Stack(out={str(tmp_path)!r}))
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whatever these tests were started by
