@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import msgspec
 import pytest
 
 from messages import topics
-from messages.health import Health, LogLine
+from messages.health import LogLine
 from services.marine.vehicle import Vehicle
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, connected
@@ -22,8 +21,6 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import LocalStack, local_stack
-from services.runtime.node.checkpoint import VolatileCheckpoint
-from services.runtime.node.node import Node
 from services.runtime.os import system
 from tests.support.patience import PATIENCE_S, until
 
@@ -310,37 +307,6 @@ def test_the_dive_goes_on_without_a_service_that_was_alive_and_is_started_again(
         local.wait_alive(-1.0, lambda: True)
         assert "not alive after -1 s: desk; the dive goes on" in [line.text for line in said]
         alive(local)
-
-
-def test_a_computer_on_which_every_service_is_late_is_named_once(tmp_path: Path) -> None:
-    stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
-        said = list[LogLine]()
-        local.node.show = said.append
-        local.plan.services = services.only({f"s{number}": services["desk"] for number in range(5)})
-        endpoint, space = local.plan.endpoints["topside"], namespace(stack.space)
-        with connected(endpoint, space, PATIENCE_S) as session:
-            bus = ZenohBus(session)
-            nodes = [
-                Node(f"s{n}", {"topside": bus}, lambda: 0, VolatileCheckpoint()) for n in range(5)
-            ]
-
-            def late() -> bool:
-                for node in nodes:
-                    late = Health(
-                        service=node.name, loop_hz=1.0, lateness_p50_ms=90.0,
-                        lateness_p99_ms=90.0, cpu_percent=None, rss_mb=None, sent=0, received=0,
-                        counts={}, stamp_ns=time.monotonic_ns(),
-                    )  # fmt: skip
-                    node.publisher(topics.HEALTH.of(node.name)).put(late)
-                return any("too busy" in line.text for line in said)
-
-            until(late, lambda: said, local.pump)
-    lines = [line.text for line in said if "too busy" in line.text]
-    assert lines == [
-        "this computer is too busy for a dive: 5 late services in 10 s; try --grouped, or lindy "
-        "simulate"
-    ]
 
 
 @pytest.mark.slow
