@@ -42,6 +42,9 @@ class MonitorLoop:
     def look(self) -> bool:
         """Handle everything that is due. False: the user wants to stop."""
         self.local.pump()
+        if question := self._stop.question:
+            self._stop.question = ""
+            self.local.node.log("warning", question)
         self._shown.show(self._view)
         return not self._stop.asked
 

@@ -79,6 +79,7 @@ class PilotedDive:
             self._own.in_control,
             lambda: restarted(local.restarts, local.plan.services.shared),
         )
+        stop.armed = self._armed
         self._monitor = MonitorLoop(local, self._timeline, stop, shown)
         self._disarming = Disarming(local.node, self._own)
         self._releases = local.stack.apart  # other pilots may go on with the drone
@@ -96,6 +97,14 @@ class PilotedDive:
         end = self._monitor.keep()
         self.disarm()
         return end
+
+    def _armed(self) -> str:
+        """Whether the pilot here has the drone armed, and where."""
+        return f"armed{self._depth()}" if self._timeline.armed else ""
+
+    def _depth(self) -> str:
+        depth = None if self.status is None else self.status.depth
+        return f" at {depth:.1f} m" if isinstance(depth, float) else ""
 
     def _hear(self, status: VehicleStatus, _: int) -> None:
         self.status = status
@@ -115,5 +124,4 @@ class PilotedDive:
             self._monitor.look()
         status = self.status
         if self._releases and disarm and status is not None and not status.armed:
-            where = f" at {status.depth:.1f} m" if isinstance(status.depth, float) else ""
-            self.left = f"{self._drone} is disarmed{where}: nothing holds it now"
+            self.left = f"{self._drone} is disarmed{self._depth()}: nothing holds it now"

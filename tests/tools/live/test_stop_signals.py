@@ -43,6 +43,44 @@ def press(number: int) -> None:
     os.kill(os.getpid(), number)
 
 
+def at_terminal(monkeypatch: pytest.MonkeyPatch, there: bool) -> None:
+    def isatty(_: int) -> bool:
+        return there
+
+    monkeypatch.setattr(os, "isatty", isatty)
+
+
+def test_ctrl_c_at_a_terminal_asks_once_whether_an_armed_drone_is_to_be_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    at_terminal(monkeypatch, True)
+    now = 100.0
+    with StopSignals(lambda: now) as stop:
+        stop.armed = lambda: "armed at 2.0 m"
+        for later_s, question in ((0.0, True), (0.1, False), (11.0, True)):
+            stop.question, now = "", now + later_s
+            press(signal.SIGINT)
+            assert not stop.asked
+            assert stop.question == ("armed at 2.0 m: Ctrl-C again to disarm and end" * question)
+        now += 1.0
+        press(signal.SIGINT)
+        assert stop.asked
+
+
+@pytest.mark.parametrize(
+    ("number", "terminal", "armed"),
+    [(signal.SIGTERM, True, True), (signal.SIGINT, False, True), (signal.SIGINT, True, False)],
+)
+def test_who_is_nobody_at_a_terminal_or_has_nothing_armed_is_not_asked(
+    monkeypatch: pytest.MonkeyPatch, number: int, terminal: bool, armed: bool
+) -> None:
+    at_terminal(monkeypatch, terminal)
+    with StopSignals() as stop:
+        stop.armed = lambda: "armed" * armed
+        press(number)
+        assert stop.asked
+
+
 @BOTH
 @pytest.mark.parametrize("before", [0, 1], ids=["the script is over", "it was stopped"])
 def test_a_signal_during_the_report_is_answered_and_costs_nothing(
