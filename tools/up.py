@@ -15,10 +15,10 @@ from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import require_free
-from services.runtime.launch.process_plan import OtherSide
 from services.runtime.os import system
-from tools.checks import DEFAULT_PILOT, pilot_of
+from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder
 from tools.fleet.meeting import Meeting, drone_at, drones_credentials, drones_name, require_only
 from tools.keys.credentials import credentials
@@ -29,9 +29,9 @@ from tools.live.outcome import RECORDER
 from tools.live.piloted_dive import tell_who_flies, who_flies
 from tools.live.resume import ESTIMATION, resumed
 from tools.onboard.broken_off import broken_off
-from tools.onboard.plan import Plan, become
+from tools.onboard.plan import Start, become
 from tools.onboard.this_start import NOTE, StartNote, boot_id, other_vehicle
-from tools.start import RECORDER_HERE, Planned, as_it_can_run, fly_planned, own, settled
+from tools.start import RECORDER_HERE, as_it_can_run, fly_planned, own, settled
 
 OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two
@@ -112,7 +112,7 @@ def up(
     connect = connect or router or HERE
     way_out = credentials(connect, option, ("pilot",), keys, insecure=insecure)
     return fly_planned(
-        topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
+        *topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
     )
 
 
@@ -153,19 +153,17 @@ def drone(
         require_free(meeting.listen, stack, meeting.credentials)
     if meeting.router is not None:
         require_only(stack.drone_name, meeting.router, meeting.keys)
-    plan = Plan(
-        stack=stack,
-        stack_file=str(here.file),
-        services=dict(here),
+    dive = Dive(
+        stack,
+        here,
+        side="drone",
         elsewhere=tuple(on_side(every, "topside", gateway=False)),
-        listen=meeting.listen,
-        router=meeting.router,
+        listen=() if meeting.listen is None else (meeting.listen,),
+        connect=() if meeting.router is None else (meeting.router,),
         credentials=meeting.credentials,
         begin_with={**goes_on_with(stack, resumes=bool(before)), **before},
-        seconds=choices.seconds,
-        claim=hand_over(stack.out_dir),
     )
-    become("supervise", plan)
+    become("supervise", Start(dive, hand_over(stack.out_dir)))
 
 
 def goes_on_with(stack: Stack, *, resumes: bool = False) -> dict[str, bytes]:
@@ -215,8 +213,9 @@ def topside(
     gateway: bool = False,
     grouped: bool,
     insecure: bool,
-) -> Planned:
-    """The topside of a dive as in `lindy dive`, checked; the report is made on board.
+) -> tuple[Dive, PilotChoice]:
+    """The topside of a dive as in `lindy dive`, checked, and its pilot; the report is made on
+    board.
 
     Raises:
         LindyError: a wrong setting.
@@ -235,19 +234,20 @@ def topside(
         apart=True,
         insecure=insecure,
     )
-    # Either the two hubs are connected, or the tether service forwards between them.
-    other_side = (
-        OtherSide("topside", gateway=connect)
-        if gateway
-        else OtherSide("topside", connect=(connect,))
-    )
     way = f"{stack.link} at {connect}" if gateway else connect
     tell_who_flies(choices, pilot)
     print(f"topside of {stack.drone_name}, drone by way of {way} → {stack.out_dir}", flush=True)
-    there = tuple(on_side(every, "drone", gateway=False))
-    return Planned(
-        stack, every, here, pilot, choices.seconds, way_out, other_side=other_side, drones=there
+    dive = Dive(
+        stack,
+        here,
+        side="topside",
+        elsewhere=tuple(on_side(every, "drone", gateway=False)),
+        # Either the two hubs are connected, or the tether service forwards between them.
+        connect=() if gateway else (connect,),
+        gateway=connect if gateway else None,
+        credentials=way_out,
     )
+    return dive, pilot
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:

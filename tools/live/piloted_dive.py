@@ -68,14 +68,13 @@ class PilotedDive:
         self,
         local: LocalStack,
         pilot: PilotChoice,
-        seconds: float | None,
         stop: StopSignals,
         shown: Display,
     ) -> None:
         self._own = OwnPilot(local.node)
         self._timeline = DiveTimeline(
             pilot.script_s,
-            seconds,
+            local.stack.seconds,
             self._own.in_control,
             lambda: restarted(local.restarts, local.plan.services.shared),
         )

@@ -22,11 +22,11 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.process_host import instance, usage
-from services.runtime.hosts.registry import Registry
 from services.runtime.launch.aliveness import Aliveness
 from services.runtime.launch.child import is_stuck
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.hang_detector import HangDetector
-from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
+from services.runtime.launch.process_plan import LAST, ProcessPlan
 from services.runtime.launch.run_note import RunNote
 from services.runtime.launch.runtime_folder import runtime_folder
 from services.runtime.launch.supervisor import Supervisor
@@ -84,9 +84,9 @@ class LocalStack:
                 buses[side] = ZenohBus(exits.enter_context(session))
                 buses[side].watch(partial(self._token, side))
                 self.supervisor.seen(f"hub_{side}")  # one that cannot listen later is tried again
-        here = None if plan.other_side is None else plan.other_side.side
+        here = plan.dive.side
         self.node = Node(
-            supervisor_of(plan.other_side),
+            plan.dive.supervisor,
             {plan.home: buses[plan.home]},
             time.monotonic_ns,
             VolatileCheckpoint(),
@@ -232,35 +232,20 @@ class LocalStack:
 
 
 @contextmanager
-def local_stack(
-    stack: Stack,
-    services: Registry,
-    listen: str | None = None,
-    other_side: OtherSide | None = None,
-    begin_with: Mapping[str, bytes] | None = None,
-    credentials: Credentials | None = None,
-) -> Generator[LocalStack]:
+def local_stack(dive: Dive) -> Generator[LocalStack]:
     """Running hubs, without services yet; everything is ended when the block is left.
 
-    Args:
-        listen: endpoint on which the pilot's hub listens instead of a private socket, so that
-            programs outside the stack can connect.
-        other_side: where it is another machine; `services` are then those of this one.
-        begin_with: checkpoints by service, of an earlier start.
-        credentials: for endpoints of and for other machines.
-
     Raises:
-        LindyError: the endpoint is taken or malformed.
+        LindyError: an endpoint is taken or malformed.
     """
-    for endpoint in filter(None, (listen, *(other_side.listen if other_side is not None else ()))):
-        require_free(endpoint, stack, credentials)
-    watched = stack.watched or services.watched
-    if other_side is not None and other_side.side == "drone":  # nobody on board is above it
-        watched = {**watched, supervisor_of(other_side): "keeper"}
-    stack = msgspec.structs.replace(stack, watched=watched)
+    for endpoint in dive.listen:
+        require_free(endpoint, dive.stack, dive.credentials)
+    watched = dive.stack.watched or dive.services.watched
+    if dive.side == "drone":  # nobody on board is above it
+        watched = {**watched, dive.supervisor: "keeper"}
+    dive = msgspec.structs.replace(dive, stack=msgspec.structs.replace(dive.stack, watched=watched))
     with runtime_folder() as folder:
-        plan = ProcessPlan(stack, services, folder, listen, other_side, begin_with, credentials)
-        local = LocalStack(plan)
+        local = LocalStack(ProcessPlan(dive, folder))
         with ExitStack() as exits:
             exits.callback(local.note.remove)
             exits.callback(local.supervisor.stop)
