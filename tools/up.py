@@ -1,6 +1,5 @@
 """`lindy up`: one side of a dive on this machine, while the other side runs on another machine."""
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -10,9 +9,7 @@ from cyclopts import Parameter
 
 from services.runtime.bus.key_files import Credentials
 from services.runtime.config.errors import LindyError
-from services.runtime.config.identity import identity_now
 from services.runtime.config.settings import nearest
-from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.dive import Dive
@@ -27,10 +24,8 @@ from tools.live.dive_folder import (
 )
 from tools.live.outcome import RECORDER
 from tools.live.piloted_dive import tell_who_flies, who_flies
-from tools.live.resume import ESTIMATION, resumed
-from tools.onboard.broken_off import broken_off
 from tools.onboard.plan import Start, become
-from tools.onboard.this_start import NOTE, StartNote, boot_id, other_vehicle
+from tools.onboard.resume import begin_with
 from tools.start import RECORDER_HERE, as_it_can_run, fly_planned, own, settled
 
 OTHER = {"topside": "drone", "drone": "topside"}
@@ -140,9 +135,7 @@ def drone(
         link=meeting.link,
         read_besides=[],  # they are the pilot's and the link's
     )
-    before: dict[str, bytes] = {}
-    if resume is not None:
-        before = resumed(resume, identity_now(stack, "drone"), time.monotonic_ns(), time.time())
+    files = begin_with(stack, resume)
     print(
         f"drone {stack.drone_name} ({stack.vehicle}), for the topside at {meeting.link} → "
         f"{stack.out_dir}",
@@ -161,48 +154,9 @@ def drone(
         listen=() if meeting.listen is None else (meeting.listen,),
         connect=() if meeting.router is None else (meeting.router,),
         credentials=meeting.credentials,
-        begin_with={**goes_on_with(stack, resumes=bool(before)), **before},
+        begin_with=files,
     )
     become("supervise", Start(dive, hand_over(stack.out_dir)))
-
-
-def goes_on_with(stack: Stack, *, resumes: bool = False) -> dict[str, bytes]:
-    """The files that the folder of the checkpoints begins with: a note of this start, and the
-    estimator's checkpoint of a dive that broke off, of this very vehicle, which is announced.
-
-    Args:
-        resumes: another dive to go on with was named by the user.
-
-    Raises:
-        LindyError: the vehicle file cannot be read.
-    """
-    boot, now, identity = boot_id(), time.monotonic_ns(), identity_now(stack, "drone")
-    note = StartNote(
-        boot_id=boot or "",
-        vehicle=stack.drone_name,
-        began_ns=now,
-        vehicle_file=identity.vehicle,
-        vehicle_hash=identity.vehicle_hash,
-    )
-    start = {NOTE: msgspec.json.encode(note)}
-    before = None
-    if boot is not None and not resumes:
-        before = broken_off(stack.out_dir.parent, boot, stack.drone_name, now)
-    if before is None:
-        return start
-    if why := other_vehicle(before.start, identity):
-        print(
-            f"does not go on with the calibration of {before.folder}, which broke off: {why}; "
-            f"this start calibrates anew, with the vehicle afloat and at rest",
-            flush=True,
-        )
-        return start
-    print(
-        f"goes on with the calibration of {before.folder}, which broke off; it is "
-        f"{before.age_s:.0f} s old",
-        flush=True,
-    )
-    return {**start, ESTIMATION: before.checkpoint}
 
 
 def topside(
