@@ -196,7 +196,9 @@ class Registry(Mapping[str, ServiceSpec]):
         module, which line."""
         return self._module(name).failure(error)
 
-    def tables(self, here: Collection[str] | None = None) -> dict[str, type | None]:
+    def tables(
+        self, here: Collection[str] | None = None, named: Collection[str] | None = None
+    ) -> dict[str, type | None]:
         """The tables that a vehicle file may have for services: for those of this stack, and for
         all of Lindy's own, because a vehicle file suits more than one stack. None: a user's module
         has no settings.
@@ -204,11 +206,17 @@ class Registry(Mapping[str, ServiceSpec]):
         Args:
             here: the services that run on this machine; None: all. A user's module need not be
                 installed on the other machine, so its table is not checked there.
+            named: tables of the vehicle file. Of Lindy's own services those that have none and
+                are not in this stack are not loaded, and have no type; None: all are.
 
         Raises:
             LindyError: a module of this stack cannot be used.
         """
-        own = {name: own_settings(name) for name in own_services()}
+        wanted = {*(named or ()), *(code_of(name, spec) for name, spec in self.specs.items())}
+        own = {
+            name: own_settings(name) if named is None or name in wanted else dict
+            for name in own_services()
+        }
         found: dict[str, type | None] = {n: kind for n, kind in own.items() if kind is not None}
         for name, spec in self.specs.items():
             if spec.module is not None:
