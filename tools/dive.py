@@ -11,7 +11,7 @@ from tools.choices import DEFAULT, Choices, Grouped, Insecure, KeysFolder
 from tools.keys.credentials import credentials
 from tools.live.cockpit import COCKPIT, announce, with_cockpit
 from tools.live.outcome import title
-from tools.live.piloted_dive import tell_who_flies, who_flies
+from tools.live.pilots import tell_who_flies, who_flies
 from tools.start import as_it_can_run, fly_planned, settled
 
 

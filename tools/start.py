@@ -22,9 +22,8 @@ from tools.fleet.others import others_named
 from tools.live.cockpit import with_further_cameras, with_picture
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
-from tools.live.monitor_loop import followed_by
 from tools.live.outcome import RECORDER, Outcome
-from tools.live.piloted_dive import PilotedDive
+from tools.live.session import PilotedDive, followed_by
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.packages import require_packages

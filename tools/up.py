@@ -23,7 +23,7 @@ from tools.live.dive_folder import (
     hand_over,
 )
 from tools.live.outcome import RECORDER
-from tools.live.piloted_dive import tell_who_flies, who_flies
+from tools.live.pilots import tell_who_flies, who_flies
 from tools.onboard.plan import Start, become
 from tools.onboard.resume import begin_with
 from tools.start import RECORDER_HERE, as_it_can_run, fly_planned, own, settled

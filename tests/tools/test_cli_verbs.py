@@ -17,7 +17,7 @@ from services.runtime.config.running import RUNNING, Running
 from tools import exit_status
 from tools.__main__ import GONE, LOG, VERBS, Verb, command_line, main
 from tools.flowing_help import flowing
-from tools.live import pads
+from tools.live import pilots
 from tools.live.stop_signals import StopSignals
 
 GOOD = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.5,0\n2,0,0,0,0\n"
@@ -245,8 +245,8 @@ def test_a_folder_in_which_somebody_dives_is_refused_and_left_alone(
 def test_there_is_a_pad_only_when_sdl_says_so(
     monkeypatch: pytest.MonkeyPatch, program: str, there: bool
 ):
-    monkeypatch.setattr(pads, "QUESTION", program)
-    assert pads.pad_is_there() is there
+    monkeypatch.setattr(pilots, "QUESTION", program)
+    assert pilots.pad_is_there() is there
 
 
 WITH_VERBS_OF_THEIR_OWN = {"calibrate", "identify", "keys", "link", "topic"}
@@ -428,7 +428,7 @@ def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
         f"    is_controller = staticmethod(lambda n: {mapped})\n"
     )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    assert pads.pad_is_there() is there
+    assert pilots.pad_is_there() is there
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import DEFAULT_PILOT, known_tables
 from tools.choices import Choices
 from tools.live.cockpit import with_cockpit, with_picture
-from tools.live.piloted_dive import who_flies
+from tools.live.pilots import who_flies
 
 NUMBERS = count()
 WIRE = "def wire(node, stack):\n    "
@@ -89,13 +89,13 @@ def test_a_drone_that_is_elsewhere_is_flown_by_no_script_that_nobody_chose(
     monkeypatch: pytest.MonkeyPatch,
 ):
     simulated = Registry.read("simulated")
-    monkeypatch.setattr("tools.live.piloted_dive.pad_is_there", lambda: False)
+    monkeypatch.setattr("tools.live.pilots.pad_is_there", lambda: False)
     assert who_flies(Choices(), simulated).name == DEFAULT_PILOT
     with pytest.raises(LindyError, match=r"^no gamepad is plugged in: .* --pilot keyboard"):
         who_flies(Choices(), simulated, elsewhere=True)
     chosen = who_flies(Choices(pilot=DEFAULT_PILOT), simulated, elsewhere=True)
     assert chosen.name == DEFAULT_PILOT
-    monkeypatch.setattr("tools.live.piloted_dive.pad_is_there", lambda: True)
+    monkeypatch.setattr("tools.live.pilots.pad_is_there", lambda: True)
     assert who_flies(Choices(), simulated, elsewhere=True).name == "gamepad"
 
 
