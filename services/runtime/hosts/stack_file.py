@@ -150,6 +150,34 @@ def require_one_of_a_kind(specs: Specs, file: Path) -> None:
         )
 
 
+def require_processes(specs: Specs, file: Path) -> None:
+    """
+    Raises:
+        LindyError: a process has a name that is not allowed, or services of both sides.
+    """
+    first: dict[str, str] = {}  # service of each process
+    for name, spec in specs.items():
+        if (process := spec.process) is None:
+            continue
+        at, other = place(file, name, "process"), first.setdefault(process, name)
+        if process in TAKEN or not re.fullmatch(NAME, process):
+            raise LindyError(
+                f"{at}: a process cannot be called {process!r}; allowed are a to z, 0 to 9 and "
+                f"_, and not {' or '.join(TAKEN)}"
+            )
+        if process in specs and specs[process].process != process:
+            raise LindyError(
+                f"{at}: {process!r} is a service that is not in this process; allowed is a "
+                f"name that no service has, or process = {process!r} for it as well"
+            )
+        if spec.sides[0] != (side := specs[other].sides[0]):
+            raise LindyError(
+                f"{at}: process {process!r} has {other}, whose home is the {side}, and {name}, "
+                f"whose home is the {spec.sides[0]}; allowed are services with the same home, "
+                f"the first of their sides"
+            )
+
+
 def _require_known(name: str, spec: ServiceSpec, file: Path) -> None:
     if name in TAKEN or not re.fullmatch(NAME, name):
         raise LindyError(
