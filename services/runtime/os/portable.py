@@ -146,11 +146,6 @@ def lock(path: Path) -> LockFile | None:
         return None
 
 
-def files_left(folder: Path) -> int | None:
-    folder.stat()
-    return None
-
-
 def sync_folder(folder: Path) -> None:
     folder.stat()  # NTFS writes names in their order
 

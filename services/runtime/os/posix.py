@@ -218,12 +218,6 @@ def lock(path: Path) -> HeldFile | None:
     return HeldFile(descriptor)
 
 
-def files_left(folder: Path) -> int | None:
-    """New files that a disk takes; None: it has no limit."""
-    found = os.statvfs(folder)
-    return found.f_favail if found.f_files > 0 else None
-
-
 def sync_folder(folder: Path) -> None:
     """The names in it are on the disk, too.
 
