@@ -233,7 +233,7 @@ def command_line(*, listed: bool = False, helps: bool = False) -> "App":
                 log.group, log.sort_key = group, place_in_list
                 app.command(log)
                 continue
-            place = verb.place if verb.place.startswith(RESEARCH) else f"tools.{verb.place}"
+            place = verb.place if verb.place.startswith(RESEARCH) else f"{__package__}.{verb.place}"
             line = {"help": verb.help} if listed else {}
             app.command(place, name=name, group=group, sort_key=place_in_list, **line)
     return program

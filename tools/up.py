@@ -24,7 +24,7 @@ from tools.live.dive_folder import (
 )
 from tools.live.outcome import RECORDER
 from tools.live.pilots import tell_who_flies, who_flies
-from tools.onboard.plan import Start, become
+from tools.onboard.plan import DroneStart, become
 from tools.onboard.resume import begin_with
 from tools.start import RECORDER_HERE, as_it_can_run, fly_planned, own, settled
 
@@ -156,7 +156,7 @@ def drone(
         credentials=meeting.credentials,
         begin_with=files,
     )
-    become("supervise", Start(dive, hand_over(stack.out_dir)))
+    become("supervise", DroneStart(dive, hand_over(stack.out_dir)))
 
 
 def topside(

@@ -17,7 +17,7 @@ S = TypeVar("S", bound=msgspec.Struct)
 Program = Literal["supervise", "report"]
 
 
-class Start(msgspec.Struct, frozen=True):
+class DroneStart(msgspec.Struct, frozen=True):
     """A dive of the drone's side that is about to begin."""
 
     dive: Dive

@@ -20,11 +20,11 @@ from tools.live.keep_running import keep_running
 from tools.live.latest import point
 from tools.live.printed_lines import PrintedLines
 from tools.live.stop_signals import StopSignals
-from tools.onboard.plan import DiveEnd, Seen, Start, become, handed_on
+from tools.onboard.plan import DiveEnd, DroneStart, Seen, become, handed_on
 from tools.onboard.this_start import mark_ended
 
 
-def supervise(start: Start) -> NoReturn:
+def supervise(start: DroneStart) -> NoReturn:
     """… until the dive is over, and then report on it."""
     dive, seen = start.dive, Seen()
     with StopSignals() as stop:
@@ -89,4 +89,4 @@ def _why_it_ended(seen: Seen) -> Generator[None]:
 
 
 if __name__ == "__main__":
-    supervise(handed_on(Start))
+    supervise(handed_on(DroneStart))

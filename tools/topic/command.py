@@ -20,7 +20,7 @@ Key = Annotated[str, Parameter(help="such as state or health/*; default: all of 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class ListenOptions:
     """Options of what listens to streams."""
 
     count: Annotated[Whole | None, Parameter(help="end after so many messages")] = None
@@ -32,7 +32,7 @@ class Limits:
     dive: RunningDive = None
 
 
-DEFAULT = Limits()
+DEFAULT = ListenOptions()
 topic = App(name="topic", help="List the streams of a dive; show, time and weigh them.")
 
 
@@ -53,7 +53,7 @@ def list_() -> int:
 
 
 @topic.command
-def echo(key: str, *, limits: Limits = DEFAULT) -> int:
+def echo(key: str, *, limits: ListenOptions = DEFAULT) -> int:
     """Print what arrives of a stream, a line of JSON for each message.
 
     KEY is a topic of the table, or one of a family: log/* or log/control.
@@ -76,7 +76,7 @@ def echo(key: str, *, limits: Limits = DEFAULT) -> int:
 
 
 @topic.command
-def hz(*keys: Key, limits: Limits = DEFAULT) -> int:
+def hz(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
     """How often streams come, beside the rate of the table, and the pauses between messages.
 
     On a terminal every second, else once at the end.
@@ -87,7 +87,7 @@ def hz(*keys: Key, limits: Limits = DEFAULT) -> int:
 
 
 @topic.command
-def delay(*keys: Key, limits: Limits = DEFAULT) -> int:
+def delay(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
     """How old messages are when they arrive here: since the stamp of whoever sent them.
 
     Between two computers the drone's clock is that of link/clock; of streams that both sides send
@@ -99,7 +99,7 @@ def delay(*keys: Key, limits: Limits = DEFAULT) -> int:
 
 
 @topic.command
-def bw(*keys: Key, limits: Limits = DEFAULT) -> int:
+def bw(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
     """How much of streams comes: payload alone, without Zenoh's own bytes.
 
     Example: lindy topic bw camera/video --seconds 5
@@ -107,7 +107,7 @@ def bw(*keys: Key, limits: Limits = DEFAULT) -> int:
     return _measured("bw", keys, limits)
 
 
-def _measured(what: str, keys: tuple[str, ...], limits: Limits) -> int:
+def _measured(what: str, keys: tuple[str, ...], limits: ListenOptions) -> int:
     from tools.ask import dive_in
     from tools.topic.listening import listen, named, side_of
 
