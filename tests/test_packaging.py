@@ -86,10 +86,10 @@ def test_every_service_of_the_dive_can_be_wired() -> None:
 def test_a_verb_of_research_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str
 ) -> None:
-    def none(**_: str) -> tuple[()]:
-        return ()
+    def none(_: str) -> None:
+        return None
 
-    monkeypatch.setattr("importlib.metadata.entry_points", none)
+    monkeypatch.setattr("tools.__main__.find_spec", none)
     verb = words.split()[0]
     assert main(words.split()) == 1
     said = capsys.readouterr()

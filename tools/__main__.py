@@ -2,26 +2,36 @@
 
 A verb is a function in a module of its own: its parameters are the options, its docstring is the
 help. It returns the exit status, and raises LindyError for a mistake of the user. Only the module
-of the verb that is called is imported, so that help and a mistyped verb answer at once.
+of the verb that is called is imported, so that help answers at once.
 """
 
 import os
 import signal
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
 from io import TextIOWrapper
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from messages.version import VERSION
 from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.os import system
+from tools.exit_status import ERROR, INTERRUPTED, UNREAD
 
-ERROR, INTERRUPTED = 1, 130  # exit statuses
-UNREAD = 141  # exit status: nobody reads the output any more; that of a program that SIGPIPE ends
+if TYPE_CHECKING:
+    from cyclopts import App
+
 LONGEST = 2000  # letters of a complaint: it repeats what was given, which may have any length
 DEBUG = "--debug"
 HELP = ("--help", "-h")
-NUMBERS = {float: "a number, such as 1.5", int: "a whole number"}  # as options are said to be
+RESEARCH = "lindy_research"  # a package of its own, which is not on every computer
+GONE = {
+    "fleet": "`lindy drones --watch` lists the drones again and again",
+    "record": "each drone records on board; fetch its files after the dive",
+    "router-config": "change deploy/router.json5, whose comments say what",
+    "tour": "the steps of a first dive are in docs/flying.md",
+}  # verb of an earlier version → what to use instead
 ABOUT = "Pilot an underwater drone: the pilot leads, the drone follows, without a jerk."
 EPILOGUE = f"With {DEBUG} before or after any verb, an error shows where it came from."
 
@@ -29,7 +39,7 @@ EPILOGUE = f"With {DEBUG} before or after any verb, an error shows where it came
 class Verb(NamedTuple):
     """A verb of `lindy`, or of `lindy log`."""
 
-    place: str  # MODULE:FUNCTION within this package; empty: of another, as an entry point
+    place: str  # MODULE:FUNCTION within this package, or of the package lindy-research
     help: str  # one line; a test compares it with the docstring
 
 
@@ -79,8 +89,8 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "path": Verb("path:path", "Print a path (JSON), or the reference along it (CSV)."),
         "profile": Verb("profile:profile", "Print one motion of the reference model."),
         "ramp": Verb("ramp:ramp", "Turn a stick log into a smooth reference (CSV)."),
-        "figures": Verb("", "Draw the two papers' figures."),
-        "bench": Verb("", "Compare speed with other implementations."),
+        "figures": Verb(f"{RESEARCH}.papers.command:figures", "Draw the two papers' figures."),
+        "bench": Verb(f"{RESEARCH}.bench:bench", "Compare speed with other implementations."),
     },
     "This program": {
         "completion": Verb(
@@ -116,8 +126,7 @@ LOG: dict[str, Verb] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a verb. Returns the exit status: 0 clean, 1 error, 3 done but data or a service was
-    lost, 130 interrupted, 141 nobody reads the output."""
+    """Run a verb. Returns its exit status."""
     words = [*(sys.argv[1:] if arguments is None else arguments)]
     debug = DEBUG in words
     _printable()
@@ -155,88 +164,79 @@ def _run(words: Sequence[str]) -> int | None:
     Raises:
         LindyError, CycloptsError: a mistake of the user.
     """
-    program, verbs = "lindy", VERBS
-    if words[:1] == ["log"]:
-        program, verbs, words = "lindy log", LOG, words[1:]
-    if not words or words[0] in HELP:
-        groups = GROUPS if verbs is VERBS else {"Commands": LOG}
-        print(overview(program, ABOUT if verbs is VERBS else VERBS["log"].help, groups))
-        return 0
-    if words[0] == "--version":
-        print(VERSION)
-        return 0
-    return _loaded(program, words[0], verbs, helps=not {*HELP}.isdisjoint(words))(
-        words, exit_on_error=False, print_error=False, result_action="return_value"
-    )
+    with _interrupted_at_once():
+        verb = _verb_of(words)
+        program = command_line(listed=not verb, helps=not {*HELP}.isdisjoint(words))
+        command = program
+        for name in verb:
+            command = command[name]  # loads its module
+    return program(words)
 
 
-def overview(program: str, about: str, groups: Mapping[str, Mapping[str, Verb]]) -> str:
-    """What `--help` says: each verb in one line."""
-    blocks = [f"Usage: {program} COMMAND", about]
-    width = max(len(name) for verbs in groups.values() for name in verbs)
-    for heading, verbs in groups.items():
-        lines = [f"  {name:<{width}}  {verb.help}" for name, verb in verbs.items()]
-        blocks.append("\n".join([f"{heading}:", *lines]))
-    return "\n\n".join([*blocks, f"`{program} COMMAND --help` shows its options.\n{EPILOGUE}"])
+def _verb_of(words: Sequence[str]) -> Sequence[str]:
+    """The verb in a command line; none where only help is asked for. A mistyped one is said without
+    importing all of them, which takes two seconds.
+
+    Raises:
+        LindyError: there is no such verb, or it is not installed.
+    """
+    of_log = words[:1] == ["log"]
+    verbs, name = LOG if of_log else VERBS, next(iter(words[of_log:]), "--help")
+    if name in (*HELP, "--version"):
+        return ()
+    if name not in verbs:
+        from services.runtime.config.settings import nearest
+
+        if verbs is VERBS and name in GONE:
+            raise LindyError(f"`lindy {name}` is gone: {GONE[name]}")
+        raise LindyError(f"unknown command {name!r}{nearest(name, [*verbs])}")
+    if verbs[name].place.startswith(RESEARCH) and find_spec(RESEARCH) is None:
+        raise LindyError(
+            f"`lindy {name}` is in the package lindy-research, which is not installed; "
+            f"in the folder of Lindy's source, `uv run lindy {name}` installs and runs it"
+        )
+    return ("log", name) if of_log else (name,)
 
 
-def _loaded(program: str, name: str, verbs: Mapping[str, Verb], *, helps: bool) -> Any:
-    """A command line of this verb alone. Ctrl-C while it loads is one sentence, as it is later on.
+def command_line(*, listed: bool = False, helps: bool = False) -> "App":
+    """All verbs, each loaded when it is called.
 
     Args:
-        helps: its help will be shown.
-
-    Raises:
-        LindyError: there is no such verb.
+        listed: each with its one line in place of its own help, so that none is loaded to list it.
+        helps: a help will be shown; what lays it out takes a twentieth of a second to load.
     """
-    if name not in verbs:
-        raise LindyError(f"unknown command {name!r}{_meant(name, verbs)} known: {', '.join(verbs)}")
-    waiting = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else it is ignored
-    if waiting:
-        signal.signal(signal.SIGINT, _leave)
-    try:
-        from cyclopts import App, Parameter
+    from cyclopts import App, Group, Parameter
 
-        formatter = None
-        if helps:  # it takes half of a tenth of a second to load
-            from tools.flowing_help import FlowingHelp
+    formatter = None
+    if helps:
+        from tools.flowing_help import FlowingHelp
 
-            formatter = FlowingHelp()
-        verb = function_of(name, verbs[name].place)
-        app = App(
-            name=program,
-            help_epilogue=EPILOGUE,
-            help_format="plaintext",
-            help_formatter=formatter,
-            version=VERSION,
-            suppress_keyboard_interrupt=False,  # it would be silent
-            default_parameter=Parameter(negative=(), show_default=_shown),
-        )
-        app.command(verb, name=None if isinstance(verb, App) else name)
-        return app
-    finally:
-        if waiting:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def function_of(name: str, place: str) -> Any:
-    """The function of a verb.
-
-    Raises:
-        LindyError: it is of the package lindy-research, which is not installed.
-    """
-    from importlib import import_module
-    from importlib.metadata import entry_points
-
-    if place:
-        module, _, function = place.partition(":")
-        return getattr(import_module(f"{__package__}.{module}"), function)
-    for entry in entry_points(group="lindy.verbs", name=name):
-        return entry.load()
-    raise LindyError(
-        f"`lindy {name}` is in the package lindy-research, which is not installed; "
-        f"in the folder of Lindy's source, `uv run lindy {name}` installs and runs it"
+        formatter = FlowingHelp()
+    program = App(
+        name="lindy",
+        help=ABOUT,
+        help_epilogue=EPILOGUE,
+        help_format="plaintext",
+        help_formatter=formatter,
+        version=VERSION,
+        exit_on_error=False,
+        print_error=False,
+        result_action="return_value",
+        suppress_keyboard_interrupt=False,  # it would be silent
+        default_parameter=Parameter(negative=(), show_default=_shown),
     )
+    log = App(name="log", help=VERBS["log"].help)
+    groups = [(program, Group.create_ordered(name), GROUPS[name]) for name in GROUPS]
+    for app, group, verbs in (*groups, (log, None, LOG)):
+        for place_in_list, (name, verb) in enumerate(verbs.items()):
+            if name == "log":
+                log.group, log.sort_key = group, place_in_list
+                app.command(log)
+                continue
+            place = verb.place if verb.place.startswith(RESEARCH) else f"{__package__}.{verb.place}"
+            line = {"help": verb.help} if listed else {}
+            app.command(place, name=name, group=group, sort_key=place_in_list, **line)
+    return program
 
 
 def _shown(default: object) -> str | None:
@@ -245,57 +245,34 @@ def _shown(default: object) -> str | None:
     return None if words in ("", "None", "True", "False", "inf") or words[0] == "(" else words
 
 
+@contextmanager
+def _interrupted_at_once() -> Generator[None]:
+    """Ctrl-C meanwhile is one sentence. Nothing has begun that must be ended, and an exception
+    would be raised in the middle of any module that is being loaded."""
+    waiting = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else it is ignored
+    if waiting:
+        signal.signal(signal.SIGINT, _leave)
+    try:
+        yield
+    finally:
+        if waiting:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def _leave(*_: object) -> None:
-    """Nothing has begun that must be ended, and an exception could be raised in the middle of any
-    module that is being loaded."""
     os.write(2, b"lindy: interrupted\n")
     os._exit(INTERRUPTED)
-
-
-def _meant(word: str, verbs: Collection[str]) -> str:
-    """`; did you mean 'x'?`, or `;` where nothing is near."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(word, verbs, 1)
-    return f"; did you mean {near[0]!r}?" if near else ";"
-
-
-def _mistyped(error: Any) -> str:
-    """What is wrong with a command line, by the error of cyclopts."""
-    verb = " ".join(("lindy", *(error.command_chain or ())))
-    if len(error.command_chain or ()) == 1 and error.command_chain[0] not in VERBS:
-        verb = verb.replace("lindy", "lindy log", 1)
-    kind, argument, name = type(error).__name__, error.argument, verb.removeprefix("lindy ")
-    if kind == "UnusedCliTokensError":
-        word, verbs = error.unused_tokens[0], [name for name in error.app or () if name[0] != "-"]
-        return (
-            f"{name}: {word!r} is not expected{_meant(word, verbs)} `{verb} --help` shows what is"
-        )
-    if kind == "UnknownOptionError":
-        known = [name for known in error.argument_collection or () for name in known.names]
-        word = error.token.keyword
-        return (
-            f"{name}: there is no {word}{_meant(word, known)} `{verb} --help` shows what there is"
-        )
-    if kind == "MissingArgumentError" and error.keyword is not None:
-        minus = f"one that begins with - as {error.keyword}=-1"
-        return f"{name}: {error.keyword} needs a value, {minus}; `{verb} --help` shows which"
-    if kind == "MissingArgumentError":
-        field, missing = argument.field_info, argument.name
-        missing = missing if field.is_keyword_only else missing.removeprefix("--").upper()
-        return f"{name}: {missing} is missing; `{verb} --help` shows what is expected"
-    if kind == "CoercionError" and error.token is not None and error.target_type in NUMBERS:
-        wanted = NUMBERS[error.target_type]
-        return f"{name}: {argument.name} is {error.token.value!r}, expected {wanted}"
-    return str(error)
 
 
 def _sentence(error: Exception, *, debug: bool) -> str:
     """What to say of an error. With `debug`, all but a mistyped command line are printed, too."""
     import traceback
 
-    if type(error).__module__.startswith("cyclopts."):  # a mistyped verb answers without loading it
-        return _mistyped(error)
+    if isinstance(error, ImportError) and isinstance(error.__cause__, ImportError):
+        error = error.__cause__  # cyclopts says only of which verb it was
+    if type(error).__module__ == "cyclopts.exceptions":
+        chain = getattr(error, "command_chain", None) or ()
+        return f"{error} `{' '.join(('lindy', *chain))} --help` says more"
     if debug:
         traceback.print_exception(error)
     if isinstance(error, LindyError):

@@ -104,7 +104,7 @@ def checked(
         running=list(services),
         seconds=seconds,
     )
-    stack.check(known_tables(services, here))
+    stack.check(known_tables(services, here, stack.tables))
     check_can_be_flown(named(choices.link))
     _submergible(stack)
     check_incidents(pilot.incidents, stack, services)
@@ -117,13 +117,15 @@ def checked(
     return msgspec.structs.replace(stack, read_besides=besides)
 
 
-def known_tables(services: Registry, here: Collection[str] | None = None) -> dict[str, type | None]:
+def known_tables(
+    services: Registry, here: Collection[str] | None = None, named: Collection[str] | None = None
+) -> dict[str, type | None]:
     """The tables of a vehicle file: the vehicle itself, its sensors, and one for each service.
 
     Raises:
         LindyError: a module of the stack cannot be used.
     """
-    return {BODY: Vehicle, SENSORS: NamedSensors, **services.tables(here)}
+    return {BODY: Vehicle, SENSORS: NamedSensors, **services.tables(here, named)}
 
 
 def _controllable(stack: Stack) -> None:

@@ -1,11 +1,9 @@
 """`lindy completion`: what a shell needs to complete verbs, options and files."""
 
-from typing import Any, Literal
+from importlib.util import find_spec
+from typing import Literal
 
-from cyclopts import App
-
-from services.runtime.config.errors import LindyError
-from tools.__main__ import LOG, VERBS, function_of
+from tools.__main__ import RESEARCH, VERBS, command_line
 
 Shell = Literal["bash", "zsh", "fish"]
 
@@ -20,25 +18,13 @@ def completion(shell: Shell) -> int:
     Example: lindy completion bash
              lindy completion zsh
     """
-    print(_whole().generate_completion(prog_name="lindy", shell=shell))
+    print(script(shell))
     return 0
 
 
-def _whole() -> App:
-    """Every verb with its options, which otherwise are loaded for the verb that runs alone."""
-    program = App(name="lindy")
-    log = App(name="log", help=VERBS["log"].help)
-    for app, verbs in ((program, VERBS), (log, LOG)):
-        for name, verb in verbs.items():
-            if name == "log":
-                app.command(log)
-            elif (found := _known(name, verb.place)) is not None:
-                app.command(found, name=None if isinstance(found, App) else name)
-    return program
-
-
-def _known(name: str, place: str) -> Any:
-    try:
-        return function_of(name, place)
-    except LindyError:  # of the package lindy-research
-        return None
+def script(shell: Shell) -> str:
+    program = command_line()
+    if find_spec(RESEARCH) is None:
+        for name in (name for name, verb in VERBS.items() if verb.place.startswith(RESEARCH)):
+            del program[name]
+    return program.generate_completion(prog_name="lindy", shell=shell)

@@ -6,12 +6,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from services.runtime.hosts.registry import Registry
+from services.runtime.launch.dive import Dive
 from tools.choices import DEFAULT, Choices, Grouped, Insecure, KeysFolder
 from tools.keys.credentials import credentials
 from tools.live.cockpit import COCKPIT, announce, with_cockpit
 from tools.live.outcome import title
-from tools.live.piloted_dive import tell_who_flies, who_flies
-from tools.start import Planned, as_it_can_run, fly_planned, settled
+from tools.live.pilots import tell_who_flies, who_flies
+from tools.start import as_it_can_run, fly_planned, settled
 
 
 def dive(
@@ -54,9 +55,9 @@ def dive(
     viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
     insecure = insecure and listen is not None
     stack = settled(choices, pilot, here, viewer=viewer, insecure=insecure)
-    plan = Planned(stack, here, here, pilot, choices.seconds, way_in, listen)
+    plan = Dive(stack, here, listen=() if listen is None else (listen,), credentials=way_in)
     tell_who_flies(choices, pilot)
     print(f"{title(stack)} → {stack.out_dir}", flush=True)
     if COCKPIT in here:
         announce(stack, browser=viewer and cockpit)
-    return fly_planned(plan)
+    return fly_planned(plan, pilot)

@@ -11,11 +11,13 @@ from services.piloting.sticks import Incident
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import SCRIPT, Stack
+from services.runtime.hosts.stack_file import bases
 from services.tether.io.profile_file import named, traces
 
 
 def read_besides(stack: Stack, incidents: Sequence[Incident], courses: Sequence[str]) -> list[str]:
-    """Traces of the link, the pad profile, and the links and paths that a script names.
+    """The stacks that the stack extends, traces of the link, the pad profile, and the links and
+    paths that a script names.
 
     Args:
         incidents: of the script.
@@ -25,6 +27,7 @@ def read_besides(stack: Stack, incidents: Sequence[Incident], courses: Sequence[
 
 
 def _named(stack: Stack, incidents: Sequence[Incident], courses: Sequence[str]) -> Iterator[Path]:
+    yield from bases(deploy_file("stacks", stack.services))
     yield from _traces(stack.link)
     for incident in incidents:
         if isinstance(incident, LinkRequest) and incident.profile is not None:

@@ -14,7 +14,7 @@ from services.runtime.config.stack import SCRIPT
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
 from tools.live.cockpit import COCKPIT
-from tools.live.piloted_dive import GAMEPAD
+from tools.live.pilots import GAMEPAD
 from tools.log.sticks import as_csv, sticks_of
 from tools.recordings.dive_file import FlownDive, FlownStack, flown_dive, unpacked
 from tools.recordings.recording import Recording, open_recording

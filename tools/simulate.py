@@ -17,12 +17,13 @@ from services.runtime.hosts.registry import Registry
 from services.vehicle_view.log_lines import when
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import DEFAULT, Choices, named
+from tools.exit_status import DONE
 from tools.live.cockpit import with_further_cameras
 from tools.live.display import LineDisplay
 from tools.live.dive_folder import dive_files, point_latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.memory_recorder import MemoryRecorder
-from tools.live.outcome import CLEAN, Outcome, title
+from tools.live.outcome import Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.live.virtual_dive import Advance, fly, without_files
@@ -160,7 +161,7 @@ def _sum_up_memory(outcome: Outcome, memory: MemoryRecorder) -> int:
     report = outcome.report_in_memory(dive, memory.log_hash())
     print(summary(report, dive.max_depth_m, all_losses=True), flush=True)
     outcome.complain()
-    return CLEAN
+    return DONE
 
 
 def _fly_and_show(

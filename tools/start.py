@@ -1,21 +1,20 @@
 """The one start of everything that flies: what is checked, in which order, and how it is run.
 
 `dive`, both sides of `up`, `fly`, `simulate` and `run` choose services and a pilot, and have them
-`settled`. A dive with a pilot on this machine is then `Planned`, and `fly_planned` flies it.
+`settled`. A `Dive` with a pilot on this machine is then flown by `fly_planned`.
 """
 
 from collections.abc import Callable, Collection
 from contextlib import nullcontext
 from socket import gethostname
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 
-from services.runtime.bus.key_files import Credentials
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
-from services.runtime.launch.process_plan import OtherSide
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices
 from tools.fleet.names import own_name
@@ -23,9 +22,8 @@ from tools.fleet.others import others_named
 from tools.live.cockpit import with_further_cameras, with_picture
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
-from tools.live.monitor_loop import followed_by
 from tools.live.outcome import RECORDER, Outcome
-from tools.live.piloted_dive import PilotedDive
+from tools.live.session import PilotedDive, followed_by
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.packages import require_packages
@@ -108,57 +106,31 @@ def require_room(stack: Stack, here: Registry) -> None:
         require_room_for_recording(stack.out_dir)
 
 
-class Planned(NamedTuple):
-    """A dive with its pilot on this machine, which was checked and can be started."""
-
-    stack: Stack
-    every: Registry
-    here: Registry  # of these, those of this machine
-    pilot: PilotChoice
-    seconds: float | None  # [s] after arming; None: until the script or the user ends it
-    credentials: Credentials | None  # what other machines need
-    listen: str | None = None  # endpoint for other programs
-    other_side: OtherSide | None = None  # None: on this machine as well
-    drones: tuple[str, ...] = ()  # names of the services there
-
-    def sum_up(self, outcome: Outcome) -> int:
-        """Print the summary. Returns the exit status.
-
-        Raises:
-            LindyError: why it was aborted.
-        """
-        if RECORDER not in self.here and self.other_side is not None:
-            return outcome.sum_up_unrecorded("topside", "drone")
-        return outcome.sum_up(Elsewhere("drone", self.drones) if self.other_side else None)
-
-
-def fly_planned(plan: Planned) -> int:
+def fly_planned(dive: Dive, pilot: PilotChoice) -> int:
     """From the start of the hubs to the summary. Returns the exit status.
 
     Raises:
         LindyError: the dive was aborted.
     """
-    outcome, left = Outcome(plan.stack), ""
+    outcome, left = Outcome(dive.stack), ""
     with StopSignals() as stop:
         with (
             display() as shown,
             outcome.of_the_dive(),
-            local_stack(
-                plan.stack,
-                plan.here,
-                plan.listen,
-                other_side=plan.other_side,
-                credentials=plan.credentials,
-            ) as local,
+            local_stack(dive) as local,
             followed_by(outcome, local),
-            others_named(local) if plan.other_side else nullcontext(),
+            others_named(local) if dive.side else nullcontext(),
         ):
-            point_latest(plan.stack.out_dir)
-            dive = PilotedDive(local, plan.pilot, plan.seconds, stop, shown)
-            outcome.exit = dive.fly()
-            left = dive.left
+            point_latest(dive.stack.out_dir)
+            piloted = PilotedDive(local, pilot, stop, shown)
+            outcome.exit = piloted.fly()
+            left = piloted.left
         if left:  # once the screen is gone
             print(left, flush=True)
-        elsewhere = plan.other_side is not None and RECORDER not in plan.here
-        kept = "the report is on the drone's side" if elsewhere else "the recording is whole"
-        return stop.report(lambda: plan.sum_up(outcome), kept)
+        if dive.side is not None and RECORDER not in dive.services:
+            return stop.report(
+                lambda: outcome.sum_up_unrecorded("topside", "drone"),
+                "the report is on the drone's side",
+            )
+        other = None if dive.side is None else Elsewhere("drone", dive.elsewhere)
+        return stop.report(lambda: outcome.sum_up(other))

@@ -1,6 +1,5 @@
 """`lindy up`: one side of a dive on this machine, while the other side runs on another machine."""
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -10,15 +9,13 @@ from cyclopts import Parameter
 
 from services.runtime.bus.key_files import Credentials
 from services.runtime.config.errors import LindyError
-from services.runtime.config.identity import identity_now
 from services.runtime.config.settings import nearest
-from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import require_free
-from services.runtime.launch.process_plan import OtherSide
 from services.runtime.os import system
-from tools.checks import DEFAULT_PILOT, pilot_of
+from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder
 from tools.fleet.meeting import Meeting, drone_at, drones_credentials, drones_name, require_only
 from tools.keys.credentials import credentials
@@ -26,12 +23,10 @@ from tools.live.dive_folder import (
     hand_over,
 )
 from tools.live.outcome import RECORDER
-from tools.live.piloted_dive import tell_who_flies, who_flies
-from tools.live.resume import ESTIMATION, resumed
-from tools.onboard.broken_off import broken_off
-from tools.onboard.plan import Plan, become
-from tools.onboard.this_start import NOTE, StartNote, boot_id, other_vehicle
-from tools.start import RECORDER_HERE, Planned, as_it_can_run, fly_planned, own, settled
+from tools.live.pilots import tell_who_flies, who_flies
+from tools.onboard.plan import DroneStart, become
+from tools.onboard.resume import begin_with
+from tools.start import RECORDER_HERE, as_it_can_run, fly_planned, own, settled
 
 OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two
@@ -112,7 +107,7 @@ def up(
     connect = connect or router or HERE
     way_out = credentials(connect, option, ("pilot",), keys, insecure=insecure)
     return fly_planned(
-        topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
+        *topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
     )
 
 
@@ -140,9 +135,7 @@ def drone(
         link=meeting.link,
         read_besides=[],  # they are the pilot's and the link's
     )
-    before: dict[str, bytes] = {}
-    if resume is not None:
-        before = resumed(resume, identity_now(stack, "drone"), time.monotonic_ns(), time.time())
+    files = begin_with(stack, resume)
     print(
         f"drone {stack.drone_name} ({stack.vehicle}), for the topside at {meeting.link} → "
         f"{stack.out_dir}",
@@ -153,58 +146,17 @@ def drone(
         require_free(meeting.listen, stack, meeting.credentials)
     if meeting.router is not None:
         require_only(stack.drone_name, meeting.router, meeting.keys)
-    plan = Plan(
-        stack=stack,
-        stack_file=str(here.file),
-        services=dict(here),
+    dive = Dive(
+        stack,
+        here,
+        side="drone",
         elsewhere=tuple(on_side(every, "topside", gateway=False)),
-        listen=meeting.listen,
-        router=meeting.router,
+        listen=() if meeting.listen is None else (meeting.listen,),
+        connect=() if meeting.router is None else (meeting.router,),
         credentials=meeting.credentials,
-        begin_with={**goes_on_with(stack, resumes=bool(before)), **before},
-        seconds=choices.seconds,
-        claim=hand_over(stack.out_dir),
+        begin_with=files,
     )
-    become("supervise", plan)
-
-
-def goes_on_with(stack: Stack, *, resumes: bool = False) -> dict[str, bytes]:
-    """The files that the folder of the checkpoints begins with: a note of this start, and the
-    estimator's checkpoint of a dive that broke off, of this very vehicle, which is announced.
-
-    Args:
-        resumes: another dive to go on with was named by the user.
-
-    Raises:
-        LindyError: the vehicle file cannot be read.
-    """
-    boot, now, identity = boot_id(), time.monotonic_ns(), identity_now(stack, "drone")
-    note = StartNote(
-        boot_id=boot or "",
-        vehicle=stack.drone_name,
-        began_ns=now,
-        vehicle_file=identity.vehicle,
-        vehicle_hash=identity.vehicle_hash,
-    )
-    start = {NOTE: msgspec.json.encode(note)}
-    before = None
-    if boot is not None and not resumes:
-        before = broken_off(stack.out_dir.parent, boot, stack.drone_name, now)
-    if before is None:
-        return start
-    if why := other_vehicle(before.start, identity):
-        print(
-            f"does not go on with the calibration of {before.folder}, which broke off: {why}; "
-            f"this start calibrates anew, with the vehicle afloat and at rest",
-            flush=True,
-        )
-        return start
-    print(
-        f"goes on with the calibration of {before.folder}, which broke off; it is "
-        f"{before.age_s:.0f} s old",
-        flush=True,
-    )
-    return {**start, ESTIMATION: before.checkpoint}
+    become("supervise", DroneStart(dive, hand_over(stack.out_dir)))
 
 
 def topside(
@@ -215,8 +167,9 @@ def topside(
     gateway: bool = False,
     grouped: bool,
     insecure: bool,
-) -> Planned:
-    """The topside of a dive as in `lindy dive`, checked; the report is made on board.
+) -> tuple[Dive, PilotChoice]:
+    """The topside of a dive as in `lindy dive`, checked, and its pilot; the report is made on
+    board.
 
     Raises:
         LindyError: a wrong setting.
@@ -235,19 +188,20 @@ def topside(
         apart=True,
         insecure=insecure,
     )
-    # Either the two hubs are connected, or the tether service forwards between them.
-    other_side = (
-        OtherSide("topside", gateway=connect)
-        if gateway
-        else OtherSide("topside", connect=(connect,))
-    )
     way = f"{stack.link} at {connect}" if gateway else connect
     tell_who_flies(choices, pilot)
     print(f"topside of {stack.drone_name}, drone by way of {way} → {stack.out_dir}", flush=True)
-    there = tuple(on_side(every, "drone", gateway=False))
-    return Planned(
-        stack, every, here, pilot, choices.seconds, way_out, other_side=other_side, drones=there
+    dive = Dive(
+        stack,
+        here,
+        side="topside",
+        elsewhere=tuple(on_side(every, "drone", gateway=False)),
+        # Either the two hubs are connected, or the tether service forwards between them.
+        connect=() if gateway else (connect,),
+        gateway=connect if gateway else None,
+        credentials=way_out,
     )
+    return dive, pilot
 
 
 def on_side(every: Registry, side: str, *, gateway: bool) -> Registry:

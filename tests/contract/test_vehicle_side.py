@@ -35,6 +35,7 @@ from services.runtime.config.errors import NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
@@ -219,7 +220,7 @@ def virtual_bench(side: Side, folder: Path) -> Bench:
 @contextmanager
 def real_bench(side: Side, folder: Path) -> Generator[Bench]:
     services, stack = stack_of(side, folder, virtual=False)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
 
         def look() -> bool:

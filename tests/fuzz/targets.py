@@ -386,7 +386,7 @@ def issued_to(data: bytes) -> object:
 
 
 JUDGES: tuple[Callable[[bytes], object], ...] = (
-    certificates.read, certificates.read_key, certificates.public_key, certificates.may_call,
+    certificates.read, certificates.read_key, certificates.public_key,
     issued_by, issued_to,
 )  # fmt: skip
 

@@ -27,7 +27,7 @@ from services.runtime.hosts.process_host import HubLaunch
 from services.runtime.launch.process_plan import PYTHON
 from tests.support.patience import PATIENCE_S
 from tools.keys import authority
-from tools.keys.key_folder import own_keys
+from tools.keys.authority import own_keys
 from tools.keys.roles import parse
 
 SECONDS, TURNS = 15, 3

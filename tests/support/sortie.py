@@ -22,8 +22,8 @@ from messages.state import VehicleState
 from messages.vehicle import Truth, VehicleStatus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.flights import CHAIN
+from tests.support.hindered_host import HinderedHost
 
 Floats = NDArray[np.float64]
 SortieSticks = tuple[float, float, float, float]  # surge, sway, heave, yaw; -1 … 1
@@ -72,7 +72,7 @@ class Sortie:
         self.status: VehicleStatus | None = None
         self._asked = 0
         self._rows = Registry.read()
-        self._host = VirtualHost()
+        self._host = HinderedHost()
         with tempfile.TemporaryDirectory() as folder:  # the script is read at once
             self._stack = Stack(
                 pilot=f"script:{_script(Path(folder), sticks)}",

@@ -22,8 +22,8 @@ from services.reference.guidance.authority import SILENT_NS
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
+from tests.support.hindered_host import HinderedHost
 
 SECOND = 1_000_000_000
 ON_BOARD = ("simulator", "estimation", "reference", "control")
@@ -32,7 +32,7 @@ ON_BOARD = ("simulator", "estimation", "reference", "control")
 class Rival:
     """A second pilot in the same realm, who says what the test wants."""
 
-    def __init__(self, host: VirtualHost, name: str, heave: float) -> None:
+    def __init__(self, host: HinderedHost, name: str, heave: float) -> None:
         node = host.node(name, ["drone"])
         self.epoch, self.heave, self.name = 0, heave, name
         self.speaks = True
@@ -63,8 +63,8 @@ class Rival:
             )  # fmt: skip
 
 
-def on_board(folder: Path) -> tuple[VirtualHost, list[Reference], list[VehicleStatus]]:
-    host, rows, stack = VirtualHost(), Registry.read(), Stack(out=str(folder))
+def on_board(folder: Path) -> tuple[HinderedHost, list[Reference], list[VehicleStatus]]:
+    host, rows, stack = HinderedHost(), Registry.read(), Stack(out=str(folder))
     for name in ON_BOARD:
         host.add(name, rows[name], stack)
     references: list[Reference] = []
@@ -75,7 +75,7 @@ def on_board(folder: Path) -> tuple[VirtualHost, list[Reference], list[VehicleSt
     return host, references, statuses
 
 
-def asked(host: VirtualHost, pilot: Rival, kind: str, **more: Any) -> str:
+def asked(host: HinderedHost, pilot: Rival, kind: str, **more: Any) -> str:
     """Ask, and wait for the answer. Returns why it was refused; empty: it was granted."""
     pilot.ask(kind, host.now, **more)
     host.run(host.now + SECOND // 5)
@@ -157,7 +157,7 @@ WISHES: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture
-def hand_over(tmp_path: Path) -> tuple[VirtualHost, list[VehicleStatus], Rival, Rival]:
+def hand_over(tmp_path: Path) -> tuple[HinderedHost, list[VehicleStatus], Rival, Rival]:
     """The first pilot has armed, the second one has taken control by force; both still talk."""
     host, _, statuses = on_board(tmp_path)
     first, second = Rival(host, "first", 0.0), Rival(host, "second", 0.0)
@@ -175,7 +175,7 @@ def hand_over(tmp_path: Path) -> tuple[VirtualHost, list[VehicleStatus], Rival, 
     return host, statuses, first, second
 
 
-Scene = tuple[VirtualHost, list[VehicleStatus], Rival, Rival]
+Scene = tuple[HinderedHost, list[VehicleStatus], Rival, Rival]
 
 
 @pytest.mark.slow
@@ -312,7 +312,7 @@ def test_of_many_gamepads_one_has_control_and_the_others_do_not_storm_for_it(
 # Memory lost, and numbers that nobody gave.
 
 
-def add_reference(host: VirtualHost, folder: Path) -> None:
+def add_reference(host: HinderedHost, folder: Path) -> None:
     host.add("reference", Registry.read()["reference"], Stack(out=str(folder)))
 
 
@@ -325,7 +325,9 @@ def test_after_three_leases_a_reference_may_lose_its_memory_and_the_drone_is_flo
     host.run(host.now + SECOND)
     assert first.epoch == 3
     gate_counts = host.nodes["simulator"].counts
-    host.kill("reference", forgets=forgets)
+    host.kill("reference")
+    if forgets:
+        host.forget("reference")
     host.run(host.now + SECOND // 2)
     add_reference(host, tmp_path)
     host.run(host.now + SECOND)

@@ -15,10 +15,10 @@ from messages.reference import Reference
 from messages.vehicle import Actuation
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
 from services.vehicle_view import words
 from services.vehicle_view.io.ports import VehiclePorts
 from services.vehicle_view.view import VehicleView, vehicle_view
+from tests.support.hindered_host import HinderedHost
 from tests.support.jitter import Jitter, Lateness
 
 S, MS = 10**9, 10**6  # [ns]
@@ -45,7 +45,7 @@ class Dive:
 
     def __init__(self, folder: Path) -> None:
         self.processes = {name: Stoppable() for name in ON_BOARD}
-        self.host, rows = VirtualHost(lateness=self.processes), Registry.read()
+        self.host, rows = HinderedHost(lateness=self.processes), Registry.read()
         stack = Stack(out=str(folder), overrides=["estimation.calibration.still_time=3"])
         for name in ON_BOARD:
             self.host.add(name, rows[name], stack)

@@ -15,7 +15,7 @@ from messages.state import VehicleState
 from messages.vehicle import Truth
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.hindered_host import HinderedHost
 from tests.support.jitter import Jitter, Lateness
 
 pytestmark = pytest.mark.slow
@@ -62,7 +62,7 @@ class Dive:
             for k, name in enumerate(BUSY)
             if jitter is not None
         }
-        self.host, rows = VirtualHost(lateness=late), Registry.read()
+        self.host, rows = HinderedHost(lateness=late), Registry.read()
         for name in CHAIN:
             self.host.add(name, rows[name], stack)
         self.truth: dict[int, Truth] = {}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tools import completion
 from tools.__main__ import LOG, VERBS, main
 
 ASK = """
@@ -17,10 +18,8 @@ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); "$how"; echo "${COMPREPLY[@]}"
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from tools.completion import _whole  # pyright: ignore[reportPrivateUsage]
-
     path = tmp_path_factory.mktemp("completion") / "lindy.bash"
-    path.write_text(_whole().generate_completion(prog_name="lindy", shell="bash"))
+    path.write_text(completion.script("bash"))
     return path
 
 

@@ -1,6 +1,7 @@
 """`lindy drones`: who is there, at a drone's own endpoint or on a whole network."""
 
 import json
+import sys
 import time
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ from cyclopts import Parameter
 
 from messages import topics
 from messages.identity import SideIdentity
+from services.runtime.bus.network import NobodyThereError
 from services.runtime.config.identity import messages_hash
 from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
@@ -46,11 +48,20 @@ def drones(
     Example: lindy drones --router tls/192.168.2.1:7447
     """
     way = credentials(router, "--router", WATCHERS, keys, insecure=insecure)
-    ours = messages_hash(topics.ALL)
+    ours, said = messages_hash(topics.ALL), ""
     with StopSignals() as stop:
         while True:
-            roster = look(router, None if way is None else way.keys)
-            print(in_json(roster, ours) if as_json else table(roster, router, ours), flush=True)
+            try:
+                roster = look(router, None if way is None else way.keys)
+            except NobodyThereError as error:
+                if not watch:
+                    raise
+                if str(error) != said:
+                    said = str(error)
+                    print(f"lindy: {said}; waits for it", file=sys.stderr, flush=True)
+            else:
+                said = ""
+                print(in_json(roster, ours) if as_json else table(roster, router, ours), flush=True)
             if not watch or stop.asked:
                 return 0
             time.sleep(WATCH_S)

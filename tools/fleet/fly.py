@@ -36,7 +36,9 @@ def fly(
     own_keys = None if way is None else way.keys
     if not is_there(drone, router, own_keys):
         raise LindyError(missing(drone, who_is_there(router, own_keys), router))
-    plan = topside(replace(choices, name=drone), router, way, grouped=grouped, insecure=insecure)
-    if COCKPIT in plan.here:
+    plan, pilot = topside(
+        replace(choices, name=drone), router, way, grouped=grouped, insecure=insecure
+    )
+    if COCKPIT in plan.services:
         announce(plan.stack, browser=False)
-    return fly_planned(plan)
+    return fly_planned(plan, pilot)

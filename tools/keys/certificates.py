@@ -20,7 +20,6 @@ from cryptography.hazmat.primitives.serialization import (
     Encoding,
     NoEncryption,
     PrivateFormat,
-    PublicFormat,
     load_pem_private_key,
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
@@ -28,7 +27,6 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from tools.keys.roles import Identity, Role, parse
 
 AUTHORITY_DAYS = 3650
-LONGEST_DAYS = 730
 EARLIER = timedelta(days=1)  # valid from a day before: no two clocks are equal
 AUTHORITY_NAME = "lindy keys"
 ANSWER, CALL = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
@@ -39,6 +37,7 @@ USAGE: dict[Role, tuple[x509.ObjectIdentifier, ...]] = {
     "observer": (CALL,),
     "router": (ANSWER, CALL),
 }
+ABSENT = (x509.ExtensionNotFound, x509.DuplicateExtension, ValueError)  # or damaged
 
 
 class Certificate(NamedTuple):
@@ -47,6 +46,11 @@ class Certificate(NamedTuple):
     who: Identity
     begins: datetime  # UTC
     ends: datetime
+
+    def state(self, now: datetime) -> str:
+        if now < self.begins:
+            return "not valid yet"
+        return "expired" if now > self.ends else "valid"
 
 
 def authority(key: EllipticCurvePrivateKey, now: datetime, serial: int) -> bytes:
@@ -58,15 +62,12 @@ def authority(key: EllipticCurvePrivateKey, now: datetime, serial: int) -> bytes
         encipher_only=False, decipher_only=False,
     )  # fmt: skip
     made = (
-        _builder(AUTHORITY_NAME, AUTHORITY_NAME, public, serial)
-        .not_valid_before(now - EARLIER)
-        .not_valid_after(now + timedelta(days=AUTHORITY_DAYS))
+        _builder(AUTHORITY_NAME, public, serial, now, AUTHORITY_DAYS)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(usage, critical=True)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
-        .sign(key, hashes.SHA256())
     )
-    return made.public_bytes(Encoding.PEM)
+    return made.sign(key, hashes.SHA256()).public_bytes(Encoding.PEM)
 
 
 def issue(
@@ -79,26 +80,21 @@ def issue(
 ) -> bytes:
     """A certificate (PEM) for somebody's public key, signed by the authority."""
     made = (
-        _builder(str(who), AUTHORITY_NAME, public, serial)
-        .not_valid_before(now - EARLIER)
-        .not_valid_after(now + timedelta(days=days))
+        _builder(str(who), public, serial, now, days)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(x509.ExtendedKeyUsage(USAGE[who.role]), critical=True)
         .add_extension(x509.SubjectAlternativeName([x509.DNSName("lindy")]), critical=False)
-        .sign(signer, hashes.SHA256())
     )
-    return made.public_bytes(Encoding.PEM)
+    return made.sign(signer, hashes.SHA256()).public_bytes(Encoding.PEM)
 
 
 def _builder(
-    subject: str, issuer: str, public: EllipticCurvePublicKey, serial: int
+    subject: str, public: EllipticCurvePublicKey, serial: int, now: datetime, days: int
 ) -> x509.CertificateBuilder:
     return x509.CertificateBuilder(
-        subject_name=_name(subject),
-        issuer_name=_name(issuer),
-        public_key=public,
-        serial_number=serial,
-    )
+        _name(AUTHORITY_NAME), _name(subject), public, serial, now - EARLIER,
+        now + timedelta(days=days),
+    )  # fmt: skip
 
 
 def _name(text: str) -> x509.Name:
@@ -117,12 +113,10 @@ def read_key(data: bytes) -> EllipticCurvePrivateKey:
     """
     try:
         key = load_pem_private_key(data, password=None)
-    except (ValueError, UnsupportedAlgorithm):
-        raise ValueError("is not a private key") from None
-    except TypeError:
-        raise ValueError("is locked with a password, which nobody could type on board") from None
+    except (ValueError, TypeError, UnsupportedAlgorithm):  # TypeError: it has a password
+        key = None
     if not isinstance(key, EllipticCurvePrivateKey):
-        raise ValueError("is not the kind of key that `lindy keys` makes")
+        raise ValueError("is not a private key that `lindy keys` made")
     return key
 
 
@@ -134,10 +128,8 @@ def read(data: bytes) -> Certificate:
     """
     certificate = _load(data)
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
-    if len(names) != 1:
-        raise ValueError("names nobody: `lindy keys` did not make it")
     try:
-        who = parse(str(names[0].value))
+        who = parse(" ".join(str(name.value) for name in names))
     except ValueError as error:
         raise ValueError(f"{error}: `lindy keys` did not make it") from None
     return Certificate(who, certificate.not_valid_before_utc, certificate.not_valid_after_utc)
@@ -151,7 +143,7 @@ def check_certificate(data: bytes, authority: bytes, now: datetime) -> Certifica
     """
     found = check_issued(data, authority)
     remedy = f"renew it where the authority is, with `lindy keys renew {found.who}`"
-    check_dates(found.begins, found.ends, now, remedy)
+    _check_dates(found.begins, found.ends, now, remedy)
     return found
 
 
@@ -162,25 +154,18 @@ def check_issued(data: bytes, authority: bytes) -> Certificate:
         ValueError: why not.
     """
     certificate = _load(data)
-    if certificate.issuer == certificate.subject:
-        raise ValueError("is signed by itself, not by an authority")
     try:
         certificate.verify_directly_issued_by(_load(authority))
     except (ValueError, TypeError, InvalidSignature):
         raise ValueError("is from another authority than that of ca.pem") from None
     found = read(data)
-    if USAGE[found.who.role][0] not in _usages(certificate):
+    try:
+        usages = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
+    except ABSENT:
+        usages = ()
+    if USAGE[found.who.role][0] not in usages:
         raise ValueError(f"is not made for the role of {found.who}")
     return found
-
-
-def may_call(data: bytes) -> bool:
-    """May who has this certificate call others, as a router is called?
-
-    Raises:
-        ValueError: not a certificate.
-    """
-    return CALL in _usages(_load(data))
 
 
 def public_key(data: bytes) -> EllipticCurvePublicKey:
@@ -195,38 +180,26 @@ def public_key(data: bytes) -> EllipticCurvePublicKey:
     return key
 
 
-def check_authority(data: bytes, now: datetime) -> None:
-    """
+def check_authority(data: bytes, now: datetime) -> datetime:
+    """Until when the authority is valid.
+
     Raises:
         ValueError: it is no authority, or not valid now.
     """
     certificate = _load(data)
     try:
         is_one = certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
-    except (x509.ExtensionNotFound, x509.DuplicateExtension, ValueError):
+    except ABSENT:
         is_one = False
     if not is_one:
         raise ValueError("is not the certificate of an authority")
     remedy = "make a new authority in another folder, and new keys for all, with `lindy keys new`"
-    check_dates(certificate.not_valid_before_utc, certificate.not_valid_after_utc, now, remedy)
+    begins, ends = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    _check_dates(begins, ends, now, remedy)
+    return ends
 
 
-def ends(data: bytes) -> datetime:
-    """
-    Raises:
-        ValueError: not a certificate.
-    """
-    return _load(data).not_valid_after_utc
-
-
-def check_dates(begins: datetime, ends: datetime, now: datetime, remedy: str) -> None:
-    """
-    Args:
-        remedy: what to do when it is no longer valid.
-
-    Raises:
-        ValueError: not valid yet, or no longer.
-    """
+def _check_dates(begins: datetime, ends: datetime, now: datetime, remedy: str) -> None:
     clock = f"and this computer's clock says {day(now)}"
     if now < begins:
         raise ValueError(f"is valid from {day(begins)} on, {clock}: set the clock")
@@ -240,9 +213,7 @@ def check_pair(certificate: bytes, key: bytes) -> None:
     Raises:
         ValueError: no, or it is no key.
     """
-    form = Encoding.DER, PublicFormat.SubjectPublicKeyInfo
-    theirs = _load(certificate).public_key().public_bytes(*form)
-    if read_key(key).public_key().public_bytes(*form) != theirs:
+    if read_key(key).public_key() != public_key(certificate):
         raise ValueError("does not belong to certificate.pem")
 
 
@@ -255,11 +226,3 @@ def _load(data: bytes) -> x509.Certificate:
         return x509.load_pem_x509_certificate(data)
     except (ValueError, UnsupportedAlgorithm):
         raise ValueError("is not a certificate") from None
-
-
-def _usages(certificate: x509.Certificate) -> list[x509.ObjectIdentifier]:
-    try:
-        found = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage)
-    except (x509.ExtensionNotFound, x509.DuplicateExtension, ValueError):
-        return []
-    return list(found.value)

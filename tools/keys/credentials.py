@@ -5,7 +5,6 @@ from collections.abc import Collection
 from datetime import UTC, datetime, timedelta
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.bus.key_files import Credentials
@@ -17,11 +16,9 @@ DEFAULT = "~/.config/lindy/keys"
 SOON = timedelta(days=30)
 OPEN = "INSECURE: whoever reaches this port can fly the drone"
 
-Guard = Literal["keys", "same machine", "none"]
 
-
-def guard(endpoint: str, option: str, *, insecure: bool) -> Guard:
-    """What keeps strangers out at an endpoint. Pure.
+def needs_keys(endpoint: str, option: str, *, insecure: bool) -> bool:
+    """Do keys keep strangers out at an endpoint? Pure.
 
     On a loopback address or a file there are only users of this machine, and they are trusted.
 
@@ -29,14 +26,10 @@ def guard(endpoint: str, option: str, *, insecure: bool) -> Guard:
         LindyError: it would be open to other machines, and nobody said that it may.
     """
     protocol, _, address = endpoint.partition("/")
-    if protocol == "tls":
-        if insecure:
-            raise LindyError(f"--insecure with {option} {endpoint}: tls always has keys; use tcp")
-        return "keys"
-    if insecure:
-        return "none"
-    if is_local(endpoint):
-        return "same machine"
+    if protocol == "tls" and insecure:
+        raise LindyError(f"--insecure with {option} {endpoint}: tls always has keys; use tcp")
+    if protocol == "tls" or insecure or is_local(endpoint):
+        return protocol == "tls"
     raise LindyError(
         f"{option} {endpoint} goes over the network without keys: make them with `lindy keys new` "
         f"and use tls/{address}, or add --insecure"
@@ -46,7 +39,7 @@ def guard(endpoint: str, option: str, *, insecure: bool) -> Guard:
 def is_local(endpoint: str) -> bool:
     """Can only this machine reach it?"""
     protocol, _, address = endpoint.partition("/")
-    if protocol in ("unixsock-stream", "unixpipe"):
+    if protocol == "unixsock-stream":
         return True
     host = address.partition("?")[0].partition("#")[0].rpartition(":")[0].strip("[]")
     try:
@@ -67,11 +60,11 @@ def credentials(
     Raises:
         LindyError: not an endpoint, it needs keys, or the keys are no good.
     """
-    if guard(checked_endpoint(endpoint, option), option, insecure=insecure) != "keys":
+    if not needs_keys(checked_endpoint(endpoint, option), option, insecure=insecure):
         return None
     require_cryptography()
+    from tools.keys.authority import own_keys
     from tools.keys.certificates import day
-    from tools.keys.key_folder import own_keys
 
     now = datetime.now(UTC)
     certificate, found = own_keys((keys or Path(DEFAULT)).expanduser(), roles, now)
@@ -80,21 +73,6 @@ def credentials(
     if not found.admitted:
         print(f"the list of {certificate.who} names nobody: nobody can connect", flush=True)
     return found
-
-
-def require_may_call(own: Credentials) -> None:
-    """
-    Raises:
-        LindyError: this machine's keys are from before there were routers.
-    """
-    from tools.keys.certificates import may_call
-    from tools.keys.key_folder import read
-
-    if not may_call(read(Path(own.keys.certificate))):
-        raise LindyError(
-            f"{own.keys.certificate} may be called and not call, as a router must be: renew it "
-            f"where the authority is, with `lindy keys renew drone:{own.name}`"
-        )
 
 
 def require_cryptography() -> None:

@@ -1,6 +1,5 @@
 """Who a certificate says somebody is: a role and a name. Pure."""
 
-from collections.abc import Iterable
 from typing import Literal, NamedTuple, get_args
 
 from services.runtime.bus.spaces import LONGEST, MAY_HAVE, NAME
@@ -28,11 +27,6 @@ class Identity(NamedTuple):
     def folder(self) -> str:
         """Name of the folder with the keys."""
         return f"{self.role}-{self.name}"
-
-
-def with_article(role: Role) -> str:
-    """`a pilot`, `an observer`."""
-    return f"an {role}" if role == "observer" else f"a {role}"
 
 
 def identity(role: str, name: str) -> Identity:
@@ -90,8 +84,3 @@ def without(text: str, who: Identity) -> str:
     parse_list(text)  # an error names the line of the whole list
     lines = text.splitlines(keepends=True)
     return "".join(line for line in lines if parse_list(line) != (who,))
-
-
-def let_in(role: Role, others: Iterable[Identity]) -> tuple[Identity, ...]:
-    """Those for whom the list of a machine of this role is made."""
-    return tuple(who for who in others if who.role in LETS_IN[role])

@@ -20,7 +20,7 @@ from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
-from tools.live.piloted_dive import GAMEPAD
+from tools.live.pilots import GAMEPAD
 
 COCKPIT = "cockpit"  # its name as a service, and of the stack that it is taken from
 CAMERA = ("camera", "camera_monitor")  # services of the picture

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from services.recorder.io.mcap_session import RESERVE
 from services.recorder.io.parts import part_path
-from services.runtime.config.disk import FILES, reason, require_room
+from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import running_in
 from services.runtime.os import Lock, system
@@ -68,7 +68,7 @@ def require_room_for_recording(folder: Path) -> None:
         LindyError: the recorder could not begin in this folder.
     """
     try:
-        require_room(folder, RESERVE, FILES)
+        require_room(folder, RESERVE)
     except OSError as error:
         path = part_path(folder, 1)
         raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None

@@ -16,6 +16,7 @@ from services.recorder.io.parts import parts_in
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
+from tools.exit_status import DONE, LOST
 from tools.fresh import write_fresh
 from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.progress import reading
@@ -38,7 +39,7 @@ from tools.report import (
     unrecorded,
 )
 
-CLEAN, DATA_LOST = 0, 3  # exit statuses; 3 also where a service did not work for a while
+SAID = f"exit status {LOST}: data was lost, or a service did not work for a while"
 RECORDER, HUB = "recorder", "hub_"
 # What the recorder counts for messages that are not in its file.
 NOT_IN_FILE = {row.name for row in (events.NOT_RECORDED, events.OVERFLOWED, events.UNREADABLE)}
@@ -102,7 +103,7 @@ class Outcome:
         except Exception as error:  # whatever it is: the recording is worth more than its report
             raise LindyError(self._kept(folder, error)) from error
         self.complain()
-        return DATA_LOST if lost else CLEAN
+        return _status(lost=lost)
 
     def require_recording(self) -> None:
         """
@@ -133,7 +134,7 @@ class Outcome:
         print(unrecorded(how, restarts, self.gone, other, files, self.shared), flush=True)
         self._tell_insecure()
         self.complain()
-        return DATA_LOST if self._was_away(restarts) else CLEAN
+        return _status(lost=self._was_away(restarts))
 
     def _tell_insecure(self) -> None:
         if self._stack.insecure:
@@ -217,6 +218,14 @@ class Outcome:
         """The report of a dive without files."""
         extras = Extras(exit=self.exit, health=self._health.sums, log_hash=hashed)
         return report_on(dive, replace(extras, speedup=self.speedup or UNSET))
+
+
+def _status(*, lost: bool) -> int:
+    """The exit status. One that is not 0 is said: `make` and shells show only its number."""
+    if not lost:
+        return DONE
+    print(SAID, flush=True)
+    return LOST
 
 
 def _unwritten(path: Path, data: bytes) -> LindyError | None:

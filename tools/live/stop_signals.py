@@ -10,12 +10,13 @@ from contextlib import suppress
 from types import TracebackType
 
 from services.runtime.os import system
+from tools.exit_status import INTERRUPTED
 
 PRESSED = (signal.SIGINT, signal.SIGTERM)
 SIGNALS = (*PRESSED, *system.HANG_UP)
-BROKEN_OFF = 130  # exit status, as after any Ctrl-C
 APART_S = 0.5  # [s] signals that come closer are one: `uv run` hands on what also came by itself
 HANGS_S = 2.0  # [s] a dive in this process that has not ended by then hangs
+SURE_S = 10.0  # [s] for which the question whether an armed drone is to be left stands
 WRITING = "the report is being written; once more, and it is broken off"
 
 
@@ -25,6 +26,12 @@ class StopSignals:
     The first signal asks for the dive's end, and further ones change nothing; of a dive in this
     process, one that comes `HANGS_S` later ends it at once: code of the user's may hang. While the
     report is being written, one is answered with a sentence, and the next one breaks it off.
+
+    Ctrl-C at a terminal while the pilot here has an armed drone only asks: it is easily pressed.
+
+    Attributes:
+        armed: what ends with the dive, such as `armed at 2.0 m`; empty: nothing is armed.
+        question: to be shown to the user, who takes it away; empty: none.
     """
 
     def __init__(
@@ -32,6 +39,9 @@ class StopSignals:
     ) -> None:
         """`in_process`: the dive is flown by this process itself."""
         self.asked = False
+        self.armed: Callable[[], str] = str
+        self.question = ""
+        self._sure_s: float | None = None  # [s] when the question was asked
         self._in_process, self._asked_s = in_process, 0.0
         self._again = False  # asked more than once
         self._reporting = False
@@ -58,7 +68,7 @@ class StopSignals:
 
     def report(self, write: Callable[[], int], kept: str = "the recording is whole") -> int:
         """Write the report of a dive that is over. Returns the exit status of `write`, or
-        `BROKEN_OFF`.
+        `INTERRUPTED`.
 
         Args:
             kept: what is left if the report is broken off.
@@ -71,14 +81,16 @@ class StopSignals:
             self._reporting = False  # everything is written: nothing is left to break off
         except BrokenOffError:
             print(f"lindy: the report was broken off; {kept}", file=sys.stderr, flush=True)
-            return BROKEN_OFF
+            return INTERRUPTED
         finally:
             self._reporting = False
             atexit.register(_ignore)  # the program is about to end with the status of the dive
         return status
 
-    def _ask(self, *_: object) -> None:
+    def _ask(self, number: int, *_: object) -> None:
         now = self._clock()
+        if not self.asked and number == signal.SIGINT and self._only_asks(now):
+            return
         if not self.asked:
             self._asked_s = now
         self._again, self.asked = self.asked, True
@@ -91,6 +103,15 @@ class StopSignals:
         elif now - self._told_s >= APART_S:
             self._reporting = False  # broken off once only
             raise BrokenOffError
+
+    def _only_asks(self, now: float) -> bool:
+        what = "" if self._reporting or not self._terminal else self.armed()
+        since_s = None if self._sure_s is None else now - self._sure_s
+        if not what or (since_s is not None and APART_S <= since_s <= SURE_S):
+            return False
+        if since_s is None or since_s > SURE_S:
+            self._sure_s, self.question = now, f"{what}: Ctrl-C again to disarm and end"
+        return True
 
     def _hang_up(self, *_: object) -> None:
         """Nobody can read any more, and every print would fail. A report is not broken off by it:

@@ -2,14 +2,13 @@
 
 import os
 import sys
+from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Literal, NoReturn, TypeVar
 
 import msgspec
 
-from services.runtime.bus.key_files import Credentials
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.stack_file import ServiceSpec
+from services.runtime.launch.dive import Dive
 from services.runtime.os import system
 from tools.health_sums import HealthSums
 from tools.live.stop_signals import SIGNALS
@@ -18,18 +17,10 @@ S = TypeVar("S", bound=msgspec.Struct)
 Program = Literal["supervise", "report"]
 
 
-class Plan(msgspec.Struct, frozen=True, kw_only=True):
-    """A dive of the drone's side, checked."""
+class DroneStart(msgspec.Struct, frozen=True):
+    """A dive of the drone's side that is about to begin."""
 
-    stack: Stack
-    stack_file: str
-    services: dict[str, ServiceSpec]  # on board
-    elsewhere: tuple[str, ...]  # services of the topside
-    listen: str | None  # endpoint for the topside
-    router: str | None = None  # … or of a router, where drone and topside meet
-    credentials: Credentials | None  # the keys for both
-    begin_with: dict[str, bytes]  # files that the folder of the checkpoints begins with, by name
-    seconds: float | None  # [s] after arming, as asked for with --seconds; None: until it is ended
+    dive: Dive
     claim: int | None  # descriptor of the lock of the dive's folder
 
 
@@ -47,7 +38,7 @@ class Seen(msgspec.Struct, kw_only=True):
 class DiveEnd(msgspec.Struct, frozen=True):
     """A dive that is over."""
 
-    plan: Plan
+    dive: Dive
     seen: Seen
 
 
@@ -57,7 +48,7 @@ def become(program: Program, what: msgspec.Struct) -> NoReturn:
 
     Signals wait until the next program can handle them (`StopSignals`).
     """
-    content = _in_memory(msgspec.json.encode(what))
+    content = _in_memory(msgspec.json.encode(what, enc_hook=str))
     system.hold_back(SIGNALS)
     sys.stdout.flush()
     command = [sys.executable, "-P", "-m", f"{__package__}.{program}", str(content)]
@@ -67,7 +58,12 @@ def become(program: Program, what: msgspec.Struct) -> NoReturn:
 def handed_on(kind: type[S]) -> S:
     """What the program before this one has handed on."""
     with os.fdopen(int(sys.argv[1]), "rb") as file:
-        return msgspec.json.decode(file.read(), type=kind)
+        return msgspec.json.decode(file.read(), type=kind, dec_hook=path)
+
+
+def path(_: type, text: str) -> Path:
+    """JSON has no paths."""
+    return Path(text)
 
 
 def _in_memory(data: bytes) -> int:

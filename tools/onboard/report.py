@@ -1,16 +1,13 @@
 """Sums up a dive of the drone's side that is over: `python -m tools.onboard.report DESCRIPTOR`."""
 
 import sys
-from pathlib import Path
 
 from services.runtime.config.errors import LindyError
-from services.runtime.hosts.registry import Registry
+from tools.exit_status import ERROR
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.stop_signals import StopSignals
 from tools.onboard.plan import DiveEnd, handed_on
 from tools.report import Elsewhere
-
-ERROR = 1  # exit status
 
 
 def report(end: DiveEnd) -> int:
@@ -19,15 +16,15 @@ def report(end: DiveEnd) -> int:
     Raises:
         LindyError: why the dive was aborted, or why there is no report.
     """
-    plan, seen = end.plan, end.seen
-    outcome = Outcome(plan.stack)
+    dive, seen = end.dive, end.seen
+    outcome = Outcome(dive.stack)
     outcome.exit, outcome.gone = seen.exit, seen.gone
     outcome.restarts, outcome.hung = lambda: seen.restarts, lambda: seen.hung
-    outcome.shared = Registry(Path(plan.stack_file), plan.services).shared
+    outcome.shared = dive.services.shared
     outcome.take_over(seen.health, armed=seen.armed)
     with StopSignals() as stop:
-        if RECORDER in plan.services:
-            topside = Elsewhere("topside", plan.elsewhere)
+        if RECORDER in dive.services:
+            topside = Elsewhere("topside", dive.elsewhere)
             return stop.report(lambda: outcome.sum_up(topside))
         return stop.report(
             lambda: outcome.sum_up_unrecorded("drone", "topside"),

@@ -13,56 +13,36 @@ from typing import NoReturn
 from messages import topics
 from messages.health import LogLine
 from services.runtime.config.errors import LindyError
-from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import LocalStack, local_stack
-from services.runtime.launch.process_plan import OtherSide
 from tools.health_sums import HealthOfAll
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.keep_running import keep_running
 from tools.live.latest import point
 from tools.live.printed_lines import PrintedLines
 from tools.live.stop_signals import StopSignals
-from tools.onboard.plan import DiveEnd, Plan, Seen, become, handed_on
+from tools.onboard.plan import DiveEnd, DroneStart, Seen, become, handed_on
 from tools.onboard.this_start import mark_ended
 
 
-def supervise(plan: Plan) -> NoReturn:
+def supervise(start: DroneStart) -> NoReturn:
     """… until the dive is over, and then report on it."""
-    seen = Seen()
+    dive, seen = start.dive, Seen()
     with StopSignals() as stop:
-        with _why_it_ended(seen):
-            _run(plan, stop, seen)
-        become("report", DiveEnd(plan, seen))
-
-
-def _run(plan: Plan, stop: StopSignals, seen: Seen) -> None:
-    services = Registry(Path(plan.stack_file), plan.services)
-    listen = () if plan.listen is None else (plan.listen,)
-    connect = () if plan.router is None else (plan.router,)
-    drone = OtherSide("drone", listen=listen, connect=connect)
-    with (
-        local_stack(
-            plan.stack,
-            services,
-            other_side=drone,
-            begin_with=plan.begin_with,
-            credentials=plan.credentials,
-        ) as local,
-        _noted(seen, local),
-    ):
-        if plan.claim is not None:
-            os.close(plan.claim)  # the logs say by themselves whose folder it is
-        point(plan.stack.out_dir)
-        _OnBoard(local, plan, stop, seen).keep()
+        with _why_it_ended(seen), local_stack(dive) as local, _noted(seen, local):
+            if start.claim is not None:
+                os.close(start.claim)  # the logs say by themselves whose folder it is
+            point(dive.stack.out_dir)
+            _OnBoard(local, stop, seen).keep()
+        become("report", DiveEnd(dive, seen))
 
 
 class _OnBoard:
     """A dive between the start of the hub and the end of the services."""
 
-    def __init__(self, local: LocalStack, plan: Plan, stop: StopSignals, seen: Seen) -> None:
-        self._local, self._plan, self._stop, self._seen = local, plan, stop, seen
+    def __init__(self, local: LocalStack, stop: StopSignals, seen: Seen) -> None:
+        self._local, self._stop, self._seen = local, stop, seen
         self._lines = PrintedLines()
-        self._timeline = DiveTimeline(None, plan.seconds)
+        self._timeline = DiveTimeline(None, local.stack.seconds)
         health, node = HealthOfAll(), local.node
         seen.health = health.sums
         node.each(topics.STATUS, self._timeline.see)
@@ -109,4 +89,4 @@ def _why_it_ended(seen: Seen) -> Generator[None]:
 
 
 if __name__ == "__main__":
-    supervise(handed_on(Plan))
+    supervise(handed_on(DroneStart))

@@ -1,6 +1,6 @@
 """`lindy topic`: the streams of the topic table, and what they do in a running dive."""
 
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Annotated
 
 import msgspec
@@ -16,12 +16,23 @@ from tools.choices import RunningDive, UntilCtrlC, Whole
 from tools.topic.figures import HEADINGS, HeardStream, SenderClock, aligned
 
 Key = Annotated[str, Parameter(help="such as state or health/*; default: all of that side")]
-MostMessages = Annotated[Whole | None, Parameter(help="end after so many messages")]
-AtSide = Annotated[
-    Side | None,
-    Parameter(help="of which hub; default: topside, drone for what never leaves the drone"),
-]
 
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ListenOptions:
+    """Options of what listens to streams."""
+
+    count: Annotated[Whole | None, Parameter(help="end after so many messages")] = None
+    seconds: UntilCtrlC = None
+    side: Annotated[
+        Side | None,
+        Parameter(help="of which hub; default: topside, drone for what never leaves the drone"),
+    ] = None
+    dive: RunningDive = None
+
+
+DEFAULT = ListenOptions()
 topic = App(name="topic", help="List the streams of a dive; show, time and weigh them.")
 
 
@@ -42,14 +53,7 @@ def list_() -> int:
 
 
 @topic.command
-def echo(
-    key: str,
-    *,
-    count: MostMessages = None,
-    seconds: UntilCtrlC = None,
-    side: AtSide = None,
-    dive: RunningDive = None,
-) -> int:
+def echo(key: str, *, limits: ListenOptions = DEFAULT) -> int:
     """Print what arrives of a stream, a line of JSON for each message.
 
     KEY is a topic of the table, or one of a family: log/* or log/control.
@@ -60,43 +64,30 @@ def echo(
     from tools.topic.listening import listen, named, side_of
 
     wanted = named([key])
-    running = dive_in(dive)
+    running = dive_in(limits.dive)
 
     def take(key: str, message: Message, _size: int, _at: Ns) -> None:
         line = msgspec.json.encode({"topic": key, "message": message}).decode()
         print(harmless(line), flush=True)
 
-    listen(
-        running, side_of(running, wanted, side), wanted, take, None, count=count, seconds=seconds
-    )
+    here = side_of(running, wanted, limits.side)
+    listen(running, here, wanted, take, None, count=limits.count, seconds=limits.seconds)
     return 0
 
 
 @topic.command
-def hz(
-    *keys: Key,
-    count: MostMessages = None,
-    seconds: UntilCtrlC = None,
-    side: AtSide = None,
-    dive: RunningDive = None,
-) -> int:
+def hz(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
     """How often streams come, beside the rate of the table, and the pauses between messages.
 
     On a terminal every second, else once at the end.
 
     Example: lindy topic hz state reference --seconds 5
     """
-    return _measured("hz", keys, count, seconds, side, dive)
+    return _measured("hz", keys, limits)
 
 
 @topic.command
-def delay(
-    *keys: Key,
-    count: MostMessages = None,
-    seconds: UntilCtrlC = None,
-    side: AtSide = None,
-    dive: RunningDive = None,
-) -> int:
+def delay(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
     """How old messages are when they arrive here: since the stamp of whoever sent them.
 
     Between two computers the drone's clock is that of link/clock; of streams that both sides send
@@ -104,38 +95,25 @@ def delay(
 
     Example: lindy topic delay state pilot/command --seconds 5
     """
-    return _measured("delay", keys, count, seconds, side, dive)
+    return _measured("delay", keys, limits)
 
 
 @topic.command
-def bw(
-    *keys: Key,
-    count: MostMessages = None,
-    seconds: UntilCtrlC = None,
-    side: AtSide = None,
-    dive: RunningDive = None,
-) -> int:
+def bw(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
     """How much of streams comes: payload alone, without Zenoh's own bytes.
 
     Example: lindy topic bw camera/video --seconds 5
     """
-    return _measured("bw", keys, count, seconds, side, dive)
+    return _measured("bw", keys, limits)
 
 
-def _measured(
-    what: str,
-    keys: tuple[str, ...],
-    count: int | None,
-    seconds: float | None,
-    side: Side | None,
-    dive: Path | None,
-) -> int:
+def _measured(what: str, keys: tuple[str, ...], limits: ListenOptions) -> int:
     from tools.ask import dive_in
     from tools.topic.listening import listen, named, side_of
 
     asked = named(keys)
-    running = dive_in(dive)
-    here = side_of(running, asked, side)
+    running = dive_in(limits.dive)
+    here = side_of(running, asked, limits.side)
     clock = SenderClock(here, apart=len(running.endpoints) == 1)
     found = {each.key: HeardStream() for each in asked if not each.is_family}
 
@@ -151,7 +129,8 @@ def _measured(
         return aligned([("topic", *HEADINGS[what]), *cells])
 
     also = [topics.CLOCK] if what == "delay" and clock.apart else []
-    listen(running, here, [*(asked or topics.ALL), *also], take, draw, count=count, seconds=seconds)
+    wanted = [*(asked or topics.ALL), *also]
+    listen(running, here, wanted, take, draw, count=limits.count, seconds=limits.seconds)
     return 0
 
 

@@ -27,6 +27,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
 from services.tether.core import Link
 from services.tether.delay import Delays, Drawn, Exponential, Normal, Pareto
@@ -241,7 +242,7 @@ def _run(link: str) -> tuple[list[float], list[float], list[LinkStatus]]:
     """
     with TemporaryDirectory() as folder:
         stack = Stack(link=link, out=folder)
-        with local_stack(stack, Registry.read().only({"tether": GATEWAY})) as local:
+        with local_stack(Dive(stack, Registry.read().only({"tether": GATEWAY}))) as local:
             local.start_services()
 
             def look() -> bool:

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 from messages import topics
 from messages.sensors import ImuSample
-from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.faults.hindrance import Hindrance
+from tests.support.hindered_host import HinderedHost
 
 MS = 1_000_000  # [ns]
 HZ = 100
@@ -16,7 +16,7 @@ class Scene:
 
     def __init__(self) -> None:
         self.hindrance = Hindrance(lambda: self.host.now, 0)
-        self.host = VirtualHost(lateness={"listener": self.hindrance})
+        self.host = HinderedHost(lateness={"listener": self.hindrance})
         self.heard: list[tuple[int, int]] = []  # (said, handled) [ns]
         says = (talker := self.host.node("talker", ["drone"])).publisher(topics.IMU)
         talker.every(HZ, lambda now: says.put(self._sample(now)))

@@ -20,8 +20,6 @@ class MemoryBus:
     def __init__(self) -> None:
         self._listeners: list[tuple[str, Store, object]] = []  # (key expression, store, port)
         self._routes: dict[str, list[tuple[Store, object]]] = {}
-        self._kept: list[tuple[Envelope, object]] | None = None  # while nothing is delivered
-        self._keeps = False
 
     def listen(self, key_expression: str, store: Store, port: object) -> None:
         self._listeners.append((key_expression, store, port))
@@ -32,27 +30,7 @@ class MemoryBus:
         self._listeners = [entry for entry in self._listeners if entry[2] is not port]
         self._routes.clear()
 
-    def stop(self, *, keeps: bool) -> None:
-        """Deliver nothing until `go_on`, as when the hub of this side is gone.
-
-        Args:
-            keeps: what is sent meanwhile is delivered afterwards, as by a hub that only hangs;
-                False: it is lost, with all that was kept before.
-        """
-        self._keeps = keeps
-        self._kept = self._kept if keeps and self._kept is not None else []
-
-    def go_on(self) -> None:
-        """Deliver again, first what was kept, in order."""
-        kept, self._kept = self._kept or [], None
-        for envelope, sender in kept:
-            self.deliver(envelope, sender)
-
     def deliver(self, envelope: Envelope, sender: object) -> None:
-        if self._kept is not None:
-            if self._keeps:
-                self._kept.append((envelope, sender))
-            return
         route = self._routes.get(envelope.key)
         if route is None:
             route = [

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-import re
+import subprocess
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -18,6 +18,7 @@ from services.runtime.config.stack import BODY, Stack
 
 ROOT = Path(__file__).resolve().parents[3]
 LETTERS = 12  # of a hash: for people to compare, not against anybody
+GIT_S = 2.0  # [s] for git to answer
 IN_WORDS = ("title", "description")  # of a JSON schema; they change nothing
 
 
@@ -75,33 +76,14 @@ def _hash(tree: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
 
 
-def commit_here() -> str:
-    """Of the repository that Lindy runs from; empty: installed."""
-    return _commit(ROOT / ".git")
-
-
 @cache
-def _commit(git: Path) -> str:
-    """What a repository has checked out; empty where there is none, or none that is understood."""
-    try:
-        if git.is_file():  # a worktree: it says where its folder is
-            git = Path(git.read_text(encoding="utf-8").removeprefix("gitdir:").strip())
-        head = (git / "HEAD").read_text(encoding="utf-8").strip()
-        name = head.removeprefix("ref:").strip()
-        if name != head:
-            shared = git / "commondir"
-            common = git / shared.read_text(encoding="utf-8").strip() if shared.is_file() else git
-            head = _of_branch(common, name)
-    except (OSError, ValueError):
+def commit_here() -> str:
+    """Of the repository that Lindy runs from; empty: installed, or there is no git here."""
+    if not (ROOT / ".git").exists():
         return ""
-    return head[:LETTERS] if re.fullmatch(r"[0-9a-f]{40,64}", head) else ""
-
-
-def _of_branch(git: Path, name: str) -> str:
-    if (loose := git / name).is_file():
-        return loose.read_text(encoding="utf-8").strip()
-    for line in (git / "packed-refs").read_text(encoding="utf-8").splitlines():
-        commit, _, packed = line.partition(" ")
-        if packed == name:
-            return commit
-    return ""
+    asked = ["git", "-C", str(ROOT), "rev-parse", "HEAD"]
+    try:
+        answer = subprocess.run(asked, capture_output=True, text=True, timeout=GIT_S, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return answer.stdout[:LETTERS]

@@ -28,6 +28,19 @@ LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
 LONGEST_TOML = 1_000_000  # [letters] a vehicle file has 20,000
 DEEPEST = 100  # parts of a key
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}]")
+FILTER = "the estimator is one filter now, see docs/decisions/0020-one-filter.md"
+GONE = {
+    "control.adaptation": "`lindy identify` finds thrust and drag from a dive",
+    "estimation.attitude.correction": FILTER,
+    "estimation.attitude.heading_drift": FILTER,
+    "estimation.attitude.tilt_std": FILTER,
+    "estimation.attitude.yaw_rate_std": FILTER,
+    "estimation.depth.bias_walk": FILTER,
+    "estimation.depth.forward_bias_std": FILTER,
+    "estimation.depth.motion_noise": FILTER,
+    "estimation.depth.pitch_noise": FILTER,
+    "estimation.depth.roll_noise": FILTER,
+}  # key of an earlier version → what to use instead
 UNNAMED = "[...]"  # of msgspec, for a name in a dictionary
 ENTRY = re.compile(r"(\w+) number (\d+)")  # an entry of an array, as sentences name it
 
@@ -242,7 +255,9 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
     missing = re.fullmatch(r"Object missing required field `(\w+)`", what)
     known = _fields(kind, list(parts))
     found = _at(tree, list(parts))
-    if unknown:
+    if unknown and (instead := GONE.get(in_words(key))):
+        text.append(f"this key is gone: {instead}")
+    elif unknown:
         text.append(f"unknown key{nearest(unknown[1], known)}")
     elif missing:
         text.append(f"the key {missing[1]} is missing; known: {', '.join(known)}")

@@ -178,6 +178,16 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if kind is not None:
                 self.section(name, kind)
 
+    @property
+    def tables(self) -> set[str]:
+        """Names of the tables of the vehicle file, with those of its sensors' part files.
+
+        Raises:
+            LindyError: a file cannot be read, or a sensor does not exist.
+        """
+        path = self.vehicle_path
+        return {*_with_parts(path, tuple(self.overrides), *_copied(path, *self._part_paths()))}
+
     def _vehicle_tree(self) -> dict[str, Any]:
         """The vehicle file without what its sensors' part files say."""
         return _vehicle_tree(self.vehicle_path, tuple(self.overrides), *_copied(self.vehicle_path))

@@ -1,25 +1,20 @@
 """The services of a stack: what is asked of them as a whole.
 
-The stack file is read and checked in `stack_file`, the code of a service is found in
-`service_module`, and `processes` says which services share an OS process.
+The stack file is read and checked in `stack_file`, and the code of a service is found in
+`service_module`.
 """
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
+
 from messages import topics
 from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Role
-from services.runtime.hosts.processes import (
-    few_processes,
-    processes_of,
-    require_processes,
-    shared_processes,
-    two_machines,
-)
 from services.runtime.hosts.service_module import ServiceModule, Wire, own_services, own_settings
 from services.runtime.hosts.stack_file import (
     ONE_EACH,
@@ -30,9 +25,11 @@ from services.runtime.hosts.stack_file import (
     read_specs,
     require_one_of_a_kind,
     require_possible,
+    require_processes,
 )
 
 DEFAULT = "simulated"  # the stack of a dive without --stack
+SHARED = {"topside": "topside", "drone": "onboard"}  # process of each side with --grouped
 # What somebody must publish in a dive, and which of Lindy's own services does.
 NEEDED: dict[str, AnyTopic] = {
     "gamepad": topics.PILOT_COMMAND,
@@ -96,7 +93,21 @@ class Registry(Mapping[str, ServiceSpec]):
         """The same stack where topside and drone are two machines. A service that runs on each
         machine has its own name on the second one, because each side receives the other's health
         messages."""
-        return self.only(two_machines(self.specs))
+        split: dict[str, ServiceSpec] = {}
+        for name, spec in self.specs.items():
+            if not spec.each_machine:
+                split[name] = spec
+                continue
+            for side in spec.sides:
+                instance = name if side == spec.sides[0] else f"{name}_{side}"
+                split[instance] = msgspec.structs.replace(
+                    spec,
+                    sides=[side],
+                    each_machine=False,
+                    service=code_of(name, spec),
+                    process=instance if spec.process == name else spec.process,
+                )
+        return self.only(split)
 
     @property
     def watched(self) -> dict[str, Role]:
@@ -168,19 +179,30 @@ class Registry(Mapping[str, ServiceSpec]):
         Raises:
             LindyError: a service that is not in such a process has its name.
         """
-        grouped = self.only(few_processes(self.specs))
-        require_processes(grouped.specs, self.file)
-        return grouped
+        grouped = {
+            name: msgspec.structs.replace(spec, process=spec.process or SHARED[spec.sides[0]])
+            for name, spec in self.specs.items()
+        }
+        require_processes(grouped, self.file)
+        return self.only(grouped)
 
     @property
     def processes(self) -> dict[str, list[str]]:
         """The OS processes by name, and the services in each."""
-        return processes_of(self.specs)
+        processes: dict[str, list[str]] = {}
+        for name, spec in self.specs.items():
+            processes.setdefault(spec.process or name, []).append(name)
+        return processes
 
     @property
     def shared(self) -> dict[str, str]:
         """The process of each service that is not alone in a process of its own name."""
-        return shared_processes(self.specs)
+        return {
+            name: process
+            for process, names in self.processes.items()
+            if names != [process]
+            for name in names
+        }
 
     def wire(self, name: str) -> Wire:
         """The function that connects a service's core to its ports. Whatever it raises becomes one
@@ -196,7 +218,9 @@ class Registry(Mapping[str, ServiceSpec]):
         module, which line."""
         return self._module(name).failure(error)
 
-    def tables(self, here: Collection[str] | None = None) -> dict[str, type | None]:
+    def tables(
+        self, here: Collection[str] | None = None, named: Collection[str] | None = None
+    ) -> dict[str, type | None]:
         """The tables that a vehicle file may have for services: for those of this stack, and for
         all of Lindy's own, because a vehicle file suits more than one stack. None: a user's module
         has no settings.
@@ -204,11 +228,17 @@ class Registry(Mapping[str, ServiceSpec]):
         Args:
             here: the services that run on this machine; None: all. A user's module need not be
                 installed on the other machine, so its table is not checked there.
+            named: tables of the vehicle file. Of Lindy's own services those that have none and
+                are not in this stack are not loaded, and have no type; None: all are.
 
         Raises:
             LindyError: a module of this stack cannot be used.
         """
-        own = {name: own_settings(name) for name in own_services()}
+        wanted = {*(named or ()), *(code_of(name, spec) for name, spec in self.specs.items())}
+        own = {
+            name: own_settings(name) if named is None or name in wanted else dict
+            for name in own_services()
+        }
         found: dict[str, type | None] = {n: kind for n, kind in own.items() if kind is not None}
         for name, spec in self.specs.items():
             if spec.module is not None:

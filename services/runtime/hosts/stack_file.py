@@ -8,7 +8,13 @@ from typing import Annotated, Any
 import msgspec
 
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import convert, line_of, nearest, read_toml
+from services.runtime.config.settings import (
+    convert,
+    deploy_file,
+    line_of,
+    nearest,
+    read_toml,
+)
 from services.runtime.config.stack import BODY
 from services.runtime.hosts.service_module import ServiceModule, own_services
 
@@ -29,9 +35,11 @@ class ServiceSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     process: str | None = None  # services with the same name here share an OS process
     service: str | None = None  # Lindy's service whose code it runs; None: that of its name
     module: str | None = None  # a user's module; None: one of Lindy's own services
+    in_place_of: str | None = None  # a service of the stack that is extended, which is left out
 
 
 class StackFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    extends: str = ""  # a name in deploy/stacks, whose services are here as well; empty: none
     services: dict[str, dict[str, Any]] = {}
 
 
@@ -44,8 +52,45 @@ def read_specs(file: Path) -> Specs:
     Raises:
         LindyError: it cannot be read, or a key is wrong.
     """
-    tables = convert(read_toml(file), StackFile, "", file).services
-    return {n: convert(t, ServiceSpec, f"services.{n}", file) for n, t in tables.items()}
+    return {
+        name: convert(table, ServiceSpec, f"services.{name}", file)
+        for name, table in _tables(file).items()
+    }
+
+
+def _tables(file: Path) -> dict[str, dict[str, Any]]:
+    """With those of the stack that it extends: a table of the same name adds and changes keys, one
+    with `in_place_of` takes a service's place, and others come last."""
+    own, tables = convert(read_toml(file), StackFile, "", file), dict[str, dict[str, Any]]()
+    for base in bases(file)[:1]:
+        tables = _tables(base)
+    for name, table in own.services.items():
+        if (left_out := table.get("in_place_of", name)) != name and left_out not in tables:
+            known = ", ".join(tables) or "none, because this file extends no stack"
+            at = place(file, name, "in_place_of")
+            raise LindyError(f"{at}: there is no service {left_out!r} to replace; known: {known}")
+        table = {key: value for key, value in table.items() if key != "in_place_of"}
+        tables = {name if n == left_out else n: each for n, each in tables.items()}
+        tables[name] = table if left_out != name else {**tables.get(name, {}), **table}
+    return tables
+
+
+def bases(file: Path) -> list[Path]:
+    """The stack files that a stack file extends, the nearest first.
+
+    Raises:
+        LindyError: there is none of this name, or one cannot be read.
+    """
+    if not (name := convert(read_toml(file), StackFile, "", file).extends):
+        return []
+    at = f"{file}{line_of(file, ('extends',))}: extends"
+    if name.endswith(".toml"):
+        raise LindyError(f"{at}: {name!r} is a file; allowed is a name in deploy/stacks")
+    try:
+        base = deploy_file("stacks", name)
+    except LindyError as error:
+        raise LindyError(f"{at}: {error}") from None
+    return [base, *bases(base)]
 
 
 def code_of(name: str, spec: ServiceSpec) -> str:
@@ -103,6 +148,34 @@ def require_one_of_a_kind(specs: Specs, file: Path) -> None:
             f"{place(file, other, 'vehicle_side')}: {simulators[0]} is a whole vehicle already; "
             f"allowed is one of the two"
         )
+
+
+def require_processes(specs: Specs, file: Path) -> None:
+    """
+    Raises:
+        LindyError: a process has a name that is not allowed, or services of both sides.
+    """
+    first: dict[str, str] = {}  # service of each process
+    for name, spec in specs.items():
+        if (process := spec.process) is None:
+            continue
+        at, other = place(file, name, "process"), first.setdefault(process, name)
+        if process in TAKEN or not re.fullmatch(NAME, process):
+            raise LindyError(
+                f"{at}: a process cannot be called {process!r}; allowed are a to z, 0 to 9 and "
+                f"_, and not {' or '.join(TAKEN)}"
+            )
+        if process in specs and specs[process].process != process:
+            raise LindyError(
+                f"{at}: {process!r} is a service that is not in this process; allowed is a "
+                f"name that no service has, or process = {process!r} for it as well"
+            )
+        if spec.sides[0] != (side := specs[other].sides[0]):
+            raise LindyError(
+                f"{at}: process {process!r} has {other}, whose home is the {side}, and {name}, "
+                f"whose home is the {spec.sides[0]}; allowed are services with the same home, "
+                f"the first of their sides"
+            )
 
 
 def _require_known(name: str, spec: ServiceSpec, file: Path) -> None:

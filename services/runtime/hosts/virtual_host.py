@@ -2,8 +2,7 @@
 
 Messages are encoded, sent over an in-memory bus and decoded, as on a network. Nothing depends on
 real time or on the order of threads, so the same stack and seed give the same bytes. Computing
-takes no virtual time: latencies come from the link and the scheduling only. A node with a
-`Lateness` is stepped late, as on a busy computer; until then messages wait in its ports.
+takes no virtual time: latencies come from the link and the scheduling only.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,7 +10,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from math import ceil
-from typing import Protocol
 
 import msgspec
 
@@ -47,32 +45,16 @@ class Skew:
 SAME = Skew()
 
 
-class Lateness(Protocol):
-    """When one node is stepped. [ns]"""
-
-    def arrived(self, now: int) -> None: ...
-
-    def next_step(self, deadline: int) -> int: ...
-
-    def stepped(self) -> None: ...
-
-
 class VirtualHost:
     """Owns virtual time, the bus of each side and the nodes."""
 
-    def __init__(
-        self,
-        clocks: Mapping[str, Skew] | None = None,
-        lateness: Mapping[str, Lateness] | None = None,
-    ) -> None:
+    def __init__(self, clocks: Mapping[str, Skew] | None = None) -> None:
         """
         Args:
             clocks: clock of each side, where they are two machines; None: one clock.
-            lateness: of nodes by name; the others are punctual.
         """
         self.now = 0  # [ns]
         self._clocks = clocks
-        self._lateness = lateness or {}
         self.nodes: dict[str, Node] = {}
         self._buses: dict[str, MemoryBus] = {}
         self._checkpoints: dict[str, CheckpointStore] = {}
@@ -86,7 +68,7 @@ class VirtualHost:
         return MemoryBusPort(self.hub(name))
 
     def hub(self, side: str) -> MemoryBus:
-        """The bus of a side, for a test that stops it as a hub that ends or hangs."""
+        """The bus of a side."""
         return self._buses.setdefault(side, MemoryBus())
 
     def node(self, name: str, sides: list[str], *, gateway: bool = False) -> Node:
@@ -96,8 +78,7 @@ class VirtualHost:
         skew, clock_offset = self._skew(sides[0]), self._clock_offset(sides[0])
         clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
         node = Node(name, ports, clock, checkpoint, gateway=gateway, clock_offset=clock_offset)
-        late = name in self._lateness
-        node.wake = partial(self._wake if late else self._woken.setdefault, name)
+        node.wake = partial(self._woken.setdefault, name)
         self.nodes[name] = node
         return node
 
@@ -122,19 +103,12 @@ class VirtualHost:
         for name, spec in services.items():
             self.add(name, spec, stack, (instead or {}).get(name) or services.wire(name))
 
-    def kill(self, name: str, *, forgets: bool = False) -> None:
-        """End a service as a crash would: it publishes nothing more and closes nothing. `forgets`:
-        its checkpoint is lost too."""
+    def kill(self, name: str) -> None:
+        """End a service as a crash would: it publishes nothing more and closes nothing."""
         for port in self.nodes.pop(name).sides.values():
             assert isinstance(port, MemoryBusPort)
             port.close()
         self._woken.pop(name, None)
-        if forgets:
-            self._checkpoints.pop(name, None)
-
-    def forget(self, name: str) -> None:
-        """Lose a service's checkpoint."""
-        self._checkpoints.pop(name, None)
 
     def show(self, line: Callable[[LogLine], None]) -> None:
         """Show every node's log lines."""
@@ -181,14 +155,15 @@ class VirtualHost:
         for _ in range(ROUNDS):
             for name in names:
                 self._woken.pop(name, None)
-                if (late := self._lateness.get(name)) is not None:
-                    late.stepped()
-                self._call(name, self.nodes[name].step)
+                self._step(name)
                 self._due[name] = self._deadline(name)
             if not self._woken:
                 return
             names = list(self._woken)
         raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")
+
+    def _step(self, name: str) -> None:
+        self._call(name, self.nodes[name].step)
 
     def _call(self, name: str, what: Callable[[], None]) -> None:
         """Run a service's code. In a process of its own it could end nothing but itself."""
@@ -202,20 +177,10 @@ class VirtualHost:
             self._failed.add(name)
             raise self._services.failure(name, error) from error
 
-    def _wake(self, name: str) -> None:
-        """A message arrived for a node with lateness: step it now or later. The others are stepped
-        at this instant."""
-        self._lateness[name].arrived(self.now)
-        self._due[name] = self._deadline(name)
-        if self._due[name] <= self.now:
-            self._woken.setdefault(name)
-
     def _deadline(self, name: str) -> int:
         """[ns] When a node is stepped next if nothing else wakes it, by the host's clock."""
         node = self.nodes[name]
-        due = node.deadline() if self._clocks is None else self._timer(node)
-        late = self._lateness.get(name)
-        return due if late is None else late.next_step(due)
+        return node.deadline() if self._clocks is None else self._timer(node)
 
     def _timer(self, node: Node) -> int:
         """[ns] When a node's next timer falls due, by the host's clock."""

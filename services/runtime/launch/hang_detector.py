@@ -5,7 +5,7 @@ the business of `lifecycle.py`; this is about one that has not, and whose loop d
 """
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -13,22 +13,8 @@ from services.runtime.launch.lifecycle import Life
 
 SILENT_S = 1.0  # [s] without a heartbeat, which comes ten times a second at least
 STUCK_S = 0.3  # [s] the same, of one that does not even wait for a processor: it is not just late
-HEARD_S = 5.0  # [s] in which everybody is heard who lives, which is once a second
-STARTING_S = 12.0  # [s] longer than a service waits for its hub
 PUNCTUAL_S = 0.25  # [s] between two looks: the time in between was there for everybody
 LATE_S = 0.5  # [s] between two looks: the whole computer was busy or asleep, not one process
-
-
-def is_unheard(life: Life, own: Collection[int], beside: Collection[int]) -> bool:
-    """A process that was started again where there was no memory may go round and be heard by
-    nobody, because its link or its hub lacks a thread, while others of its side are heard.
-
-    Args:
-        own: [ns] when each of its services was heard last.
-        beside: [ns] the same, of the services of its side.
-    """
-    since_start = max(beside, default=0) - life.at
-    return bool(life.restarts and own) and min(own) < life.at and since_start > HEARD_S * 1e9
 
 
 class SilenceChange(NamedTuple):
@@ -48,7 +34,6 @@ class HangDetector:
     _looked: int | None = None  # [ns] last look
     _since: int = 0  # [ns] before this nothing is held against anybody
     _hopeless: set[str] = field(default_factory=set[str])
-    _given_up: dict[str, int] = field(default_factory=dict[str, int])  # lives that never began
 
     def look(
         self,
@@ -56,7 +41,6 @@ class HangDetector:
         lives: Mapping[str, Life],
         now: int,
         stuck: Callable[[str], bool] = lambda _: False,
-        idle: Callable[[str], bool] = lambda _: False,
     ) -> list[SilenceChange]:
         """What has changed.
 
@@ -64,7 +48,6 @@ class HangDetector:
             beats: [ns] newest heartbeat of each process; None: it has none yet.
             stuck: does it do nothing now, nor wait for a processor or a disk, and is not to be
                 waited for? Asked of those that are silent.
-            idle: does it do nothing now? Asked of those that take long to begin.
         """
         punctual = self._looked is not None and now - self._looked <= PUNCTUAL_S * 1e9
         if self._looked is None or now - self._looked > LATE_S * 1e9:
@@ -77,22 +60,11 @@ class HangDetector:
                 self._forget(name)  # it was started again meanwhile
             if life.phase != "running" or beat is None or beat < life.at:
                 self._forget(name)  # it has ended, or has not begun
-                waits = life.phase == "running" and now - life.at > STARTING_S * 1e9
-                if waits and life.lives > 1 and punctual and idle(name):
-                    changes += self._never_begins(name, life.lives)
                 continue
             silence_s = (now - max(beat, self._since)) / 1e9
             is_stuck = punctual and silence_s > STUCK_S and stuck(name)
             changes += self._judge(name, life.lives, silence_s, stuck=is_stuck)
         return changes
-
-    def _never_begins(self, name: str, lives: int) -> list[SilenceChange]:
-        """A process that was started again where there was no room for all its threads."""
-        if self._given_up.get(name) == lives:
-            return []
-        self._given_up[name] = lives
-        self.times[name] += 1
-        return [SilenceChange(name, "silent"), SilenceChange(name, "hopeless")]
 
     def _judge(
         self, name: str, lives: int, silence_s: float, *, stuck: bool

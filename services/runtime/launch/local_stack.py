@@ -13,8 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from messages import events, topics
-from messages.health import Health
+from messages import events
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import namespace
@@ -23,13 +22,11 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.process_host import instance, usage
-from services.runtime.hosts.registry import Registry
 from services.runtime.launch.aliveness import Aliveness
-from services.runtime.launch.busy import Busyness
 from services.runtime.launch.child import is_stuck
-from services.runtime.launch.hang_detector import HangDetector, is_unheard
-from services.runtime.launch.lifecycle import Life
-from services.runtime.launch.process_plan import LAST, OtherSide, ProcessPlan, supervisor_of
+from services.runtime.launch.dive import Dive
+from services.runtime.launch.hang_detector import HangDetector
+from services.runtime.launch.process_plan import LAST, ProcessPlan
 from services.runtime.launch.run_note import RunNote
 from services.runtime.launch.runtime_folder import runtime_folder
 from services.runtime.launch.supervisor import Supervisor
@@ -55,10 +52,8 @@ class LocalStack:
         self.note = RunNote(plan, partial(self._tell, "warning"))
         self.supervisor = Supervisor(self._tell)
         self.hang_detector = HangDetector(dict.fromkeys(LAST, DISK_PATIENCE_S))
-        self._busyness = Busyness()
         self._systemd = Systemd(os.environ, os.getpid())
         self._watch_at = 0  # [ns] next look at the heartbeats
-        self._heard: dict[str, int] = {}  # [ns] services' newest health
         self._tokens: deque[tuple[str, str, bool]] = deque()  # filled on the bus's thread
         self._wake = threading.Event()
         self._has_node = False
@@ -89,9 +84,9 @@ class LocalStack:
                 buses[side] = ZenohBus(exits.enter_context(session))
                 buses[side].watch(partial(self._token, side))
                 self.supervisor.seen(f"hub_{side}")  # one that cannot listen later is tried again
-        here = None if plan.other_side is None else plan.other_side.side
+        here = plan.dive.side
         self.node = Node(
-            supervisor_of(plan.other_side),
+            plan.dive.supervisor,
             {plan.home: buses[plan.home]},
             time.monotonic_ns,
             VolatileCheckpoint(),
@@ -99,7 +94,6 @@ class LocalStack:
         )
         self.node.wake, self.node.usage = self._wake.set, usage
         self.node.instance = instance()
-        self.node.each(topics.HEALTH, self._hear_health)
         self._has_node = True
 
     def start_services(self) -> None:
@@ -174,15 +168,6 @@ class LocalStack:
         self._tokens.append((side, service, alive))
         self._wake.set()
 
-    def _hear_health(self, health: Health, now: int) -> None:
-        if health.service not in self.plan.services:
-            return  # of the other machine
-        self._heard[health.service] = now
-        shared = any(len(names) > 2 for names in self.plan.processes.values())
-        advice = "lindy simulate" if shared else "--grouped, or lindy simulate"
-        if (sentence := self._busyness.see(health, now, advice)) is not None:
-            self._tell("warning", sentence)
-
     def _hear_tokens(self) -> None:
         while self._tokens:
             side, service, alive = self._tokens.popleft()
@@ -217,11 +202,8 @@ class LocalStack:
             return  # messages wake this process more often than a look is of use
         self._watch_at = now + WATCH_NS
         lives = self.supervisor.lives
-        beats = {
-            name: last_beat(self.plan.heartbeat(name)) if self._has_begun(name, life) else None
-            for name, life in lives.items()
-        }
-        for name, what in self.hang_detector.look(beats, lives, now, self._stuck, self._idle):
+        beats = {name: last_beat(self.plan.heartbeat(name)) for name in lives}
+        for name, what in self.hang_detector.look(beats, lives, now, self._stuck):
             if what == "silent":
                 self._tell("error", f"{name} does not answer any more")
             elif what == "again":
@@ -234,22 +216,10 @@ class LocalStack:
         ):
             self._systemd.works(now)
 
-    def _has_begun(self, process: str, life: Life) -> bool:
-        own, services = self.plan.processes.get(process, ()), self.plan.services
-        sides = [spec.sides for name in own if (spec := services.get(name)) is not None]
-        beside = [name for name, spec in services.items() if spec.sides in sides]
-        heard = self._heard
-        return not is_unheard(
-            life, [heard.get(n, 0) for n in own], [heard.get(n, 0) for n in beside]
-        )
-
     def _stuck(self, process: str) -> bool:
-        """One on the way of the pilot's disarm."""
-        return self.plan.carries_stop(process) and self._idle(process)
-
-    def _idle(self, process: str) -> bool:
+        """One on the way of the pilot's disarm that does nothing now."""
         pid = self.supervisor.pids.get(process)
-        return pid is not None and is_stuck(pid)
+        return pid is not None and self.plan.carries_stop(process) and is_stuck(pid)
 
     def end(self) -> None:
         """End all processes."""
@@ -262,35 +232,20 @@ class LocalStack:
 
 
 @contextmanager
-def local_stack(
-    stack: Stack,
-    services: Registry,
-    listen: str | None = None,
-    other_side: OtherSide | None = None,
-    begin_with: Mapping[str, bytes] | None = None,
-    credentials: Credentials | None = None,
-) -> Generator[LocalStack]:
+def local_stack(dive: Dive) -> Generator[LocalStack]:
     """Running hubs, without services yet; everything is ended when the block is left.
 
-    Args:
-        listen: endpoint on which the pilot's hub listens instead of a private socket, so that
-            programs outside the stack can connect.
-        other_side: where it is another machine; `services` are then those of this one.
-        begin_with: checkpoints by service, of an earlier start.
-        credentials: for endpoints of and for other machines.
-
     Raises:
-        LindyError: the endpoint is taken or malformed.
+        LindyError: an endpoint is taken or malformed.
     """
-    for endpoint in filter(None, (listen, *(other_side.listen if other_side is not None else ()))):
-        require_free(endpoint, stack, credentials)
-    watched = stack.watched or services.watched
-    if other_side is not None and other_side.side == "drone":  # nobody on board is above it
-        watched = {**watched, supervisor_of(other_side): "keeper"}
-    stack = msgspec.structs.replace(stack, watched=watched)
+    for endpoint in dive.listen:
+        require_free(endpoint, dive.stack, dive.credentials)
+    watched = dive.stack.watched or dive.services.watched
+    if dive.side == "drone":  # nobody on board is above it
+        watched = {**watched, dive.supervisor: "keeper"}
+    dive = msgspec.structs.replace(dive, stack=msgspec.structs.replace(dive.stack, watched=watched))
     with runtime_folder() as folder:
-        plan = ProcessPlan(stack, services, folder, listen, other_side, begin_with, credentials)
-        local = LocalStack(plan)
+        local = LocalStack(ProcessPlan(dive, folder))
         with ExitStack() as exits:
             exits.callback(local.note.remove)
             exits.callback(local.supervisor.stop)

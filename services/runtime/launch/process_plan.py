@@ -3,27 +3,24 @@
 import os
 import secrets
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 
 import services
 from messages.topic import Side
 from services.runtime.bus.access_control import HubSide
-from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import UNIX
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
-from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import HubLaunch, Launch
-from services.runtime.hosts.registry import PILOTS, Registry
+from services.runtime.hosts.registry import PILOTS
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Task
-from services.runtime.launch.supervisor import NAME
+from services.runtime.launch.dive import Dive
 from services.runtime.node.checkpoint import write_safely
 
 PYTHON = [sys.executable, "-P", "-m", services.__name__]  # -P: nothing of the user's folder
@@ -32,57 +29,36 @@ HOME = "topside"  # the side this process's own node is on: it sees what the pil
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
 
 
-class OtherSide(NamedTuple):
-    """The other side, where it is another machine."""
-
-    side: Side  # of this machine
-    listen: tuple[str, ...] = ()  # endpoints at which the other side reaches this hub
-    connect: tuple[str, ...] = ()  # … or at which this hub reaches the other's
-    gateway: str | None = None  # endpoint of the drone's hub, for a tether process between them
-
-
-def supervisor_of(other_side: OtherSide | None) -> str:
-    """Its name on the bus. Two machines have two, and each receives the other's health."""
-    return NAME if other_side is None else f"{NAME}_{other_side.side}"
-
-
 class ProcessPlan:
     """The hubs and processes of one stack."""
 
-    def __init__(
-        self,
-        stack: Stack,
-        services: Registry,
-        folder: Path,
-        listen: str | None = None,
-        other_side: OtherSide | None = None,
-        begin_with: Mapping[str, bytes] | None = None,
-        credentials: Credentials | None = None,
-    ) -> None:
+    def __init__(self, dive: Dive, folder: Path) -> None:
         """
         Args:
             folder: for sockets, heartbeats and copies, which end with this program.
-            listen, other_side, begin_with, credentials: as `local_stack` has them.
         """
-        self.stack, self.services, self.other_side = stack, services, other_side
-        self.processes = services.processes
+        self.dive, self.stack, self.services = dive, dive.stack, dive.services
+        self.processes = dive.services.processes
+        self._folder = folder
         # With keys, programs of other machines come in as they would at the drone's hub; the
         # services keep a private socket.
-        outside = credentials is not None and listen is not None
-        self._programs = OtherSide("drone", (listen,)) if outside and listen else None
-        self._credentials, self._folder = credentials, folder
+        self._border: dict[str, Side] = {}  # hub that other machines reach → side that it takes
+        if dive.side is None and dive.credentials is not None and dive.listen:
+            self._border = {HOME: "drone"}
         # A hub for each side; with two machines, only for sides that are a service's home here.
-        homes_only = 1 if other_side is not None else None
-        sides = dict.fromkeys(s for spec in services.values() for s in spec.sides[:homes_only])
+        homes_only = None if dive.side is None else 1
+        specs = dive.services.values()
+        sides = dict.fromkeys(s for spec in specs for s in spec.sides[:homes_only])
         self.endpoints = {side: f"{UNIX}{folder}/{side}.sock" for side in sides}
         self.home = HOME if HOME in sides else next(iter(sides))
-        if listen is not None and not outside:
-            self.endpoints[self.home] = listen
+        if dive.side is not None:
+            self._border = dict.fromkeys(sides, dive.side)
+        elif dive.listen and not self._border:
+            self.endpoints[self.home] = dive.listen[0]
         self._reach = {**self.endpoints}  # what services connect to
-        if other_side is not None and other_side.gateway is not None:
-            self._reach["drone"] = other_side.gateway
-        self.checkpoints = stack.out_dir / CHECKPOINTS  # numbered by `keep_files` if it exists
-        self._begin_with = begin_with or {}
+        if dive.gateway is not None:
+            self._reach["drone"] = dive.gateway
+        self.checkpoints = dive.stack.out_dir / CHECKPOINTS  # numbered by `keep_files`
         self._copies: dict[str, str] = {}  # file → its copy in `folder`
         self._start = secrets.token_hex(8)  # tells this start from one of another drone of the name
 
@@ -95,7 +71,7 @@ class ProcessPlan:
         """
         self._copy_files(warn)
         self.checkpoints = unused_folder(self.checkpoints)
-        for name, data in self._begin_with.items():
+        for name, data in self.dive.begin_with.items():
             write_safely(self.checkpoints / f"{name}.json", data)
 
     def _copy_files(self, warn: Callable[[str], None]) -> None:
@@ -130,24 +106,18 @@ class ProcessPlan:
             tells=side == self.home,
         )
         if side == self.home:
-            what = "drone" if self.other_side is None else self.other_side.side
+            what = self.dive.side or "drone"
             launch = msgspec.structs.replace(launch, here=here_key(space, what, self._start))
-        border = self.other_side or (self._programs if side == HOME else None)
-        if border is not None:
+        if (border := self._border.get(side)) is not None:
+            own = (*self.services, f"hub_{border}", self.dive.supervisor)
             launch = msgspec.structs.replace(
                 launch,
-                listen=[*launch.listen, *border.listen],
-                connect=list(border.connect),
-                hub_side=HubSide(
-                    border.side, space, self._credentials, self._own_names(border.side)
-                ),
+                listen=[*launch.listen, *self.dive.listen],
+                connect=list(self.dive.connect),
+                hub_side=HubSide(border, space, self.dive.credentials, own),
             )
         command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
         return Task(name, command, self._log(name), stop_order=2)
-
-    def _own_names(self, side: Side) -> tuple[str, ...]:
-        """Under which only this machine's own health and log lines are believed."""
-        return (*self.services, f"hub_{side}", supervisor_of(self.other_side))
 
     def process(self, process: str) -> Task:
         names = self.processes[process]
@@ -162,7 +132,7 @@ class ProcessPlan:
             checkpoint=str(self.checkpoints),
             heartbeat=str(self.heartbeat(process)),
             parent=os.getpid(),
-            keys=None if self._credentials is None else self._credentials.keys,
+            keys=None if self.dive.credentials is None else self.dive.credentials.keys,
             copies=self._copies,
         )
         command = [*PYTHON, msgspec.json.encode(launch).decode()]

@@ -146,22 +146,13 @@ def lock(path: Path) -> LockFile | None:
         return None
 
 
-def files_left(folder: Path) -> int | None:
-    folder.stat()
-    return None
-
-
 def sync_folder(folder: Path) -> None:
     folder.stat()  # NTFS writes names in their order
 
 
-def others_can_read(path: Path) -> bool:
+def others_may(path: Path, mode: int) -> bool:  # noqa: ARG001 - Windows has no such bits
     path.stat()
     return False  # Windows says by other means who may; the home folder is its user's
-
-
-def others_can_write(path: Path) -> bool:
-    return others_can_read(path)
 
 
 def point(pointer: Path, name: str) -> None:

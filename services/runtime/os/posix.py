@@ -218,12 +218,6 @@ def lock(path: Path) -> HeldFile | None:
     return HeldFile(descriptor)
 
 
-def files_left(folder: Path) -> int | None:
-    """New files that a disk takes; None: it has no limit."""
-    found = os.statvfs(folder)
-    return found.f_favail if found.f_files > 0 else None
-
-
 def sync_folder(folder: Path) -> None:
     """The names in it are on the disk, too.
 
@@ -237,23 +231,13 @@ def sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-def others_can_read(path: Path) -> bool:
-    """
-    Raises:
-        OSError: there is no such file.
-    """
-    return bool(path.stat().st_mode & 0o077)
-
-
-def others_can_write(path: Path) -> bool:
-    """Also those of a group, unless it is this user's own.
+def others_may(path: Path, mode: int) -> bool:
+    """May other users do one of these things, as bits of a file's mode?
 
     Raises:
         OSError: there is no such file or folder.
     """
-    found = path.stat()
-    own_group = found.st_gid == os.getgid()
-    return bool(found.st_mode & (0o002 if own_group else 0o022))
+    return bool(path.stat().st_mode & mode)
 
 
 def point(pointer: Path, name: str) -> None:

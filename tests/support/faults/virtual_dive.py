@@ -22,7 +22,6 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.service_module import wire_of
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.child import Task
 from services.runtime.launch.hang_detector import HangDetector
 from services.runtime.launch.supervisor import Supervisor
@@ -31,6 +30,7 @@ from services.runtime.node.node import Node
 from tests.support.faults.hindrance import Hindrance
 from tests.support.faults.modes import VERTICAL, FlownMode
 from tests.support.faults.observed import Observed
+from tests.support.hindered_host import HinderedHost
 from tests.support.jitter import Jitter
 from tests.support.twin import take_name
 
@@ -90,7 +90,7 @@ class VirtualDive:
         """
         self.seen = Observed()
         self._vertical = mode.vertical
-        self.host = VirtualHost(lateness=self._hindrances(seed))
+        self.host = HinderedHost(lateness=self._hindrances(seed))
         self._rows = Registry.read()
         self._later: list[tuple[int, str]] = []  # (when [ns], service) of starts under way
         self._processes: dict[str, VirtualProcess] = {}

@@ -234,6 +234,18 @@ def test_with_watch_the_drones_are_listed_again_until_it_is_stopped(
     assert [[row["name"] for row in rows] for rows in lists] == [["rov1", "rov2"]] * 2
 
 
+def test_with_watch_an_endpoint_where_nobody_is_yet_is_waited_for(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(drones, "WATCH_S", 0.01)
+    monkeypatch.setattr(drones, "StopSignals", StopsAfterTwo)
+    assert main(["drones", "--router", free_endpoint(), "--watch"]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.endswith("; waits for it\n")
+    assert said.err.count("\n") == 1
+
+
 def test_a_network_knows_that_its_router_is_gone() -> None:
     endpoint = free_endpoint()
     with listening(endpoint) as hub, open_network(endpoint, PATIENCE_S) as network:

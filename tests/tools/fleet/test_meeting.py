@@ -14,7 +14,7 @@ from tools.checks import checked, pilot_of
 from tools.choices import Choices
 from tools.fleet.meeting import Meeting, drones_credentials, drones_name
 from tools.fleet.names import own_name
-from tools.keys import authority, certificates
+from tools.keys import authority
 from tools.keys.roles import parse
 
 NOW = datetime.now(UTC)
@@ -48,17 +48,6 @@ def test_with_keys_a_drone_has_the_name_of_its_keys(
     assert drones_name(Stack(name="boat"), meeting) == drones_name(Stack(), meeting) == "boat"
     with pytest.raises(LindyError, match="keys are those of drone:boat, and it is believed by"):
         drones_name(Stack(name="x"), meeting)
-
-
-def test_keys_from_before_there_were_routers_must_be_renewed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(certificates.USAGE, "drone", (certificates.ANSWER,))
-    authority.new(tmp_path, NOW)
-    authority.add(tmp_path, parse("drone:old"), NOW, 10)
-    assert drones_credentials(LISTEN, None, tmp_path, insecure=False) is not None
-    with pytest.raises(LindyError, match="lindy keys renew drone:old"):
-        drones_credentials(None, ROUTER, tmp_path, insecure=False)
 
 
 def test_both_ways_in_have_keys_or_none_has(keys: Path) -> None:

@@ -19,10 +19,9 @@ from messages.video import PictureAge
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from services.vehicle_view.words import notes
-from tools.live.disarming import Disarming
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.own_pilot import OwnPilot
 from tools.live.screen import ServiceView, View, plain
+from tools.live.session import Disarming, OwnPilot
 from tools.live.watch import Watch
 
 SECOND = 1_000_000_000  # [ns]

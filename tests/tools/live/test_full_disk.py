@@ -24,7 +24,7 @@ from messages.link import LinkRequest
 from services.recorder.foxglove.channel import is_view
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
-from services.runtime.config.disk import FILES, reason, require_room
+from services.runtime.config.disk import require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.visualizer.io.rrd_file import RrdFile
@@ -142,28 +142,7 @@ def test_a_disk_that_is_full_before_the_dive_is_one_sentence_and_no_folder(
     assert [path.name for path in small_disk.iterdir()] == ["theirs"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("small_disk", ["size=64m,nr_inodes=40"], indirect=True)
-def test_a_disk_that_takes_no_more_files_is_one_sentence_before_the_dive(
-    small_disk: Path, tmp_path: Path
-):
-    (small_disk / "theirs").write_bytes(b"theirs")
-    (tmp_path / "sticks.csv").write_text(SCRIPT)
-    ran = subprocess.run(
-        [sys.executable, "-P", "-m", "tools", "dive", "--headless", "--pilot",
-         "script:sticks.csv", "--out", "disk/dive"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert ran.returncode == 1
-    path = small_disk / "dive" / "dive.mcap"
-    sentence = f"lindy: cannot write the recording {path}: the disk takes no more files\n"
-    assert ran.stderr == sentence
-    assert [path.name for path in small_disk.iterdir()] == ["theirs"]
-
-
-def no_room(_: Path, __: int, ___: int = 0) -> None:
+def no_room(_: Path, __: int) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
@@ -202,38 +181,6 @@ def test_room_is_what_the_disk_has(tmp_path: Path):
     require_room(tmp_path, 1)
     with pytest.raises(OSError, match="No space left"):
         require_room(tmp_path, 2**62)
-
-
-def test_a_disk_without_room_for_more_files_is_not_called_full(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = os.statvfs(tmp_path)
-    left = [FILES]
-
-    class Inodes:
-        f_files = 1000
-        f_frsize, f_blocks, f_bfree, f_bavail = (
-            found.f_frsize, found.f_blocks, found.f_bfree, found.f_bavail,
-        )  # fmt: skip
-
-        @property
-        def f_favail(self) -> int:
-            return left[0]
-
-    def found_now(_: Path) -> Inodes:
-        return Inodes()
-
-    monkeypatch.setattr(os, "statvfs", found_now)
-    require_room(tmp_path, 1, FILES)
-    full = OSError(errno.ENOSPC, "No space left on device", str(tmp_path / "dive.mcap"))
-    assert reason(full) == "the disk is full"
-    left[0] = 3
-    require_room(tmp_path, 1)  # a recording that has begun needs no more files
-    with pytest.raises(OSError, match="No space left") as raised:
-        require_room(tmp_path, 1, FILES)
-    assert reason(raised.value) == reason(full) == "the disk takes no more files"
-    Inodes.f_files = 0  # as of a file system that has no such limit
-    require_room(tmp_path, 1, FILES)
 
 
 def stream(*messages: bytes) -> bytes:

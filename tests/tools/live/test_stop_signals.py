@@ -19,8 +19,9 @@ from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.stack import Stack
 from tests.support.patience import PATIENCE_S
+from tools.exit_status import INTERRUPTED
 from tools.live.outcome import Outcome
-from tools.live.stop_signals import BROKEN_OFF, SIGNALS, WRITING, StopSignals
+from tools.live.stop_signals import SIGNALS, WRITING, StopSignals
 
 HERE = Path(__file__).parents[3]
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -40,6 +41,44 @@ def record(path: Path) -> None:
 
 def press(number: int) -> None:
     os.kill(os.getpid(), number)
+
+
+def at_terminal(monkeypatch: pytest.MonkeyPatch, there: bool) -> None:
+    def isatty(_: int) -> bool:
+        return there
+
+    monkeypatch.setattr(os, "isatty", isatty)
+
+
+def test_ctrl_c_at_a_terminal_asks_once_whether_an_armed_drone_is_to_be_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    at_terminal(monkeypatch, True)
+    now = 100.0
+    with StopSignals(lambda: now) as stop:
+        stop.armed = lambda: "armed at 2.0 m"
+        for later_s, question in ((0.0, True), (0.1, False), (11.0, True)):
+            stop.question, now = "", now + later_s
+            press(signal.SIGINT)
+            assert not stop.asked
+            assert stop.question == ("armed at 2.0 m: Ctrl-C again to disarm and end" * question)
+        now += 1.0
+        press(signal.SIGINT)
+        assert stop.asked
+
+
+@pytest.mark.parametrize(
+    ("number", "terminal", "armed"),
+    [(signal.SIGTERM, True, True), (signal.SIGINT, False, True), (signal.SIGINT, True, False)],
+)
+def test_who_is_nobody_at_a_terminal_or_has_nothing_armed_is_not_asked(
+    monkeypatch: pytest.MonkeyPatch, number: int, terminal: bool, armed: bool
+) -> None:
+    at_terminal(monkeypatch, terminal)
+    with StopSignals() as stop:
+        stop.armed = lambda: "armed" * armed
+        press(number)
+        assert stop.asked
 
 
 @BOTH
@@ -118,7 +157,7 @@ def test_one_more_breaks_the_report_off_and_leaves_no_half_of_it(
     with StopSignals(partial(next, count())) as stop:  # a second passes at every look
         press(number)
         press(number)
-        assert stop.report(outcome.sum_up) == BROKEN_OFF
+        assert stop.report(outcome.sum_up) == INTERRUPTED
     sentence = "lindy: the report was broken off; the recording is whole"
     assert capfd.readouterr().err.splitlines() == [f"lindy: {WRITING}", sentence]
     assert [path.name for path in tmp_path.iterdir()] == ["dive.mcap"]
@@ -128,6 +167,7 @@ def test_one_more_breaks_the_report_off_and_leaves_no_half_of_it(
 def test_the_end_of_the_program_keeps_the_status_of_the_dive(number: int):
     program = f"""
 import atexit, os
+from tools.exit_status import INTERRUPTED
 from tools.live.stop_signals import StopSignals
 atexit.register(lambda: os.kill(os.getpid(), {int(number)}))
 with StopSignals() as stop:
@@ -153,6 +193,7 @@ def test_a_closed_terminal_ends_the_dive_and_its_report_is_written(tmp_path: Pat
 import os, signal, time
 from services.runtime.config.stack import Stack
 from tools.live.outcome import Outcome
+from tools.exit_status import INTERRUPTED
 from tools.live.stop_signals import StopSignals
 outcome = Outcome(Stack(out={str(tmp_path)!r}))
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whatever these tests were started by

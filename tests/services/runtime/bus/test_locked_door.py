@@ -27,7 +27,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
 from tests.support.patience import PATIENCE_S, until
 from tools.keys import authority
-from tools.keys.key_folder import CA, CERTIFICATE, KEY, own_keys
+from tools.keys.authority import CA, CERTIFICATE, KEY, own_keys
 from tools.keys.roles import parse
 
 REFUSED_S = 0.2  # [s] attempts of a caller who is to be refused

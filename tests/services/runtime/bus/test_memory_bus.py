@@ -8,6 +8,7 @@ from messages import topics
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort, matches
+from tests.support.hindered_host import HinderedBus
 
 CHUNK = st.sampled_from(["a", "b", "state", "health", "log", "control", "pilot", "command", "1_x"])
 KEYS = st.one_of(
@@ -77,7 +78,7 @@ def test_who_comes_later_is_heard_and_who_has_left_hears_nothing() -> None:
 def test_a_hub_that_hangs_delivers_later_and_one_that_ended_loses(
     before: list[bytes], meanwhile: list[bytes], after: list[bytes], keeps: bool
 ) -> None:
-    bus = MemoryBus()
+    bus = HinderedBus()
     arrived: list[bytes] = []
     MemoryBusPort(bus).hear("state", lambda envelope: arrived.append(envelope.payload))
     says = MemoryBusPort(bus).say(topics.STATE)
@@ -94,7 +95,7 @@ def test_a_hub_that_hangs_delivers_later_and_one_that_ended_loses(
 
 
 def test_a_hub_that_hangs_and_is_then_ended_loses_what_it_kept() -> None:
-    bus = MemoryBus()
+    bus = HinderedBus()
     arrived: list[bytes] = []
     MemoryBusPort(bus).hear("state", lambda envelope: arrived.append(envelope.payload))
     says = MemoryBusPort(bus).say(topics.STATE)

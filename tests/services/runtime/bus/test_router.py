@@ -34,7 +34,7 @@ from services.runtime.bus.zenoh_bus import (
 from tests.support.patience import PATIENCE_S, until
 from tests.support.router_file import FILE, router_tree
 from tools.keys import authority
-from tools.keys.key_folder import own_keys
+from tools.keys.authority import own_keys
 from tools.keys.roles import Role, parse
 
 NOW = datetime.now(UTC)

@@ -8,7 +8,7 @@ import pytest
 
 from services.camera.core import Settings as Camera
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import convert, deploy_file, override, read, read_toml
+from services.runtime.config.settings import GONE, convert, deploy_file, override, read, read_toml
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.simulator.core import Settings as Simulator
@@ -98,6 +98,14 @@ def test_a_mistake_in_an_optional_table_says_what_it_knows(assignment: str, sent
     with pytest.raises(LindyError, match=sentence) as refused:
         Stack(overrides=[assignment]).section("simulator", Simulator)
     assert str(refused.value).startswith(f"--set {assignment}: ")
+
+
+@pytest.mark.parametrize(("key", "instead"), GONE.items())
+def test_a_key_of_an_earlier_version_says_what_to_use_instead(key: str, instead: str) -> None:
+    assignment = f"{key}=1"
+    with pytest.raises(LindyError) as refused:
+        Stack(overrides=[assignment]).check(known_tables(Registry.read()))
+    assert str(refused.value) == f"--set {assignment}: this key is gone: {instead}"
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.sensors import ImuSample
 from services.runtime.bus.envelope import Envelope
-from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.hindered_host import HinderedHost
 from tests.support.jitter import Jitter, Lateness
 
 MS = 1_000_000  # [ns]
@@ -28,9 +28,9 @@ def imu(now: int) -> ImuSample:
     return ImuSample(stamp_ns=now, specific_force=(0.0, 0.0, -9.81), angular_rate=(0.0, 0.0, 0.0))
 
 
-def talking(jitter: Jitter, seed: int = 0) -> VirtualHost:
+def talking(jitter: Jitter, seed: int = 0) -> HinderedHost:
     """A punctual talker, and whatever is called "listener" is late."""
-    host = VirtualHost(lateness={"listener": Lateness(jitter, np.random.default_rng(seed))})
+    host = HinderedHost(lateness={"listener": Lateness(jitter, np.random.default_rng(seed))})
     talker = host.node("talker", DRONE)
     says = talker.publisher(topics.IMU)
     talker.every(HZ, lambda now: says.put(imu(now)))
@@ -69,7 +69,9 @@ def test_a_stalled_node_handles_nothing_and_then_everything_at_once() -> None:
 
 
 def test_timers_are_late_too_but_do_not_drift() -> None:
-    host = VirtualHost(lateness={"worker": Lateness(Jitter(delay=0.005), np.random.default_rng(0))})
+    host = HinderedHost(
+        lateness={"worker": Lateness(Jitter(delay=0.005), np.random.default_rng(0))}
+    )
     rang: list[int] = []
     host.node("worker", DRONE).every(HZ, rang.append)
     host.run(SECONDS * 1000 * MS)
@@ -130,7 +132,7 @@ def test_a_port_that_uses_every_message_has_room_for_half_a_second(seconds: floa
 
 
 def test_garbage_behind_the_newest_message_does_not_take_its_place() -> None:
-    host, heard = VirtualHost(), list[int]()
+    host, heard = HinderedHost(), list[int]()
     listener, foreign = host.node("listener", DRONE), host.side("drone")
 
     def hear(message: ImuSample | None, _: int) -> None:

@@ -4,6 +4,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from messages import topics
 from services.runtime.config.errors import LindyError
@@ -11,11 +12,12 @@ from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import NEEDED, Registry
 from services.runtime.hosts.service_module import own_services
+from services.runtime.hosts.stack_file import bases
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import DEFAULT_PILOT, known_tables
 from tools.choices import Choices
 from tools.live.cockpit import with_cockpit, with_picture
-from tools.live.piloted_dive import who_flies
+from tools.live.pilots import who_flies
 
 NUMBERS = count()
 WIRE = "def wire(node, stack):\n    "
@@ -87,13 +89,13 @@ def test_a_drone_that_is_elsewhere_is_flown_by_no_script_that_nobody_chose(
     monkeypatch: pytest.MonkeyPatch,
 ):
     simulated = Registry.read("simulated")
-    monkeypatch.setattr("tools.live.piloted_dive.pad_is_there", lambda: False)
+    monkeypatch.setattr("tools.live.pilots.pad_is_there", lambda: False)
     assert who_flies(Choices(), simulated).name == DEFAULT_PILOT
     with pytest.raises(LindyError, match=r"^no gamepad is plugged in: .* --pilot keyboard"):
         who_flies(Choices(), simulated, elsewhere=True)
     chosen = who_flies(Choices(pilot=DEFAULT_PILOT), simulated, elsewhere=True)
     assert chosen.name == DEFAULT_PILOT
-    monkeypatch.setattr("tools.live.piloted_dive.pad_is_there", lambda: True)
+    monkeypatch.setattr("tools.live.pilots.pad_is_there", lambda: True)
     assert who_flies(Choices(), simulated, elsewhere=True).name == "gamepad"
 
 
@@ -204,6 +206,12 @@ def test_a_stack_with_a_camera_and_no_cockpit_is_left_as_it_is(
             r"mine.toml:6: services.gamepad.process: process 'mine' has control, whose home is the "
             r"drone, and gamepad, whose home is the topside; allowed are .* the same home",
         ),
+        ("extends = 'simulatd'", r"mine.toml:1: extends: unknown stack 'simulatd'; did you mean"),
+        ("extends = 'mine.toml'", r"mine.toml:1: extends: 'mine.toml' is a file; allowed is a na"),
+        (
+            "extends = 'simulated'\n[services.x]\nin_place_of = 'pad'",
+            r"mine.toml:3: services.x.in_place_of: there is no service 'pad' to replace; known",
+        ),
         (
             "[services.reference]\nsides = ['topside']",
             r"mine.toml:2: services.reference.sides: it is on board; allowed is \[.drone.\], found",
@@ -213,6 +221,24 @@ def test_a_stack_with_a_camera_and_no_cockpit_is_left_as_it_is(
 def test_a_mistake_in_a_stack_file_is_named(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(LindyError, match=sentence):
         stack_file(tmp_path, text)
+
+
+def test_a_stack_that_extends_another_says_only_what_differs(tmp_path: Path) -> None:
+    simulated = Registry.read("simulated")
+    mine = stack_file(
+        tmp_path,
+        'extends = "simulated"\n[services.control]\nprocess = "one"\n'
+        '[services.sticks]\nin_place_of = "gamepad"\nsides = ["topside"]\nmodule = "sticks"\n'
+        '[services.alarm]\nsides = ["drone"]\nmodule = "alarm"\n',
+    )
+    assert [*mine] == [*("sticks" if n == "gamepad" else n for n in simulated), "alarm"]
+    assert mine["control"] == replace(simulated["control"], process="one")
+    same = {*simulated} - {"gamepad", "control"}
+    assert {n: mine[n] for n in same} == {n: simulated[n] for n in same}
+    assert [path.stem for path in bases(deploy_file("stacks", "cockpit"))] == [
+        "camera",
+        "simulated",
+    ]
 
 
 def without(folder: Path, *names: str, more: str = "") -> Registry:

@@ -4,15 +4,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.runtime.launch.hang_detector import (
-    HEARD_S,
     LATE_S,
     PUNCTUAL_S,
     SILENT_S,
-    STARTING_S,
     STUCK_S,
     HangDetector,
     SilenceChange,
-    is_unheard,
 )
 from services.runtime.launch.lifecycle import Life, Phase
 
@@ -92,29 +89,3 @@ def test_each_time_is_counted() -> None:
             now += STEP_NS
             answering.look({"control": beat}, life, now)
         assert answering.times == {"control": times}
-
-
-@given(st.integers(1, 3), st.booleans(), st.booleans())
-def test_what_was_started_again_and_does_nothing_never_begins_and_is_ended_once(
-    lives: int, idle: bool, has_beaten: bool
-) -> None:
-    """The first start is waited for by who starts the dive."""
-    answering, life = HangDetector(), Life(phase="running", at=1, lives=lives)
-    named: list[tuple[float, SilenceChange]] = []
-    for now in range(1, round(3 * STARTING_S * 1e9), STEP_NS):
-        beats = {"control": 0 if has_beaten else None}  # of the life before
-        changes = answering.look(beats, {"control": life}, now, idle=lambda _: idle)
-        named += [(now / 1e9, change) for change in changes]
-    expected = ["silent", "hopeless"] if idle and lives > 1 else []
-    assert [change.what for _, change in named] == expected
-    assert all(at > STARTING_S for at, _ in named)
-
-
-@given(st.integers(1, 3), st.integers(0, 20), st.lists(st.integers(0, 20)))
-def test_only_one_that_was_started_again_is_missed_and_only_where_others_are_heard(
-    lives: int, own: int, beside: list[int]
-) -> None:
-    life = Life(phase="running", at=10 * 10**9, lives=lives)
-    unheard = is_unheard(life, [own * 10**9], [each * 10**9 for each in beside])
-    assert unheard == (lives > 1 and own < 10 and any(each > 10 + HEARD_S for each in beside))
-    assert not is_unheard(life, [], [20 * 10**9]), "a hub says nothing of itself"

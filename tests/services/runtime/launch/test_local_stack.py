@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import msgspec
 import pytest
 
 from messages import topics
-from messages.health import Health, LogLine
+from messages.health import LogLine
 from services.marine.vehicle import Vehicle
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, connected
@@ -21,9 +20,8 @@ from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.registry import Registry
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import LocalStack, local_stack
-from services.runtime.node.checkpoint import VolatileCheckpoint
-from services.runtime.node.node import Node
 from services.runtime.os import system
 from tests.support.patience import PATIENCE_S, until
 
@@ -130,7 +128,7 @@ def socket_folders(local: LocalStack) -> set[Path]:
 
 def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         assert set(local.plan.endpoints) == {"topside", "drone"}
         assert sorted(local.missing()) == ["desk", "engine"]
         local.start_services()
@@ -163,7 +161,7 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
 
 def test_what_is_killed_comes_again_and_the_file_names_the_new_process(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         alive(local)
         before = running(stack).pids
@@ -196,7 +194,7 @@ def wire(node, stack):
 @pytest.mark.parametrize("name", ["engine", "desk", "hub_topside"])
 def test_what_is_stopped_is_named_and_started_again(tmp_path: Path, name: str) -> None:
     stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         said = list[str]()
         local.node.show = lambda line: said.append(line.text)
         local.start_services()
@@ -212,7 +210,7 @@ def test_what_is_stopped_is_named_and_started_again(tmp_path: Path, name: str) -
 
 def test_a_handler_that_never_returns_is_a_hanging_service(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=BUSY)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         alive(local)
         pump_until(local, lambda: last_beat(local.plan.heartbeat("engine")) is not None)
@@ -225,7 +223,7 @@ def test_a_handler_that_never_returns_is_a_hanging_service(tmp_path: Path) -> No
 
 def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=REMEMBERING, stack=ONE_PROCESS)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         said = list[LogLine]()
         local.node.show = said.append
         local.start_services()
@@ -267,7 +265,7 @@ def test_of_one_process_the_recorder_is_closed_last(tmp_path: Path) -> None:
     with_recorder = ONE_PROCESS + '[services.recorder]\nsides = ["drone"]\nprocess = "onboard"\n'
     with_recorder += 'module = "engine_module"\n'
     stack, services = made(tmp_path, engine=CLOSING, stack=with_recorder)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         alive(local)
     closed = (stack.out_dir / "logs/onboard.log").read_text().split()
@@ -277,7 +275,7 @@ def test_of_one_process_the_recorder_is_closed_last(tmp_path: Path) -> None:
 
 def test_who_is_not_alive_in_time_is_named_and_may_still_come(tmp_path: Path) -> None:
     stack, services = made(tmp_path, desk=WAITING)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         pump_until(local, lambda: local.missing() == ["desk"])
 
@@ -300,7 +298,7 @@ def test_the_dive_goes_on_without_a_service_that_was_alive_and_is_started_again(
 ) -> None:
     """By then the drone may be armed."""
     stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         alive(local)
         os.kill(local.supervisor.pids["desk"], signal.SIGKILL)
@@ -312,42 +310,11 @@ def test_the_dive_goes_on_without_a_service_that_was_alive_and_is_started_again(
         alive(local)
 
 
-def test_a_computer_on_which_every_service_is_late_is_named_once(tmp_path: Path) -> None:
-    stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
-        said = list[LogLine]()
-        local.node.show = said.append
-        local.plan.services = services.only({f"s{number}": services["desk"] for number in range(5)})
-        endpoint, space = local.plan.endpoints["topside"], namespace(stack.space)
-        with connected(endpoint, space, PATIENCE_S) as session:
-            bus = ZenohBus(session)
-            nodes = [
-                Node(f"s{n}", {"topside": bus}, lambda: 0, VolatileCheckpoint()) for n in range(5)
-            ]
-
-            def late() -> bool:
-                for node in nodes:
-                    late = Health(
-                        service=node.name, loop_hz=1.0, lateness_p50_ms=90.0,
-                        lateness_p99_ms=90.0, cpu_percent=None, rss_mb=None, sent=0, received=0,
-                        counts={}, stamp_ns=time.monotonic_ns(),
-                    )  # fmt: skip
-                    node.publisher(topics.HEALTH.of(node.name)).put(late)
-                return any("too busy" in line.text for line in said)
-
-            until(late, lambda: said, local.pump)
-    lines = [line.text for line in said if "too busy" in line.text]
-    assert lines == [
-        "this computer is too busy for a dive: 5 late services in 10 s; try --grouped, or lindy "
-        "simulate"
-    ]
-
-
 @pytest.mark.slow
 def test_the_dive_goes_on_without_a_viewer_that_is_not_alive_in_time(tmp_path: Path) -> None:
     slow = STACK.replace("services.desk", "services.visualizer")
     stack, services = made(tmp_path, desk=WAITING, stack=slow)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         said = list[LogLine]()
         local.node.show = said.append
         local.start_services()
@@ -366,7 +333,7 @@ def test_a_service_that_cannot_start_ends_the_stack_with_its_own_sentence(tmp_pa
     pids = dict[str, int]()
 
     def start() -> None:
-        with local_stack(stack, services) as local:
+        with local_stack(Dive(stack, services)) as local:
             local.start_services()
             while True:
                 pids.update(local.supervisor.pids)
@@ -382,18 +349,20 @@ def test_a_service_that_cannot_start_ends_the_stack_with_its_own_sentence(tmp_pa
 def test_each_start_in_one_folder_has_checkpoints_of_its_own(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
     for folders in ({"checkpoints"}, {"checkpoints", "checkpoints-2"}):
-        with local_stack(stack, services) as local:
+        with local_stack(Dive(stack, services)) as local:
             local.start_services()
         assert {path.name for path in stack.out_dir.iterdir() if path.name != "logs"} == folders
 
 
 def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
-    with local_stack(stack, services, listen=f"unixsock-stream/{tmp_path}/mine.sock") as local:
+    with local_stack(
+        Dive(stack, services, listen=(f"unixsock-stream/{tmp_path}/mine.sock",))
+    ) as local:
         (taken,) = [e for e in local.plan.endpoints.values() if e.endswith("mine.sock")]
         with (
             pytest.raises(LindyError, match=rf"^endpoint {taken} .*; choose another"),
-            local_stack(stack, services, listen=taken),
+            local_stack(Dive(stack, services, listen=(taken,))),
         ):
             raise AssertionError("it has started")
         assert set(local.supervisor.pids) == {"hub_topside", "hub_drone"}
@@ -401,7 +370,7 @@ def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> 
 
 def test_a_removed_folder_ends_nothing(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         alive(local)
         shutil.rmtree(stack.out_dir)
@@ -413,7 +382,7 @@ def test_a_removed_folder_ends_nothing(tmp_path: Path) -> None:
 
 def test_a_service_without_memory_is_named_and_started_again(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=GREEDY)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         lines = list[LogLine]()
         local.node.show = lines.append
         local.node.each(topics.LOG, lambda line, _: lines.append(line))
@@ -431,7 +400,7 @@ def test_a_hub_that_cannot_listen_for_a_while_is_tried_again_and_ends_nothing(
 ) -> None:
     """As where the folder of its socket has become read-only."""
     stack, services = made(tmp_path)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         alive(local)
         lines = list[str]()
@@ -451,7 +420,7 @@ def test_a_mistake_in_what_listens_ends_nothing_and_is_printed_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stack, services = made(tmp_path, desk=TALKING)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
 
         def wrong(line: LogLine, _: int) -> None:
             raise KeyError(line.text)
@@ -465,7 +434,7 @@ def test_a_mistake_in_what_listens_ends_nothing_and_is_printed_once(
 def test_a_viewer_is_started_when_the_others_are_alive(tmp_path: Path) -> None:
     viewer = '[services.visualizer]\nsides = ["topside"]\nmodule = "engine_module"\n'
     stack, services = made(tmp_path, engine=QUIET, desk=WAITING, stack=STACK + viewer)
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         pump_until(local, lambda: ("drone", "engine") in local.aliveness.shown)
         assert "visualizer" not in local.supervisor.pids
@@ -492,7 +461,7 @@ def test_a_service_that_starts_again_reads_what_the_dive_began_with(
     file.write_text(deploy_file("vehicles", "pioneer").read_text())
     mass = stack.section("vehicle", Vehicle).mass
     stack = msgspec.structs.replace(stack, vehicle=str(file))
-    with local_stack(stack, services) as local:
+    with local_stack(Dive(stack, services)) as local:
         local.start_services()
         alive(local)
         before = running(stack).pids["engine"]

@@ -11,6 +11,7 @@ import pytest
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.process_plan import ProcessPlan
 from services.runtime.launch.run_note import RETRY_NS, RunNote
 from tests.support.patience import until
@@ -18,7 +19,7 @@ from tests.support.patience import until
 
 def test_a_note_that_cannot_be_written_is_said_once_and_tried_again(tmp_path: Path) -> None:
     out, said, now = tmp_path / "dive", list[str](), itertools.count(0, RETRY_NS // 10)
-    note = RunNote(ProcessPlan(Stack(out=str(out)), Registry.read(), tmp_path), said.append)
+    note = RunNote(ProcessPlan(Dive(Stack(out=str(out)), Registry.read()), tmp_path), said.append)
     until(lambda: note.update({"control": 7}, next(now)) or said)
     for _ in range(30):
         note.update({"control": 7}, next(now))
@@ -44,7 +45,9 @@ def test_a_disk_that_has_become_read_only_ends_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = list[str]()
-    note = RunNote(ProcessPlan(Stack(out=str(tmp_path)), Registry.read(), tmp_path), said.append)
+    note = RunNote(
+        ProcessPlan(Dive(Stack(out=str(tmp_path)), Registry.read()), tmp_path), said.append
+    )
     note.update({"control": 7}, 0)
     until(lambda: (tmp_path / RUNNING).exists())
 
@@ -61,7 +64,7 @@ def test_a_disk_that_has_become_read_only_ends_nothing(
 
 def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / ".run.json.new")  # whoever opens it waits for a reader
-    note = RunNote(ProcessPlan(Stack(out=str(tmp_path)), Registry.read(), tmp_path), print)
+    note = RunNote(ProcessPlan(Dive(Stack(out=str(tmp_path)), Registry.read()), tmp_path), print)
     now = itertools.count(0, RETRY_NS)
     for pid in range(5):
         note.update({"control": pid}, next(now))  # returns

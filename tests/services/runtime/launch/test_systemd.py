@@ -16,6 +16,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.child import OsChild
+from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import LocalStack, local_stack
 from services.runtime.launch.systemd import Systemd
 from tests.support.patience import PATIENCE_S, until
@@ -154,7 +155,7 @@ def test_the_watchdog_is_silent_while_what_holds_the_vehicle_hangs(
     monkeypatch.setattr(OsChild, "kill", spared_by_the_system)
     stack, services = made(tmp_path)
     with manager(address) as hears:
-        with local_stack(stack, services) as local:
+        with local_stack(Dive(stack, services)) as local:
             local.start_services()
             pump_until(local, lambda: not local.missing())
             assert "READY=1" not in hears.heard()

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.health import LATE_MS, Health
 from messages.sensors import ImuSample
-from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.loop_stats import CALM_NS, STALLED_NS, LoopStats
 from services.runtime.node.node import Node
 from tests.support.faults.hindrance import Hindrance
+from tests.support.hindered_host import HinderedHost
 
 S = 1_000_000_000  # [ns]
 DRONE = ["drone"]
@@ -23,7 +23,7 @@ class Dive:
 
     def __init__(self) -> None:
         self.hindrance = Hindrance(lambda: self.host.now, 0)
-        self.host = VirtualHost(lateness={"control": self.hindrance})
+        self.host = HinderedHost(lateness={"control": self.hindrance})
         self.health: list[Health] = []
         self.told: list[str] = []
         talker = self.host.node("talker", DRONE)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from messages.identity import SideIdentity
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
-from tools.live.resume import LONGEST_S, resumed
+from tools.onboard.resume import LONGEST_S, resumed
 from tools.onboard.this_start import NOTE, StartNote
 
 S = 1_000_000_000  # [ns]
@@ -39,8 +39,7 @@ def test_only_the_moment_is_turned_into_the_new_clock(
 ) -> None:
     dive = dive_with(tmp_path_factory.mktemp("dive"), msgspec.json.encode(LEARNT))
     found = resumed(dive, OURS, clock_ns, WRITTEN_S + age_s)
-    assert set(found) == {"estimation"}  # never that of `reference`, which says "armed"
-    now = msgspec.json.decode(found["estimation"], type=EstimationCheckpoint)
+    now = msgspec.json.decode(found, type=EstimationCheckpoint)
     assert clock_ns - now.stamp_ns == pytest.approx(age_s * S, abs=S / 1000)
     assert msgspec.structs.replace(now, stamp_ns=LEARNT.stamp_ns) == LEARNT
 
@@ -50,7 +49,7 @@ def test_of_several_starts_in_one_folder_the_newest_counts(tmp_path: Path) -> No
     newer = msgspec.structs.replace(LEARNT, heading=2.0)
     dive_with(tmp_path, msgspec.json.encode(newer), "checkpoints-2")
     os.utime(tmp_path / "checkpoints-2" / "estimation.json", (WRITTEN_S + 9.0, WRITTEN_S + 9.0))
-    found = resumed(tmp_path, OURS, 0, WRITTEN_S + 10.0)["estimation"]
+    found = resumed(tmp_path, OURS, 0, WRITTEN_S + 10.0)
     assert msgspec.json.decode(found, type=EstimationCheckpoint).heading == 2.0
 
 

@@ -1,0 +1,191 @@
+"""A dive that is piloted from this machine: starts its services, shows it until it is over or the
+user stops it, and disarms at the end."""
+
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+
+from messages import topics
+from messages.pilot import PilotAnswer, PilotRequest, RequestKind
+from messages.vehicle import VehicleStatus
+from services.marine.field_of_view import CameraViews
+from services.runtime.launch.local_stack import LocalStack
+from services.runtime.node.node import Node
+from tools.checks import PilotChoice
+from tools.live.display import Display
+from tools.live.dive_timeline import DiveTimeline
+from tools.live.keep_running import keep_running
+from tools.live.outcome import Outcome, title
+from tools.live.screen import View
+from tools.live.stop_signals import StopSignals
+from tools.live.watch import Watch
+from tools.report.restarted import restarted
+
+KNOWN_S = 0.25  # [s] until a status tells who has control now
+DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
+LOOK_HZ = 25.0  # [1/s] often enough that a port that keeps the newest 16 does not overflow at 50 Hz
+WHO = "end-of-dive"
+REFUSALS = 5  # of one request, until it is given up
+
+
+class PilotedDive:
+    """A dive between the start of the hubs and the end of the services."""
+
+    def __init__(
+        self,
+        local: LocalStack,
+        pilot: PilotChoice,
+        stop: StopSignals,
+        shown: Display,
+    ) -> None:
+        self._own = OwnPilot(local.node)
+        self._timeline = DiveTimeline(
+            pilot.script_s,
+            local.stack.seconds,
+            self._own.in_control,
+            lambda: restarted(local.restarts, local.plan.services.shared),
+        )
+        stop.armed = self._armed
+        self._local, self._stop, self._shown = local, stop, shown
+        services = local.plan.services
+        cameras = local.stack.section("camera", CameraViews).by_name
+        self._watch = Watch(
+            local.node, list(services), self._timeline, shown.line, services.shared, cameras
+        )
+        local.node.each(topics.STATUS, self._timeline.see)
+        self._disarming = Disarming(local.node, self._own)
+        self._releases = local.stack.apart  # other pilots may go on with the drone
+        self._drone = local.stack.drone_name
+        self.status: VehicleStatus | None = None  # the newest
+        local.node.each(topics.STATUS, self._hear)
+        self.left = ""  # what has become of the drone, where it goes on without this side
+
+    def fly(self) -> str:
+        """Run the dive. Returns how it ended: `clean`, or why not.
+
+        Raises:
+            LindyError: a service cannot start, or the drone does not arm.
+        """
+        end = keep_running(self._local, self._timeline, self._stop, self.look)
+        self.disarm()
+        return end
+
+    def look(self) -> bool:
+        """Handle everything that is due. False: the user wants to stop."""
+        self._local.pump()
+        if question := self._stop.question:
+            self._stop.question = ""
+            self._local.node.log("warning", question)
+        self._shown.show(self._view)
+        return not self._stop.asked
+
+    def _view(self) -> View:
+        local = self._local
+        return self._watch.view(
+            title(local.stack),
+            time.monotonic_ns(),
+            local.missing(),
+            local.restarts,
+            list(local.hang_detector.silent),
+        )
+
+    def _armed(self) -> str:
+        """Whether the pilot here has the drone armed, and where."""
+        return f"armed{self._depth()}" if self._timeline.armed else ""
+
+    def _depth(self) -> str:
+        depth = None if self.status is None else self.status.depth
+        return f" at {depth:.1f} m" if isinstance(depth, float) else ""
+
+    def _hear(self, status: VehicleStatus, _: int) -> None:
+        self.status = status
+
+    def disarm(self) -> None:
+        """Ask the drone to disarm, and give control up, if this side's pilot has control. Wait for
+        the answers, at most `DISARM_S`."""
+        known = time.monotonic() + KNOWN_S
+        while time.monotonic() < known:
+            self.look()
+        disarm = ("disarm",) if self._timeline.armed else ()
+        release = ("release",) if self._releases and self._timeline.controlled else ()
+        self._disarming.kinds = (*disarm, *release)
+        deadline = time.monotonic() + DISARM_S
+        while not self._disarming.done and time.monotonic() < deadline:
+            self._disarming.ask(time.monotonic_ns())
+            self.look()
+        status = self.status
+        if self._releases and disarm and status is not None and not status.armed:
+            self.left = f"{self._drone} is disarmed{self._depth()}: nothing holds it now"
+
+
+@contextmanager
+def followed_by(outcome: Outcome, local: LocalStack) -> Generator[None]:
+    """The outcome collects restarts, silences and health messages while the processes run."""
+    outcome.restarts = lambda: local.restarts
+    outcome.hung = lambda: dict(local.hang_detector.times)
+    outcome.shared = local.plan.services.shared
+    outcome.listen(local.node)
+    local.node.each(topics.STATUS, outcome.see_status)
+    try:
+        yield
+    finally:
+        outcome.gone = local.missing()
+
+
+class OwnPilot:
+    """The pilot of this side: the one whose commands are published here. Commands go from the
+    topside to the drone only, so that no other side's are heard here."""
+
+    def __init__(self, node: Node) -> None:
+        self.heard = False
+        self.epoch = 0  # authority epoch; 0: it was never granted control
+        self.source = ""  # its name
+        self._commands = node.latest(topics.PILOT_COMMAND)
+        node.every(LOOK_HZ, self._look)
+
+    def in_control(self, status: VehicleStatus) -> bool:
+        """Was the newest epoch granted to this pilot?"""
+        return status.epoch == self.epoch
+
+    def _look(self, now: int) -> None:
+        if (command := self._commands.newest(now)) is not None:
+            self.heard, self.epoch, self.source = True, command.epoch, command.source
+
+
+class Disarming:
+    """The requests that end a dive: disarm, release control; repeated until the drone answers. It
+    asks in the name of this side's pilot: the drone of another pilot stays armed."""
+
+    def __init__(
+        self, node: Node, own: OwnPilot, kinds: tuple[RequestKind, ...] = ("disarm",)
+    ) -> None:
+        self.kinds = kinds  # not answered yet, in this order
+        self._own = own
+        self._refusals = 0
+        self._asking = node.request(
+            topics.PILOT_REQUEST, topics.PILOT_ANSWER, on_answer=self._hear, who=WHO
+        )
+
+    @property
+    def done(self) -> bool:
+        """Has the drone answered everything?"""
+        return not self.kinds
+
+    def ask(self, now: int) -> None:
+        """Send what is next at `now` [ns]; later calls do nothing while it is pending or done."""
+        if self.kinds and not self._asking.pending:
+            request = PilotRequest(
+                stamp_ns=now,
+                id="",
+                kind=self.kinds[0],
+                source=self._own.source,
+                epoch=self._own.epoch,
+            )
+            self._asking.ask(request, now)
+
+    def _hear(self, _request: PilotRequest, answer: PilotAnswer, _now: int) -> None:
+        """A refusal may be due to an epoch that has just been replaced: then ask with the new."""
+        self._refusals = 0 if answer.accepted else self._refusals + 1
+        if answer.accepted or self._refusals >= REFUSALS:
+            self.kinds = self.kinds[1:]
+            self._refusals = 0

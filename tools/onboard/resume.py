@@ -1,0 +1,146 @@
+"""What the estimator had learnt in a dive that did not end, and a new start goes on with.
+
+Under water nothing of it can be learnt again: the atmosphere would be measured too high, the
+gyroscope's bias while the vehicle moves. Only the estimator's checkpoint is taken over: that of
+`reference` says whether the drone was armed, and no start may arm it.
+
+A dive breaks off when its supervisor is killed, hangs or has a mistake in it; then whoever started
+it (systemd) starts it again, and it goes on by itself. After a power cut the clock has begun anew
+and the vehicle may have been moved: then a person decides (`lindy up drone --resume DIR`).
+"""
+
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from messages.identity import SideIdentity
+from messages.payload import UNDECODABLE
+from services.estimation.checkpoint import EstimationCheckpoint
+from services.runtime.config.errors import LindyError
+from services.runtime.config.identity import identity_now
+from services.runtime.config.running import running_in
+from services.runtime.config.stack import Stack
+from services.runtime.launch.process_plan import CHECKPOINTS
+from tools.onboard.this_start import NOTE, StartNote, boot_id, other_vehicle, read
+
+ESTIMATION = "estimation"
+LONGEST_S = 1800.0  # [s] by then the air pressure, the bias and the heading may have changed
+ANEW = "with the vehicle afloat and at rest"
+
+
+class BrokenOff(NamedTuple):
+    """A dive to go on with, if its vehicle is the one that is started now."""
+
+    folder: Path
+    start: StartNote  # says which vehicle it was
+    age_s: float  # [s] of what the estimator had learnt
+    checkpoint: bytes
+
+
+def begin_with(stack: Stack, resume: Path | None = None) -> dict[str, bytes]:
+    """The files that the folder of the checkpoints begins with: a note of this start, and the
+    estimator's checkpoint of the dive that the user names, or of one that broke off, which is
+    announced.
+
+    Raises:
+        LindyError: the vehicle file cannot be read, or the dive cannot be resumed.
+    """
+    boot, now, identity = boot_id(), time.monotonic_ns(), identity_now(stack, "drone")
+    note = StartNote(
+        boot_id=boot or "",
+        vehicle=stack.drone_name,
+        began_ns=now,
+        vehicle_file=identity.vehicle,
+        vehicle_hash=identity.vehicle_hash,
+    )
+    start = {NOTE: msgspec.json.encode(note)}
+    if resume is not None:
+        return {**start, ESTIMATION: resumed(resume, identity, now, time.time())}
+    before = None
+    if boot is not None:
+        before = broken_off(stack.out_dir.parent, boot, stack.drone_name, now)
+    if before is None:
+        return start
+    which = f"the calibration of {before.folder}, which broke off"
+    if why := other_vehicle(before.start, identity):
+        print(f"does not go on with {which}: {why}; calibrates anew, {ANEW}", flush=True)
+        return start
+    print(f"goes on with {which}; it is {before.age_s:.0f} s old", flush=True)
+    return {**start, ESTIMATION: before.checkpoint}
+
+
+def resumed(dive: Path, identity: SideIdentity, clock_ns: int, utc_s: float) -> bytes:
+    """The estimator's checkpoint, by the clock of this start.
+
+    Args:
+        dive: folder of the dive that broke off.
+        identity: of the side that is started now.
+        clock_ns: [ns] the vehicle's clock now, which has begun anew with the computer.
+        utc_s: [s] now, as the file system counts; the only clock that both starts share.
+
+    Raises:
+        LindyError: there is no checkpoint, it cannot be read, it is too old, or of another vehicle.
+    """
+    try:
+        found = [(p.stat().st_mtime, p) for p in dive.glob(f"{CHECKPOINTS}*/{ESTIMATION}.json")]
+        written_s, path = max(found, default=(0.0, dive))
+        data = path.read_bytes() if found else b""
+    except OSError as error:
+        raise LindyError(f"--resume: cannot read {dive}: {error.strerror}") from None
+    if not found:
+        raise LindyError(
+            f"--resume: there is no {CHECKPOINTS}/{ESTIMATION}.json in {dive}; expected the folder "
+            f"of a dive in which the drone had calibrated"
+        )
+    try:
+        checkpoint = msgspec.json.decode(data, type=EstimationCheckpoint)
+    except UNDECODABLE as error:
+        raise LindyError(
+            f"--resume: {path} is not a checkpoint of the estimator: {error}"
+        ) from None
+    age_s = utc_s - written_s
+    if not 0.0 <= age_s <= LONGEST_S:
+        raise LindyError(
+            f"--resume: {path} was written {age_s:.0f} s ago by this computer's clock, expected 0 "
+            f"to {LONGEST_S:.0f} s; start without --resume, {ANEW}"
+        )
+    if why := other_vehicle(read(path.parent / f"{NOTE}.json"), identity):
+        raise LindyError(
+            f"--resume: what was learnt in {path} is not taken over: {why}; start with the vehicle "
+            f"of that dive, or without --resume, {ANEW}"
+        )
+    then_ns = clock_ns - round(age_s * 1e9)
+    return msgspec.json.encode(msgspec.structs.replace(checkpoint, stamp_ns=then_ns))
+
+
+def broken_off(dives: Path, boot: str, vehicle: str, now: int) -> BrokenOff | None:
+    """The newest dive of this drone and this start of the computer, if it broke off and what the
+    estimator had learnt is not too old.
+
+    Args:
+        dives: folder with the folders of dives.
+        boot: id of this start of the computer.
+        vehicle: name of the drone on the network.
+        now: [ns] of the clock that began with the computer.
+    """
+    found = [
+        (start.began_ns, path.parent, start)
+        for path in dives.glob(f"*/{CHECKPOINTS}*/{NOTE}.json")
+        if (start := read(path)) is not None and (start.boot_id, start.vehicle) == (boot, vehicle)
+    ]
+    if not found:
+        return None
+    _, checkpoints, start = max(found, key=lambda one: one[0])
+    if start.ended or running_in(checkpoints.parent) is not None:
+        return None
+    try:
+        data = (checkpoints / f"{ESTIMATION}.json").read_bytes()
+        learnt = msgspec.json.decode(data, type=EstimationCheckpoint)
+    except (OSError, *UNDECODABLE):
+        return None
+    age_s = (now - learnt.stamp_ns) / 1e9
+    if not 0.0 <= age_s <= LONGEST_S:
+        return None
+    return BrokenOff(checkpoints.parent, start, age_s, msgspec.json.encode(learnt))
