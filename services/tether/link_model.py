@@ -16,7 +16,7 @@ import numpy as np
 from messages import events
 from messages.events import Row
 from messages.link import DirectionReport
-from services.tether.delay import Constant, Delays, Exponential, Trace
+from services.tether.delay import Delays, Exponential, Trace
 from services.tether.loss import Losses
 from services.tether.priority_queue import Packet, PriorityQueue
 from services.tether.profile import DirectionProfile, Queue
@@ -179,7 +179,7 @@ class LinkDirection(Generic[T]):
         self._waiting: PriorityQueue[T] = PriorityQueue(profile.queue or Queue())
         self._losses = Losses(profile.loss, self._streams.loss)
         self._trace = profile.delay if isinstance(profile.delay, Trace) else None
-        spread = Constant() if isinstance(profile.delay, Trace) else profile.delay
+        spread = None if isinstance(profile.delay, Trace) else profile.delay
         self._spread = Delays(spread or Exponential(profile.jitter_ms), self._streams.delay)
 
     def _advance(self, now: int) -> None:
@@ -193,8 +193,8 @@ class LinkDirection(Generic[T]):
 
     def _next(self, at: int) -> None:
         """The link is free at `at` [ns]: start to send the next packet."""
-        packet, dropped = self._waiting.take(at)
-        self._lose_all(dropped)
+        packet, useless = self._waiting.take(at)
+        self._lose_all(useless)
         self._sending = None
         if packet is not None:
             self._sending = (at + self._takes_ns(packet), packet)
@@ -208,7 +208,7 @@ class LinkDirection(Generic[T]):
         at_s = self._seconds(at)
         more = self._trace.at(at_s) if self._trace else self._spread.next_ms()
         delay = None if more is None else round((self._profile.delay_ms + more) * 1e6)  # [ns]
-        reason = events.TRACE if delay is None else self._losses.reason(at_s)
+        reason = events.TRACE if delay is None else self._losses.reason()
         damaged = self._streams.damage.happens(self._profile.corrupt)
         copies = 1 + self._streams.copy.happens(self._profile.duplicate)
         late = self._profile.late
