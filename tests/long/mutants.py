@@ -51,7 +51,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/reference/trajectory/test_time_scaling.py",
         "tests/services/reference/trajectory/test_time_scaling_stop.py",
     ),
-    "services/reference/trajectory/emergency_stop.py": (
+    "tools/generators/emergency_stop.py": (
         "tests/services/reference/trajectory/test_time_scaling_stop.py",
     ),
     "services/reference/guidance/guards.py": (
@@ -117,67 +117,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "services/reference/trajectory/minimum_jerk.py",
         "solve: e * sign  →  e / sign",
     ): "the sign is ±1",
-    (
-        "services/reference/trajectory/vector.py",
-        "_newton: 1.0  →  1.5",
-    ): "falls from any start above the root",
-    ("services/reference/trajectory/vector.py", "_newton: 100  →"): "it stops by itself, sooner",
-    (
-        "services/reference/trajectory/vector.py",
-        "_line: _minus(e, _times",
-    ): "a line has no direction",
-    (
-        "services/reference/trajectory/vector.py",
-        "_runs_on: along * along",
-    ): "the search finds the same",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: longest - shortest",
-    ): "the search finds the same",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: 1e-12",
-    ): "the search finds the same",
-    (
-        "services/reference/trajectory/vector.py",
-        ": 44  →",
-    ): "the search is already at the last bits",
-    (
-        "services/reference/trajectory/vector.py",
-        "_quickest_turning: 50  →",
-    ): "50 halvings reach the last bit",
-    (
-        "services/reference/trajectory/vector.py",
-        ": 1e-100  →",
-    ): "no velocity or time is so small",
-    (
-        "services/reference/trajectory/vector.py",
-        "_possible: 1e-12  →",
-    ): "both are far more than rounding and far less than a jerk one could notice",
-    (
-        "services/reference/trajectory/vector.py",
-        "_line: 1.0  →",
-    ): "the vector is divided by its length",
-    (
-        "services/reference/trajectory/vector.py",
-        "_line: 0.0  →",
-    ): "where nothing remains to be done any line will do",
-    (
-        "services/reference/trajectory/vector.py",
-        "_line: _minus(a, _times",
-    ): "only the length is taken",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: (low, high)  →  (high, low)",
-    ): "a golden section has no direction",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: (shortest, longest)  →",
-    ): "a golden section has no direction",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: (shortest, longest, left, right)",
-    ): "of two that arrive together either is the best",
     (
         "services/reference/trajectory/position.py",
         "pair: min(candidates",

@@ -8,7 +8,7 @@ from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from services.reference.guidance.ground_motion import GroundMotion
 from services.reference.guidance.modes import HeldAxes
-from services.reference.guidance.station_keeping import STILL, StationKeeping
+from services.reference.guidance.station_keeping import StationKeeping
 from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
 from services.reference.trajectory.own_law import Law, LawRamp, PlannedAxis
@@ -68,7 +68,7 @@ class Axes:
             StationKeeping(settings.place.limits),
             Ramp(settings.tilt.limits),
             Ramp(settings.place.limits),
-            VectorRamp(settings.horizontal.limits, STILL, STILL),
+            VectorRamp(settings.horizontal.limits),
             Ramp(settings.heave_force.limits),
             Ramp(settings.yaw_moment.limits),
         )

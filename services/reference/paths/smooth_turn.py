@@ -22,6 +22,8 @@ GAUSS = [(float(1 + x) / 2, float(w) / 2) for x, w in zip(_nodes, _weights, stri
 class SmoothTurn(Turn):
     """A turn with a C2 yaw reference."""
 
+    name = "smooth turn"
+
     def first_half(self, s: float) -> TurnPoint:
         """The position is a quadrature with 20 nodes."""
         half = self.length / 2

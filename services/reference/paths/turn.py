@@ -6,7 +6,7 @@ Frame of a turn: it begins at the origin along +x and turns to the right, toward
 from dataclasses import dataclass
 from functools import cached_property
 from math import cos, isfinite, pi, sin, tan
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 STRAIGHT = 1e-9  # [rad] a smaller corner is no turn; a corner this close to π is a reversal
 
@@ -31,6 +31,7 @@ class Turn:
 
     angle: float  # [rad] change of course
     min_radius: float  # [m] in the middle
+    name: ClassVar[str] = "turn"  # of the shape
 
     def __post_init__(self) -> None:
         if not (isfinite(self.min_radius) and self.min_radius > 0):

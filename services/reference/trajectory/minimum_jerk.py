@@ -216,9 +216,14 @@ class Ramp:
         acceleration of the reference at `t`."""
         self._begin(self.at(t), segments, 0.0, t)
 
-    def take(self, here: Sample, t: float) -> None:
-        """Continue from another generator's reference at `t` [s], and come to rest."""
-        self._begin(here, solve(*here[1:3], 0.0, self.limits), 0.0, t)
+    def take(
+        self, here: Sample, t: float, target: float = 0.0, limits: Limits | None = None
+    ) -> None:
+        """Continue from another generator's reference at `t` [s], and go to velocity `target`;
+        within other limits if given."""
+        limits = limits or self.limits
+        self._begin(here, solve(*here[1:3], target, limits), target, t)
+        self.in_force = limits
 
     def limit(self, limits: Limits, t: float) -> None:
         """From `t` [s] on, respect other limits."""
