@@ -67,7 +67,7 @@ class Keyboard:
         Raises:
             LindyError: there is no display.
         """
-        surface = open_window("keyboard")
+        surface = open_window()
         self._window = PilotWindow(surface, HELP)
         self.show(head_up(VehicleView()))
         self._gain, self._outbox = gain, outbox

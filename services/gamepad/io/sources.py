@@ -53,10 +53,9 @@ def _open_script(node: Node, name: str, played: int) -> Player:
 
 def _open_pad(node: Node, stack: Stack) -> StickSource:
     sdl.load()
-    from services.gamepad.io.pad import Pad, PadWithWindow  # here: a script needs no pygame
+    from services.gamepad.io.pad import Pad  # here: a script needs no pygame
 
-    wanted = stack.section("gamepad", Settings).window
-    pad = (PadWithWindow if wanted else Pad)(pad_profile(stack), node.outbox)
+    pad = Pad(pad_profile(stack), node.outbox)
     node.on_close(pad.close)
     return pad
 

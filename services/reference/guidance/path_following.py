@@ -91,7 +91,10 @@ class PathFollowing:
             moved, *rates = at(now - t)
             return Sample(here.position + moved, *rates)
 
-        return replace(self, along=along, ends=lambda now: now >= end), end
+        def ends(now: float) -> bool:
+            return now >= end
+
+        return replace(self, along=along, ends=ends), end
 
 
 @dataclass(slots=True)

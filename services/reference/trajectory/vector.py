@@ -37,8 +37,9 @@ class VectorRamp:
 
     def __post_init__(self) -> None:
         self._along, self._across = Ramp(self.limits), Ramp(self.limits)
-        starts = (Sample(x, v, 0.0, 0.0) for x, v in zip(self.position, self.target, strict=True))
-        self._begin(*starts, self.target, 0.0, self.limits)
+        (x, y), (v, w) = self.position, self.target
+        first, second = Sample(x, v, 0.0, 0.0), Sample(y, w, 0.0, 0.0)
+        self._begin(first, second, self.target, 0.0, self.limits)
 
     def at(self, t: float) -> tuple[Sample, Sample]:
         """The reference of each axis at `t` [s] ≥ the last change of target."""
