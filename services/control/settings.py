@@ -4,9 +4,16 @@ from typing import Annotated
 
 import msgspec
 
+from messages.units import NotNegativeSetting
 from services.control.allocation.allocation import AllocationSettings
-from services.control.axis.axis import RollPitchGains
-from services.control.axis.axis_law import Gains
+from services.control.axis.axis import Gains
+
+
+class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Roll or pitch held at zero, if the thrusters can drive it. 0, 0: hydrostatic only."""
+
+    kp: NotNegativeSetting = 0.0  # [N m/rad]
+    kd: NotNegativeSetting = 0.0  # [N m s/rad]
 
 
 class CouplingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -59,7 +59,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/reference/guidance/test_standstill.py",
         "tests/services/reference/guidance/test_tilt_limit.py",
     ),
-    "services/control/axis/axis_law.py": (
+    "services/control/axis/axis.py": (
         "tests/services/control/axis/test_axis_law.py",
         "tests/services/control/axis/test_gain_blend.py",
         "tests/services/control/axis/test_static_hold.py",

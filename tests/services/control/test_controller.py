@@ -12,9 +12,9 @@ from messages.events import Outbox
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
-from services.control.axis.axis import RollPitchGains
-from services.control.axis.axis_law import Gains
+from services.control.axis.axis import Gains
 from services.control.core import Controller, Settings
+from services.control.settings import RollPitchGains
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from tests.support.told import told
