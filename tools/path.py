@@ -10,8 +10,7 @@ from cyclopts import Parameter
 
 from messages.units import PathQuantity
 from services.reference.paths.path import Kind, Path, RoutePoint
-from services.reference.paths.smooth_turn import SmoothTurn
-from services.reference.paths.turn import Turn
+from services.reference.paths.turn import SmoothTurn, Turn
 from services.reference.trajectory.minimum_jerk import Limits, MotionProfile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read

@@ -28,14 +28,12 @@ from services.reference.failsafe.table import table
 from services.reference.failsafe.watch import ConditionWatch
 from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
-from services.reference.guidance.axes import centred
-from services.reference.guidance.centring import CentredSticks
-from services.reference.guidance.ground_motion import whereabouts
+from services.reference.guidance.axes import CentredSticks, centred
+from services.reference.guidance.ground_motion import Home, HomePlace, whereabouts
 from services.reference.guidance.guidance import Guidance
-from services.reference.guidance.home import Home, HomePlace
 from services.reference.guidance.modes import lacking
 from services.reference.guidance.pilot_outputs import PilotOutputs
-from services.reference.guidance.refusals import refusal
+from services.reference.guidance.requests import refusal
 from services.reference.settings import Settings as Settings
 from services.reference.trajectory.own_law import Law
 

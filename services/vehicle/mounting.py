@@ -27,7 +27,7 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.units import Vec3
-from services.marine.attitude import LEVEL, Quaternion, to_world
+from services.marine.attitude import LEVEL, Quaternion, cross, to_world
 from services.marine.calibration import NO_BIAS, NO_IRON, NO_SCALE, SensorCalibration
 from services.marine.mounting import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
 from services.marine.vehicle import GRAVITY
@@ -260,10 +260,6 @@ def seen_there(mount: Mount, axes: MountedAxes, velocity: Vec3, rate: Vec3) -> V
     if mount.position != ORIGIN:
         velocity = _plus(velocity, velocity_at(mount.position, rate))
     return axes.to_sensor(velocity)
-
-
-def cross(a: Vec3, b: Vec3) -> Vec3:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _nearest_rotation(R: Rotation) -> Rotation:

@@ -28,7 +28,7 @@ from services.runtime.hosts.service_module import wire_of
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node
-from services.tether.damage import NEVER_USED
+from services.tether.service import NEVER_USED
 
 Kind = Literal["profile", "set", "down", "up"]
 MS, S = 1_000_000, 1_000_000_000  # [ns]

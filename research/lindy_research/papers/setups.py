@@ -6,7 +6,7 @@ Figures and claims share them, so a claim is about the figure that is drawn.
 from math import exp
 
 from services.reference.paths.path import Path
-from services.reference.paths.smooth_turn import SmoothTurn
+from services.reference.paths.turn import SmoothTurn
 from services.reference.trajectory.minimum_jerk import Limits
 from tools.generators.clothoid import TwinClothoids
 from tools.generators.fernandes.model_request import MotionRequest

@@ -18,9 +18,8 @@ from messages.events import Outbox
 from services.gamepad.core import PadProfile, held_of, presses_of, sticks_of
 from services.gamepad.io import sdl
 from services.gamepad.pad_silence import PadAnswer, PadSilence
-from services.piloting.holds import Holds
 from services.piloting.pilot_intents import Press
-from services.piloting.sticks import CENTRED, StickReading
+from services.piloting.sticks import CENTRED, Holds, StickReading
 
 # In the order of SDL_GameControllerAxis and SDL_GameControllerButton.
 AXES = ("leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger")

@@ -5,8 +5,7 @@ from pathlib import Path
 from services.gamepad.core import PadProfile, Settings, StickSource
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
-from services.gamepad.stick_log import StickLog, parse
-from services.gamepad.stick_log_player import Player
+from services.gamepad.stick_log import Player, StickLog, parse
 from services.piloting.sticks import CENTRED
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read, read_whole

@@ -18,7 +18,8 @@ from copy import copy
 from dataclasses import dataclass, field
 from math import dist, hypot
 
-from services.reference.guidance.ground_motion import GroundMotion, Pair, turned
+from services.marine.attitude import turned
+from services.reference.guidance.ground_motion import GroundMotion, Pair
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.vector import STILL, VectorRamp
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.paths.smooth_turn import SmoothTurn
-from services.reference.paths.turn import Turn
+from services.reference.paths.turn import SmoothTurn, Turn
 from tools.generators.clothoid import TwinClothoids, fresnel
 
 SHAPES = pytest.mark.parametrize("shape", [TwinClothoids, SmoothTurn])

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.reference.paths.path import Kind, Path
-from services.reference.paths.smooth_turn import SmoothTurn
+from services.reference.paths.turn import SmoothTurn
 from services.reference.trajectory.minimum_jerk import Limits, MotionProfile, solve
 from services.reference.trajectory.position import pair
 from tools.generators.clothoid import TwinClothoids
