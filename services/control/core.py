@@ -28,8 +28,8 @@ LONGEST_NS = 100_000_000  # [ns] no reference is extrapolated over more
 PATIENCE_NS = 100_000_000  # [ns] in which `reference` goes disarmed by itself; several of its steps
 AGAIN_NS = 200_000_000  # [ns] between two times that a disarm is handed on
 YAW = 5  # row of a six-vector
-MOST = 1e6  # [N, N m] more than any vehicle has; keeps sums within the range of messages
-NOTHING: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+LARGEST_WRENCH = 1e6  # [N, N m] more than any vehicle has; keeps sums within the range of messages
+NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
@@ -96,13 +96,15 @@ class Controller:
             if not all(map(isfinite, wanted)):
                 self._note(events.NOT_FINITE("wrench"))
                 wanted = None
-            elif max(map(abs, wanted)) > MOST:
+            elif max(map(abs, wanted)) > LARGEST_WRENCH:
                 self._note(events.CLAMPED("wrench"))
-                x, y, z, k, m, n = [max(-MOST, min(MOST, part)) for part in wanted]
+                x, y, z, k, m, n = [
+                    max(-LARGEST_WRENCH, min(LARGEST_WRENCH, part)) for part in wanted
+                ]
                 wanted = x, y, z, k, m, n
         if wanted is None:
             self._stop(reference, state)
-        result = self._command(reference, state, wanted or NOTHING, now)
+        result = self._command(reference, state, wanted or NO_WRENCH, now)
         # Of each condition its onset.
         for event in sorted(self._now_true - self._was_true):
             self.outbox.tell(event)

@@ -22,7 +22,7 @@ from services.control.settings import RollPitchGains, Settings
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
 
-SHORT = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
+SHORT_OF_YAW = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
 IDLE = 0.03  # [-] of the smallest moment of a thruster; a smaller one only runs down
 
 
@@ -147,7 +147,7 @@ class Laws:
         pairs = zip(AXES, wanted, achieved, strict=True)
         self._short = frozenset(name for name, want, got in pairs if abs(want - got) > 1e-6)
         lack = wanted[5] - achieved[5]
-        if lack * wanted[5] > SHORT * wanted[5] ** 2:
+        if lack * wanted[5] > SHORT_OF_YAW * wanted[5] ** 2:
             self._turn_short = lack
 
     @property

@@ -56,7 +56,7 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     home_lost: bool = False
 
 
-SHORT = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
+SHORT_OF_YAW = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
 INITIAL = GuidanceCheckpoint()
 K = TypeVar("K")
 
@@ -197,7 +197,7 @@ class ReferenceGenerator:
             turn_short, wrench = False, self.conditions.newest.wrench
             if wrench is not None and wrench.saturated:
                 wanted, achieved = wrench.wanted[5], wrench.achieved[5]
-                turn_short = abs(wanted - achieved) > SHORT * abs(wanted)
+                turn_short = abs(wanted - achieved) > SHORT_OF_YAW * abs(wanted)
             guidance.wait(state, turn_short=turn_short)
         armed_ns = self._armed_ns if self.armed else None
         return guidance.reference(

@@ -25,7 +25,7 @@ from services.tether.profile import DirectionProfile, Queue
 from services.tether.random_streams import streams
 
 T = TypeVar("T")
-MOST = 16_384  # messages on the link; more are lost, whatever the profile
+MOST_ON_THE_WAY = 16_384  # messages on the link; more are lost, whatever the profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class LinkDirection(Generic[T]):
     """Messages of any type; `DirectionReport.lost` has a key for every reason."""
 
     def __init__(
-        self, profile: DirectionProfile, random: np.random.Generator, most: int = MOST
+        self, profile: DirectionProfile, random: np.random.Generator, most: int = MOST_ON_THE_WAY
     ) -> None:
         self.lost: Counter[str] = Counter()  # by reason, since start
         self.entered = self.forwarded = self.copied = 0  # messages since start

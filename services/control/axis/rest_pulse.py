@@ -16,13 +16,16 @@ from dataclasses import dataclass
 
 from services.control.axis.plant import Plant
 
-LONGEST = 15  # steps
+LONGEST_PULSE = 15  # steps
 DAMPED, SETTLED = 2.0, 4.0  # time constants of the hull and of the thrusters, to come to rest
 SMOOTHING = 0.2  # [s]
 BEYOND = 0.5  # [-] of the zone; so far beyond the reference, where pulse follows pulse one way
 MOVED = 0.3  # [-] of what was planned; a vehicle that moved less lies on something
-PATIENCE = 64.0  # [-] times longer, at most, does it then wait
-MOST_AT_ONCE, MOST = 1.25, 4.0  # [-] by which the model of the pulse is corrected
+LONGEST_WAIT = 64.0  # [-] times the usual pause, at most, after pulses that moved nothing
+CORRECTED_AT_ONCE, LARGEST_CORRECTION = (
+    1.25,
+    4.0,
+)  # [-] by which the model of the pulse is corrected
 
 
 @dataclass(slots=True)
@@ -100,11 +103,13 @@ class RestPulse:
         moved = (self._before - end) / self._planned
         self._planned = 0.0
         if moved < MOVED:  # pulses would go on for ever
-            self._patience = min(PATIENCE, 2.0 * self._patience)
+            self._patience = min(LONGEST_WAIT, 2.0 * self._patience)
             return
         self._patience = 1.0
-        corrected = self.correction * min(MOST_AT_ONCE, max(1.0 / MOST_AT_ONCE, moved))
-        self.correction = min(MOST, max(1.0, corrected))  # never longer than the model says
+        corrected = self.correction * min(CORRECTED_AT_ONCE, max(1.0 / CORRECTED_AT_ONCE, moved))
+        self.correction = min(
+            LARGEST_CORRECTION, max(1.0, corrected)
+        )  # never longer than the model says
 
     def _begin(self, end: float) -> None:
         sign = 1.0 if end > 0.0 else -1.0
@@ -112,7 +117,7 @@ class RestPulse:
         self.turn = (self.turn + 1) % len(self.pushes)
         push = self.correction * self.pushes[self.turn]
         one = push * self.period / self.plant.linear  # [rad] turn by one step of it
-        steps = max(1, min(LONGEST, round((abs(end) + beyond) / one)))
+        steps = max(1, min(LONGEST_PULSE, round((abs(end) + beyond) / one)))
         self._left, self._sign, self._since = steps, sign, 0.0
         self._before, self._planned = end, sign * steps * one
 

@@ -17,7 +17,7 @@ from services.reference.trajectory.position import pair, travelled
 from services.reference.trajectory.vector import VectorRamp
 
 LOOK_AHEAD_S = 0.2  # [s] the plan to stop at the depth limit begins so long before it must
-LEVEL = 0.01  # [m] such a plan is made anew when it would end this far from the limit
+OFF_LIMIT = 0.01  # [m] such a plan is made anew when it would end this far from the limit
 FADE = 1.0  # [m] above the limit in which a downward heave force fades out
 CENTRED = 0.05  # [-] a stick this close to the middle counts as centred
 
@@ -152,7 +152,7 @@ class Axes:
                 heave.brake(t)  # the plan's target is 0 already
             self._sinking = 0.0
             heave.aim(velocity, t)
-        elif self._sinking != velocity or abs(heave.to_go(t) - room) > LEVEL:
+        elif self._sinking != velocity or abs(heave.to_go(t) - room) > OFF_LIMIT:
             self._sinking = velocity
             v, a = here.velocity, here.acceleration
             if travelled(solve(v, a, 0.0, limits)) < room:

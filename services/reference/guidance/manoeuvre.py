@@ -14,9 +14,9 @@ from services.reference.settings import VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 from services.reference.trajectory.position import pair
 
-AIMED = 0.01  # [rad] a path begins when the heading error is at most this …
-LEVEL = 1e-6  # [m] … and the depth reference is this close to the path's
-NEAR = 0.05  # [m] a goal this close counts as reached
+AIMED = 0.01  # [rad] a path begins when the heading error is at most this
+AT_DEPTH = 1e-6  # [m] and when the depth reference is this close to the path's depth
+AT_GOAL = 0.05  # [m] a goal this close counts as reached
 
 
 @dataclass(slots=True)
@@ -90,7 +90,7 @@ class Manoeuvre:
             north, east = axes.place.now
             place, offset = (north.position, east.position), axes.place.offset
         if self.goal is not None and place is not None:
-            if dist(place, self.goal) < NEAR:
+            if dist(place, self.goal) < AT_GOAL:
                 self._forget()
                 return
             planned = self.planned = PlannedPath(Course(waypoints=(place, self.goal)))
@@ -170,7 +170,7 @@ class Manoeuvre:
     def _is_lined_up(self, planned: PlannedPath, offset: float, t: float) -> bool:
         """False if the reference governor moved the reference, or the drone rests elsewhere."""
         depth, heading = self.axes.heave.at(t).position, self.axes.yaw.at(t).position
-        if planned.has_depth and abs(planned.first_depth - depth) > LEVEL:
+        if planned.has_depth and abs(planned.first_depth - depth) > AT_DEPTH:
             return False
         return abs(planned.first_heading(heading, offset) - heading) <= AIMED
 

@@ -23,7 +23,7 @@ from services.reference.guidance.ground_motion import GroundMotion, Pair
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.vector import STILL, VectorRamp
 
-NOTHING = Sample(0.0, 0.0, 0.0, 0.0)
+AT_REST = Sample(0.0, 0.0, 0.0, 0.0)
 AHEAD_STEPS = 20  # to the end of a stop: 0.1 mm of the way, also where the drone turns meanwhile
 
 
@@ -42,7 +42,7 @@ class StationKeeping:
 
     def __post_init__(self) -> None:
         self._initial, self._stick = VectorRamp(self.limits), VectorRamp(self.limits)
-        self._by_stick = NOTHING, NOTHING
+        self._by_stick = AT_REST, AT_REST
 
     @property
     def now(self) -> tuple[Sample, Sample]:
@@ -60,7 +60,7 @@ class StationKeeping:
         """Start from another generator's motion at `t` [s], and come to rest."""
         self._initial.take(north, east, t)
         self._stick.rest(t)
-        self._moved, self._stepped, self._by_stick = STILL, t, (NOTHING, NOTHING)
+        self._moved, self._stepped, self._by_stick = STILL, t, (AT_REST, AT_REST)
         self.held = True
 
     def step(self, heading: Sample, offset: float, t: float) -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.control.axis.plant import Plant
-from services.control.axis.rest_pulse import PATIENCE, RestPulse
+from services.control.axis.rest_pulse import LONGEST_WAIT, RestPulse
 
 PERIOD = 0.01  # [s]
 LAG = 0.08  # [s]
@@ -90,7 +90,7 @@ def test_a_vehicle_that_lies_on_something_is_pushed_ever_more_seldom() -> None:
     hull = Hull(0.01, held=True).rest(600.0)
     assert hull.starts <= 20
     begun = hull.starts
-    assert hull.rest(300.0).starts - begun <= 300.0 / (0.9 * PATIENCE * 0.86) + 1
+    assert hull.rest(300.0).starts - begun <= 300.0 / (0.9 * LONGEST_WAIT * 0.86) + 1
 
 
 def test_the_law_acts_while_it_has_effect_or_the_reference_moves() -> None:
