@@ -36,16 +36,12 @@ from services.simulator.streams import (
     DVL_NOISE,
     DVL_SCALE,
     FIELD_NOISE,
-    FIELD_STAMPS,
     GYRO_DRIFT,
     IMU_NOISE,
-    IMU_STAMPS,
     PRESSURE_NOISE,
-    PRESSURE_STAMPS,
     TEMPERATURE,
     USBL_NOISE,
     WATER_TEMPERATURES,
-    lateness,
     wandering,
     white_noise,
 )
@@ -86,12 +82,6 @@ class Sensors:
         self._started_ns: int | None = None  # [ns] of the first IMU sample
         self._changing = settings.warm_up != 0.0
         self._rounding = settings.accelerometer_step > 0.0 or settings.gyro_step > 0.0
-        self._too_early = {
-            stream: lateness(seed, stream, settings.stamp_jitter)
-            for stream in (IMU_STAMPS, FIELD_STAMPS, PRESSURE_STAMPS)
-            if settings.stamp_jitter > 0.0
-        }
-        self._stamps: dict[int, int] = {}  # [ns] newest, by stream
         self._dvl_scale = next(white_noise(seed, DVL_SCALE, [1.0]))[0]
         self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
         self._altitude_noise = white_noise(seed, ALTITUDE_NOISE, [1.0])
@@ -139,8 +129,7 @@ class Sensors:
         if self._rounding:
             force = rounded(force, self._settings.accelerometer_step)
             rate = rounded(rate, self._settings.gyro_step)
-        stamp = self._stamp(IMU_STAMPS, now) if self._too_early else now
-        return ImuSample(stamp_ns=stamp, specific_force=force, angular_rate=rate)
+        return ImuSample(stamp_ns=now, specific_force=force, angular_rate=rate)
 
     def _warmer(self, now: int) -> float:
         """[K] than at the first IMU sample."""
@@ -148,12 +137,6 @@ class Sensors:
             self._started_ns = now
         seconds = (now - self._started_ns) * 1e-9
         return -self._settings.warm_up * expm1(-seconds / self._settings.warm_up_time)
-
-    def _stamp(self, stream: int, now: int) -> int:
-        """[ns] Of a sample at `now`: with jitter too early, but later than the one before."""
-        stamp = max(now - next(self._too_early[stream]), self._stamps.get(stream, 0) + 1000)
-        self._stamps[stream] = stamp
-        return stamp
 
     def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
         """The local field, with the vehicle's own iron and noise."""
@@ -169,8 +152,7 @@ class Sensors:
         )
         if self._settings.magnetometer_step > 0.0:
             field = rounded(field, self._settings.magnetometer_step)
-        stamp = self._stamp(FIELD_STAMPS, now) if self._too_early else now
-        return MagnetometerSample(stamp_ns=stamp, field=field)
+        return MagnetometerSample(stamp_ns=now, field=field)
 
     def pressure(self, now: int, depth: float, rise: float = 0.0) -> PressureSample:
         """Absolute pressure at a depth [m]: air above, a column of water below the surface, which a
@@ -183,9 +165,8 @@ class Sensors:
         pressure += self._errors.pressure_offset
         if place.pressure_step > 0:
             pressure = round(pressure / place.pressure_step) * place.pressure_step
-        stamp = self._stamp(PRESSURE_STAMPS, now) if self._too_early else now
         self.water = WATER_TEMPERATURE + next(self._water_noise)[0]
-        return PressureSample(stamp_ns=stamp, pressure=pressure, temperature=self.water)
+        return PressureSample(stamp_ns=now, pressure=pressure, temperature=self.water)
 
     def dvl(self, now: int, nu: Vec6, altitude: float, device: Dvl) -> DvlSample:
         """Sample for a velocity over the ground [m/s, rad/s], FRD; without one where the bottom [m]

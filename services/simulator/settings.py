@@ -137,8 +137,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
     pressure_rate: SampleRate = topics.PRESSURE.hz  # [1/s]
     pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
-    # [s] IMU, compass and pressure are stamped up to so much too early, at random, yet in order.
-    stamp_jitter: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.0
 
     # Optional sensors: absent means none.
     dvl: Dvl | None = None

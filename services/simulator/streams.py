@@ -10,7 +10,7 @@ BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is s
 # Never numbered anew: the same seed goes on giving the same dive.
 BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIFT = range(7)
 CURRENT, VIBRATION, WAVES = 7, 8, 9
-TEMPERATURE, SHAKING_WAYS, IMU_STAMPS, FIELD_STAMPS, PRESSURE_STAMPS = range(13, 18)
+TEMPERATURE, SHAKING_WAYS = 13, 14
 WATER_TEMPERATURES, ALTITUDE_NOISE, DVL_SCALE, TERRAIN = range(18, 22)
 
 
@@ -31,10 +31,3 @@ def wandering(
     for a, b, c in white_noise(seed, stream, [std * sqrt(1.0 - keep * keep)] * 3):
         p, q, r = keep * p + a, keep * q + b, keep * r + c
         yield [p, q, r]
-
-
-def lateness(seed: int, stream: int, most: float) -> Iterator[int]:
-    """[ns] Endless: how much too early a sample is stamped, evenly from 0 to `most` [s]."""
-    rng = np.random.default_rng([seed, stream])
-    while True:
-        yield from (rng.random(BLOCK) * (most * 1e9)).astype(int).tolist()

@@ -13,7 +13,7 @@ from services.reference.guidance.station_keeping import StationKeeping
 from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
 from services.reference.trajectory.own_law import Law, LawRamp, PlannedAxis
-from services.reference.trajectory.position import pair, travelled
+from services.reference.trajectory.position import go, travelled
 from services.reference.trajectory.vector import VectorRamp
 
 LOOK_AHEAD_S = 0.2  # [s] the plan to stop at the depth limit begins so long before it must
@@ -136,11 +136,8 @@ class Axes:
 
     def go_to_depth(self, depth: float, t: float, speed: float | None = None) -> None:
         """Go to a depth [m], ending at rest, at most as fast as `speed` [m/s]."""
-        heave, axis = self.heave, self.settings.heave
-        here, fastest = heave.at(t), speed or axis.max_velocity
-        plan = pair(depth - here.position, axis.limits, fastest, here.velocity, here.acceleration)
-        heave.run(plan.segments, t)
-        self._sinking = 0.0
+        axis, self._sinking = self.settings.heave, 0.0
+        go(self.heave, depth, axis.limits, speed or axis.max_velocity, t)
 
     def _aim_depth(self, velocity: float, t: float) -> None:
         """A velocity [m/s]; downwards, the reference comes to rest at the depth limit."""
@@ -154,9 +151,8 @@ class Axes:
             heave.aim(velocity, t)
         elif self._sinking != velocity or abs(heave.to_go(t) - room) > OFF_LIMIT:
             self._sinking = velocity
-            v, a = here.velocity, here.acceleration
-            if travelled(solve(v, a, 0.0, limits)) < room:
-                heave.run(pair(room, limits, velocity, v, a).segments, t)
+            if travelled(solve(here.velocity, here.acceleration, 0.0, limits)) < room:
+                go(heave, self.settings.failsafe.depth_limit, limits, velocity, t)
             else:
                 heave.brake(t)
 
@@ -182,11 +178,8 @@ class Axes:
             if self._tilting != 0.0:
                 tilt.brake(t)
         elif stick != self._tilting:
-            here = tilt.at(t)
             end = s.highest if stick > 0 else s.lowest
-            speed = abs(stick) * s.max_velocity
-            plan = pair(end - here.position, s.limits, speed, here.velocity, here.acceleration)
-            tilt.run(plan.segments, t)
+            go(tilt, end, s.limits, abs(stick) * s.max_velocity, t)
         self._tilting = stick
 
     def brake(self, t: float) -> None:

@@ -10,9 +10,8 @@ from services.marine.attitude import wrapped
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.ground_motion import Pair
 from services.reference.guidance.path_following import PathFollowing, PlannedPath
-from services.reference.settings import VelocityAxis
-from services.reference.trajectory.minimum_jerk import Ramp, Sample
-from services.reference.trajectory.position import pair
+from services.reference.trajectory.minimum_jerk import Sample
+from services.reference.trajectory.position import go
 
 AIMED = 0.01  # [rad] a path begins when the heading error is at most this
 AT_DEPTH = 1e-6  # [m] and when the depth reference is this close to the path's depth
@@ -50,7 +49,7 @@ class Manoeuvre:
         if depth is not None:
             axes.go_to_depth(depth, t)
         if heading is not None:
-            _move_to(axes.yaw, s.yaw, heading, t)
+            go(axes.yaw, heading, s.yaw.limits, s.yaw.max_velocity, t)
         self.going = True
 
     def turn_to(self, heading: float, t: float) -> float:
@@ -176,11 +175,3 @@ class Manoeuvre:
 
     def _forget(self) -> None:
         self.going, self.planned, self.following, self.goal = False, None, None, None
-
-
-def _move_to(ramp: Ramp, axis: VelocityAxis, end: float, t: float) -> None:
-    """Move an axis to a position, ending at rest."""
-    here = ramp.at(t)
-    distance = end - here.position
-    plan = pair(distance, axis.limits, axis.max_velocity, here.velocity, here.acceleration)
-    ramp.run(plan.segments, t)

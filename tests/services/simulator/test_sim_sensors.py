@@ -222,26 +222,9 @@ def test_an_imu_reads_whole_steps(gyro: float, force: float) -> None:
     assert np.abs(np.subtract(s.angular_rate, exact.angular_rate)).max() <= gyro / 2 + 1e-12
 
 
-def test_stamps_jitter_evenly_never_ahead_and_in_order() -> None:
-    sensors = Sensors(Settings(stamp_jitter=0.008), seed=2)
-    nows = [n * 10_000_000 for n in range(1, 4000)]
-    early = np.array([now - sensors.imu(now, LEVEL, REST, REST).stamp_ns for now in nows])
-    assert early.min() >= 0
-    assert early.max() <= 8_000_000
-    assert early.mean() == pytest.approx(4e6, rel=0.05)
-    crowded = Sensors(Settings(stamp_jitter=0.05), seed=2)
-    for stamps in (
-        [crowded.imu(now, LEVEL, REST, REST).stamp_ns for now in nows],
-        [crowded.magnetometer(now, LEVEL).stamp_ns for now in nows],
-        [crowded.pressure(now, 1.0).stamp_ns for now in nows],
-    ):
-        assert (np.diff(stamps) > 0).all()
-        assert all(stamp <= now for stamp, now in zip(stamps, nows, strict=True))
-
-
 def test_what_is_added_to_one_sensor_changes_no_other_number() -> None:
     plain = Sensors(Settings(), seed=3)
-    more = Sensors(Settings(accelerometer_temperature=1e-3, stamp_jitter=0.001), seed=3)
+    more = Sensors(Settings(accelerometer_temperature=1e-3, warm_up=5.0), seed=3)
     a, b = plain.imu(10**9, LEVEL, REST, REST), more.imu(10**9, LEVEL, REST, REST)
     assert a.angular_rate == b.angular_rate
     assert plain.pressure(10**9, 3.0).pressure == more.pressure(10**9, 3.0).pressure
