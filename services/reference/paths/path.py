@@ -20,9 +20,17 @@ from typing import Literal, NamedTuple, Self
 
 from services.marine.attitude import wrapped
 from services.marine.summation import plain_sum
-from services.reference.paths.outline import ROUNDING, Outline, TurnOf, approximating, interpolating
+from services.reference.paths.outline import (
+    ROUNDING,
+    Outline,
+    TurnOf,
+    Waypoint,
+    approximating,
+    checked,
+    distance,
+    interpolating,
+)
 from services.reference.paths.turn import STRAIGHT, SmoothTurn, Turn
-from services.reference.paths.waypoints import Waypoint, checked, distance
 from services.reference.trajectory.minimum_jerk import Sample
 
 Kind = Literal["approximating", "interpolating"]
