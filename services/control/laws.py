@@ -16,14 +16,12 @@ from services.control import horizontal_plane
 from services.control.allocation.layout import AXES
 from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import REST, ActuatorModel, lags_of, plant_of
-from services.control.axis.rest_pulse import RestPulse
 from services.control.heave_coupling import HeaveCoupling
 from services.control.settings import RollPitchGains, Settings
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
 
 SHORT_OF_YAW = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
-IDLE = 0.03  # [-] of the smallest moment of a thruster; a smaller one only runs down
 
 
 @dataclass(slots=True)
@@ -60,13 +58,11 @@ class Laws:
         vehicle: Vehicle,
         period: float,
         count: Callable[[Event], None],
-        yaw_pushes: tuple[Vec6, ...] = (),
     ) -> None:
         """
         Args:
             period: [s] for which a wrench is held.
             count: called with a condition, at every step while it lasts.
-            yaw_pushes: [N, N m] smallest wrenches of single thrusters that turn the vehicle.
         """
         self._inertia = system_inertia(vehicle)
         self._lags = lags_of(vehicle)
@@ -89,12 +85,6 @@ class Laws:
         self._coupling: HeaveCoupling | None = None
         if settings.coupling.heave:
             self._coupling = HeaveCoupling(vehicle, self._lags[2], settings.coupling.wake_share)
-        self._yaw_pushes = yaw_pushes
-        self._pulse: RestPulse | None = None  # of the heading
-        if settings.heading_pulse > 0.0 and yaw_pushes:
-            yaw = self.heading
-            moments = [push[5] for push in yaw_pushes]
-            self._pulse = RestPulse(yaw.plant, yaw.lag, period, moments, settings.heading_pulse)
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
         """The required wrench [N, N m], `dt` [s] after the last one."""
@@ -123,24 +113,12 @@ class Laws:
             motion = along_body(r.heading, s.roll, s.pitch)
             rate = of_heading(s.yaw_rate, s.roll, self._pitch.rate)
             yaw = self.heading.held(motion, s.heading, rate, dt)
-        if self._pulse is None:
-            return surge, sway, heave, roll, pitch, yaw
-        # A pulse instead of the moment, where that has no effect at rest.
-        held = r.yaw_moment is None and s.heading.valid and s.yaw_rate.valid
-        resting = held and r.heading.velocity == 0.0 == r.heading.acceleration
-        error = r.heading.position - s.heading.value
-        share = self._pulse.step(error, s.yaw_rate.value, resting=resting)
-        if share is None:
-            return surge, sway, heave, roll, pitch, yaw
-        a, b, c, d, e, f = [share * part for part in self._yaw_pushes[self._pulse.turn]]
-        return surge + a, sway + b, heave + c, roll + d, pitch + e, f
+        return surge, sway, heave, roll, pitch, yaw
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
         """Take in the achieved wrench. An axis short of force by saturation does not learn; the
         heading, of which more is known, learns what asks for less."""
         self._actuators.settles_at = achieved
-        if self._pulse is not None:
-            self._pulse.effective = achieved[5] != 0.0
         self._short, self._turn_short = frozenset(), 0.0
         if not saturated:
             return
@@ -169,8 +147,6 @@ class Laws:
             axis.transfer.forget()
         self._roll.forget()
         self._pitch.forget()
-        if self._pulse is not None:
-            self._pulse.forget()
 
     def forget(self) -> None:
         """Reset integrals and disturbance observers."""
@@ -201,9 +177,7 @@ class Laws:
             (self.depth, 2, heave, upright * force[2] + coupling),
         ):
             axis.learn(None if AXES[row] in self._short else velocity, pushed, dt)
-        # Freely, where the dead-band leaves the law of the heading without effect.
-        idle = self._pulse is not None and abs(force[5]) < IDLE * self._pulse.pushes[0]
-        self.heading.learn(yaw, force[5], dt, freely=idle, short=self._turn_short)
+        self.heading.learn(yaw, force[5], dt, short=self._turn_short)
 
     def _switch_current(
         self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None

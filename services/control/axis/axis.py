@@ -354,7 +354,6 @@ class Axis:
         force: float,
         dt: float,
         *,
-        freely: bool = False,
         short: float = 0.0,
     ) -> None:
         """Update the observer: velocity relative to the water now, and mean thruster force since
@@ -362,7 +361,7 @@ class Axis:
 
         A vehicle that does not move may lie on the sea floor, which opposes any force. So without
         motion it learns no faster than the integral would, and not at all while the reference
-        moves; unless `freely`, because no force acts that a floor could oppose.
+        moves.
 
         Args:
             short: [N] or [N m] effort that could not be had; only less is learnt then.
@@ -372,7 +371,7 @@ class Axis:
         if velocity is None or self._blind:
             self._observer.pause()
             return
-        slowly = abs(velocity) < self._still and not freely
+        slowly = abs(velocity) < self._still
         most = self._slow * dt if slowly else inf
         self._observer.learn(velocity, force, dt, most, self._reference_rate, short)
 

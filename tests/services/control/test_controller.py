@@ -303,13 +303,6 @@ def test_gains_of_an_axis_that_no_thruster_drives_are_refused(axis: str) -> None
         Controller(settings, PIONEER, Outbox())
 
 
-def test_pulses_of_the_heading_need_a_damping_that_says_what_they_do() -> None:
-    slippery = msgspec.structs.replace(PIONEER, linear_damping=(1.8, 3.2, 0.4, 0.9, 0.9, 0.0))
-    with pytest.raises(ValueError, match=r"control\.heading_pulse is 0\.003.*allowed is 0"):
-        Controller(Settings(heading_pulse=0.003), slippery, Outbox())
-    Controller(Settings(), slippery, Outbox())
-
-
 def test_a_demand_that_cannot_be_met_is_told_once() -> None:
     no_sway = [thruster for thruster in PIONEER.thruster if thruster.name != "lateral"]
     law = Controller(Settings(), msgspec.structs.replace(PIONEER, thruster=no_sway), Outbox())

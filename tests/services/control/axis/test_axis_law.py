@@ -277,17 +277,3 @@ def test_learnt_drag_is_that_of_the_speed_when_the_thrust_follows(
     assert axis.standing == pytest.approx(4.0 * (speed + lead / 100 * 0.08 * brake))
     axis.forced(0.0, DT)
     assert axis.standing == 0.0
-
-
-@given(st.floats(-3.0, 3.0))
-def test_freely_it_learns_at_rest_as_fast_as_in_motion(learnt: float) -> None:
-    """Where no force acts, a vehicle that stays at rest is not pushed by anything."""
-    axis = Axis(msgspec.structs.replace(GAINS, observer=5.0, still=0.03), PLANT)
-    axis.take_over(learnt)
-    axis.step(hold(0.0), 0.0, 0.0, DT)
-    for _ in range(200):
-        axis.learn(0.0, 0.0, DT)
-    assert axis.standing == pytest.approx(learnt)
-    for _ in range(200):
-        axis.learn(0.0, 0.0, DT, freely=True)
-    assert abs(axis.standing) <= 1e-4 * abs(learnt)
