@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from services.control.axis.axis_law import WIDEST
+from services.control.axis.axis import WIDEST
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from messages.link import LinkRequest
 from messages.simulator import FaultRequest
-from services.gamepad.incidents import in_words
+from services.gamepad.stick_log_events import in_words
 from services.marine.vehicle import Vehicle
 from services.piloting.sticks import Incident
 from services.runtime.config.errors import LindyError

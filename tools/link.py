@@ -17,7 +17,7 @@ from tools.choices import named as path_named
 from tools.fresh import refuse_existing, write_fresh
 
 if TYPE_CHECKING:  # help loads nothing of the model
-    from services.tether.fates import FateRow
+    from services.tether.link_model import FateRow
     from services.tether.profile import DirectionProfile
 
 MOST_MESSAGES = 5_000_000
@@ -54,8 +54,8 @@ def offline(
         raise LindyError(f"{rate * seconds:.3g} messages are too many; the most is 5e6")
     if bytes_ < 0 or seed < 0:
         raise LindyError("--bytes and --seed are whole numbers from 0")
-    from services.tether.fates import fates
     from services.tether.io.profile_file import named
+    from services.tether.link_model import fates
 
     found = named(profile).profile
     leg = found.down if direction == "down" else found.up

@@ -10,9 +10,11 @@ from cyclopts import Parameter
 
 from messages.units import PathQuantity
 from services.reference.paths.path import Kind, Path, RoutePoint
+from services.reference.paths.turn import SmoothTurn, Turn
 from services.reference.trajectory.minimum_jerk import Limits, MotionProfile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
+from tools.generators.clothoid import TwinClothoids
 from tools.generators.route import MotionLaw, Route, furthest, route, stretch
 
 MOST_ROWS = 10_000_000
@@ -77,8 +79,13 @@ def planned(file: PlannedPathFile) -> Route:
     Raises:
         ValueError: the file asks for a path that is not possible.
     """
-    path = Path.through(file.waypoints, file.min_radius, file.kind, smooth_yaw=file.smooth_yaw)
+    path = Path.through(file.waypoints, file.min_radius, file.kind, turns_of(file.smooth_yaw))
     return route(path, motion(file), file.speeds or [file.cruise])
+
+
+def turns_of(smooth_yaw: bool) -> type[Turn]:
+    """The shape of the turns."""
+    return SmoothTurn if smooth_yaw else TwinClothoids
 
 
 def motion(file: PlannedPathFile) -> MotionLaw:
@@ -142,7 +149,7 @@ def smooth_yaw_deviation(file: PlannedPathFile) -> float | None:
     reference, whichever of the two was asked for. None where only one of them has room."""
     try:
         smooth, clothoids = (
-            Path.through(file.waypoints, file.min_radius, file.kind, smooth_yaw=smooth_yaw)
+            Path.through(file.waypoints, file.min_radius, file.kind, turns_of(smooth_yaw))
             for smooth_yaw in (True, False)
         )
     except ValueError:

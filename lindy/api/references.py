@@ -1,9 +1,9 @@
 """Reference generators. Pure: the time is an argument.
 
-`Ramp`, `VectorRamp`, `PositionMove` and `stop` are what flies. The others are there to compare
-with: the usual filters, the rule of Andrén 2023, the reference model of Fernandes et al. 2015."""
+`Ramp`, `VectorRamp` and `PositionMove` are what flies, and `stop` is its stop of any motion. The
+others are there to compare with: the usual filters, the rule of Andrén 2023, the reference model of
+Fernandes et al. 2015."""
 
-from services.reference.trajectory.emergency_stop import StoppedMotion, stop
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, Segment, solve
 from services.reference.trajectory.position import PositionMove
 from services.reference.trajectory.position import pair as position_move
@@ -16,6 +16,7 @@ from tools.generators.baselines import (
     PlannedBaseline,
     minimum_time,
 )
+from tools.generators.emergency_stop import StoppedMotion, stop
 from tools.generators.fernandes.model_request import MotionRequest
 from tools.generators.fernandes.reference_model import ReferenceModel, plan
 

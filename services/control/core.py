@@ -27,9 +27,8 @@ LONGEST_STEP_S = 0.05  # [s] a longer step counts as this long
 LONGEST_NS = 100_000_000  # [ns] no reference is extrapolated over more
 PATIENCE_NS = 100_000_000  # [ns] in which `reference` goes disarmed by itself; several of its steps
 AGAIN_NS = 200_000_000  # [ns] between two times that a disarm is handed on
-YAW = 5  # row of a six-vector
-MOST = 1e6  # [N, N m] more than any vehicle has; keeps sums within the range of messages
-NOTHING: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+LARGEST_WRENCH = 1e6  # [N, N m] more than any vehicle has; keeps sums within the range of messages
+NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
@@ -39,8 +38,7 @@ class Controller:
 
     Raises:
         ValueError: gains that make the sampled loop of an axis unstable, gains of an axis without
-            thrust, pulses of the heading without linear damping, or thrusters that cannot drive the
-            axes a pilot needs.
+            thrust, or thrusters that cannot drive the axes a pilot needs.
     """
 
     settings: Settings
@@ -60,9 +58,8 @@ class Controller:
         require_stable(self.settings, self.vehicle, PERIOD_S)
         require_pilotable(self.vehicle)
         self._allocation = Allocation(self.vehicle, self.settings.allocation)
-        pushes = self._allocation.smallest("yaw")
-        self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note, pushes)
-        _require_possible(self.settings, self.vehicle, self._allocation.axes)
+        self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note)
+        _require_possible(self.settings, self._allocation.axes)
 
     def step(
         self, reference: Reference | None, state: VehicleState | None, now: Ns
@@ -96,13 +93,15 @@ class Controller:
             if not all(map(isfinite, wanted)):
                 self._note(events.NOT_FINITE("wrench"))
                 wanted = None
-            elif max(map(abs, wanted)) > MOST:
+            elif max(map(abs, wanted)) > LARGEST_WRENCH:
                 self._note(events.CLAMPED("wrench"))
-                x, y, z, k, m, n = [max(-MOST, min(MOST, part)) for part in wanted]
+                x, y, z, k, m, n = [
+                    max(-LARGEST_WRENCH, min(LARGEST_WRENCH, part)) for part in wanted
+                ]
                 wanted = x, y, z, k, m, n
         if wanted is None:
             self._stop(reference, state)
-        result = self._command(reference, state, wanted or NOTHING, now)
+        result = self._command(reference, state, wanted or NO_WRENCH, now)
         # Of each condition its onset.
         for event in sorted(self._now_true - self._was_true):
             self.outbox.tell(event)
@@ -260,12 +259,7 @@ class DisarmFallback:
         return due
 
 
-def _require_possible(settings: Settings, vehicle: Vehicle, axes: frozenset[str]) -> None:
-    if settings.heading_pulse > 0.0 and vehicle.linear_damping[YAW] == 0.0:
-        raise ValueError(
-            f"control.heading_pulse is {settings.heading_pulse:g}, but without linear damping of "
-            f"yaw nobody can say what a pulse does; allowed is 0"
-        )
+def _require_possible(settings: Settings, axes: frozenset[str]) -> None:
     for name, gains in (("roll", settings.roll), ("pitch", settings.pitch)):
         if (gains.kp or gains.kd) and name not in axes:
             raise ValueError(

@@ -25,8 +25,8 @@ from services.marine.attitude import down_in_body
 from services.marine.hydrodynamics import Translation, flow
 from services.marine.vehicle import Vehicle
 
-LEVEL: Vec3 = (0.0, 0.0, 1.0)
-STEEPEST = 0.5  # [-] of the heave thrust that is vertical; with less, nothing is modelled
+LEVEL_DOWN: Vec3 = (0.0, 0.0, 1.0)
+LEAST_UPRIGHT = 0.5  # [-] of the heave thrust that is vertical; with less, nothing is modelled
 HEAVE = 2
 
 
@@ -47,7 +47,7 @@ class HeaveCoupling:
     sway: float = 0.0  # [m/s]
     force: float = 0.0  # [N] coupling along down in the last step
     upright: float = 1.0  # [-] e₃, of the heave thrust that is vertical
-    _down: Vec3 = LEVEL  # e
+    _down: Vec3 = LEVEL_DOWN  # e
     _rate: Vec3 = (0.0, 0.0, 0.0)  # [rad/s] ω
     _hull: Translation = field(init=False)
 
@@ -64,10 +64,10 @@ class HeaveCoupling:
             thrust: [N, N m] mean of the wrench since the last step.
         """
         # How the vehicle lies and turns. Level while that is not known.
-        self._down, self._rate = LEVEL, (0.0, 0.0, 0.0)
+        self._down, self._rate = LEVEL_DOWN, (0.0, 0.0, 0.0)
         if state.roll.valid and state.pitch.valid and state.yaw_rate.valid:
             down = down_in_body(state.attitude)
-            if down[HEAVE] > STEEPEST:
+            if down[HEAVE] > LEAST_UPRIGHT:
                 # ω from the rates of the angles (Fossen 2011, eq. 2.28).
                 roll, pitch, r = state.roll.value, state.pitch.value, state.yaw_rate.value
                 roll_rate, pitch_rate = rates
@@ -102,7 +102,7 @@ class HeaveCoupling:
     def forget(self) -> None:
         """The vehicle rests, level."""
         self.surge = self.sway = self.force = 0.0
-        self.upright, self._down, self._rate = 1.0, LEVEL, (0.0, 0.0, 0.0)
+        self.upright, self._down, self._rate = 1.0, LEVEL_DOWN, (0.0, 0.0, 0.0)
 
     def _coupling(
         self, nu: Vec6, acceleration: Vec3, thrust: Vec6, heave_rate: float, down: Vec3

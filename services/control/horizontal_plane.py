@@ -1,6 +1,6 @@
 """The horizontal plane: the reference in NED, resolved along the body axes."""
 
-from math import cos, hypot, sin
+from math import hypot
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -9,7 +9,7 @@ from messages.message import Estimate
 from messages.reference import Motion
 from messages.state import VehicleState
 from messages.units import Vec6
-from services.marine.attitude import level_velocity
+from services.marine.attitude import level_velocity, turned
 
 Place = tuple[float, float]  # [m] north, east
 STILL_WATER = (0.0, 0.0)  # [m/s]
@@ -105,8 +105,7 @@ def turning_force(inertia: Vec6, velocity: tuple[float, float], turn: float) -> 
 
 def to_body(heading: float, north: float, east: float) -> tuple[float, float]:
     """Surge and sway components of a horizontal NED vector of a level vehicle."""
-    c, s = cos(heading), sin(heading)
-    return c * north + s * east, c * east - s * north
+    return turned((north, east), -heading)
 
 
 def _known(estimate: Estimate | None) -> float | None:

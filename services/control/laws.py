@@ -1,6 +1,7 @@
 """The laws of all axes together: from reference and state to the required wrench."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import cos, sin
 
 from msgspec.structs import replace
@@ -10,20 +11,42 @@ from messages.events import Event
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
-from messages.units import Vec6
+from messages.units import Ns, Vec6
 from services.control import horizontal_plane
 from services.control.allocation.layout import AXES
-from services.control.axis.axis import BumplessTransfer, PilotedAxis, RollPitchHold
-from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import REST, ActuatorModel, lags_of, plant_of
-from services.control.axis.rest_pulse import RestPulse
 from services.control.heave_coupling import HeaveCoupling
-from services.control.settings import Settings
+from services.control.settings import RollPitchGains, Settings
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
 
-SHORT = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
-IDLE = 0.03  # [-] of the smallest moment of a thruster; a smaller one only runs down
+SHORT_OF_YAW = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
+
+
+@dataclass(slots=True)
+class RollPitchHold:
+    gains: RollPitchGains
+    _angle: float = 0.0  # [rad] at the last step
+    _at: Ns | None = None  # [ns] stamp of its sensor sample; None: not known
+    rate: float = 0.0  # [rad/s] of the angle; 0 while it is not known
+
+    def step(self, angle: Estimate, sensor_ns: Ns) -> float:
+        """Moment [N m]. The rate is the difference of two angles of the attitude filter, which
+        integrates the gyroscope and so adds little noise."""
+        if not angle.valid:
+            self.forget()
+            return 0.0
+        if self._at is None:
+            self.rate = 0.0
+        elif sensor_ns > self._at:
+            self.rate = (angle.value - self._angle) / ((sensor_ns - self._at) * 1e-9)
+        self._angle, self._at = angle.value, sensor_ns
+        return -self.gains.kp * angle.value - self.gains.kd * self.rate
+
+    def forget(self) -> None:
+        """Restart the rate with the next sample."""
+        self._at, self.rate = None, 0.0
 
 
 class Laws:
@@ -35,13 +58,11 @@ class Laws:
         vehicle: Vehicle,
         period: float,
         count: Callable[[Event], None],
-        yaw_pushes: tuple[Vec6, ...] = (),
     ) -> None:
         """
         Args:
             period: [s] for which a wrench is held.
             count: called with a condition, at every step while it lasts.
-            yaw_pushes: [N, N m] smallest wrenches of single thrusters that turn the vehicle.
         """
         self._inertia = system_inertia(vehicle)
         self._lags = lags_of(vehicle)
@@ -51,9 +72,9 @@ class Laws:
         self._turn_short = 0.0  # [N m] of the moment that is wanted, for lack of thrust
         self._water: tuple[float, float] | None = None  # [m/s] along surge and sway, if known
 
-        def axis(name: str, gains: Gains, row: int, *, own: bool = True) -> PilotedAxis:
-            law = AxisLaw(gains, plant_of(vehicle, row), self._lags[row], period)
-            return PilotedAxis(name, law, BumplessTransfer(settings.transfer), count, own=own)
+        def axis(name: str, gains: Gains, row: int, *, own: bool = True) -> Axis:
+            plant, lag = plant_of(vehicle, row), self._lags[row]
+            return Axis(gains, plant, lag, period, name, count, settings.transfer, own=own)
 
         self.surge = axis("surge", settings.surge, 0)
         self.sway = axis("sway", settings.sway, 1)
@@ -64,12 +85,6 @@ class Laws:
         self._coupling: HeaveCoupling | None = None
         if settings.coupling.heave:
             self._coupling = HeaveCoupling(vehicle, self._lags[2], settings.coupling.wake_share)
-        self._yaw_pushes = yaw_pushes
-        self._pulse: RestPulse | None = None  # of the heading
-        if settings.heading_pulse > 0.0 and yaw_pushes:
-            yaw = self.heading.law
-            moments = [push[5] for push in yaw_pushes]
-            self._pulse = RestPulse(yaw.plant, yaw.lag, period, moments, settings.heading_pulse)
 
     def wrench(self, reference: Reference, state: VehicleState, dt: float) -> Vec6:
         """The required wrench [N, N m], `dt` [s] after the last one."""
@@ -98,43 +113,31 @@ class Laws:
             motion = along_body(r.heading, s.roll, s.pitch)
             rate = of_heading(s.yaw_rate, s.roll, self._pitch.rate)
             yaw = self.heading.held(motion, s.heading, rate, dt)
-        if self._pulse is None:
-            return surge, sway, heave, roll, pitch, yaw
-        # A pulse instead of the moment, where that has no effect at rest.
-        held = r.yaw_moment is None and s.heading.valid and s.yaw_rate.valid
-        resting = held and r.heading.velocity == 0.0 == r.heading.acceleration
-        error = r.heading.position - s.heading.value
-        share = self._pulse.step(error, s.yaw_rate.value, resting=resting)
-        if share is None:
-            return surge, sway, heave, roll, pitch, yaw
-        a, b, c, d, e, f = [share * part for part in self._yaw_pushes[self._pulse.turn]]
-        return surge + a, sway + b, heave + c, roll + d, pitch + e, f
+        return surge, sway, heave, roll, pitch, yaw
 
     def done(self, wanted: Vec6, achieved: Vec6, *, saturated: bool) -> None:
         """Take in the achieved wrench. An axis short of force by saturation does not learn; the
         heading, of which more is known, learns what asks for less."""
         self._actuators.settles_at = achieved
-        if self._pulse is not None:
-            self._pulse.effective = achieved[5] != 0.0
         self._short, self._turn_short = frozenset(), 0.0
         if not saturated:
             return
         pairs = zip(AXES, wanted, achieved, strict=True)
         self._short = frozenset(name for name, want, got in pairs if abs(want - got) > 1e-6)
         lack = wanted[5] - achieved[5]
-        if lack * wanted[5] > SHORT * wanted[5] ** 2:
+        if lack * wanted[5] > SHORT_OF_YAW * wanted[5] ** 2:
             self._turn_short = lack
 
     @property
     def standing(self) -> Vec6:
         """[N, N m] Compensation of lasting disturbances; part of the wrench."""
-        x, y = self.surge.law.standing, self.sway.law.standing
-        return x, y, self.depth.law.standing, 0.0, 0.0, self.heading.law.standing
+        x, y = self.surge.standing, self.sway.standing
+        return x, y, self.depth.standing, 0.0, 0.0, self.heading.standing
 
     def pause(self) -> None:
         """Learn nothing from the time since the last step."""
         for axis in (self.surge, self.sway, self.depth, self.heading):
-            axis.law.pause()
+            axis.pause()
 
     def stop(self) -> None:
         """The thrusters are stopped: what was learnt stays, transfers and rates are reset."""
@@ -144,8 +147,6 @@ class Laws:
             axis.transfer.forget()
         self._roll.forget()
         self._pitch.forget()
-        if self._pulse is not None:
-            self._pulse.forget()
 
     def forget(self) -> None:
         """Reset integrals and disturbance observers."""
@@ -176,9 +177,7 @@ class Laws:
             (self.depth, 2, heave, upright * force[2] + coupling),
         ):
             axis.learn(None if AXES[row] in self._short else velocity, pushed, dt)
-        # Freely, where the dead-band leaves the law of the heading without effect.
-        idle = self._pulse is not None and abs(force[5]) < IDLE * self._pulse.pushes[0]
-        self.heading.learn(yaw, force[5], dt, freely=idle, short=self._turn_short)
+        self.heading.learn(yaw, force[5], dt, short=self._turn_short)
 
     def _switch_current(
         self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None
@@ -194,12 +193,12 @@ class Laws:
         for axis, velocity, current in zip(
             (self.surge, self.sway), velocities, currents, strict=True
         ):
-            plant = axis.law.plant
+            plant = axis.plant
             force = plant.drag(velocity - current) - plant.drag(velocity)
             if water is None:
-                axis.law.take_over(force)
+                axis.take_over(force)
             else:
-                axis.law.give_up(force)
+                axis.give_up(force)
 
     def _horizontal(
         self, reference: Reference, state: VehicleState, dt: float
@@ -207,7 +206,7 @@ class Laws:
         """Surge and sway [N]: the pilot's force, and the position law's if it has a reference."""
         surge, sway = reference.surge_force, reference.sway_force
         if reference.surge is not None:
-            surge += self.surge.law.feed_forward(reference.surge)
+            surge += self.surge.feed_forward(reference.surge)
         if reference.north is None or reference.east is None:
             return self.surge.forced(surge, dt), self.sway.forced(sway, dt)
         here = horizontal_plane.measured(state)

@@ -4,9 +4,16 @@ from typing import Annotated
 
 import msgspec
 
+from messages.units import NotNegativeSetting
 from services.control.allocation.allocation import AllocationSettings
-from services.control.axis.axis import RollPitchGains
-from services.control.axis.axis_law import Gains
+from services.control.axis.axis import Gains
+
+
+class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Roll or pitch held at zero, if the thrusters can drive it. 0, 0: hydrostatic only."""
+
+    kp: NotNegativeSetting = 0.0  # [N m/rad]
+    kd: NotNegativeSetting = 0.0  # [N m s/rad]
 
 
 class CouplingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -26,8 +33,5 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     roll: RollPitchGains = RollPitchGains()
     pitch: RollPitchGains = RollPitchGains()
     allocation: AllocationSettings = AllocationSettings()
-    # [rad] A larger error of the heading at rest, for which the thrusters' dead-band leaves the law
-    # without effect, is corrected by pulses (axis/rest_pulse.py). 0: none.
-    heading_pulse: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.0
     coupling: CouplingSettings = CouplingSettings()
     transfer: Annotated[float, msgspec.Meta(ge=0.05, le=5.0)] = 0.3  # [s] fade between modes

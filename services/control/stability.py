@@ -17,7 +17,7 @@ from math import expm1, tau
 import numpy as np
 from numpy.typing import NDArray
 
-from services.control.axis.axis_law import Gains, StaticGains
+from services.control.axis.axis import Gains, StaticGains
 from services.control.axis.plant import Plant, lags_of, plant_of
 from services.control.settings import Settings
 from services.marine.vehicle import Vehicle

@@ -27,9 +27,6 @@ Button = Literal[
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     profile: str = "default"  # a pad profile in deploy/pads, or the path of one
     pilot: Name = ""  # the pilot's name, for other pilots; empty: that of the pad or script
-    window: bool = (
-        False  # with a pad, a window with the head-up numbers; the keyboard always has it
-    )
 
 
 class StickGain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -2,17 +2,13 @@
 
 A Bluetooth pad whose radio link breaks stays "connected" until the link's supervision timeout ends,
 20 s by default, and all the while its last stick positions are repeated as if a hand held them. SDL
-and evdev report only changes, so most of the time such a pad looks like one that is held still. Two
-things can be known nevertheless:
+and evdev report only changes, so most of the time such a pad looks like one that is held still. One
+thing can be known nevertheless: a stick that is deflected, but not against its stop, is held by a
+hand, and no hand holds a stick on one and the same count. Where none of the pad's controls changes
+for `silent_after`, the pad is lost.
 
-- A stick that is deflected, but not against its stop, is held by a hand, and no hand holds a stick
-  on one and the same count. Where none of the pad's controls changes for `silent_after`, the pad is
-  lost.
-- Many pads send reports all the time, also with still sticks. The kernel passes their raw reports
-  on (hidraw). Where a pad was seen to do so, the pad is lost as soon as they end.
-
-What cannot be seen without raw reports: that a pad has stopped answering with centred sticks, which
-moves nothing; and with a stick against its stop, where a hand that presses does not move it either.
+What cannot be seen: that a pad has stopped answering with centred sticks, which moves nothing; and
+with a stick against its stop, where a hand that presses does not move it either.
 """
 
 from collections.abc import Mapping
@@ -23,9 +19,6 @@ from messages.units import Ns
 
 STICKS = (("leftx", "lefty"), ("rightx", "righty"))
 STOP = 0.9  # [-] from this deflection on a stick may lean against its stop
-PAUSE_NS = 100_000_000  # [ns] longest pause of a pad that sends reports all the time
-PROOF_NS = 10_000_000_000  # [ns] of reports without such a pause, with still sticks, prove it
-BEAT_NS = 1_000_000_000  # [ns] without a report after which such a pad is lost
 
 
 class PadAnswer(NamedTuple):
@@ -42,36 +35,16 @@ class PadSilence:
     silent_after: float  # [s]
     dead_band: float  # [-]
     _before: dict[str, float] = field(default_factory=dict[str, float])
-    _answered_at: Ns | None = None
-    _beats_since: Ns = 0  # when the reports began that came without a pause, with still sticks
-    _beats: bool = False  # it sends reports all the time
+    _changed_at: Ns | None = None
 
-    def read(self, controls: Mapping[str, float], reported: bool, now: Ns) -> PadAnswer:
-        """
-        Args:
-            controls: the pad's state in SDL's names.
-            reported: a raw report has arrived since the last reading.
-            now: [ns]
-        """
-        changed = controls != self._before
-        if changed or self._answered_at is None:
-            self._before = dict(controls)
-            self._beats_since = now
-        if reported:
-            self._beat(now)
-        if changed or reported or self._answered_at is None:
-            self._answered_at = now
-        age_ns = now - self._answered_at
-        if self._beats and age_ns >= BEAT_NS:
+    def read(self, controls: Mapping[str, float], now: Ns) -> PadAnswer:
+        """`controls`: the pad's state in SDL's names, at `now` [ns]."""
+        if controls != self._before or self._changed_at is None:
+            self._before, self._changed_at = dict(controls), now
+        age_ns = now - self._changed_at
+        if age_ns >= self.silent_after * 1e9 and held_by_a_hand(controls, self.dead_band):
             return PadAnswer(age_ns, lost=True)
-        if held_by_a_hand(controls, self.dead_band) and age_ns >= self.silent_after * 1e9:
-            return PadAnswer(age_ns, lost=True)
-        return PadAnswer(age_ns if self._beats else 0)
-
-    def _beat(self, now: Ns) -> None:
-        if self._answered_at is not None and now - self._answered_at > PAUSE_NS:
-            self._beats_since = now
-        self._beats = self._beats or now - self._beats_since >= PROOF_NS
+        return PadAnswer()
 
 
 def held_by_a_hand(controls: Mapping[str, float], dead_band: float) -> bool:

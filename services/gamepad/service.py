@@ -6,14 +6,13 @@ from messages.pilot import PilotAnswer, PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import Settings, StickSource
-from services.gamepad.incidents import in_words
 from services.gamepad.io.numbers import HasWindow, Numbers
 from services.gamepad.io.sources import open_source
+from services.gamepad.stick_log_events import in_words
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Effects, Pilot
-from services.piloting.stick_phase import StickPhase
-from services.piloting.sticks import Incident
+from services.piloting.sticks import Incident, StickPhase
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 

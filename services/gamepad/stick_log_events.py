@@ -1,12 +1,14 @@
 """An event of a stick log: one word such as `stop`, `goto depth=3 heading=90`, `follow
-inspection_box`, `mode depth_hold`, `fault port dead` or `link profile severe`."""
+inspection_box`, `mode depth_hold`, `fault port dead` or `link profile severe`.
+"""
 
 from collections.abc import Callable
-from math import nan
+from math import isfinite, nan
 from typing import Literal, cast, get_args
 
+from messages.link import LinkRequest
 from messages.pilot import Course, FlightMode
-from services.gamepad import incidents
+from messages.simulator import FaultKind, FaultRequest
 from services.piloting.pilot_intents import (
     FARTHEST,
     FollowIntent,
@@ -48,9 +50,9 @@ def event_of(cell: str, courses: Courses) -> Event | None:
         case "output":
             return _output(rest.split())
         case "fault":
-            return incidents.fault(rest.split())
+            return fault(rest.split())
         case "link":
-            return incidents.link(rest.split())
+            return link(rest.split())
         case _:
             return _one_word(cell)
 
@@ -118,3 +120,60 @@ def _mode(hold: str) -> ModeIntent:
     if hold not in FLIGHT_MODES:
         raise ValueError(f"mode: found {short(hold)}, expected one of {', '.join(FLIGHT_MODES)}")
     return ModeIntent(cast(FlightMode, hold))
+
+
+FAULTS: tuple[str, ...] = get_args(FaultKind)
+FAULT_FORM = "fault PART KIND, or fault PART KIND VALUE"
+LINK_FORM = "link down, link up, link profile NAME or link set KEY=VALUE …"
+
+
+def fault(words: list[str]) -> FaultRequest:
+    """The words after `fault`. Only the simulator knows which parts there are, and which value a
+    kind takes.
+
+    Raises:
+        ValueError: names what was found and what is allowed.
+    """
+    if len(words) not in (2, 3):
+        raise ValueError(f"fault: found {' '.join(words)!r}, expected {FAULT_FORM}")
+    part, kind, *rest = words
+    if kind not in FAULTS:
+        raise ValueError(f"fault: KIND is {kind!r}, expected one of {', '.join(FAULTS)}")
+    value = _number(rest[0]) if rest else None
+    return FaultRequest(stamp_ns=0, id="", part=part, fault=cast(FaultKind, kind), value=value)
+
+
+def link(words: list[str]) -> LinkRequest:
+    """The words after `link`. Only the link's model knows its profiles and keys.
+
+    Raises:
+        ValueError: names what was found and what is allowed.
+    """
+    match words:
+        case ["down" | "up" as kind]:
+            return LinkRequest(stamp_ns=0, id="", kind=kind)
+        case ["profile", name]:
+            return LinkRequest(stamp_ns=0, id="", kind="profile", profile=name)
+        case ["set", _, *_]:
+            return LinkRequest(stamp_ns=0, id="", kind="set", settings=tuple(words[1:]))
+        case _:
+            raise ValueError(f"link: found {' '.join(words)!r}, expected {LINK_FORM}")
+
+
+def in_words(incident: Incident) -> str:
+    """As in a stick log."""
+    if isinstance(incident, FaultRequest):
+        value = "" if incident.value is None else f" {incident.value:g}"
+        return f"fault {incident.part} {incident.fault}{value}"
+    words = ("link", incident.kind, *filter(None, [incident.profile]), *incident.settings)
+    return " ".join(words)
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value):
+        raise ValueError(f"fault: VALUE is {text!r}, expected a finite number")
+    return value

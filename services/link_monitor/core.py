@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from messages import events
 from messages.events import Outbox
-from messages.link import Clock, ClockPong, LatencyBudget
+from messages.link import Clock, ClockPing, ClockPong, LatencyBudget
 from messages.pilot import PilotCommand
 from messages.units import Ns
 from services.link_monitor.clock_sync import ClockSync
@@ -63,3 +63,10 @@ class LinkMonitor:
         bound_ms = None if bound_ns is None else bound_ns / 1e6
         alarm = "; ".join(filter(None, (self.misfit, self.junk, self._alarm.text(now))))
         return self.budget.report(now, bound_ms, alarm)
+
+
+def pong(ping: ClockPing, heard_ns: Ns) -> ClockPong:
+    """The answer to a ping that is handled at `heard_ns` by the drone's clock."""
+    return ClockPong(
+        stamp_ns=heard_ns, ping_ns=ping.stamp_ns, heard_ns=heard_ns, source=ping.source
+    )

@@ -96,6 +96,17 @@ def north_offset(state: VehicleState) -> float:
     return wrapped(state.heading_navigation.value - state.heading.value)
 
 
+def turned(vector: tuple[float, float], angle: float) -> tuple[float, float]:
+    """A horizontal vector rotated clockwise seen from above: body to NED by the heading [rad]."""
+    x, y = vector
+    c, s = cos(angle), sin(angle)
+    return c * x - s * y, s * x + c * y
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
 def attitude_rate(q_NB: Quaternion, rate_B: Vec3) -> Quaternion:
     """dq/dt [1/s] for a body angular rate [rad/s]: half of q ⊗ ω (Fossen 2011, §2.2.2)."""
     w, x, y, z = q_NB

@@ -6,10 +6,14 @@
     pressure        p = p' - offset
     DVL             v = scale v'
 
+A compass points to magnetic north, positions and maps are by true north: with `declination` the
+field is turned about the vertical, and every north of the drone is the true one.
+
 All in the sensor's own axes, before its mounting. `lindy calibrate` finds the numbers. A vehicle
 without this table has sensors that are right but for what each dive's own calibration finds.
 """
 
+from math import pi
 from typing import Annotated
 
 import msgspec
@@ -36,6 +40,9 @@ class SensorCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     gyro_bias: tuple[RateBias, RateBias, RateBias] = NO_BIAS  # [rad/s]
     magnetometer_bias: tuple[FieldBias, FieldBias, FieldBias] = NO_BIAS  # [T]
     magnetometer_matrix: IronMatrix = NO_IRON  # [-] S
+    # [rad] of magnetic north from true north where the drone dives, + to the east; 0: headings are
+    # by magnetic north, and a place by the map is missed by this angle.
+    declination: Annotated[float, msgspec.Meta(ge=-pi, le=pi)] = 0.0
     pressure_offset: Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)] = 0.0  # [Pa]
     dvl_scale: ScaleFactor = 1.0  # [-]
 

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import msgspec
 
+from services.marine.attitude import cross
+
 Component = Annotated[float, msgspec.Meta(ge=-1.01, le=1.01)]  # [-] of a direction
 Metres = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]  # [m] no vehicle is larger
 RotationRow = tuple[Component, Component, Component]
@@ -22,10 +24,6 @@ TOLERANCE = 1e-3  # [-] of lengths, angles and the determinant; files have three
 
 def _dot(a: RotationRow, b: RotationRow) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a: RotationRow, b: RotationRow) -> RotationRow:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 class Turned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -43,7 +41,7 @@ class Turned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         a, b, c = self.rotation
         unit = all(isclose(_dot(row, row), 1.0, abs_tol=TOLERANCE) for row in (a, b, c))
         square = all(abs(_dot(p, q)) <= TOLERANCE for p, q in ((a, b), (b, c), (c, a)))
-        determinant = _dot(a, _cross(b, c))
+        determinant = _dot(a, cross(b, c))
         if not unit or not square or abs(determinant - 1.0) > 2 * TOLERANCE:
             raise ValueError(
                 f"rotation is no rotation: its rows must have length 1 and be at right angles, to "

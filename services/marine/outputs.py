@@ -12,7 +12,7 @@ import msgspec
 from messages.units import Outputs, WithinAnHour
 from messages.vehicle import VehicleStatus
 
-MOST = 16
+MOST_OUTPUTS = 16
 LIGHT = "light"  # the output that requests of this kind, ground stations and the camera know
 NAMED = re.compile(r"[a-z][a-z0-9_]{0,23}")
 ServoNumber = Annotated[int, msgspec.Meta(ge=1, le=32)]
@@ -66,8 +66,8 @@ def checked(outputs: tuple[Output, ...], thrusters: int) -> None:
     Raises:
         ValueError: too many; two of one name, of one servo, or two grippers; a thruster's servo.
     """
-    if len(outputs) > MOST:
-        raise ValueError(f"there are {len(outputs)} outputs, allowed are at most {MOST}")
+    if len(outputs) > MOST_OUTPUTS:
+        raise ValueError(f"there are {len(outputs)} outputs, allowed are at most {MOST_OUTPUTS}")
     names, servos = dict[str, int](), dict[int, str]()
     gripper = ""
     for number, output in enumerate(outputs, 1):

@@ -18,9 +18,8 @@ from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.attitude import level_velocity, north_offset
 from services.marine.vehicle import Vehicle
-from services.predictor.drift import Drift
 from services.predictor.prediction_quality import JudgedPrediction, Pose, PredictionQuality
-from services.predictor.reference_ahead import Change, coasting, joined, reference_ahead
+from services.predictor.reference_ahead import Change, Drift, coasting, joined, reference_ahead
 from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Sample
 

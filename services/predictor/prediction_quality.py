@@ -28,19 +28,14 @@ class JudgedPrediction(NamedTuple):
     delayed: Pose
 
 
-class SquaredErrors(NamedTuple):
-    """Squared errors of a prediction or of a delayed state."""
-
-    depth: float  # [m²]
-    heading: float  # [rad²]
-    place: float | None  # [m²]
+Errors = tuple[float, float, float | None]  # [m, rad, m] depth, heading, place
 
 
 @dataclass(slots=True)
 class PredictionQuality:
     _pending: deque[JudgedPrediction] = field(default_factory=deque[JudgedPrediction])
-    _judged: deque[tuple[Ns, SquaredErrors, SquaredErrors]] = field(
-        default_factory=deque[tuple[int, SquaredErrors, SquaredErrors]]
+    _judged: deque[tuple[Ns, Errors, Errors]] = field(
+        default_factory=deque[tuple[int, Errors, Errors]]
     )
     _before: tuple[Ns, Pose] | None = None  # the previous state
 
@@ -63,46 +58,36 @@ class PredictionQuality:
         """Rms errors of the predictions, and of the delayed state."""
         if not self._judged:
             return None, None
-        _, predicted, delayed = zip(*self._judged, strict=True)
-        return _miss(predicted), _miss(delayed)
+        return _rms([p for _, p, _ in self._judged]), _rms([d for _, _, d in self._judged])
 
 
 def _between(before: tuple[Ns, Pose], after: tuple[Ns, Pose], at: Ns) -> Pose:
     (t0, p0), (t1, p1) = before, after
     share = (at - t0) / (t1 - t0) if t1 > t0 else 1.0
-    return Pose(
-        p0.depth + share * (p1.depth - p0.depth),
-        p0.heading + share * (p1.heading - p0.heading),
-        _mix(p0.north, p1.north, share),
-        _mix(p0.east, p1.east, share),
-    )
+
+    def mixed(a: float | None, b: float | None) -> float | None:
+        return None if a is None or b is None else a + share * (b - a)
+
+    depth = p0.depth + share * (p1.depth - p0.depth)
+    heading = p0.heading + share * (p1.heading - p0.heading)
+    return Pose(depth, heading, mixed(p0.north, p1.north), mixed(p0.east, p1.east))
 
 
-def _mix(a: float | None, b: float | None, share: float) -> float | None:
-    return None if a is None or b is None else a + share * (b - a)
+def _errors(judged: Pose, true: Pose) -> Errors:
+    (depth, heading, north, east), (d, h, n, e) = judged, true
+    if north is None or east is None or n is None or e is None:
+        return depth - d, heading - h, None
+    return depth - d, heading - h, hypot(north - n, east - e)
 
 
-def _errors(judged: Pose, true: Pose) -> SquaredErrors:
-    depth, heading = judged.depth - true.depth, judged.heading - true.heading
-    return SquaredErrors(depth * depth, heading * heading, _place(judged, true))
-
-
-def _place(judged: Pose, true: Pose) -> float | None:
-    if judged.north is None or judged.east is None or true.north is None or true.east is None:
-        return None
-    distance = hypot(judged.north - true.north, judged.east - true.east)
-    return distance * distance
-
-
-def _miss(errors: Sequence[SquaredErrors]) -> Miss:
-    depths, headings, maybe_places = zip(*errors, strict=True)
-    places = [place for place in maybe_places if place is not None]
+def _rms(errors: Sequence[Errors]) -> Miss:
+    places = [place for _, _, place in errors if place is not None]
     return Miss(
-        depth=_root_mean(depths),
-        heading=_root_mean(headings),
+        depth=_root_mean([depth for depth, _, _ in errors]),
+        heading=_root_mean([heading for _, heading, _ in errors]),
         place=_root_mean(places) if places else None,
     )
 
 
-def _root_mean(squares: Sequence[float]) -> float:
-    return sqrt(plain_sum(squares) / len(squares))
+def _root_mean(errors: Sequence[float]) -> float:
+    return sqrt(plain_sum(e * e for e in errors) / len(errors))

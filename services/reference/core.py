@@ -28,14 +28,12 @@ from services.reference.failsafe.table import table
 from services.reference.failsafe.watch import ConditionWatch
 from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
-from services.reference.guidance.axes import centred
-from services.reference.guidance.centring import CentredSticks
-from services.reference.guidance.ground_motion import whereabouts
+from services.reference.guidance.axes import CentredSticks, centred
+from services.reference.guidance.ground_motion import Home, HomePlace, whereabouts
 from services.reference.guidance.guidance import Guidance
-from services.reference.guidance.home import Home, HomePlace
 from services.reference.guidance.modes import lacking
 from services.reference.guidance.pilot_outputs import PilotOutputs
-from services.reference.guidance.refusals import refusal
+from services.reference.guidance.requests import refusal
 from services.reference.settings import Settings as Settings
 from services.reference.trajectory.own_law import Law
 
@@ -58,7 +56,7 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     home_lost: bool = False
 
 
-SHORT = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
+SHORT_OF_YAW = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
 INITIAL = GuidanceCheckpoint()
 K = TypeVar("K")
 
@@ -199,7 +197,7 @@ class ReferenceGenerator:
             turn_short, wrench = False, self.conditions.newest.wrench
             if wrench is not None and wrench.saturated:
                 wanted, achieved = wrench.wanted[5], wrench.achieved[5]
-                turn_short = abs(wanted - achieved) > SHORT * abs(wanted)
+                turn_short = abs(wanted - achieved) > SHORT_OF_YAW * abs(wanted)
             guidance.wait(state, turn_short=turn_short)
         armed_ns = self._armed_ns if self.armed else None
         return guidance.reference(

@@ -22,27 +22,26 @@ from services.marine.mounting import Mounting
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
 from services.simulator.sensor_errors import SensorErrors
-from services.simulator.settings import MAGNETIC_FIELD, WATER_TEMPERATURE, Dvl, Settings, Usbl
+from services.simulator.settings import (
+    MAGNETIC_FIELD,
+    WATER_NOISE,
+    WATER_TEMPERATURE,
+    Dvl,
+    Settings,
+    Usbl,
+)
 from services.simulator.streams import (
-    ACCELEROMETER_DRIFT,
-    ACCELEROMETER_WALK,
     ALTITUDE_NOISE,
     BIASES,
     DVL_NOISE,
     DVL_SCALE,
     FIELD_NOISE,
-    FIELD_STAMPS,
     GYRO_DRIFT,
-    GYRO_WALK,
     IMU_NOISE,
-    IMU_STAMPS,
     PRESSURE_NOISE,
-    PRESSURE_STAMPS,
     TEMPERATURE,
     USBL_NOISE,
     WATER_TEMPERATURES,
-    lateness,
-    walking,
     wandering,
     white_noise,
 )
@@ -77,24 +76,17 @@ class Sensors:
             seed, GYRO_DRIFT, settings.gyro_drift, settings.imu_rate, settings.gyro_drift_time
         )
         self._errors = settings.sensor_errors or SensorErrors()
-        self._force_changes, self._rate_changes = changes_of(settings, seed)
         per_kelvin = next(white_noise(seed, TEMPERATURE, [1.0] * 6))
         self._force_per_kelvin = [settings.accelerometer_temperature * x for x in per_kelvin[:3]]
         self._rate_per_kelvin = [settings.gyro_temperature * x for x in per_kelvin[3:]]
         self._started_ns: int | None = None  # [ns] of the first IMU sample
-        self._changing = bool(self._force_changes or self._rate_changes or settings.warm_up)
+        self._changing = settings.warm_up != 0.0
         self._rounding = settings.accelerometer_step > 0.0 or settings.gyro_step > 0.0
-        self._too_early = {
-            stream: lateness(seed, stream, settings.stamp_jitter)
-            for stream in (IMU_STAMPS, FIELD_STAMPS, PRESSURE_STAMPS)
-            if settings.stamp_jitter > 0.0
-        }
-        self._stamps: dict[int, int] = {}  # [ns] newest, by stream
         self._dvl_scale = next(white_noise(seed, DVL_SCALE, [1.0]))[0]
         self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
         self._altitude_noise = white_noise(seed, ALTITUDE_NOISE, [1.0])
         self._usbl_noise = white_noise(seed, USBL_NOISE, [1.0] * 2)
-        self._water_noise = white_noise(seed, WATER_TEMPERATURES, [settings.water_temperature_std])
+        self._water_noise = white_noise(seed, WATER_TEMPERATURES, [WATER_NOISE])
         self.water: float | None = None  # [°C] as measured last
         self._pressure_noise = white_noise(seed, PRESSURE_NOISE, [settings.pressure_std])
 
@@ -131,22 +123,13 @@ class Sensors:
         if shaken is not None:
             force, rate = plus(force, shaken[0]), plus(rate, shaken[1])
         if self._changing:
-            force, rate = self._changed(now, force, rate)
+            warmer = self._warmer(now)
+            force = plus(force, [warmer * x for x in self._force_per_kelvin])
+            rate = plus(rate, [warmer * x for x in self._rate_per_kelvin])
         if self._rounding:
             force = rounded(force, self._settings.accelerometer_step)
             rate = rounded(rate, self._settings.gyro_step)
-        stamp = self._stamp(IMU_STAMPS, now) if self._too_early else now
-        return ImuSample(stamp_ns=stamp, specific_force=force, angular_rate=rate)
-
-    def _changed(self, now: int, force: Vec3, rate: Vec3) -> tuple[Vec3, Vec3]:
-        """With what the biases have done since the start."""
-        for change in self._force_changes:
-            force = plus(force, next(change))
-        for change in self._rate_changes:
-            rate = plus(rate, next(change))
-        warmer = self._warmer(now)
-        force = plus(force, [warmer * x for x in self._force_per_kelvin])
-        return force, plus(rate, [warmer * x for x in self._rate_per_kelvin])
+        return ImuSample(stamp_ns=now, specific_force=force, angular_rate=rate)
 
     def _warmer(self, now: int) -> float:
         """[K] than at the first IMU sample."""
@@ -154,12 +137,6 @@ class Sensors:
             self._started_ns = now
         seconds = (now - self._started_ns) * 1e-9
         return -self._settings.warm_up * expm1(-seconds / self._settings.warm_up_time)
-
-    def _stamp(self, stream: int, now: int) -> int:
-        """[ns] Of a sample at `now`: with jitter too early, but later than the one before."""
-        stamp = max(now - next(self._too_early[stream]), self._stamps.get(stream, 0) + 1000)
-        self._stamps[stream] = stamp
-        return stamp
 
     def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
         """The local field, with the vehicle's own iron and noise."""
@@ -175,8 +152,7 @@ class Sensors:
         )
         if self._settings.magnetometer_step > 0.0:
             field = rounded(field, self._settings.magnetometer_step)
-        stamp = self._stamp(FIELD_STAMPS, now) if self._too_early else now
-        return MagnetometerSample(stamp_ns=stamp, field=field)
+        return MagnetometerSample(stamp_ns=now, field=field)
 
     def pressure(self, now: int, depth: float, rise: float = 0.0) -> PressureSample:
         """Absolute pressure at a depth [m]: air above, a column of water below the surface, which a
@@ -189,11 +165,8 @@ class Sensors:
         pressure += self._errors.pressure_offset
         if place.pressure_step > 0:
             pressure = round(pressure / place.pressure_step) * place.pressure_step
-        stamp = self._stamp(PRESSURE_STAMPS, now) if self._too_early else now
-        layers = place.thermocline
-        celsius = WATER_TEMPERATURE if layers is None else layers.at(depth)
-        self.water = celsius + next(self._water_noise)[0]
-        return PressureSample(stamp_ns=stamp, pressure=pressure, temperature=self.water)
+        self.water = WATER_TEMPERATURE + next(self._water_noise)[0]
+        return PressureSample(stamp_ns=now, pressure=pressure, temperature=self.water)
 
     def dvl(self, now: int, nu: Vec6, altitude: float, device: Dvl) -> DvlSample:
         """Sample for a velocity over the ground [m/s, rad/s], FRD; without one where the bottom [m]
@@ -221,25 +194,6 @@ class Sensors:
             return noise
         times = self.noise_times[key]
         return [times * value for value in noise]
-
-
-def changes_of(
-    settings: Settings, seed: int
-) -> tuple[list[Iterator[list[float]]], list[Iterator[list[float]]]]:
-    """What else the accelerometer's and the gyroscope's biases do from sample to sample."""
-    hz, force, rate = (
-        settings.imu_rate,
-        list[Iterator[list[float]]](),
-        list[Iterator[list[float]]](),
-    )
-    if (drift := settings.accelerometer_drift) > 0.0:
-        time = settings.accelerometer_drift_time
-        force.append(wandering(seed, ACCELEROMETER_DRIFT, drift, hz, time))
-    if settings.accelerometer_walk > 0.0:
-        force.append(walking(seed, ACCELEROMETER_WALK, settings.accelerometer_walk, hz))
-    if settings.gyro_walk > 0.0:
-        rate.append(walking(seed, GYRO_WALK, settings.gyro_walk, hz))
-    return force, rate
 
 
 def plus(v: Vec3, w: Sequence[float]) -> Vec3:

@@ -1,6 +1,5 @@
 """The table [simulator] of a vehicle file: site, sensors, battery."""
 
-from math import tanh
 from typing import Annotated
 
 import msgspec
@@ -17,7 +16,8 @@ from services.simulator.vibration import Vibration
 from services.simulator.waves import Waves
 
 MAGNETIC_FIELD = (15e-6, 0.0, 49e-6)  # [T] NED; dip 73°, as off Norway
-WATER_TEMPERATURE = 8.0  # [°C]
+WATER_TEMPERATURE = 8.0  # [°C] at every depth
+WATER_NOISE = 0.01  # [K] of its measurement, which the pressure sensor makes as well; assumed
 ENCLOSURE_RISE = 15.0  # [°C] above the water
 SampleRate = Annotated[float, msgspec.Meta(ge=1.0, le=100.0)]
 FieldNoise = Annotated[float, msgspec.Meta(ge=0.0, le=1e-4)]  # [T]
@@ -28,7 +28,6 @@ SensorLatency = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
 Velocity = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s]
 Slope = Annotated[float, msgspec.Meta(ge=-2.0, le=2.0)]  # [-] metres down per metre
 WallPlace = Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)]  # [m]
-WaterTemperature = Annotated[float, msgspec.Meta(ge=-2.0, le=40.0)]  # [°C]
 FixRate = Annotated[float, msgspec.Meta(ge=0.01, le=50.0)]  # [1/s]
 
 
@@ -88,20 +87,6 @@ class Walls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 )
 
 
-class Thermocline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Warm water over cold: the temperature falls from `surface` to `deep` around a depth."""
-
-    surface: WaterTemperature = 14.0  # [°C]
-    deep: WaterTemperature = 6.0  # [°C]
-    depth: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 10.0  # [m] middle of the layer
-    thickness: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 3.0  # [m] three quarters of it
-
-    def at(self, depth: float) -> float:
-        """[°C] At a depth [m]."""
-        share = (1.0 + tanh(2.0 * (depth - self.depth) / self.thickness)) / 2.0
-        return self.surface + share * (self.deep - self.surface)
-
-
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # The site.
     floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m] where it starts
@@ -121,28 +106,23 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mounting: Mounting | None = None  # where the sensors really are; absent: as in [vehicle]
     sensor_errors: SensorErrors | None = None  # known ones
     vibration: Vibration | None = None
-    thermocline: Thermocline | None = None  # absent: 8 °C at every depth
 
     # [-] of the Munk moment cancelled by the wake (marine/hydrodynamics.py); 0 is ideal flow.
     wake_share: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
 
     # The sensors: a typical small MEMS unit; a part's own figures: deploy/sensors. Biases are drawn
     # once per seed. In words of the Allan deviation, noise is its slope of −1/2, drift its floor
-    # (0.62 of it after 1.9 time constants), walk its slope of +1/2.
+    # (0.62 of it after 1.9 time constants).
     imu_rate: Annotated[float, msgspec.Meta(ge=10.0, le=400.0)] = topics.IMU.hz  # [1/s]
     # [Hz] of the IMU's filter, which vibration passes; None: none.
     imu_bandwidth: Annotated[float, msgspec.Meta(ge=1.0, le=4000.0)] | None = None
     gyro_bias: ImuNoise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
     gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: bias drift
     gyro_drift_time: TimeConstant = 300.0  # [s] its correlation time
-    gyro_walk: ImuNoise = 0.0  # [rad/s/√s] random walk of the bias
     gyro_noise: ImuNoise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
     gyro_temperature: ImuNoise = 0.0  # [rad/s/K] 1σ per axis: the bias with the temperature
     gyro_step: ImuNoise = 0.0  # [rad/s] 0: unrounded
     accelerometer_bias: ImuNoise = 0.098  # [m/s²] 1σ per axis, 10 mg
-    accelerometer_drift: ImuNoise = 0.0  # [m/s²] 1σ per axis: bias drift
-    accelerometer_drift_time: TimeConstant = 300.0  # [s] its correlation time
-    accelerometer_walk: ImuNoise = 0.0  # [m/s²/√s] random walk of the bias
     accelerometer_noise: ImuNoise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
     accelerometer_temperature: ImuNoise = 0.0  # [m/s²/K] 1σ per axis: the bias with the temperature
     accelerometer_step: ImuNoise = 0.0  # [m/s²] 0: unrounded
@@ -155,12 +135,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     magnetometer_step: FieldNoise = 0.0  # [T] 0: unrounded
     magnetometer_rate: SampleRate = topics.MAGNETOMETER.hz  # [1/s] at most that of the IMU
     pressure_std: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 500.0  # [Pa] 5 mbar
-    # [K] noise of the water's temperature, which the pressure sensor measures as well
-    water_temperature_std: Annotated[float, msgspec.Meta(ge=0.0, le=5.0)] = 0.01
     pressure_rate: SampleRate = topics.PRESSURE.hz  # [1/s]
     pressure_step: Annotated[float, msgspec.Meta(ge=0.0, le=5000.0)] = 0.0  # [Pa] 0: unrounded
-    # [s] IMU, compass and pressure are stamped up to so much too early, at random, yet in order.
-    stamp_jitter: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.0
 
     # Optional sensors: absent means none.
     dvl: Dvl | None = None

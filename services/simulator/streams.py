@@ -7,30 +7,11 @@ from math import exp, sqrt
 import numpy as np
 
 BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is slow
-(
-    BIASES,
-    IMU_NOISE,
-    FIELD_NOISE,
-    PRESSURE_NOISE,
-    DVL_NOISE,
-    USBL_NOISE,
-    GYRO_DRIFT,
-    CURRENT,
-    VIBRATION,
-    WAVES,
-    GYRO_WALK,
-    ACCELEROMETER_DRIFT,
-    ACCELEROMETER_WALK,
-    TEMPERATURE,
-    SHAKING_WAYS,
-    IMU_STAMPS,
-    FIELD_STAMPS,
-    PRESSURE_STAMPS,
-    WATER_TEMPERATURES,
-    ALTITUDE_NOISE,
-    DVL_SCALE,
-    TERRAIN,
-) = range(22)
+# Never numbered anew: the same seed goes on giving the same dive.
+BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIFT = range(7)
+CURRENT, VIBRATION, WAVES = 7, 8, 9
+TEMPERATURE, SHAKING_WAYS = 13, 14
+WATER_TEMPERATURES, ALTITUDE_NOISE, DVL_SCALE, TERRAIN = range(18, 22)
 
 
 def white_noise(seed: int, stream: int, std: Sequence[float]) -> Iterator[list[float]]:
@@ -50,19 +31,3 @@ def wandering(
     for a, b, c in white_noise(seed, stream, [std * sqrt(1.0 - keep * keep)] * 3):
         p, q, r = keep * p + a, keep * q + b, keep * r + c
         yield [p, q, r]
-
-
-def walking(seed: int, stream: int, walk: float, hz: float) -> Iterator[list[float]]:
-    """Endless samples of three independent random walks at `hz` [1/s], zero at first; `walk` is
-    their standard deviation after a second, [unit/√s]."""
-    p = q = r = 0.0
-    for a, b, c in white_noise(seed, stream, [walk / sqrt(hz)] * 3):
-        p, q, r = p + a, q + b, r + c
-        yield [p, q, r]
-
-
-def lateness(seed: int, stream: int, most: float) -> Iterator[int]:
-    """[ns] Endless: how much too early a sample is stamped, evenly from 0 to `most` [s]."""
-    rng = np.random.default_rng([seed, stream])
-    while True:
-        yield from (rng.random(BLOCK) * (most * 1e9)).astype(int).tolist()

@@ -23,11 +23,10 @@ from services.marine.hydrodynamics import (
 )
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY, Vehicle
-from services.simulator.current import Current
 from services.simulator.hull import in_the_water, shifted_centres
 from services.simulator.propulsion import SimulatedThrusters
 from services.simulator.settings import Settings
-from services.simulator.surroundings import Surroundings
+from services.simulator.surroundings import Current, Surroundings
 from services.simulator.waves import Sea, WaveMotion
 
 # Position NED [m], attitude q_NB (w, x, y, z), velocity over the ground FRD [m/s], angular rate

@@ -1,19 +1,17 @@
 """Delay distributions of the link, each given by its quantile function."""
 
 from bisect import bisect_right
-from statistics import NormalDist
 from typing import Annotated
 
 import msgspec
 import numpy as np
 
-from services.tether.random_streams import BLOCK, Floats, correlated
+from services.tether.random_streams import BLOCK, Floats
 
 LONGEST_MS = 60_000.0  # [ms] longest delay of a message
 MIDDLES = 100_000  # shares over which a mean is taken
 TAIL = 1e-9  # [-] a distribution ends at this quantile and its opposite: nothing is infinite
 Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST_MS)]
-Likeness = Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)]
 
 
 class DelayDistribution(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
@@ -30,52 +28,10 @@ class DelayDistribution(msgspec.Struct, frozen=True, forbid_unknown_fields=True,
         return float(np.minimum(self.quantile(shares), LONGEST_MS).mean())
 
 
-class Constant(DelayDistribution, frozen=True, tag="constant"):
-    ms: Milliseconds = 0.0  # [ms]
-
-    def quantile(self, share: Floats) -> Floats:
-        return np.full_like(share, self.ms)
-
-
-class UniformDelay(DelayDistribution, frozen=True, tag="uniform"):
-    low_ms: Milliseconds  # [ms]
-    high_ms: Milliseconds  # [ms]
-    correlation: Likeness = 0.0  # [-] of neighbouring messages
-
-    def __post_init__(self) -> None:
-        if self.low_ms > self.high_ms:
-            raise ValueError(
-                f"low_ms is {self.low_ms:g}, expected at most high_ms {self.high_ms:g}"
-            )
-
-    def quantile(self, share: Floats) -> Floats:
-        return self.low_ms + (self.high_ms - self.low_ms) * share
-
-
-class Normal(DelayDistribution, frozen=True, tag="normal"):
-    """Gaussian. Values below zero, one in thirty thousand, count as zero."""
-
-    mean_ms: Milliseconds  # [ms]
-    std_ms: Milliseconds  # [ms]
-    correlation: Likeness = 0.0  # [-]
-
-    def __post_init__(self) -> None:
-        if 4.0 * self.std_ms > self.mean_ms:
-            raise ValueError(
-                f"std_ms is {self.std_ms:g}, expected at most a quarter of mean_ms "
-                f"{self.mean_ms:g}, because no delay is negative"
-            )
-
-    def quantile(self, share: Floats) -> Floats:
-        if self.std_ms == 0.0:
-            return np.full_like(share, self.mean_ms)
-        inverse = NormalDist(self.mean_ms, self.std_ms).inv_cdf
-        return np.maximum(0.0, np.array([inverse(u) for u in share.tolist()]))
-
-
 class Exponential(DelayDistribution, frozen=True, tag="exponential"):
+    """What `jitter_ms` of a profile adds."""
+
     mean_ms: Milliseconds  # [ms]
-    correlation: Likeness = 0.0  # [-]
 
     def quantile(self, share: Floats) -> Floats:
         return -self.mean_ms * np.log1p(-share)
@@ -86,7 +42,6 @@ class Pareto(DelayDistribution, frozen=True, tag="pareto"):
 
     mean_ms: Milliseconds  # [ms]
     shape: Annotated[float, msgspec.Meta(gt=1.0, le=100.0)] = 3.0  # [-] smaller: longer tail
-    correlation: Likeness = 0.0  # [-]
 
     def quantile(self, share: Floats) -> Floats:
         scale = self.mean_ms * (self.shape - 1.0)
@@ -94,10 +49,10 @@ class Pareto(DelayDistribution, frozen=True, tag="pareto"):
 
 
 class Table(DelayDistribution, frozen=True, tag="table"):
-    """Measured delays: linear interpolation between their quantiles."""
+    """Quantiles at equal shares, from the least delay to the greatest, and lines between them: two
+    of them are a uniform distribution, many are measured delays."""
 
     ms: Annotated[tuple[Milliseconds, ...], msgspec.Meta(min_length=2, max_length=100_000)]  # [ms]
-    correlation: Likeness = 0.0  # [-]
 
     def quantile(self, share: Floats) -> Floats:
         ordered = np.sort(np.array(self.ms))
@@ -138,26 +93,21 @@ class Trace(DelayDistribution, frozen=True, tag="trace"):
         return None if arrived is None else 1e3 * (arrived - self.sent_s[k])
 
 
-Drawn = Constant | UniformDelay | Normal | Exponential | Pareto | Table
-Delay = Drawn | Trace
+Delay = Pareto | Table | Trace  # kinds of a profile file
+Drawn = Exponential | Pareto | Table
 
 
 class Delays:
-    """Delays drawn one after the other."""
+    """Delays drawn one after the other, each independently of the others."""
 
     def __init__(self, spread: Drawn, random: np.random.Generator) -> None:
         self._spread = spread
         self._random = random
-        self._correlation = 0.0 if isinstance(spread, Constant) else spread.correlation
-        self._last = float(random.standard_normal())
         self._left: list[float] = []
 
     def next_ms(self) -> float:
         if not self._left:
-            if self._correlation == 0.0:
-                share = self._random.random(BLOCK)
-            else:
-                share, self._last = correlated(self._random, self._correlation, self._last)
-            drawn = self._spread.quantile(np.clip(share, TAIL, 1.0 - TAIL))
+            share = np.clip(self._random.random(BLOCK), TAIL, 1.0 - TAIL)
+            drawn = self._spread.quantile(share)
             self._left = np.minimum(drawn, LONGEST_MS)[::-1].tolist()
         return self._left.pop()

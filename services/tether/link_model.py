@@ -6,6 +6,8 @@ arrives after its delay. Messages keep their order, as on a cable or a single ra
 where the profile delays some of them, and except that the queue sends urgent messages first.
 """
 
+import math
+import sys
 from collections import Counter
 from dataclasses import dataclass
 from heapq import heappop, heappush
@@ -16,14 +18,14 @@ import numpy as np
 from messages import events
 from messages.events import Row
 from messages.link import DirectionReport
-from services.tether.delay import Constant, Delays, Exponential, Trace
+from services.tether.delay import Delays, Exponential, Trace
 from services.tether.loss import Losses
 from services.tether.priority_queue import Packet, PriorityQueue
 from services.tether.profile import DirectionProfile, Queue
 from services.tether.random_streams import streams
 
 T = TypeVar("T")
-MOST = 16_384  # messages on the link; more are lost, whatever the profile
+MOST_ON_THE_WAY = 16_384  # messages on the link; more are lost, whatever the profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,7 @@ class LinkDirection(Generic[T]):
     """Messages of any type; `DirectionReport.lost` has a key for every reason."""
 
     def __init__(
-        self, profile: DirectionProfile, random: np.random.Generator, most: int = MOST
+        self, profile: DirectionProfile, random: np.random.Generator, most: int = MOST_ON_THE_WAY
     ) -> None:
         self.lost: Counter[str] = Counter()  # by reason, since start
         self.entered = self.forwarded = self.copied = 0  # messages since start
@@ -179,7 +181,7 @@ class LinkDirection(Generic[T]):
         self._waiting: PriorityQueue[T] = PriorityQueue(profile.queue or Queue())
         self._losses = Losses(profile.loss, self._streams.loss)
         self._trace = profile.delay if isinstance(profile.delay, Trace) else None
-        spread = Constant() if isinstance(profile.delay, Trace) else profile.delay
+        spread = None if isinstance(profile.delay, Trace) else profile.delay
         self._spread = Delays(spread or Exponential(profile.jitter_ms), self._streams.delay)
 
     def _advance(self, now: int) -> None:
@@ -193,8 +195,8 @@ class LinkDirection(Generic[T]):
 
     def _next(self, at: int) -> None:
         """The link is free at `at` [ns]: start to send the next packet."""
-        packet, dropped = self._waiting.take(at)
-        self._lose_all(dropped)
+        packet, useless = self._waiting.take(at)
+        self._lose_all(useless)
         self._sending = None
         if packet is not None:
             self._sending = (at + self._takes_ns(packet), packet)
@@ -208,7 +210,7 @@ class LinkDirection(Generic[T]):
         at_s = self._seconds(at)
         more = self._trace.at(at_s) if self._trace else self._spread.next_ms()
         delay = None if more is None else round((self._profile.delay_ms + more) * 1e6)  # [ns]
-        reason = events.TRACE if delay is None else self._losses.reason(at_s)
+        reason = events.TRACE if delay is None else self._losses.reason()
         damaged = self._streams.damage.happens(self._profile.corrupt)
         copies = 1 + self._streams.copy.happens(self._profile.duplicate)
         late = self._profile.late
@@ -256,3 +258,28 @@ class ReportPeriod:
 
 def _percentile_ms(ordered: list[int], percent: int) -> float | None:
     return ordered[len(ordered) * percent // 100] / 1e6 if ordered else None
+
+
+FateRow = tuple[int, float, float | None, str]  # seq, sent [s], arrived [s], reason
+
+
+def fates(
+    leg: DirectionProfile, rate: float, size: int, seconds: float, seed: int
+) -> list[FateRow]:
+    """What becomes of each of a stream of messages, by seq; one row per copy."""
+    line: LinkDirection[int] = LinkDirection(leg, np.random.default_rng(seed))
+    entries = [round(n * 1e9 / rate) for n in range(max(1, math.floor(rate * seconds)))]
+    rows: list[FateRow] = []
+
+    def settle(now: int) -> None:
+        while (due := line.due()) is not None and due <= now:
+            while (arrival := line.leave(due)) is not None:
+                why = events.DAMAGED.name if arrival.damaged else ""
+                rows.append((arrival.item, entries[arrival.item] / 1e9, due / 1e9, why))
+
+    for number, entered in enumerate(entries):
+        settle(entered)
+        line.enter(number, entered, size)
+    settle(sys.maxsize)
+    rows += [(number, entries[number] / 1e9, None, why.name) for number, why in line.take_lost()]
+    return sorted(rows, key=lambda row: (row[0], row[2] or 0.0))

@@ -14,25 +14,16 @@ UpToADay = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Period = Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)]
 
 
-class Independent(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="independent"
-):
-    """Each message independently of the others."""
-
-    share: Share  # [-]
-
-
-class GilbertElliott(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="gilbert_elliott"
-):
-    """A link with a good and a bad state; it may change before every message.
+class Loss(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A link with a good and a bad state; it may change before every message. One that never turns
+    bad loses each message independently of the others.
 
     Gilbert 1960, *Capacity of a burst-noise channel*; Elliott 1963, *Estimates of error rates for
     codes on burst-noise channels*.
     """
 
-    to_bad: Share  # [-] of the messages in the good state: the link turns bad
-    to_good: Share  # [-] of the messages in the bad state: the link turns good
+    to_bad: Share = 0.0  # [-] of the messages in the good state: the link turns bad
+    to_good: Share = 1.0  # [-] of the messages in the bad state: the link turns good
     loss_bad: Share = 1.0  # [-] of the messages in the bad state
     loss_good: Share = 0.0  # [-] of the messages in the good state
 
@@ -47,26 +38,6 @@ class GilbertElliott(
         if both == 0.0:
             return self.loss_good
         return (self.to_good * self.loss_good + self.to_bad * self.loss_bad) / both
-
-
-class Bursts(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="bursts"
-):
-    """Losses at fixed times, as from a starting thruster or a rotating radar."""
-
-    every_s: Period  # [s] from the beginning of one burst to that of the next
-    seconds: UpToADay  # [s] each
-    share: Share = 1.0  # [-] of the messages within a burst
-    first_s: UpToADay = 0.0  # [s] when the first one begins
-
-    def __post_init__(self) -> None:
-        if self.seconds > self.every_s:
-            raise ValueError(
-                f"seconds is {self.seconds:g}, expected at most every_s {self.every_s:g}"
-            )
-
-
-Loss = Independent | GilbertElliott | Bursts
 
 
 class Outage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -115,35 +86,18 @@ class Outages(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Losses:
-    """Decides message by message. The state of a Gilbert–Elliott link begins good."""
+    """Decides message by message. The link begins in its good state."""
 
-    def __init__(self, loss: Loss | None, random: UniformStream) -> None:
+    def __init__(self, loss: Loss, random: UniformStream) -> None:
         self._loss = loss
         self._random = random
         self._bad = False
 
-    def reason(self, seconds: float) -> Row | None:
-        """Why the next message is lost; None: it is not.
-
-        Args:
-            seconds: [s] since the link began.
-        """
-        match self._loss:
-            case None:
-                return None
-            case Independent(share):
-                return events.LOSS if self._random.happens(share) else None
-            case GilbertElliott() as model:
-                return self._two_states(model)
-            case Bursts() as model:
-                since = seconds - model.first_s
-                within = since >= 0.0 and since % model.every_s < model.seconds
-                return events.BURST if within and self._random.happens(model.share) else None
-
-    def _two_states(self, model: GilbertElliott) -> Row | None:
-        if self._random.happens(model.to_good if self._bad else model.to_bad):
+    def reason(self) -> Row | None:
+        """Why the next message is lost; None: it is not."""
+        loss = self._loss
+        if self._random.happens(loss.to_good if self._bad else loss.to_bad):
             self._bad = not self._bad
-        share = model.loss_bad if self._bad else model.loss_good
-        if not self._random.happens(share):
+        if not self._random.happens(loss.loss_bad if self._bad else loss.loss_good):
             return None
         return events.BURST if self._bad else events.LOSS

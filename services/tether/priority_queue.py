@@ -7,7 +7,6 @@ from typing import Generic, TypeVar
 from messages import events
 from messages.events import Row
 from messages.topic import Qos
-from services.tether.codel import Dropper
 from services.tether.profile import Queue
 
 T = TypeVar("T")
@@ -33,7 +32,6 @@ class PriorityQueue(Generic[T]):
     def __init__(self, queue: Queue) -> None:
         self._queue = queue
         self._rows: list[deque[Packet[T]]] = [deque() for _ in URGENCY]
-        self._droppers = [Dropper(queue.codel) for _ in URGENCY]
         self.packets = self.bytes = 0
 
     def put(self, packet: Packet[T]) -> Lost[T]:
@@ -52,20 +50,15 @@ class PriorityQueue(Generic[T]):
         self._add(packet, 1)
 
     def take(self, now: int) -> tuple[Packet[T] | None, Lost[T]]:
-        """The next packet to send at `now` [ns], and those that CoDel dropped before it."""
+        """The next packet to send at `now` [ns], and those before it that have become useless."""
         lost: Lost[T] = []
-        for row, dropper in zip(self._rows, self._droppers, strict=True):
+        for row in self._rows:
             while row:
                 packet = row.popleft()
                 self._add(packet, -1)
-                waited = now - packet.entered
-                if packet.life is not None and waited > packet.life:
-                    lost.append((packet.item, events.NO_ROOM))
-                    continue
-                if self._queue.policy == "codel" and dropper.drops(waited, not row, now):
-                    lost.append((packet.item, events.CODEL))
-                    continue
-                return packet, lost
+                if packet.life is None or now - packet.entered <= packet.life:
+                    return packet, lost
+                lost.append((packet.item, events.NO_ROOM))
         return None, lost
 
     def empty(self) -> list[Packet[T]]:

@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 
 from messages.units import Share
-from services.tether.codel import CoDel
 from services.tether.delay import Delay, Milliseconds, Trace
 from services.tether.loss import Loss, Outages
 
 Kilobits = Annotated[float, msgspec.Meta(ge=0.0, le=1e7)]
+NO_LOSS = Loss()
 NO_OUTAGES = Outages()
 
 
@@ -18,8 +18,7 @@ class Queue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The queue of a link of limited rate. When it is full, less urgent messages are dropped."""
 
     limit_bytes: Annotated[int, msgspec.Meta(ge=1, le=100_000_000)] = 64_000  # [B] with overhead
-    policy: Literal["drop_tail", "drop_oldest", "codel"] = "drop_tail"
-    codel: CoDel = CoDel()  # of policy codel
+    policy: Literal["drop_tail", "drop_oldest"] = "drop_tail"
 
 
 class Late(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -35,7 +34,7 @@ class DirectionProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     delay_ms: Milliseconds = 0.0  # [ms] shortest one-way delay
     jitter_ms: Milliseconds = 0.0  # [ms] mean of an exponential delay added to delay_ms
     delay: Delay | None = None  # distribution of the delay added to delay_ms, not with jitter_ms
-    loss: Loss | None = None
+    loss: Loss = NO_LOSS
     late: Late | None = None  # the only cause for messages of one QoS profile to change order
     duplicate: Share = 0.0  # [-] of the messages arrive twice
     corrupt: Share = 0.0  # [-] of the messages arrive damaged

@@ -3,7 +3,6 @@
 So the same seed loses the same messages, whatever a profile's delays or copies are.
 """
 
-from math import erf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -43,24 +42,3 @@ class Streams(NamedTuple):
 def streams(random: np.random.Generator) -> Streams:
     delay, *others = random.spawn(5)
     return Streams(delay, *map(UniformStream, others))
-
-
-def correlated(
-    random: np.random.Generator, correlation: float, last: float
-) -> tuple[Floats, float]:
-    """A block of uniform numbers with correlated neighbours, and the state to continue from.
-
-    A Gaussian copula: z follows a first-order autoregression of unit variance, and Φ(z) is uniform,
-    so any distribution drawn by its quantile function keeps exactly its shape. (Linux netem mixes
-    neighbours instead, which narrows the distribution.)
-
-    Args:
-        correlation: [-] of neighbouring z, 0 … 1 (1 excluded).
-        last: z before this block.
-    """
-    noise = (sqrt(1.0 - correlation**2) * random.standard_normal(BLOCK)).tolist()
-    uniform: list[float] = []
-    for step in noise:
-        last = correlation * last + step
-        uniform.append(0.5 + 0.5 * erf(last / sqrt(2.0)))
-    return np.array(uniform), last

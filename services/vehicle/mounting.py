@@ -27,7 +27,7 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.units import Vec3
-from services.marine.attitude import LEVEL, Quaternion, to_world
+from services.marine.attitude import LEVEL, Quaternion, cross, to_body, to_world, turned
 from services.marine.calibration import NO_BIAS, NO_IRON, NO_SCALE, SensorCalibration
 from services.marine.mounting import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
 from services.marine.vehicle import GRAVITY
@@ -88,7 +88,8 @@ class AtOrigin:
     """Transforms samples of mounted sensors to the vehicle's origin and body axes.
 
     With a lever arm, pressure and fixes need the attitude at the time of the sample, and a DVL the
-    angular rate too: call `moved` after each IMU sample, if `needs_motion`.
+    angular rate too; with a declination, a compass needs the attitude: call `moved` after each IMU
+    sample, if `needs_motion`.
     """
 
     def __init__(
@@ -107,7 +108,7 @@ class AtOrigin:
         self._turning = Turning()
         self._moments = deque[Moment]()
         arms = self._dvl_arm, self._pressure_arm, self._usbl_arm
-        self.needs_motion = any(arm != ORIGIN for arm in arms)
+        self.needs_motion = any(arm != ORIGIN for arm in arms) or c.declination != 0.0
 
     def moved(self, moment: Moment) -> None:
         """Store the newest attitude and angular rate."""
@@ -134,10 +135,17 @@ class AtOrigin:
         return replace(sample, angular_rate=rate, specific_force=force)
 
     def magnetometer(self, sample: MagnetometerSample) -> MagnetometerSample:
-        if not self._corrects_field and self._field.along:
+        declination = self._calibration.declination
+        if not self._corrects_field and self._field.along and declination == 0.0:
             return sample
         field = self._calibration.field(sample.field) if self._corrects_field else sample.field
-        return replace(sample, field=self._field.to_body(field))
+        field = self._field.to_body(field)
+        if declination != 0.0:
+            q_NB = self._at(sample.stamp_ns).attitude
+            north, east, down = to_world(q_NB, field)
+            north, east = turned((north, east), -declination)
+            field = to_body(q_NB, (north, east, down))
+        return replace(sample, field=field)
 
     def pressure(self, sample: PressureSample) -> PressureSample:
         offset = self._calibration.pressure_offset
@@ -260,10 +268,6 @@ def seen_there(mount: Mount, axes: MountedAxes, velocity: Vec3, rate: Vec3) -> V
     if mount.position != ORIGIN:
         velocity = _plus(velocity, velocity_at(mount.position, rate))
     return axes.to_sensor(velocity)
-
-
-def cross(a: Vec3, b: Vec3) -> Vec3:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _nearest_rotation(R: Rotation) -> Rotation:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from services.control.axis.axis_law import AxisLaw, Motion
+from services.control.axis.axis import Axis, Motion
 from services.runtime.bus.envelope import Envelope
 from services.runtime.node.ports import Inbox
 from tests.golden.dives import CHAIN, TOLERANCES, VEHICLES, golden
@@ -49,12 +49,12 @@ def test_a_changed_gain_is_caught() -> None:
 
 
 def test_a_flipped_sign_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    rightly = AxisLaw.feed_forward
+    rightly = Axis.feed_forward
 
-    def wrongly(law: AxisLaw, reference: Motion, water: float = 0.0) -> float:
+    def wrongly(law: Axis, reference: Motion, water: float = 0.0) -> float:
         return -rightly(law, reference, water)
 
-    monkeypatch.setattr(AxisLaw, "feed_forward", wrongly)
+    monkeypatch.setattr(Axis, "feed_forward", wrongly)
     found = replayed("bluerov2_heavy")
     assert {one.key for one in found.differences} >= {"control/wrench", "control/thrusters"}
 
@@ -94,14 +94,14 @@ def test_an_update_prints_what_changed(
     def kept(vehicle: str) -> Path:
         return tmp_path / f"{vehicle}.mcap"
 
-    def wrongly(law: AxisLaw, reference: Motion, water: float = 0.0) -> float:  # noqa: ARG001
+    def wrongly(law: Axis, reference: Motion, water: float = 0.0) -> float:  # noqa: ARG001
         return 1.0
 
     monkeypatch.setattr(update, "golden", kept)
     monkeypatch.setattr(update, "VEHICLES", ("pioneer",))
     update.update()
     assert "it is new" in capsys.readouterr().out
-    monkeypatch.setattr(AxisLaw, "feed_forward", wrongly)
+    monkeypatch.setattr(Axis, "feed_forward", wrongly)
     update.update()
     said = capsys.readouterr().out
     assert "control/wrench: wanted[" in said

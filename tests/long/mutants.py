@@ -51,7 +51,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/reference/trajectory/test_time_scaling.py",
         "tests/services/reference/trajectory/test_time_scaling_stop.py",
     ),
-    "services/reference/trajectory/emergency_stop.py": (
+    "tools/generators/emergency_stop.py": (
         "tests/services/reference/trajectory/test_time_scaling_stop.py",
     ),
     "services/reference/guidance/guards.py": (
@@ -59,7 +59,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/reference/guidance/test_standstill.py",
         "tests/services/reference/guidance/test_tilt_limit.py",
     ),
-    "services/control/axis/axis_law.py": (
+    "services/control/axis/axis.py": (
         "tests/services/control/axis/test_axis_law.py",
         "tests/services/control/axis/test_gain_blend.py",
         "tests/services/control/axis/test_static_hold.py",
@@ -101,7 +101,6 @@ LAWS: dict[str, tuple[str, ...]] = {
         "tests/services/tether/test_link_laws.py",
         "tests/services/tether/test_link_statistics.py",
     ),
-    "services/tether/codel.py": ("tests/services/tether/test_codel.py",),
     "services/runtime/node/gate.py": (
         "tests/services/runtime/node/test_gate.py",
         "tests/services/runtime/node/test_clock_offset.py",
@@ -119,67 +118,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "solve: e * sign  →  e / sign",
     ): "the sign is ±1",
     (
-        "services/reference/trajectory/vector.py",
-        "_newton: 1.0  →  1.5",
-    ): "falls from any start above the root",
-    ("services/reference/trajectory/vector.py", "_newton: 100  →"): "it stops by itself, sooner",
-    (
-        "services/reference/trajectory/vector.py",
-        "_line: _minus(e, _times",
-    ): "a line has no direction",
-    (
-        "services/reference/trajectory/vector.py",
-        "_runs_on: along * along",
-    ): "the search finds the same",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: longest - shortest",
-    ): "the search finds the same",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: 1e-12",
-    ): "the search finds the same",
-    (
-        "services/reference/trajectory/vector.py",
-        ": 44  →",
-    ): "the search is already at the last bits",
-    (
-        "services/reference/trajectory/vector.py",
-        "_quickest_turning: 50  →",
-    ): "50 halvings reach the last bit",
-    (
-        "services/reference/trajectory/vector.py",
-        ": 1e-100  →",
-    ): "no velocity or time is so small",
-    (
-        "services/reference/trajectory/vector.py",
-        "_possible: 1e-12  →",
-    ): "both are far more than rounding and far less than a jerk one could notice",
-    (
-        "services/reference/trajectory/vector.py",
-        "_line: 1.0  →",
-    ): "the vector is divided by its length",
-    (
-        "services/reference/trajectory/vector.py",
-        "_line: 0.0  →",
-    ): "where nothing remains to be done any line will do",
-    (
-        "services/reference/trajectory/vector.py",
-        "_line: _minus(a, _times",
-    ): "only the length is taken",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: (low, high)  →  (high, low)",
-    ): "a golden section has no direction",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: (shortest, longest)  →",
-    ): "a golden section has no direction",
-    (
-        "services/reference/trajectory/vector.py",
-        "_best_turning: (shortest, longest, left, right)",
-    ): "of two that arrive together either is the best",
-    (
         "services/reference/trajectory/position.py",
         "pair: min(candidates",
     ): "one range at most holds a peak, because the distances at their ends rise",
@@ -196,27 +134,11 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ),
     (
         "services/tether/delay.py",
-        "Delays.__init__: 0.0  →  1.0",
-    ): "a constant delay is the same at every share",
-    (
-        "services/tether/delay.py",
-        "Delays.next_ms: 0.0  →  1.0",
-    ): "neighbours of correlation 0 are drawn independent that way too",
-    (
-        "services/tether/delay.py",
         "Delays.next_ms: np.minimum(drawn",
     ): "a minimum of two has no order",
     (
         "services/tether/delay.py",
-        "Normal.quantile: np.maximum(0.0",
-    ): "a maximum of two has no order",
-    (
-        "services/tether/link_model.py",
-        ": ('queue_full', 'codel')  →",
-    ): "a sum has no order",
-    (
-        "services/tether/delay.py",
-        "Delays.next_ms: np.clip(share, TAIL",
+        "Delays.next_ms: np.clip(self._random",
     ): "both are a maximum of two",
     (
         "services/estimation/horizontal/horizontal_filter.py",
@@ -234,10 +156,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "services/estimation/horizontal/horizontal_filter.py",
         "card: 1e-09",
     ): "straight up or down there is no heading",
-    ("services/tether/codel.py", "Dropper.__init__: 0  →  1"): "counts only once dropping began",
-    ("services/tether/codel.py", "Dropper.__init__: False  →  True"): (
-        "the first wait cannot have lasted, so it ends dropping"
-    ),
 }
 
 COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {

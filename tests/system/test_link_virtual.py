@@ -28,7 +28,7 @@ from services.runtime.hosts.service_module import wire_of
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node
-from services.tether.damage import NEVER_USED
+from services.tether.service import NEVER_USED
 
 Kind = Literal["profile", "set", "down", "up"]
 MS, S = 1_000_000, 1_000_000_000  # [ns]
@@ -44,22 +44,18 @@ REASONS = ("malformed", "expired", "duplicated", "reordered")
 
 DELAYS = (
     "jitter_ms = 40.0",
-    'delay = { kind = "uniform", low_ms = 0.0, high_ms = 300.0 }',
-    'delay = { kind = "normal", mean_ms = 120.0, std_ms = 30.0, correlation = 0.9 }',
-    'delay = { kind = "exponential", mean_ms = 100.0, correlation = 0.5 }',
-    'delay = { kind = "pareto", mean_ms = 90.0, shape = 2.2, correlation = 0.7 }',
+    'delay = { kind = "table", ms = [0.0, 300.0] }',
+    'delay = { kind = "pareto", mean_ms = 90.0, shape = 2.2 }',
 )
 LOSSES = (
     "",
-    'loss = { kind = "independent", share = 0.3 }',
-    'loss = { kind = "gilbert_elliott", to_bad = 0.05, to_good = 0.1 }',
-    'loss = { kind = "bursts", every_s = 1.5, seconds = 0.5 }',
+    "loss = { loss_good = 0.3 }",
+    "loss = { to_bad = 0.05, to_good = 0.1 }",
 )
 RATES = (
     "",
     "rate_kbit = 100.0\noverhead_bytes = 60\nqueue = { limit_bytes = 9000 }",
     'rate_kbit = 60.0\noverhead_bytes = 60\nqueue = { limit_bytes = 6000, policy = "drop_oldest" }',
-    'rate_kbit = 80.0\nqueue = { limit_bytes = 20000, policy = "codel" }',
 )
 OUTAGES = ("", "outages = { windows = [{ start_s = 1.0, seconds = 0.6 }], repeat_s = 2.5 }")
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.control.axis.axis_law import Gains
+from services.control.axis.axis import Gains
 from services.control.axis.plant import Plant
 from services.reference.trajectory.minimum_jerk import Limits
 from services.runtime.config.errors import LindyError

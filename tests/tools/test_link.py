@@ -63,7 +63,7 @@ def test_the_declared_delay_is_printed_beside_the_measured_one(
     captured = capsys.readouterr()
     rows = list(csv.DictReader(io.StringIO(captured.out)))
     delays = [float(r["arrived_s"]) - float(r["sent_s"]) for r in rows if r["arrived_s"]]
-    assert captured.err.startswith("lindy: declared delay: mean 121 ms; measured")
+    assert captured.err.startswith("lindy: declared delay: mean 108 ms; measured")
     assert f"mean {1e3 * sum(delays) / len(delays):.0f}, median" in captured.err
     assert f"longest {1e3 * max(delays):.0f} ms" in captured.err
     link(

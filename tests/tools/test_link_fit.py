@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.pilot import TTL_MS
-from services.tether.delay import Constant, Delay, Exponential, Normal, Pareto, Table, UniformDelay
+from services.tether.delay import Delay, Pareto, Table
 from services.tether.io.profile_file import named
 from services.tether.link_model import LinkDirection
 from services.tether.profile import DirectionProfile
@@ -18,24 +18,12 @@ from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
 MS = st.floats(0.0, 500.0)
 
 
-def uniform(low: float, more: float) -> UniformDelay:
-    return UniformDelay(low_ms=low, high_ms=low + more)
-
-
-def normal(std: float) -> Normal:
-    return Normal(mean_ms=5.0 * std, std_ms=std)
-
-
 def table(delays: list[float]) -> Table:
     return Table(ms=tuple(delays))
 
 
 DELAYS: st.SearchStrategy[Delay | None] = st.one_of(
     st.none(),
-    st.builds(Constant, ms=MS),
-    st.builds(uniform, MS, MS),
-    st.builds(normal, MS),
-    st.builds(Exponential, mean_ms=MS),
     st.builds(Pareto, mean_ms=MS),
     st.builds(table, st.lists(MS, min_size=2, max_size=5)),
 )

@@ -12,8 +12,8 @@ from messages.message import Message
 from messages.pilot import PilotCommand
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
-from services.tether.fates import fates
 from services.tether.io.profile_file import named
+from services.tether.link_model import fates
 from tools.link import link
 from tools.link_trace import trace_of
 

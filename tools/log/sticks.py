@@ -17,8 +17,7 @@ from messages.pilot import Course, PilotCommand, PilotRequest
 from messages.simulator import FaultRequest
 from messages.text import harmless
 from messages.vehicle import VehicleStatus
-from services.gamepad.stick_log import COLUMNS
-from services.gamepad.stick_log_player import QUIET_NS
+from services.gamepad.stick_log import COLUMNS, QUIET_NS
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile

@@ -19,7 +19,7 @@ LINK = "tether"
 # What the tether counts for a message that it does not deliver: lost, left out, without room.
 LOST = (events.LOSS, events.BURST, events.TRACE, events.OUTAGE)
 THINNED = (events.THINNED,)
-QUEUES = (events.QUEUE_FULL, events.CODEL, events.TOO_MANY)
+QUEUES = (events.QUEUE_FULL, events.TOO_MANY)
 NOT_CARRIED = (*LOST, *THINNED, *QUEUES)
 # A message that a service received but did not use leaves a gap too.
 NOT_USED = (

@@ -4,7 +4,7 @@ from typing import Literal, NamedTuple
 
 from msgspec.structs import replace
 
-from services.control.axis.axis_law import Gains
+from services.control.axis.axis import Gains
 from services.control.axis.plant import Plant, lags_of, plant_of
 from services.control.core import PERIOD_S
 from services.control.stability import ROWS, SampledLoop, sampled_loop

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.reference import Motion
-from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import Plant
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 
@@ -136,7 +136,7 @@ def _flown(
     gains = Gains(
         kp=kp, kd=kd, ki=0.0, max_error=1e6, max_integral=1e6, acceleration_percent=percent
     )
-    law, (A, B) = AxisLaw(gains, plant, period=held), sampled(plant, dt)
+    law, (A, B) = Axis(gains, plant, period=held), sampled(plant, dt)
     (_, far), (_, kept) = A.tolist()
     (pushed,), (gained,) = B.tolist()
     x = v = errors = forces = 0.0

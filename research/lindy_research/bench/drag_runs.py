@@ -7,7 +7,7 @@ import numpy as np
 from lindy_research.papers.identified_inputs import SPEED as SLOW
 from lindy_research.papers.identified_inputs import step_stick
 from lindy_research.papers.identified_plant import DT, END_JERK, KD, KP, UNCLAMPED, follow
-from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import Plant
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 from tools.generators.baselines import BaselineReference, Direct
@@ -51,5 +51,5 @@ def worst_errors() -> tuple[float, float, float]:
 def _worst(reference: BaselineReference, known: Plant) -> float:
     gains = Gains(kp=KP, kd=KD, ki=0.0, max_error=UNCLAMPED, max_integral=UNCLAMPED)
     stick = step_stick(SPEED, OFF, END)
-    run = follow(reference, stick, by=AxisLaw(gains, known, period=DT), through=QuadraticWater())
+    run = follow(reference, stick, by=Axis(gains, known, period=DT), through=QuadraticWater())
     return float(np.max(np.abs(run.error)))

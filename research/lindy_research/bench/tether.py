@@ -8,7 +8,7 @@ that are heard beyond the tether take turns with messages that a neighbour in th
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
-from math import erf, exp, sqrt
+from math import exp, sqrt
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -30,10 +30,10 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
 from services.tether.core import Link
-from services.tether.delay import Delays, Drawn, Exponential, Normal, Pareto
+from services.tether.delay import Delays, Drawn, Exponential, Pareto
 from services.tether.io.profile_file import named
 from services.tether.link_model import LinkDirection
-from services.tether.loss import GilbertElliott, Losses
+from services.tether.loss import Loss, Losses
 from services.tether.priority_queue import RANK
 from services.tether.profile import DirectionProfile, Queue
 from services.tether.random_streams import UniformStream
@@ -103,7 +103,6 @@ def _through_service(seconds: float = 1.0) -> int:
 
 
 SHAPES: list[tuple[Drawn, Callable[[float], float]]] = [
-    (Normal(50.0, 8.0), lambda x: 0.5 + 0.5 * erf((x - 50.0) / (8.0 * sqrt(2.0)))),
     (Exponential(12.0), lambda x: 1.0 - exp(-x / 12.0)),
     (Pareto(10.0, 3.0), lambda x: 1.0 - (1.0 + x / 20.0) ** -3.0),
 ]
@@ -119,9 +118,9 @@ def _statistics() -> Iterator[Figure]:
         away = max(float(np.max(steps[1:] - expected)), float(np.max(expected - steps[:-1])))
         name = f"{type(spread).__name__.lower()} delay, distance from its formula"
         yield _band(name, away, KOLMOGOROV_99 / sqrt(DRAWS))
-    model = GilbertElliott(to_bad=0.02, to_good=0.25)
+    model = Loss(to_bad=0.02, to_good=0.25)
     decide = Losses(model, UniformStream(np.random.default_rng(7)))
-    lost = sum(decide.reason(0.0) is not None for _ in range(DRAWS)) / DRAWS
+    lost = sum(decide.reason() is not None for _ in range(DRAWS)) / DRAWS
     memory = 1.0 - model.to_bad - model.to_good
     spread_of_share = sqrt(model.mean * (1.0 - model.mean) / DRAWS * (1 + memory) / (1 - memory))
     yield _band("Gilbert–Elliott loss", abs(lost - model.mean), NORMAL_99 * spread_of_share)

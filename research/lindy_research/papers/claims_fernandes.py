@@ -30,8 +30,8 @@ from lindy_research.papers.setups import (
     table_3,
 )
 from lindy_research.papers.unwrapped import accumulate
-from services.reference.paths.clothoid import TwinClothoids
 from services.reference.paths.path import Path
+from tools.generators.clothoid import TwinClothoids
 from tools.generators.fernandes.reference_model import ReferenceModel, plan
 from tools.generators.route import ProfileSequence, Route, sequence
 

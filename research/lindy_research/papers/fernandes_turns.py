@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from lindy_research.papers import style
 from lindy_research.papers.setups import LANE_OFFSET, MIN_RADIUS
-from services.reference.paths.clothoid import TwinClothoids
 from services.reference.paths.path import Path
+from tools.generators.clothoid import TwinClothoids
 from tools.generators.route import furthest
 
 CORNERS = ((0.0, 0.0), (50.0, 0.0), (65.0, 55.0), (20.0, 75.0), (65.0, 120.0))  # [m] ours
@@ -97,7 +97,7 @@ def odd_lane_changes() -> Odd:
 
 def even_lane_changes() -> Path:
     """The same way-points, by two symmetric pairs for each change."""
-    return Path.through(odd_lane_changes().waypoints, MIN_RADIUS, "interpolating")
+    return Path.through(odd_lane_changes().waypoints, MIN_RADIUS, "interpolating", TwinClothoids)
 
 
 def shortest_even_change() -> tuple[float, float, float]:
@@ -132,8 +132,8 @@ def ratios(figure: Figure) -> str:
 
 
 def approximating(figure: Figure) -> str:
-    path = Path.through(CORNERS, MIN_RADIUS)
-    smooth = Path.through(CORNERS, MIN_RADIUS, smooth_yaw=True)
+    path = Path.through(CORNERS, MIN_RADIUS, shape=TwinClothoids)
+    smooth = Path.through(CORNERS, MIN_RADIUS)
     panel, below = _map_and_curvature(figure, 3.0, 1.1)
     map_of(panel, CORNERS)
     draw_path(panel, path, color=style.PAPER, label="lines and twin clothoids")

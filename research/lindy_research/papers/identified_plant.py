@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.reference import Motion
-from services.control.axis.axis_law import AxisLaw, Effort, Gains
+from services.control.axis.axis import Axis, Effort, Gains
 from services.control.axis.plant import Plant
 from tools.generators.baselines import BaselineReference
 
@@ -28,7 +28,7 @@ UNCLAMPED = 1e9  # the simulations have no guards
 
 
 class Law(Protocol):
-    """What drives the plant, as `AxisLaw` does."""
+    """What drives the plant, as `Axis` does."""
 
     def learn(self, velocity: float, force: float, dt: float) -> None: ...
 
@@ -81,7 +81,7 @@ class Sums(NamedTuple):
     jerk: float  # [N²/s²] of squared changes of thrust per second
 
 
-def law(share: float = 1.0, observer: float = 0.0, *, sampled: bool = False) -> AxisLaw:
+def law(share: float = 1.0, observer: float = 0.0, *, sampled: bool = False) -> Axis:
     """u = P e + D ė + d v_r + `share` m a_r, the law of the simulations, and what can be added.
 
     Args:
@@ -94,7 +94,7 @@ def law(share: float = 1.0, observer: float = 0.0, *, sampled: bool = False) -> 
         kp=KP, kd=KD, ki=0.0, max_error=UNCLAMPED, max_integral=UNCLAMPED,
         observer=observer, acceleration_percent=100 * share,
     )  # fmt: skip
-    return AxisLaw(gains, Plant(MASS, DRAG), period=DT if sampled else 0.0)
+    return Axis(gains, Plant(MASS, DRAG), period=DT if sampled else 0.0)
 
 
 def follow(

@@ -6,7 +6,9 @@ Figures and claims share them, so a claim is about the figure that is drawn.
 from math import exp
 
 from services.reference.paths.path import Path
+from services.reference.paths.turn import SmoothTurn
 from services.reference.trajectory.minimum_jerk import Limits
+from tools.generators.clothoid import TwinClothoids
 from tools.generators.fernandes.model_request import MotionRequest
 from tools.generators.fernandes.reference_model import plan
 from tools.generators.route import ProfileSequence, Route, sequence
@@ -56,7 +58,7 @@ def table_2() -> ProfileSequence:
 
 def paper_path(*, smooth_yaw: bool = False) -> Path:
     """The path of Table 4."""
-    return Path.through(WAYPOINTS, MIN_RADIUS, smooth_yaw=smooth_yaw)
+    return Path.through(WAYPOINTS, MIN_RADIUS, shape=SmoothTurn if smooth_yaw else TwinClothoids)
 
 
 def table_3(path: Path, xi: float = XI) -> list[MotionRequest]:

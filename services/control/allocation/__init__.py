@@ -1,3 +1,3 @@
-"""From a wrench to thruster commands, and monitoring of the thrusters against a model.
+"""From a wrench to thruster commands.
 Imports no other room; used by the top of the service.
 """

@@ -28,7 +28,6 @@ from services.marine.vehicle import Vehicle, total_wrench
 
 PRIORITY = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
 ROUNDING = 1e-9  # [N] a smaller share of a demand counts as none
-EVENLY = 0.75  # [-] of the strongest thruster's effect on an axis; others are for other axes
 COMES_ON, GOES_OFF = 0.65, 0.35  # [-] of the dead-band: half of it, with hysteresis
 
 
@@ -86,18 +85,6 @@ class Allocation:
     def forget(self) -> None:
         """Reset the hysteresis of the dead-bands. For disarming."""
         self._on = [False] * len(self._on)
-
-    def smallest(self, axis: AxisName) -> tuple[Vec6, ...]:
-        """Wrenches [N, N m] of one thruster alone at its dead-band's edge, positive on this axis.
-        Only of thrusters that have a dead-band, and nearly the strongest effect on the axis."""
-        row = AXES.index(axis)
-        effects = list[Vec6]()
-        for thruster, column in zip(self._thrusters, self._columns, strict=True):
-            edge = copysign(thruster.dead_band, column[row])
-            x, y, z, k, m, n = column
-            effects.append((edge * x, edge * y, edge * z, edge * k, edge * m, edge * n))
-        most = max(effect[row] for effect in effects)
-        return tuple([effect for effect in effects if effect[row] >= EVENLY * most > 0.0])
 
     # Allocation.
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from services.control.allocation.layout import AXES, Matrix, on_any_processor
 
-NOTHING = 1e-6  # [-] smaller parts are rounding
+ROUNDING = 1e-6  # [-] smaller parts are rounding
 EVEN = 0.5  # [-] least ratio of smallest to largest part of a bias; below, it costs too much
 Bias = list[tuple[int, float]]  # thruster, part of a newton
-MOST = 2.0  # [-] of the dead-band; a stronger bias is not worth its power
+LARGEST_BIAS = 2.0  # [-] of the dead-band; a stronger bias is not worth its power
 JUST_OUT = 1.001  # [-] of the dead-band; a margin for rounding
 WELL_OUT = 1.25  # [-] of the dead-band; beyond it no bias is needed
 
@@ -35,7 +35,7 @@ class ThrustBias:
         """
         self._dead_bands = dead_bands
         rows = [AXES.index(axis) for axis in axes]
-        acting = np.any(np.abs(effect[rows]) > NOTHING, axis=0)
+        acting = np.any(np.abs(effect[rows]) > ROUNDING, axis=0)
         self.sets: list[Bias] = [
             [(index, float(bias[index])) for index in np.flatnonzero(bias).tolist()]
             for bias in (biases(effect) if axes else [])
@@ -68,7 +68,7 @@ class ThrustBias:
             (copysign(JUST_OUT * self._dead_bands[index], part) - forces[index]) / part
             for index, part in bias
         )
-        if strength > MOST * max(self._dead_bands[index] for index, _ in bias):
+        if strength > LARGEST_BIAS * max(self._dead_bands[index] for index, _ in bias):
             return
         pushed = [(index, forces[index] + strength * part) for index, part in bias]
         if all(limits[index][0] <= force <= limits[index][1] for index, force in pushed):
@@ -83,11 +83,11 @@ def biases(effect: Matrix) -> list[Matrix]:
     Args:
         effect: (6, n) wrench per newton.
     """
-    counts = np.any(np.abs(effect) > NOTHING, axis=0)
+    counts = np.any(np.abs(effect) > ROUNDING, axis=0)
     # The projector into the null space.
     null = on_any_processor(np.diag(counts.astype(float)) - np.linalg.pinv(effect) @ effect)
     found: list[Matrix] = []
-    for members in _sets(np.abs(null) > NOTHING):
+    for members in _sets(np.abs(null) > ROUNDING):
         best = max(
             (_within(null, members, signs) for signs in product((1.0, -1.0), repeat=len(members))),
             key=_evenness,
@@ -105,7 +105,7 @@ def _within(null: Matrix, members: list[int], signs: Sequence[float]) -> Matrix:
 
 def _evenness(bias: Matrix) -> float:
     size = np.abs(bias)
-    return float(size.min() / size.max()) if size.max() > NOTHING else 0.0
+    return float(size.min() / size.max()) if size.max() > ROUNDING else 0.0
 
 
 def _sets(linked: NDArray[np.bool_]) -> list[list[int]]:

@@ -1,8 +1,19 @@
-"""How an axis is held. A piloted one: its law, the transfer between its modes, and its counts. Roll
-and pitch: level, by a spring and a damper."""
+"""One axis: the thesis' control law, with state feedback, feed-forward, an integral or a
+disturbance observer, and gains for holding still and for moving; what it does without a position;
+and the transfer between its modes.
+
+u = L_r r - L x̂ + L_I e (Andrén 2023, 5.26 to 5.31), with position, velocity and acceleration
+references. The feed-forward of acceleration and drag uses the vehicle's own mass and damping, so
+feedback only acts on disturbances. Lasting disturbances are learnt by an integral, or by a
+disturbance observer in its place. Three anti-windup guards: the position error is clamped, the
+integral is clamped, and an integral that opposes a large error decays. The first two apply to the
+observer as well.
+"""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import inf
+from typing import Annotated
 
 import msgspec
 
@@ -10,10 +21,119 @@ from messages import events
 from messages.events import Event
 from messages.message import Estimate
 from messages.reference import Motion
-from messages.units import NotNegativeSetting, Ns
-from services.control.axis.axis_law import AxisLaw
+from messages.units import NotNegativeSetting, Positive
+from services.control.axis.plant import DisturbanceObserver, LastingValue, Plant, clamped
 
-Count = Callable[[Event], None]
+Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
+DragDoubt = Annotated[float, msgspec.Meta(ge=0.0, le=5.0)]
+WIDEST = 50.0  # [rad/s]
+Bandwidth = Annotated[float, msgspec.Meta(ge=0.0, le=WIDEST)]
+BLOCKED = 0.2  # [-] of the reference velocity; a slower vehicle does not move freely
+LATE_SPRING, LATE_DAMPER = 0.15, 0.4  # [-] of kp and kd while the rate is delayed
+LATE_INTEGRAL = 0.15  # [-] of ki; the observer needs a rate that is not late
+LEAST_DRAG_SPEED = 1e-3  # position units per second
+DECAY = 0.98  # [-] per step; guard 3
+MOVING = 1e-6  # any smaller reference velocity or acceleration is rest
+
+
+class StaticGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Gains while the reference rests. Units: N or N m per position unit, m or rad."""
+
+    kp: NotNegativeSetting  # per position unit
+    kd: NotNegativeSetting  # per position unit per second
+    zone: NotNegativeSetting = 0.0  # position units; dead zone of the error
+    leave: Positive = 0.1  # position units; a larger error switches to the moving gains
+    blend: Annotated[float, msgspec.Meta(ge=0.01, le=10.0)] = 0.5  # [s] from one set to the other
+
+    def __post_init__(self) -> None:
+        if self.zone >= self.leave:
+            raise ValueError(f"zone is {self.zone:g}, it must be smaller than leave {self.leave:g}")
+
+
+class FeedbackGains(msgspec.Struct, frozen=True, gc=False):
+    """The gains in force."""
+
+    kp: float
+    kd: float
+    zone: float
+
+    def spring(self, error: float) -> float:
+        """Restoring force, zero inside the zone. It is continuous at the edge and passive, so it
+        cannot sustain an oscillation."""
+        return self.kp * (error - max(-self.zone, min(self.zone, error)))
+
+
+class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Units: force or moment (N, N m) per position unit (m, rad)."""
+
+    kp: NotNegativeSetting  # per position unit
+    kd: NotNegativeSetting  # per position unit per second
+    ki: NotNegativeSetting  # per position unit second
+    max_error: Positive  # position units; guard 1
+    max_integral: NotNegativeSetting  # [N] or [N m]; guard 2, well below a saturated thruster
+    observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
+    drag_speed: NotNegativeSetting = 0.0  # position units per second; drag is learnt above; 0: off
+    drag_doubt: DragDoubt = (
+        0.0  # [-] of the model's drag that guard 2 is wider by in motion; observer
+    )
+    still: NotNegativeSetting = 0.0  # position units per second; below, it learns as slowly as ki
+    decay_threshold: Positive = 0.1  # position units; guard 3 acts on errors larger than this
+    acceleration_percent: Percent = 100.0  # [%] of the acceleration feed-forward; 100 is exact
+    drag_percent: Percent = 100.0  # [%] of the drag feed-forward
+    lead_percent: Percent = 100.0  # [%] of the thrusters' lag that the feed-forward leads by
+    drag_lead_percent: Percent = 0.0  # [%] of that lag that the learnt drag leads by
+    static: StaticGains | None = None  # other gains while the reference rests
+
+    def __post_init__(self) -> None:
+        # Squares of speeds divided by it must stay finite.
+        if 0.0 < self.drag_speed < LEAST_DRAG_SPEED:
+            raise ValueError(
+                f"drag_speed is {self.drag_speed:g}, allowed are 0 and {LEAST_DRAG_SPEED:g} or more"
+            )
+
+
+class Effort(msgspec.Struct, frozen=True, gc=False):
+    """The effort of one axis."""
+
+    total: float  # [N] or [N m]
+    standing: float  # compensation of lasting disturbances; part of the total
+    clamped: bool  # guard 1 or 2 was active
+
+
+@dataclass(slots=True)
+class GainBlend:
+    """Two sets of gains, for holding still and for moving, and those in force. Begins with the
+    static ones.
+
+    The moving gains make a thruster with a dead-band start and stop for ever at rest; the static
+    gains follow a moving reference badly (Andrén 2023, 5.4.2). The share of the moving set goes
+    from 0 to 1 along a curve with zero slope at both ends.
+    """
+
+    moving: FeedbackGains
+    static: StaticGains | None
+    _blend: float = 0.0  # [-] from static to moving, before smoothing
+    _disturbed: bool = False  # the error has switched to the moving gains
+
+    def step(self, moves: bool, error: float, dt: float) -> FeedbackGains:
+        """Gains of this step; the arguments take effect from the next step on."""
+        static = self.static
+        if static is None:
+            return self.moving
+        share = self._blend * self._blend * (3 - 2 * self._blend)
+        now = FeedbackGains(
+            static.kp + share * (self.moving.kp - static.kp),
+            static.kd + share * (self.moving.kd - static.kd),
+            static.zone * (1 - share),
+        )
+        if abs(error) > static.leave:
+            self._disturbed = True
+        elif abs(error) <= static.leave / 2:
+            self._disturbed = False
+        target = 1.0 if moves or self._disturbed else 0.0
+        most = dt / static.blend
+        self._blend += max(-most, min(most, target - self._blend))
+        return now
 
 
 @dataclass(slots=True)
@@ -47,14 +167,40 @@ class BumplessTransfer:
 
 
 @dataclass(slots=True)
-class PilotedAxis:
-    name: str  # as in the vehicle file
-    law: AxisLaw
-    transfer: BumplessTransfer
-    count: Count
+class Axis:
+    """How one axis is held, or driven by the pilot's force."""
+
+    gains: Gains
+    plant: Plant
+    lag: float = 0.0  # [s] time constant of its thrusters
+    period: float = 0.01  # [s] for which an effort is held
+    name: str = ""  # as in the vehicle file
+    count: Callable[[Event], None] = lambda _: None  # called with what limits it, at every step
+    fade: float = 0.3  # [s] from one mode to another
     own: bool = True  # it needs a lasting force to rest, as buoyancy does; False: none
-    _late: bool = False  # at the last step
+    transfer: BumplessTransfer = field(init=False)
+    _late: bool = False  # the rate, at the last step
     _blind: bool = False  # the position has not been known since
+    integral: float = 0.0  # [N] or [N m]
+    _lasting: LastingValue = field(default_factory=LastingValue)  # of the integral, at rest
+    _observer: DisturbanceObserver | None = field(init=False)
+    _blend: GainBlend = field(init=False)
+    _still: float = 0.0  # position units per second; a slower vehicle counts as not moving
+    _reference_rate: float = 0.0  # position units per second, of the newest reference
+    _soon: float = 0.0  # position units per second, by which it is another when thrust follows
+    _slow: float = 0.0  # [N/s] or [N m/s] fastest learning without motion
+    _feedback: FeedbackGains | None = None  # gains of the previous step
+
+    def __post_init__(self) -> None:
+        g, self.transfer = self.gains, BumplessTransfer(self.fade)
+        self._observer = None
+        if g.observer > 0.0:
+            self._observer = DisturbanceObserver(
+                self.plant, g.observer, g.max_integral, g.drag_speed or inf, g.drag_doubt
+            )
+        self._blend = GainBlend(FeedbackGains(g.kp, g.kd, 0.0), g.static)
+
+    # Its modes.
 
     def held(
         self,
@@ -72,11 +218,10 @@ class PilotedAxis:
         """
         if not (position.valid and rate.valid):
             self.count(events.INVALID(f"state.{self.name}"))
-            return self.blind(
-                motion, dt, extra, rate=rate.value if rate.valid else None, upright=upright
-            )
+            damped = rate.value if rate.valid else None
+            return self.blind(motion, dt, extra, rate=damped, upright=upright)
         if late and not self._late:
-            self.law.recall()
+            self.recall()
         self._late = late
         if late:
             self.count(events.LATE(f"state.{self.name}"))
@@ -98,7 +243,7 @@ class PilotedAxis:
     ) -> float:
         """As `held`, in a current `water` and with an additional force `extra`."""
         self._blind = False
-        effort = self.law.step(motion, position, rate, dt, water, late=late)
+        effort = self.step(motion, position, rate, dt, water, late=late)
         if effort.clamped:
             self.count(events.CLAMPED(f"control.{self.name}"))
         return self.transfer.step("held", (effort.total + extra) / upright, dt)
@@ -120,18 +265,88 @@ class PilotedAxis:
         """
         if not self._blind:
             if self.own:
-                self.law.recall()
+                self.recall()
             else:
-                self.law.forget()
+                self._forget_learnt()
         self._blind, self._late = True, False
-        total = (self.law.blind(motion, rate) + extra) / upright
+        moves = self._see(motion)
+        kd = self._blend.step(moves, 0.0, self.period).kd
+        damping = 0.0 if rate is None else kd * (motion.velocity - rate)
+        total = (damping + self.feed_forward(motion) + self.standing + extra) / upright
         return self.transfer.step("blind" if rate is None else "damped", total, dt)
 
     def forced(self, force: float, dt: float) -> float:
-        """The pilot's force; the axis is not held."""
+        """The pilot's force; the axis is not held, and there is no error to learn from."""
         self._blind = False
-        self.law.idle()
+        self._reference_rate, self._soon = 0.0, 0.0
+        self._slow, self._still = 0.0, self.gains.still
         return self.transfer.step("forced", force, dt)
+
+    # The law.
+
+    def step(
+        self,
+        reference: Motion,
+        position: float,
+        rate: float,
+        dt: float,
+        water: float = 0.0,
+        *,
+        late: bool = False,
+    ) -> Effort:
+        """Effort for a reference and an estimate at the same instant.
+
+        Args:
+            position, rate: estimate, same units as the reference.
+            dt: [s] since the last step.
+            water: velocity of the water along the axis, in the frame of `rate`.
+            late: the rate is a third of a second old, as from pressure alone; the full gains would
+                make the loop oscillate.
+        """
+        moves = self._see(reference)
+        error = reference.position - position
+        near = clamped(error, self.gains.max_error)
+        feedback = self._blend.step(moves, near, dt)
+        if self._observer is None:
+            at_limit = self._integrate(near, feedback, moves, dt)
+        else:
+            at_limit = self._observer.is_limited(reference.velocity)
+            outside = near - clamped(near, feedback.zone)
+            self._slow = 0.0 if moves else self.gains.ki * abs(outside)
+            self._still = self.gains.still + BLOCKED * abs(reference.velocity)
+            if abs(error) > self.gains.decay_threshold:
+                self._still = inf
+            if late and not moves:
+                self._observer.integrate(LATE_INTEGRAL * self.gains.ki * near * dt)
+        spring, damper = (LATE_SPRING, LATE_DAMPER) if late else (1.0, 1.0)
+        total = spring * feedback.spring(near)
+        total += damper * feedback.kd * (reference.velocity - rate)
+        total += self.feed_forward(reference, water) + self.standing
+        return Effort(total, self.standing, clamped=near != error or at_limit)
+
+    def feed_forward(self, reference: Motion, water: float = 0.0) -> float:
+        """Force, held over the period, that moves the undisturbed plant from this reference to the
+        next: exact for the linear part, evaluated at mid-step for the quadratic drag.
+
+        With thruster lag T a command u produces the force f with T f' + f = u, so the command is
+        the force due T later, to first order.
+        """
+        g, plant, half = self.gains, self.plant, self.period / 2
+        a, v = reference.acceleration, reference.velocity - water
+        ahead = g.lead_percent / 100 * self.lag
+        soon = v + (half + ahead) * a
+        inertia = plant.sampled_inertia(self.period) * (a + (half + ahead) * reference.jerk)
+        drag = plant.linear * (v + ahead * a) + plant.quadratic * soon * abs(soon)
+        return (g.acceleration_percent * inertia + g.drag_percent * drag) / 100
+
+    @property
+    def standing(self) -> float:
+        """[N] or [N m] Compensation of lasting disturbances."""
+        return (
+            self.integral
+            if self._observer is None
+            else -self._observer.expected(self._reference_rate + self._soon)
+        )
 
     def learn(
         self,
@@ -139,47 +354,93 @@ class PilotedAxis:
         force: float,
         dt: float,
         *,
-        freely: bool = False,
         short: float = 0.0,
     ) -> None:
-        """Update the disturbance observer; a velocity of None, or a position that is not known,
-        pauses it. `freely`, `short`: see `AxisLaw.learn`."""
-        known = None if self._blind else velocity
-        self.law.learn(known, force, dt, freely=freely, short=short)
+        """Update the observer: velocity relative to the water now, and mean thruster force since
+        the last call. Nothing is learnt from a step whose velocity, or position, is not known.
+
+        A vehicle that does not move may lie on the sea floor, which opposes any force. So without
+        motion it learns no faster than the integral would, and not at all while the reference
+        moves.
+
+        Args:
+            short: [N] or [N m] effort that could not be had; only less is learnt then.
+        """
+        if self._observer is None:
+            return
+        if velocity is None or self._blind:
+            self._observer.pause()
+            return
+        slowly = abs(velocity) < self._still
+        most = self._slow * dt if slowly else inf
+        self._observer.learn(velocity, force, dt, most, self._reference_rate, short)
+
+    def give_up(self, force: float) -> None:
+        """The feed-forward gives `force` [N] or [N m] more from now on: subtract it from the learnt
+        compensation, which does not change sign."""
+        learnt = self.standing
+        low, high = min(0.0, learnt), max(0.0, learnt)
+        self._set_standing(learnt - max(low, min(high, force)))
+
+    def take_over(self, force: float) -> None:
+        """The feed-forward gives `force` [N] or [N m] less from now on: add it to the learnt
+        compensation."""
+        self._set_standing(clamped(self.standing + force, self.gains.max_integral))
+
+    def pause(self) -> None:
+        """Learn nothing from this step."""
+        if self._observer is not None:
+            self._observer.pause()
+
+    def recall(self) -> None:
+        """The estimate is late or gone, and may have been wrong for a while: go back to what was
+        learnt before that."""
+        self.integral = self._lasting.trusted
+        if self._observer is not None:
+            self._observer.recall()
 
     def forget(self) -> None:
+        """Begin anew, as after a disarm."""
         self._blind = self._late = False
-        self.law.forget()
+        self._forget_learnt()
         self.transfer.forget()
 
+    def _see(self, reference: Motion) -> bool:
+        """Take in the reference of this step. Does it move?"""
+        self._reference_rate = reference.velocity
+        self._soon = self.gains.drag_lead_percent / 100 * self.lag * reference.acceleration
+        return abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
 
-class RollPitchGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Roll or pitch held at zero, if the thrusters can drive it. 0, 0: hydrostatic only."""
+    def _forget_learnt(self) -> None:
+        self.integral = 0.0
+        self._lasting.forget()
+        if self._observer is not None:
+            self._observer.forget()
 
-    kp: NotNegativeSetting = 0.0  # [N m/rad]
-    kd: NotNegativeSetting = 0.0  # [N m s/rad]
+    def _set_standing(self, force: float) -> None:
+        if self._observer is None:
+            self.integral = force
+        else:
+            self._observer.estimate = -force - self._observer.drag * (
+                self._reference_rate + self._soon
+            )
+            self._observer.pause()
 
-
-@dataclass(slots=True)
-class RollPitchHold:
-    gains: RollPitchGains
-    _angle: float = 0.0  # [rad] at the last step
-    _at: Ns | None = None  # [ns] stamp of its sensor sample; None: not known
-    rate: float = 0.0  # [rad/s] of the angle; 0 while it is not known
-
-    def step(self, angle: Estimate, sensor_ns: Ns) -> float:
-        """Moment [N m]. The rate is the difference of two angles of the attitude filter, which
-        integrates the gyroscope and so adds little noise."""
-        if not angle.valid:
-            self.forget()
-            return 0.0
-        if self._at is None:
-            self.rate = 0.0
-        elif sensor_ns > self._at:
-            self.rate = (angle.value - self._angle) / ((sensor_ns - self._at) * 1e-9)
-        self._angle, self._at = angle.value, sensor_ns
-        return -self.gains.kp * angle.value - self.gains.kd * self.rate
-
-    def forget(self) -> None:
-        """Restart the rate with the next sample."""
-        self._at, self.rate = None, 0.0
+    def _integrate(self, error: float, feedback: FeedbackGains, moves: bool, dt: float) -> bool:
+        """(5.28) to (5.31). Returns whether the integral is at its limit. Paused while the
+        reference moves: the integral is for buoyancy. No integration inside the static zone; the
+        feedback lost when the gains blend to rest is added to the integral."""
+        g = self.gains
+        before, self._feedback = self._feedback or feedback, feedback
+        if self.integral * error < 0 and abs(error) > g.decay_threshold:
+            self.integral *= DECAY
+            return False
+        if moves:
+            self._lasting.move()
+            return False
+        given_up = before.spring(error) - feedback.spring(error)
+        outside = error - clamped(error, feedback.zone)
+        wanted = self.integral + given_up + g.ki * outside * dt
+        self.integral = clamped(wanted, g.max_integral)
+        self._lasting.add(self.integral, dt)
+        return wanted != self.integral

@@ -33,7 +33,7 @@ SETTLES = 1.0  # [s] after a motion, while what is learnt is still of that motio
 BLOCK = 1.0  # [s] of learning, of which the mean is kept
 KEPT = 45  # blocks
 DOUBTED = 15  # newest blocks, not used if there are enough older ones: longer than any recognition
-SHARE = 3  # … and at most one in so many, early in a dive
+SHARE = 3  # early in a dive, at most one block in so many is not used
 
 
 REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

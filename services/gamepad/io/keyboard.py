@@ -16,10 +16,9 @@ from messages.events import Outbox
 from services.gamepad.core import StickGain
 from services.gamepad.io.pad import HELD, URGENT
 from services.gamepad.io.window import PilotWindow, open_window
-from services.piloting.holds import Holds
 from services.piloting.keys import KEYS, Key
 from services.piloting.pilot_intents import Press
-from services.piloting.sticks import StickReading, Sticks
+from services.piloting.sticks import Holds, StickReading, Sticks
 from services.vehicle_view.head_up import NumbersRow, head_up
 from services.vehicle_view.view import VehicleView
 
@@ -67,7 +66,7 @@ class Keyboard:
         Raises:
             LindyError: there is no display.
         """
-        surface = open_window("keyboard")
+        surface = open_window()
         self._window = PilotWindow(surface, HELP)
         self.show(head_up(VehicleView()))
         self._gain, self._outbox = gain, outbox

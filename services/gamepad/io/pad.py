@@ -10,8 +10,6 @@ has stopped answering although it is plugged in (`pad_silence` says how that is 
 pilot is lost. It is 0 for still sticks, because a pad only reports changes.
 """
 
-from collections.abc import Sequence
-
 import pygame
 from pygame._sdl2 import controller
 
@@ -19,13 +17,9 @@ from messages import events
 from messages.events import Outbox
 from services.gamepad.core import PadProfile, held_of, presses_of, sticks_of
 from services.gamepad.io import sdl
-from services.gamepad.io.hid_reports import HidReports
-from services.gamepad.io.window import PilotWindow, open_window
 from services.gamepad.pad_silence import PadAnswer, PadSilence
-from services.piloting.holds import Holds
 from services.piloting.pilot_intents import Press
-from services.piloting.sticks import CENTRED, StickReading
-from services.vehicle_view.head_up import NumbersRow
+from services.piloting.sticks import CENTRED, Holds, StickReading
 
 # In the order of SDL_GameControllerAxis and SDL_GameControllerButton.
 AXES = ("leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger")
@@ -50,7 +44,6 @@ class Pad:
         self.name = "gamepad"
         self._profile, self._outbox = profile, outbox
         self._pad: controller.Controller | None = None
-        self._reports = HidReports("")
         self._silence = PadSilence(profile.silent_after, profile.dead_band)
         self._holds = Holds()
         self._silent = False  # it is plugged in and does not answer
@@ -69,7 +62,7 @@ class Pad:
         if self._pad is None:
             return self._absent(now)
         controls = controls_of(self._pad)
-        answering = self._silence.read(controls, self._reports.arrived(), now)
+        answering = self._silence.read(controls, now)
         self._answered_at = now - answering.age_ns
         self._notice_silence(self._pad.name, answering)
         if self._silent:
@@ -93,7 +86,6 @@ class Pad:
         return None
 
     def close(self) -> None:
-        self._reports.close()
         controller.quit()
         pygame.joystick.quit()
         pygame.display.quit()
@@ -115,7 +107,6 @@ class Pad:
             self._outbox.tell(events.UNPLUGGED_PAD(detail=self._pad.name))
             self._pad.quit()
             self._pad, self._silent = None, False
-            self._reports.close()
 
     def _notice_silence(self, name: str, answering: PadAnswer) -> None:
         """A pad that answers again is as one that was plugged in again."""
@@ -151,7 +142,6 @@ class Pad:
             return
         self.name = f"gamepad {self._pad.name}"
         self._silence = PadSilence(self._profile.silent_after, self._profile.dead_band)
-        self._reports = HidReports(self._pad.as_joystick().get_guid())
         self._trusted = False
         self._announced = True
         self._outbox.say("info", f"the pad {self._pad.name} is plugged in")
@@ -166,27 +156,6 @@ class Pad:
             and event.instance_id == here
             and event.button < len(BUTTONS)
         ]
-
-
-class PadWithWindow(Pad):
-    """Shows the head-up numbers in a window, which does nothing else: it takes no keys, and the pad
-    works whether it has the focus or not."""
-
-    def __init__(self, profile: PadProfile, outbox: Outbox) -> None:
-        """
-        Raises:
-            LindyError: there is no display.
-        """
-        surface = open_window("pad")
-        super().__init__(profile, outbox)
-        self._window = PilotWindow(surface)
-
-    def show(self, rows: Sequence[NumbersRow]) -> None:
-        self._window.draw(rows)
-
-    def close(self) -> None:
-        pygame.font.quit()
-        super().close()
 
 
 def controls_of(pad: controller.Controller) -> dict[str, float]:

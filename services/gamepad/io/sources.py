@@ -5,8 +5,7 @@ from pathlib import Path
 from services.gamepad.core import PadProfile, Settings, StickSource
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
-from services.gamepad.stick_log import StickLog, parse
-from services.gamepad.stick_log_player import Player
+from services.gamepad.stick_log import Player, StickLog, parse
 from services.piloting.sticks import CENTRED
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read, read_whole
@@ -53,10 +52,9 @@ def _open_script(node: Node, name: str, played: int) -> Player:
 
 def _open_pad(node: Node, stack: Stack) -> StickSource:
     sdl.load()
-    from services.gamepad.io.pad import Pad, PadWithWindow  # here: a script needs no pygame
+    from services.gamepad.io.pad import Pad  # here: a script needs no pygame
 
-    wanted = stack.section("gamepad", Settings).window
-    pad = (PadWithWindow if wanted else Pad)(pad_profile(stack), node.outbox)
+    pad = Pad(pad_profile(stack), node.outbox)
     node.on_close(pad.close)
     return pad
 

@@ -19,10 +19,7 @@ MARGIN = 18  # [px]
 LABELS, SMALL, BIG = 22, 30, 86  # [px] height of the letters
 SAID_ROWS = 5  # of the last row of numbers, which is the one with sentences
 LAST, LONGEST = "\uffff", 500  # sign that pygame can draw; signs of a text
-INSTEAD = {
-    "keyboard": "use a pad or --pilot script:FILE",
-    "pad": "leave gamepad.window out",
-}
+INSTEAD = "use a pad or --pilot script:FILE"
 FOCUS = "The keys do nothing now: click into this window"
 
 
@@ -31,30 +28,27 @@ def drawable(text: str) -> str:
     return "".join(sign if sign.isprintable() and sign <= LAST else "?" for sign in text[:LONGEST])
 
 
-def open_window(whose: str) -> pygame.Surface:
+def open_window() -> pygame.Surface:
     """
-    Args:
-        whose: window it is: that of the `keyboard` or of the `pad`.
-
     Raises:
         LindyError: there is no display.
     """
     if not sdl.has_display():
-        raise LindyError(f"the {whose} needs a window and there is no display; {INSTEAD[whose]}")
+        raise LindyError(f"the keyboard needs a window and there is no display; {INSTEAD}")
     try:
         pygame.display.init()
         surface = pygame.display.set_mode(SIZE)
     except pygame.error as error:
-        raise LindyError(f"cannot open the {whose}'s window ({error}); {INSTEAD[whose]}") from None
-    pygame.display.set_caption(f"Lindy: {whose}")
+        raise LindyError(f"cannot open the keyboard's window ({error}); {INSTEAD}") from None
+    pygame.display.set_caption("Lindy: keyboard")
     return surface
 
 
 class PilotWindow:
     """Open and drawn into from one thread only."""
 
-    def __init__(self, surface: pygame.Surface, keys: Sequence[tuple[str, str]] = ()) -> None:
-        """`keys`: which does what; empty: the sticks are a pad's."""
+    def __init__(self, surface: pygame.Surface, keys: Sequence[tuple[str, str]]) -> None:
+        """`keys`: which does what."""
         pygame.font.init()
         # pygame's own letters, so that none have to be installed.
         self._fonts = {size: pygame.font.Font(None, size) for size in (LABELS, SMALL, BIG)}
@@ -66,8 +60,7 @@ class PilotWindow:
         for row in rows[:-1]:
             top = self._cells(row, top)
         top = self._sentences(rows[-1], top) if rows else top
-        if self._keys:
-            self._help(top, focused)
+        self._help(top, focused)
         pygame.display.flip()
 
     def _cells(self, row: NumbersRow, top: int) -> int:

@@ -39,7 +39,7 @@ class WatchedMessages:
     altimeter: AltitudeSample | None = None
 
 
-NOTHING = WatchedMessages()
+NO_MESSAGES = WatchedMessages()
 
 
 @dataclass(slots=True)
@@ -47,7 +47,7 @@ class ConditionWatch:
     settings: FailsafeSettings
     watched: Mapping[str, str] = field(default_factory=dict[str, str])  # service → its role
     started_ns: Ns = 0  # [ns] now, when this was made
-    newest: WatchedMessages = NOTHING  # the service's, before each step
+    newest: WatchedMessages = NO_MESSAGES  # the service's, before each step
     _commanded: bool = False  # a command has arrived since the start
     _pinged_ns: Ns | None = None
     _health: dict[str, Health] = field(default_factory=dict[str, Health])

@@ -6,17 +6,18 @@ from typing import Self
 from messages.events import Outbox
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
+from messages.units import Ns
 from services.reference.guidance.ground_motion import GroundMotion
 from services.reference.guidance.modes import HeldAxes
-from services.reference.guidance.station_keeping import STILL, StationKeeping
+from services.reference.guidance.station_keeping import StationKeeping
 from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
 from services.reference.trajectory.own_law import Law, LawRamp, PlannedAxis
-from services.reference.trajectory.position import pair, travelled
+from services.reference.trajectory.position import go, travelled
 from services.reference.trajectory.vector import VectorRamp
 
 LOOK_AHEAD_S = 0.2  # [s] the plan to stop at the depth limit begins so long before it must
-LEVEL = 0.01  # [m] such a plan is made anew when it would end this far from the limit
+OFF_LIMIT = 0.01  # [m] such a plan is made anew when it would end this far from the limit
 FADE = 1.0  # [m] above the limit in which a downward heave force fades out
 CENTRED = 0.05  # [-] a stick this close to the middle counts as centred
 
@@ -68,7 +69,7 @@ class Axes:
             StationKeeping(settings.place.limits),
             Ramp(settings.tilt.limits),
             Ramp(settings.place.limits),
-            VectorRamp(settings.horizontal.limits, STILL, STILL),
+            VectorRamp(settings.horizontal.limits),
             Ramp(settings.heave_force.limits),
             Ramp(settings.yaw_moment.limits),
         )
@@ -135,11 +136,8 @@ class Axes:
 
     def go_to_depth(self, depth: float, t: float, speed: float | None = None) -> None:
         """Go to a depth [m], ending at rest, at most as fast as `speed` [m/s]."""
-        heave, axis = self.heave, self.settings.heave
-        here, fastest = heave.at(t), speed or axis.max_velocity
-        plan = pair(depth - here.position, axis.limits, fastest, here.velocity, here.acceleration)
-        heave.run(plan.segments, t)
-        self._sinking = 0.0
+        axis, self._sinking = self.settings.heave, 0.0
+        go(self.heave, depth, axis.limits, speed or axis.max_velocity, t)
 
     def _aim_depth(self, velocity: float, t: float) -> None:
         """A velocity [m/s]; downwards, the reference comes to rest at the depth limit."""
@@ -151,11 +149,10 @@ class Axes:
                 heave.brake(t)  # the plan's target is 0 already
             self._sinking = 0.0
             heave.aim(velocity, t)
-        elif self._sinking != velocity or abs(heave.to_go(t) - room) > LEVEL:
+        elif self._sinking != velocity or abs(heave.to_go(t) - room) > OFF_LIMIT:
             self._sinking = velocity
-            v, a = here.velocity, here.acceleration
-            if travelled(solve(v, a, 0.0, limits)) < room:
-                heave.run(pair(room, limits, velocity, v, a).segments, t)
+            if travelled(solve(here.velocity, here.acceleration, 0.0, limits)) < room:
+                go(heave, self.settings.failsafe.depth_limit, limits, velocity, t)
             else:
                 heave.brake(t)
 
@@ -181,11 +178,8 @@ class Axes:
             if self._tilting != 0.0:
                 tilt.brake(t)
         elif stick != self._tilting:
-            here = tilt.at(t)
             end = s.highest if stick > 0 else s.lowest
-            speed = abs(stick) * s.max_velocity
-            plan = pair(end - here.position, s.limits, speed, here.velocity, here.acceleration)
-            tilt.run(plan.segments, t)
+            go(tilt, end, s.limits, abs(stick) * s.max_velocity, t)
         self._tilting = stick
 
     def brake(self, t: float) -> None:
@@ -208,3 +202,27 @@ class Axes:
         """[s] When depth, heading and a held position reach their targets."""
         place = self.place.settles() if self.place.held else 0.0
         return max(self.heave.settles(), self.yaw.settles(), place)
+
+
+CENTRED_NS = 300_000_000  # [ns]
+
+
+@dataclass(slots=True)
+class CentredSticks:
+    """Judged by both clocks: a single command stays fresh for a while and proves nothing, and nor
+    do many that were held up on the way and arrive at once."""
+
+    _since: tuple[Ns, Ns, int] | None = None  # [ns] here, [ns] stamp of the command; its epoch
+
+    def step(self, command: PilotCommand | None, now: Ns) -> bool:
+        """
+        Args:
+            command: the newest fresh one; None: there is none, or nothing can be given back now.
+        """
+        if command is None or command.pilot != "present" or not centred(command):
+            self._since = None
+            return False
+        if self._since is None or self._since[2] != command.epoch:
+            self._since = (now, command.stamp_ns, command.epoch)
+        here, stamp, _ = self._since
+        return min(now - here, command.stamp_ns - stamp) >= CENTRED_NS

@@ -24,16 +24,16 @@ from services.reference.trajectory.minimum_jerk import Limits, Sample, solve
 from services.reference.trajectory.position import travelled
 
 MEMORY_S = 1.5  # [s] the filter's fading memory
-GATE = 0.3  # [m] a sample further from what was expected does not fit …
-LASTING_S = 0.9  # [s] … and is believed once all have been off to that side for so long
+GATE = 0.3  # [m] a sample further from what was expected does not fit
+LASTING_S = 0.9  # [s] samples that do not fit, all to one side, are taken for true after that
 FASTEST = 1.0  # [m/s] no bottom changes faster below a vehicle that follows it
 UNSEEN_S = 2.5  # [s] after the newest altitude the bottom is not taken to fall away any further
 PATIENCE_S = (topics.DVL.stale_after_ns or 0) / 1e9  # [s] without one that fits it is lost
 BAND = 0.15  # [m] the height may be off by so much before the reference moves
-LEVEL = 0.04  # [m/s] a bottom that changes more slowly counts as flat
+FLAT = 0.04  # [m/s] a bottom that changes more slowly counts as flat
 RETURN_S = 1.0  # [s] time constant of the return to the height
 AHEAD_S = 1.5  # [s] so much of the way ahead is added to the least height: nobody measures there
-SAME = 0.01  # [m/s] a velocity that differs by less is not asked for anew
+SAME_VELOCITY = 0.01  # [m/s] a velocity that differs by less is not asked for anew
 
 
 @dataclass(slots=True)
@@ -66,7 +66,7 @@ class Bottom:
     def rate(self) -> float:
         """[m/s] + falling away; 0 where it counts as flat."""
         unseen = self._at is not None and self._now - self._at > UNSEEN_S
-        flat = abs(self._rate) < LEVEL or (unseen and self._rate > 0.0)
+        flat = abs(self._rate) < FLAT or (unseen and self._rate > 0.0)
         return 0.0 if flat else self._rate
 
     def depth(self, t: float) -> float:
@@ -165,7 +165,7 @@ class HeightHold:
             error = height - self.wanted
             asked = rate + (error - _within(error, BAND)) / RETURN_S
         asked = _within(min(asked, self._most(height, bottom)), self.fastest)
-        if asked == 0.0 or stick != 0.0 or abs(asked - self._asked) >= SAME:
+        if asked == 0.0 or stick != 0.0 or abs(asked - self._asked) >= SAME_VELOCITY:
             self._asked = asked
         return self._asked
 

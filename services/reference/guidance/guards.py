@@ -16,8 +16,8 @@ PATIENCE_S = 0.8  # [s] a vehicle that creeps on in one direction is held where 
 WORTH = 0.02  # [-] of the furthest; a smaller move is not made
 AHEAD_S = 1.0  # [s] what counts is the tilt then, if it goes on as it does: speed is lost slowly
 SMOOTH_S = 0.5  # [s] in which it is seen how the tilt goes on
-FALL_S = 1.0  # [s] in which the share would fall by 1 at twice the limit …
-RISE_S = 10.0  # [s] … and rise by 1 at no tilt: slowly, so that it settles where the tilt does
+FALL_S = 1.0  # [s] in which the share would fall by 1 at twice the limit of the tilt
+RISE_S = 10.0  # [s] in which the share would rise by 1 at no tilt: slowly, so that it settles
 BLIND_S = 0.5  # [s] control goes on without feedback for so long before anybody is told
 
 

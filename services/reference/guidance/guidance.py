@@ -20,7 +20,7 @@ from messages.units import Ns
 from services.marine.attitude import north_offset
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.bottom import Bottom, HeightHold
-from services.reference.guidance.ground_motion import GroundMotion, ground_of
+from services.reference.guidance.ground_motion import GroundMotion, Home, ground_of
 from services.reference.guidance.guards import (
     EstimateWatch,
     ReferenceGovernor,
@@ -29,7 +29,6 @@ from services.reference.guidance.guards import (
     is_released,
     tilt_of,
 )
-from services.reference.guidance.home import Home
 from services.reference.guidance.manoeuvre import Manoeuvre
 from services.reference.guidance.modes import HELD_AXES, HeldAxes, safe
 from services.reference.settings import Settings

@@ -10,13 +10,12 @@ from services.marine.attitude import wrapped
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.ground_motion import Pair
 from services.reference.guidance.path_following import PathFollowing, PlannedPath
-from services.reference.settings import VelocityAxis
-from services.reference.trajectory.minimum_jerk import Ramp, Sample
-from services.reference.trajectory.position import pair
+from services.reference.trajectory.minimum_jerk import Sample
+from services.reference.trajectory.position import go
 
-AIMED = 0.01  # [rad] a path begins when the heading error is at most this …
-LEVEL = 1e-6  # [m] … and the depth reference is this close to the path's
-NEAR = 0.05  # [m] a goal this close counts as reached
+AIMED = 0.01  # [rad] a path begins when the heading error is at most this
+AT_DEPTH = 1e-6  # [m] and when the depth reference is this close to the path's depth
+AT_GOAL = 0.05  # [m] a goal this close counts as reached
 
 
 @dataclass(slots=True)
@@ -50,7 +49,7 @@ class Manoeuvre:
         if depth is not None:
             axes.go_to_depth(depth, t)
         if heading is not None:
-            _move_to(axes.yaw, s.yaw, heading, t)
+            go(axes.yaw, heading, s.yaw.limits, s.yaw.max_velocity, t)
         self.going = True
 
     def turn_to(self, heading: float, t: float) -> float:
@@ -90,7 +89,7 @@ class Manoeuvre:
             north, east = axes.place.now
             place, offset = (north.position, east.position), axes.place.offset
         if self.goal is not None and place is not None:
-            if dist(place, self.goal) < NEAR:
+            if dist(place, self.goal) < AT_GOAL:
                 self._forget()
                 return
             planned = self.planned = PlannedPath(Course(waypoints=(place, self.goal)))
@@ -170,17 +169,9 @@ class Manoeuvre:
     def _is_lined_up(self, planned: PlannedPath, offset: float, t: float) -> bool:
         """False if the reference governor moved the reference, or the drone rests elsewhere."""
         depth, heading = self.axes.heave.at(t).position, self.axes.yaw.at(t).position
-        if planned.has_depth and abs(planned.first_depth - depth) > LEVEL:
+        if planned.has_depth and abs(planned.first_depth - depth) > AT_DEPTH:
             return False
         return abs(planned.first_heading(heading, offset) - heading) <= AIMED
 
     def _forget(self) -> None:
         self.going, self.planned, self.following, self.goal = False, None, None, None
-
-
-def _move_to(ramp: Ramp, axis: VelocityAxis, end: float, t: float) -> None:
-    """Move an axis to a position, ending at rest."""
-    here = ramp.at(t)
-    distance = end - here.position
-    plan = pair(distance, axis.limits, axis.max_velocity, here.velocity, here.acceleration)
-    ramp.run(plan.segments, t)

@@ -14,10 +14,10 @@ from math import hypot
 from messages.pilot import Course
 from messages.state import VehicleState
 from services.marine.attitude import wrapped
+from services.marine.summation import plain_sum
 from services.reference.guidance.ground_motion import GroundMotion, Pair
 from services.reference.paths.path import Path, RoutePoint, point_on
-from services.reference.trajectory.emergency_stop import stop_motion
-from services.reference.trajectory.minimum_jerk import Limits, Sample
+from services.reference.trajectory.minimum_jerk import Limits, Sample, reader, solve
 from services.reference.trajectory.position import pair
 from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
 
@@ -82,14 +82,19 @@ class PathFollowing:
         self.clock.watch(max(errors), t)
 
     def stop(self, limits: Limits, t: float) -> "tuple[PathFollowing, float]":
-        """The same path with an emergency stop at `t`, and the time [s] of standstill."""
-        halt = stop_motion(self.along, t, limits)
+        """The same path with a stop along it from `t` on, and the time [s] of standstill."""
+        here = self.along(t)
+        halt = solve(here.velocity, here.acceleration, 0.0, limits)
+        at, end = reader(halt, 0.0), t + plain_sum(part.duration for part in halt)
+
+        def along(now: float) -> Sample:
+            moved, *rates = at(now - t)
+            return Sample(here.position + moved, *rates)
 
         def ends(now: float) -> bool:
-            return now >= halt.duration
+            return now >= end
 
-        stopped = replace(self, along=halt.at, ends=ends)
-        return stopped, halt.duration
+        return replace(self, along=along, ends=ends), end
 
 
 @dataclass(slots=True)
@@ -106,7 +111,7 @@ class PlannedPath:
         """
         c = self.course
         # C2 in yaw: the drone's yaw reference then has a continuous acceleration.
-        self.path = Path.through(c.waypoints, c.min_radius, c.kind, smooth_yaw=True)
+        self.path = Path.through(c.waypoints, c.min_radius, c.kind)
         if not (c.cruise > 0 and c.acceleration > 0 and c.jerk > 0):
             raise ValueError("cruise, acceleration and jerk must be above 0")
 

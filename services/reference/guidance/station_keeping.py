@@ -18,13 +18,12 @@ from copy import copy
 from dataclasses import dataclass, field
 from math import dist, hypot
 
-from services.marine.summation import plain_sum
-from services.reference.guidance.ground_motion import GroundMotion, Pair, turned
+from services.marine.attitude import turned
+from services.reference.guidance.ground_motion import GroundMotion, Pair
 from services.reference.trajectory.minimum_jerk import Limits, Sample
-from services.reference.trajectory.vector import VectorRamp, bounded_plan
+from services.reference.trajectory.vector import STILL, VectorRamp
 
-STILL = (0.0, 0.0)
-NOTHING = Sample(0.0, 0.0, 0.0, 0.0)
+AT_REST = Sample(0.0, 0.0, 0.0, 0.0)
 AHEAD_STEPS = 20  # to the end of a stop: 0.1 mm of the way, also where the drone turns meanwhile
 
 
@@ -42,9 +41,8 @@ class StationKeeping:
     _by_stick: tuple[Sample, Sample] = field(init=False)  # north, east at the newest step
 
     def __post_init__(self) -> None:
-        self._initial = VectorRamp(self.limits, STILL, STILL)
-        self._stick = VectorRamp(self.limits, STILL, STILL)
-        self._by_stick = NOTHING, NOTHING
+        self._initial, self._stick = VectorRamp(self.limits), VectorRamp(self.limits)
+        self._by_stick = AT_REST, AT_REST
 
     @property
     def now(self) -> tuple[Sample, Sample]:
@@ -60,12 +58,9 @@ class StationKeeping:
 
     def take(self, north: Sample, east: Sample, t: float) -> None:
         """Start from another generator's motion at `t` [s], and come to rest."""
-        v, a = (north.velocity, east.velocity), (north.acceleration, east.acceleration)
-        stages = tuple(bounded_plan(v, a, STILL, self.limits))
-        here = (north.position, east.position)
-        self._initial = VectorRamp(self.limits, here, STILL, t, stages)
-        self._stick = VectorRamp(self.limits, STILL, STILL, t)
-        self._moved, self._stepped, self._by_stick = STILL, t, (NOTHING, NOTHING)
+        self._initial.take(north, east, t)
+        self._stick.rest(t)
+        self._moved, self._stepped, self._by_stick = STILL, t, (AT_REST, AT_REST)
         self.held = True
 
     def step(self, heading: Sample, offset: float, t: float) -> None:
@@ -98,10 +93,7 @@ class StationKeeping:
 
     def settles(self) -> float:
         """[s] When the target velocity is reached."""
-        ramps = (self._initial, self._stick)
-        return max(
-            ramp.since + plain_sum(stage[0].duration for stage in ramp.stages) for ramp in ramps
-        )
+        return max(self._initial.settles(), self._stick.settles())
 
     def to_go(self, heading_at: Callable[[float], Sample]) -> float:
         """[m] Straight from the newest step to where the target velocity is reached, if the heading
@@ -124,7 +116,7 @@ class StationKeeping:
         _, by_v, by_a, by_j = self._by_stick[axis]
         return Sample(x + self._moved[axis], v + by_v, a + by_a, j + by_j)
 
-    def _in_north(self, stick: tuple[Sample, ...], heading: Sample) -> tuple[Sample, Sample]:
+    def _in_north(self, stick: tuple[Sample, Sample], heading: Sample) -> tuple[Sample, Sample]:
         """The stick's motion in NED, without its position."""
         (_, u, a, j), (_, v, b, k) = stick
         angle, r, bend = heading.position + self.offset, heading.velocity, heading.acceleration

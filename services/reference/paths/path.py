@@ -11,20 +11,26 @@ of (97) to (99) and (125) leave the end of a part without a value; here every pa
 """
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 from math import cos, isfinite, sin
 from typing import Literal, NamedTuple, Self
 
 from services.marine.attitude import wrapped
 from services.marine.summation import plain_sum
-from services.reference.paths.clothoid import TwinClothoids
-from services.reference.paths.outline import ROUNDING, Outline, TurnOf, approximating, interpolating
-from services.reference.paths.smooth_turn import SmoothTurn
-from services.reference.paths.turn import STRAIGHT, Turn
-from services.reference.paths.waypoints import Waypoint, checked, distance
+from services.reference.paths.outline import (
+    ROUNDING,
+    Outline,
+    TurnOf,
+    Waypoint,
+    approximating,
+    checked,
+    distance,
+    interpolating,
+)
+from services.reference.paths.turn import STRAIGHT, SmoothTurn, Turn
 from services.reference.trajectory.minimum_jerk import Sample
 
 Kind = Literal["approximating", "interpolating"]
@@ -46,7 +52,7 @@ class PathPoint(NamedTuple):
 class Part(NamedTuple):
     """One line or one turn."""
 
-    kind: Literal["line", "clothoids", "smooth turn"]
+    kind: str  # line, or the name of the turn's shape
     begin: float  # [m] along the path
     north: float  # [m] where it begins
     east: float  # [m]
@@ -89,8 +95,7 @@ class Path:
         waypoints: Sequence[Sequence[float]],
         min_radius: float,
         kind: Kind = "approximating",
-        *,
-        smooth_yaw: bool = False,
+        shape: Callable[[float, float], Turn] = SmoothTurn,
     ) -> Self:
         """The path given by way-points `[north, east]` or `[north, east, down]` [m].
 
@@ -99,16 +104,17 @@ class Path:
 
         Args:
             min_radius: [m] > 0, in the middle of every turn.
-            smooth_yaw: turns with a continuous curvature rate too (`smooth_turn.py`).
+            shape: of the turns, from their angle [rad] and their smallest radius [m].
 
         Raises:
             ValueError: an invalid way-point or radius, or a leg too short for its turns; names it,
                 with what was found and what is needed.
         """
         points = checked(waypoints)
-        turn_of: TurnOf = partial(
-            SmoothTurn if smooth_yaw else TwinClothoids, min_radius=min_radius
-        )
+
+        def turn_of(angle: float) -> Turn:
+            return shape(angle, min_radius)
+
         turn_of(1.0)  # refuses a bad radius even if there is no turn
         if kind not in ("approximating", "interpolating"):
             raise ValueError(f"kind: found {kind!r}, must be 'approximating' or 'interpolating'")
@@ -229,10 +235,9 @@ def _lay(outline: Outline, turn_of: TurnOf) -> tuple[list[Part], list[float]]:
             s += line
         bend = bends[i] if i < len(bends) else None
         if bend is not None:
-            name = "clothoids" if isinstance(bend, TwinClothoids) else "smooth turn"
             start = _from(b, heading, -cut[i + 1])
             side = 1.0 if turns[i] > 0 else -1.0
-            parts.append(Part(name, s, *start, heading, bend.length, bend, side))
+            parts.append(Part(bend.name, s, *start, heading, bend.length, bend, side))
         spans.append((s, s := s + bend.length if bend else s))
         heading += turns[i] if i < len(turns) else 0.0
     passes = [

@@ -6,7 +6,11 @@ Frame of a turn: it begins at the origin along +x and turns to the right, toward
 from dataclasses import dataclass
 from functools import cached_property
 from math import cos, isfinite, pi, sin, tan
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from services.marine.summation import plain_sum
 
 STRAIGHT = 1e-9  # [rad] a smaller corner is no turn; a corner this close to π is a reversal
 
@@ -31,6 +35,7 @@ class Turn:
 
     angle: float  # [rad] change of course
     min_radius: float  # [m] in the middle
+    name: ClassVar[str] = "turn"  # of the shape
 
     def __post_init__(self) -> None:
         if not (isfinite(self.min_radius) and self.min_radius > 0):
@@ -85,3 +90,37 @@ class Turn:
             back.curvature,
             -back.curvature_rate,
         )
+
+
+_nodes, _weights = np.polynomial.legendre.leggauss(20)  # 1e-15 of the length for turns up to π
+GAUSS = [(float(1 + x) / 2, float(w) / 2) for x, w in zip(_nodes, _weights, strict=True)]
+
+
+class SmoothTurn(Turn):
+    """A turn whose curvature rises along a smooth step instead of a linear ramp.
+
+    Along twin clothoids the curvature is continuous, but its rate jumps at the start, in the middle
+    and at the end, and with it the yaw acceleration κ' v² + κ a: the yaw reference of Fernandes et
+    al. 2015 is C1. Here κ(u) = (3u² − 2u³)/r over the first half, u = 0 … 1, mirrored in the
+    second, so the rate is 0 at those three points and the yaw reference is C2. Turn angle, length
+    and smallest radius are those of the twin clothoids; the largest curvature rate is 1.5 times
+    theirs, and the turn cuts its corner slightly less, so it fits wherever theirs does.
+    """
+
+    name = "smooth turn"
+
+    def first_half(self, s: float) -> TurnPoint:
+        """The position is a quadrature with 20 nodes."""
+        half = self.length / 2
+        u = s / half
+        courses = [(weight, self._course(u * node)) for node, weight in GAUSS]
+        return TurnPoint(
+            s * plain_sum(weight * cos(course) for weight, course in courses),
+            s * plain_sum(weight * sin(course) for weight, course in courses),
+            self._course(u),
+            u * u * (3 - 2 * u) / self.min_radius,
+            6 * u * (1 - u) / (half * self.min_radius),
+        )
+
+    def _course(self, u: float) -> float:
+        return self.angle * u**3 * (1 - u / 2)

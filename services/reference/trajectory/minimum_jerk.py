@@ -202,28 +202,25 @@ class Ramp:
     def aim(self, target: float, t: float) -> None:
         """From `t` [s] on, go to velocity `target`. No effect if that is the target already."""
         if target != self.target:
-            here = self.at(t)
-            self._begin(here, solve(*here[1:3], target, self.limits), target, t)
+            self.take(self.at(t), t, target)
 
     def brake(self, t: float, limits: Limits | None = None) -> None:
         """From `t` [s] on, come to rest; within other limits if given."""
-        here, limits = self.at(t), limits or self.limits
-        self._begin(here, solve(*here[1:3], 0.0, limits), 0.0, t)
-        self.in_force = limits
+        self.take(self.at(t), t, limits=limits)
 
     def run(self, segments: Sequence[Segment], t: float) -> None:
         """From `t` [s] on, follow these segments, then rest. They must begin with the velocity and
         acceleration of the reference at `t`."""
         self._begin(self.at(t), segments, 0.0, t)
 
-    def take(self, here: Sample, t: float) -> None:
-        """Continue from another generator's reference at `t` [s], and come to rest."""
-        self._begin(here, solve(*here[1:3], 0.0, self.limits), 0.0, t)
-
-    def limit(self, limits: Limits, t: float) -> None:
-        """From `t` [s] on, respect other limits."""
-        here, self.limits = self.at(t), limits
-        self._begin(here, solve(*here[1:3], self.target, limits), self.target, t)
+    def take(
+        self, here: Sample, t: float, target: float = 0.0, limits: Limits | None = None
+    ) -> None:
+        """Continue from another generator's reference at `t` [s], and go to velocity `target`;
+        within other limits if given."""
+        limits = limits or self.limits
+        self._begin(here, solve(*here[1:3], target, limits), target, t)
+        self.in_force = limits
 
     def shift(self, by: float) -> None:
         """Move the position reference; its velocity is unchanged."""

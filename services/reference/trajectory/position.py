@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from services.marine.summation import plain_sum
-from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along, solve
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, Segment, along, solve
 
 HALVINGS = 80  # enough to reach the last bit of a float
 
@@ -70,6 +70,13 @@ def pair(
     peaks = _peaks(distance, limits, v_max, velocity, acceleration, final)
     candidates = [over(peak) for peak in peaks]
     return min(candidates, key=lambda candidate: candidate.duration)
+
+
+def go(ramp: Ramp, end: float, limits: Limits, fastest: float, t: float) -> None:
+    """From `t` [s] on, move a ramp to the position `end`, where it rests."""
+    here = ramp.at(t)
+    plan = pair(end - here.position, limits, fastest, here.velocity, here.acceleration)
+    ramp.run(plan.segments, t)
 
 
 def travelled(segments: tuple[Segment, ...] | list[Segment]) -> float:

@@ -16,25 +16,10 @@ from services.runtime.config.settings import (
     read_text,
     read_toml,
 )
-from services.tether import delay, loss
+from services.tether import delay
 from services.tether.profile import LinkProfile, Named
 
-KINDS: dict[str, dict[str, Any]] = {
-    "delay": {
-        "constant": delay.Constant,
-        "uniform": delay.UniformDelay,
-        "normal": delay.Normal,
-        "exponential": delay.Exponential,
-        "pareto": delay.Pareto,
-        "table": delay.Table,
-        "trace": delay.Trace,
-    },
-    "loss": {
-        "independent": loss.Independent,
-        "gilbert_elliott": loss.GilbertElliott,
-        "bursts": loss.Bursts,
-    },
-}
+KINDS = {"pareto": delay.Pareto, "table": delay.Table, "trace": delay.Trace}  # of a delay
 Tree = dict[str, Any]
 
 
@@ -97,23 +82,22 @@ def _checked(tree: Tree, path: Path | None, folder: Path | None = None) -> LinkP
         leg = tree.get(side)
         if not isinstance(leg, dict):
             continue
-        for field, kinds in KINDS.items():
-            table: Any = cast(Tree, leg).get(field)
-            if isinstance(table, dict):
-                _check_kind(cast(Tree, table), kinds, f"{side}.{field}", path)
+        spread = cast(Tree, leg).get("delay")
+        if isinstance(spread, dict):
+            _check_kind(cast(Tree, spread), f"{side}.delay", path)
         _read_trace(cast(Tree, leg), folder or (path or Path()).parent)
     return convert(tree, LinkProfile, "", path)
 
 
-def _check_kind(table: Tree, kinds: dict[str, Any], where: str, path: Path | None) -> None:
-    """Check the table of one kind alone, so that an error can name the nearest kind or key."""
+def _check_kind(table: Tree, where: str, path: Path | None) -> None:
+    """Check a delay alone, so that an error can name the nearest kind or key."""
     kind = table.get("kind")
-    if not isinstance(kind, str) or kind not in kinds:
+    if not isinstance(kind, str) or kind not in KINDS:
         before = f"{path}: " if path else ""
         raise LindyError(
-            f"{before}{where}.kind: unknown kind {kind!r}{nearest(str(kind), list(kinds))}"
+            f"{before}{where}.kind: unknown kind {kind!r}{nearest(str(kind), list(KINDS))}"
         )
-    convert(table, kinds[kind], where, path)
+    convert(table, KINDS[kind], where, path)
 
 
 def _read_trace(leg: Tree, folder: Path) -> None:

@@ -12,9 +12,9 @@ from messages.events import Outbox
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
-from services.control.axis.axis import RollPitchGains
-from services.control.axis.axis_law import Gains
+from services.control.axis.axis import Gains
 from services.control.core import Controller, Settings
+from services.control.settings import RollPitchGains
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from tests.support.told import told
@@ -301,13 +301,6 @@ def test_gains_of_an_axis_that_no_thruster_drives_are_refused(axis: str) -> None
     settings = msgspec.structs.replace(Settings(), **{axis: RollPitchGains(kp=1.0)})
     with pytest.raises(ValueError, match=rf"control.{axis}: kp = 1 and kd = 0, but the thrusters"):
         Controller(settings, PIONEER, Outbox())
-
-
-def test_pulses_of_the_heading_need_a_damping_that_says_what_they_do() -> None:
-    slippery = msgspec.structs.replace(PIONEER, linear_damping=(1.8, 3.2, 0.4, 0.9, 0.9, 0.0))
-    with pytest.raises(ValueError, match=r"control\.heading_pulse is 0\.003.*allowed is 0"):
-        Controller(Settings(heading_pulse=0.003), slippery, Outbox())
-    Controller(Settings(), slippery, Outbox())
 
 
 def test_a_demand_that_cannot_be_met_is_told_once() -> None:

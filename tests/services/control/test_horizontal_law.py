@@ -12,7 +12,7 @@ from messages.events import Outbox
 from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
-from services.control.axis.axis_law import Gains
+from services.control.axis.axis import Gains
 from services.control.core import Controller
 from services.control.horizontal_plane import to_body, turning_force
 from services.control.settings import Settings

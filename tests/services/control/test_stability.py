@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import Plant, lags_of, plant_of
 from services.control.core import PERIOD_S
 from services.control.settings import Settings
@@ -36,7 +36,7 @@ def gains(kp: float, kd: float, ki: float = 0.0, observer: float = 0.0) -> Gains
 class Sea:
     """The law flown on the exact plant, with a step of delay and a low-pass of the rate."""
 
-    law: AxisLaw
+    law: Axis
     rate_lag: float = 0.0  # [s]
 
     def growth(self, seconds: float) -> float:
@@ -69,7 +69,7 @@ def test_the_eigenvalue_says_whether_the_flown_loop_grows(
     tried = gains(kp, kd, observer=learns / 10) if observer else gains(kp, kd, learns)
     radius = SampledLoop(PLANT, LAG, DT, rate_lag).radius(tried, tried)
     assume(abs(radius - 1) > 5e-3)
-    growth = Sea(AxisLaw(tried, PLANT, LAG, DT), rate_lag).growth(10.0)
+    growth = Sea(Axis(tried, PLANT, LAG, DT), rate_lag).growth(10.0)
     assert (growth > 1) == (radius > 1)
 
 

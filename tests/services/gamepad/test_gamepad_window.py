@@ -15,7 +15,6 @@ from services.gamepad.io.numbers import HasWindow, Numbers, pause_ns
 from services.gamepad.service import Connected
 from services.piloting.pilot import Pilot, Progress
 from services.piloting.sticks import StickReading
-from services.runtime.config.errors import LindyError
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.vehicle_view.head_up import head_up
 from services.vehicle_view.view import VehicleView
@@ -25,7 +24,7 @@ sdl.load()
 import pygame  # noqa: E402
 
 from services.gamepad.io.keyboard import HELP, Keyboard  # noqa: E402
-from services.gamepad.io.pad import Pad, PadWithWindow  # noqa: E402
+from services.gamepad.io.pad import Pad  # noqa: E402
 from services.gamepad.io.window import SIZE, PilotWindow  # noqa: E402
 
 S = 1_000_000_000  # [ns]
@@ -122,21 +121,9 @@ def test_no_text_from_the_bus_ends_the_drawing(surface: pygame.Surface, text: st
 
 
 @pytest.mark.usefixtures("surface")
-def test_the_keyboard_has_a_window_and_a_pad_has_one_if_it_is_wanted():
+def test_the_keyboard_has_a_window_and_a_pad_has_none():
     keyboard = Keyboard(StickGain(), Outbox())
     assert isinstance(keyboard, HasWindow)
     keyboard.show(head_up(VehicleView(armed=True)))
     keyboard.close()
-    pad = PadWithWindow(PadProfile(), Outbox())
-    assert isinstance(pad, HasWindow)
-    pad.show(head_up(VehicleView(armed=True)))
-    assert not pad.read(0, None).present
-    pad.close()
     assert not isinstance(Pad(PadProfile(), Outbox()), HasWindow)
-
-
-def test_a_pads_window_without_a_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
-        monkeypatch.delenv(name, raising=False)
-    with pytest.raises(LindyError, match=r"no display; leave gamepad\.window out"):
-        PadWithWindow(PadProfile(), Outbox())

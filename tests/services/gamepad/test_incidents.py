@@ -11,10 +11,9 @@ from messages.events import Outbox
 from messages.link import LinkAnswer, LinkRequest
 from messages.pilot import Course
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
-from services.gamepad.incidents import in_words
 from services.gamepad.service import CausedIncidents
-from services.gamepad.stick_log import parse
-from services.gamepad.stick_log_player import Player
+from services.gamepad.stick_log import Player, parse
+from services.gamepad.stick_log_events import in_words
 from services.piloting.sticks import CENTRED, Incident, StickReading
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from messages.events import Outbox
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
-from services.gamepad.stick_log import StickLog, StickLogRow, parse
-from services.gamepad.stick_log_player import QUIET_NS, Player
+from services.gamepad.stick_log import QUIET_NS, Player, StickLog, StickLogRow, parse
 from services.piloting.pilot_intents import OutputIntent
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError

@@ -12,8 +12,7 @@ from messages.events import Outbox
 from messages.pilot import Course, FlightMode
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import read_script
-from services.gamepad.stick_log import parse
-from services.gamepad.stick_log_player import Player
+from services.gamepad.stick_log import Player, parse
 from services.piloting.pilot_intents import FollowIntent, GotoIntent, ModeIntent, PlaceIntent
 from services.piloting.sticks import CENTRED
 from services.runtime.config.errors import LindyError

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.link import LatencyBudget, Stage
-from services.piloting.stick_phase import AIM_MS, SETTLED, WORTHWHILE_MS, StickPhase
+from services.piloting.sticks import AIM_MS, SETTLED, WORTHWHILE_MS, StickPhase
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost

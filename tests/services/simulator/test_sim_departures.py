@@ -114,7 +114,6 @@ def test_known_errors_of_the_sensors_are_added_to_the_truth() -> None:
         ("waves={height=0.3, period=3.0, lines=0}", "lines"),
         ("waves={height=0.3, period=3.0, peak=0.5}", "peak"),
         ("vibration.blades=0", "vibration.blades"),
-        ("stamp_jitter=-0.1", "stamp_jitter"),
         ("gyro_drift_time=0", "gyro_drift_time"),
         ("warm_up=100", "warm_up"),
         ("waves={height=-1.0, period=3.0}", "height"),

@@ -15,9 +15,8 @@ from services.marine.attitude import from_euler, to_body, to_world
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
-from services.simulator.current import HELD, Current
 from services.simulator.settings import CurrentSettings, Settings, TetherSettings, Walls
-from services.simulator.surroundings import Tether, sea_floor
+from services.simulator.surroundings import HELD, Current, Tether, sea_floor
 from services.simulator.vessel import STEP, Vessel
 from tests.support.textbook_vessel import kinetic_energy
 

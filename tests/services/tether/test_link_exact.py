@@ -13,10 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import events
-from services.tether.codel import CoDel
-from services.tether.delay import Constant
+from services.tether.delay import Table
 from services.tether.link_model import LinkDirection
-from services.tether.loss import Independent, Outage, Outages
+from services.tether.loss import Loss, Outage, Outages
 from services.tether.profile import DirectionProfile, Late, Queue
 
 US, MS, S = 1_000, 1_000_000, 1_000_000_000  # [ns]
@@ -25,13 +24,17 @@ ranks = st.integers(0, 3)
 seconds = st.integers(0, 40).map(lambda tenths: tenths / 10)
 
 
+def constant(ms: float) -> Table:
+    return Table((ms, ms))
+
+
 @st.composite
 def plain(draw: st.DrawFn) -> DirectionProfile:
     """Delay, rate and overhead; nothing else happens to a packet."""
     rate = draw(st.sampled_from([0.0, 0.5, 1.0, 30.0, 800.0, 12_345.0]))
     return DirectionProfile(
         delay_ms=float(draw(st.integers(0, 40))),
-        delay=Constant(float(draw(st.integers(0, 40)))),
+        delay=constant(float(draw(st.integers(0, 40)))),
         rate_kbit=rate,
         overhead_bytes=draw(st.integers(0, 60)),
         queue=ENDLESS if rate else None,
@@ -77,8 +80,8 @@ def expected(
             here = then
             if at < changed and not then.rate_kbit:
                 free = end = changed  # what waits is sent at once
-        assert isinstance(here.delay, Constant)
-        last = max(last, end + round((here.delay_ms + here.delay.ms) * MS))
+        assert isinstance(here.delay, Table)
+        last = max(last, end + round((here.delay_ms + here.delay.ms[0]) * MS))
         found.append((start, end, last))
     return found
 
@@ -280,7 +283,7 @@ def test_lost_in_an_outage_is_who_is_on_the_way_in_it(
 
 
 @given(
-    st.sampled_from(["drop_tail", "drop_oldest", "codel"]),
+    st.sampled_from(["drop_tail", "drop_oldest"]),
     st.integers(1, 3000),
     st.sampled_from([0.0, 0.3, 1.0]),
     entries,
@@ -288,15 +291,15 @@ def test_lost_in_an_outage_is_who_is_on_the_way_in_it(
 def test_the_losses_in_the_queue_are_those_of_overload_and_are_told_apart_from_the_rest(
     policy: str, limit: int, share: float, steps: list[tuple[int, int]]
 ) -> None:
-    queue = Queue(limit, policy, CoDel(1.0, 5.0))  # type: ignore[arg-type]
-    line = line_of(DirectionProfile(rate_kbit=300.0, loss=Independent(share), queue=queue))
+    queue = Queue(limit, policy)  # type: ignore[arg-type]
+    line = line_of(DirectionProfile(rate_kbit=300.0, loss=Loss(loss_good=share), queue=queue))
     for item, (at, size) in enumerate(entered(DirectionProfile(), steps)):
         line.enter(item, at, size)
     arrived = len(out_of(line))
     overload = Counter(reason.name for _, reason in line.take_lost())
     chance = overload.pop("loss", 0)
     assert overload.total() == len(steps) - arrived - chance
-    assert set(overload) <= ({"queue_full", "codel"} if policy == "codel" else {"queue_full"})
+    assert set(overload) <= {"queue_full"}
     assert chance == (line.lost["loss"] if share else 0)
 
 

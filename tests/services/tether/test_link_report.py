@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from services.tether.delay import Trace
 from services.tether.link_model import LinkDirection
-from services.tether.loss import Independent, Outage, Outages
+from services.tether.loss import Loss, Outage, Outages
 from services.tether.profile import DirectionProfile
 
 MS, SECOND = 1_000_000, 1_000_000_000
@@ -58,7 +58,7 @@ def test_the_loss_of_a_period_is_the_share_of_what_was_settled_in_it(
     share: float, periods: int
 ) -> None:
     line, lost, before = (
-        LinkDirection[int](DirectionProfile(loss=Independent(share)), np.random.default_rng(3)),
+        LinkDirection[int](DirectionProfile(loss=Loss(loss_good=share)), np.random.default_rng(3)),
         0,
         0,
     )

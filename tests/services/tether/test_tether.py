@@ -16,7 +16,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.tether.damage import damaged
+from services.tether.service import damaged
 
 MS = 1_000_000
 GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)

@@ -17,7 +17,8 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.units import Vec3
-from services.marine.attitude import from_euler, normalised, to_world
+from services.marine.attitude import from_euler, normalised, to_body, to_world
+from services.marine.calibration import SensorCalibration
 from services.marine.mounting import ALONG, ImuMount, Mount, Mounting, Placed, Rotation, Turned
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
@@ -54,6 +55,23 @@ def test_to_the_sensors_axes_and_back_is_nothing(angles: Vec3, vector: Vec3) -> 
     axes = MountedAxes(Turned(rotation=rotation(angles)))
     assert axes.to_body(axes.to_sensor(vector)) == pytest.approx(vector, abs=1e-12)
     assert axes.to_body(vector) == pytest.approx(to_world(from_euler(*angles), vector), abs=1e-9)
+
+
+@given(ANGLES, st.floats(-pi, pi), ANGLES)
+def test_with_a_declination_the_field_is_as_if_it_pointed_to_true_north(
+    attitude: Vec3, declination: float, mount: Vec3
+) -> None:
+    """However the drone lies, whatever heading it takes for its own, and with a turned compass."""
+    q_NB, across, down = from_euler(*attitude), 15e-6, 49e-6  # [T]
+    turned = Turned(rotation=rotation(mount))
+    calibration = SensorCalibration(declination=declination)
+    origin = AtOrigin(Mounting(magnetometer=turned), DENSITY, calibration)
+    assert origin.needs_motion == (declination != 0.0)
+    origin.moved(Moment(S, (0.0, 0.0, 0.0), q_NB))
+    there = (across * cos(declination), across * sin(declination), down)
+    seen = MountedAxes(turned).to_sensor(to_body(q_NB, there))
+    found = origin.magnetometer(MagnetometerSample(stamp_ns=S, field=seen)).field
+    assert found == pytest.approx(to_body(q_NB, (across, 0.0, down)), abs=1e-10)
 
 
 @given(ANGLES, ARMS, VECTORS, VECTORS)

@@ -99,17 +99,17 @@ def health(service: str, seq: int, counts: dict[str, int]) -> Health:
     *(st.integers(0, 100) for _ in range(5)),
 )
 def test_the_parts_are_the_whole_whatever_was_counted(
-    arrived: list[bool], loss: int, thinned: int, codel: int, malformed: int, unwritten: int
+    arrived: list[bool], loss: int, thinned: int, full: int, malformed: int, unwritten: int
 ) -> None:
     numbering = numbered(["here" if here else "lost" for here in arrived] + ["here"])
     reports = LinkReports()
-    counts = {f"loss:{KEY}": loss, f"thinned:{KEY}": thinned, f"codel:{KEY}": codel}
+    counts = {f"loss:{KEY}": loss, f"thinned:{KEY}": thinned, f"queue_full:{KEY}": full}
     reports.add(health("tether", 0, counts), 10**6)
     counted = Counter({f"malformed:{KEY}": malformed, "not_recorded": unwritten})
     account = account_for({KEY: numbering}, reports, counted, "drone")[KEY]
     lost = (account.link, account.thinned, account.queue, account.refused, account.recorder)
     assert account.sent == account.recorded + sum(lost) + account.unreported + account.missing
-    most = (loss, thinned, codel, malformed, unwritten)
+    most = (loss, thinned, full, malformed, unwritten)
     assert all(0 <= part <= limit for part, limit in zip(lost, most, strict=True))
     if sum(most) >= numbering.missing:
         assert account.missing == 0

@@ -109,7 +109,10 @@ def test_what_happens_to_each_service_by_itself_is_added_up():
 @pytest.fixture(scope="module")
 def severe(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("severe")
-    assert main(["simulate", "--link", "severe", "--seconds", "12", "--out", str(out)]) == 0
+    assert (
+        main(["simulate", "--link", "severe", "--seed", "1", "--seconds", "12", "--out", str(out)])
+        == 0
+    )
     return out
 
 

@@ -20,7 +20,6 @@ from services.control.allocation.allocation import (
 )
 from services.control.allocation.layout import AXES
 from services.marine.vehicle import Vehicle, driven, total_wrench, wrench_per_newton
-from services.runtime.config.stack import Stack
 
 many = settings(max_examples=150, deadline=None)
 force, moment = st.floats(-200.0, 200.0), st.floats(-40.0, 40.0)
@@ -274,21 +273,3 @@ def test_forgetting_is_a_fresh_start(pioneer: Vehicle) -> None:
     assert allocation.allocate(between).thrust[3] == 0.8
     allocation.forget()
     assert allocation.allocate(between).thrust[3] == 0.0
-
-
-def test_the_smallest_pushes_of_yaw_are_those_of_one_thruster_at_the_edge(pioneer: Vehicle) -> None:
-    allocation = Allocation(pioneer)
-    pushes = allocation.smallest("yaw")
-    assert [round(push[0], 9) for push in pushes] == [0.8, -0.8]  # port ahead, starboard astern
-    for index, push in enumerate(pushes):
-        for sign in (1.0, -1.0):
-            wanted = cast(Vec6, tuple(sign * part for part in push))
-            done = allocation.allocate(wanted)
-            assert done.achieved == pytest.approx(wanted)
-            assert done.thrust[index] != 0.0
-            assert sum(thrust != 0.0 for thrust in done.thrust) == 1
-            allocation.forget()
-
-
-def test_without_dead_bands_there_is_no_smallest_push() -> None:
-    assert Allocation(Stack(vehicle="minerva").section("vehicle", Vehicle)).smallest("yaw") == ()

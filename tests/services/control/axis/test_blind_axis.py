@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from messages.message import Estimate
 from messages.reference import Motion
-from services.control.axis.axis import BumplessTransfer, PilotedAxis
-from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import DOUBTED, LastingValue, Plant
 
 DT = 0.01  # [s]
@@ -29,11 +28,13 @@ class Bath:
     def __init__(self, force: float, *, own: bool = True, observer: float = 4.0) -> None:
         gains = msgspec.structs.replace(GAINS, observer=observer)
         self.counts: Counter[str] = Counter()
-        self.axis = PilotedAxis(
-            "depth",
-            AxisLaw(gains, PLANT, period=DT),
-            BumplessTransfer(FADE),
-            lambda event: self.counts.update([event.name]),
+        self.axis = Axis(
+            gains,
+            PLANT,
+            period=DT,
+            name="depth",
+            count=lambda event: self.counts.update([event.name]),
+            fade=FADE,
             own=own,
         )
         self.force, self.x, self.v, self.u = force, 0.0, 0.0, 0.0
@@ -110,7 +111,7 @@ def test_an_integral_falls_back_as_an_observer_does() -> None:
     bath.run(40.0)
     bath.lie = 0.1
     bath.run(4.0)
-    assert abs(bath.axis.law.integral - 3.0) > 0.3
+    assert abs(bath.axis.integral - 3.0) > 0.3
     assert bath.run(1.0, position=False, rate=False)[-1] == pytest.approx(3.0, abs=0.2)
 
 

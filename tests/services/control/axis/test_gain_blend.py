@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.control.axis.axis_law import FeedbackGains, GainBlend, StaticGains
+from services.control.axis.axis import FeedbackGains, GainBlend, StaticGains
 
 MOVING = FeedbackGains(50.0, 40.0, 0.0)
 RESTING = StaticGains(kp=20.0, kd=90.0, zone=0.02, leave=0.1, blend=0.5)

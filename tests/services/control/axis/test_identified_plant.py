@@ -7,7 +7,7 @@ from math import exp, sin, tau
 import pytest
 
 from messages.reference import Motion
-from services.control.axis.axis_law import AxisLaw, Gains
+from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import Plant
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 
@@ -39,7 +39,7 @@ def flown(
     motions: list[Motion], *, observer: float = 0.0, sampled: bool = True, disturbed: bool = True
 ) -> Figures:
     gains = Gains(kp=KP, kd=KD, ki=0.0, max_error=100.0, max_integral=100.0, observer=observer)
-    law = AxisLaw(gains, Plant(MASS, DAMPING), period=DT if sampled else 1e-9)
+    law = Axis(gains, Plant(MASS, DAMPING), period=DT if sampled else 1e-9)
     left = exp(-DAMPING * DT / MASS)
     x = v = position = 0.0
     forces: list[float] = []

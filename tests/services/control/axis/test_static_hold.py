@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.reference import Motion
-from services.control.axis.axis_law import AxisLaw, FeedbackGains, GainBlend, Gains, StaticGains
+from services.control.axis.axis import Axis, FeedbackGains, GainBlend, Gains, StaticGains
 from services.control.axis.plant import ActuatorModel, Plant
 from services.control.core import Settings
 from services.runtime.config.stack import Stack
@@ -28,7 +28,7 @@ class Yaw:
     def __init__(self, gains: Gains, disturbance: float, seed: int) -> None:
         rng = np.random.default_rng(seed)
         noise = (rng.normal(size=(12_000, 2)) * (3e-4, 1.2e-3)).tolist()  # [rad], [rad/s]
-        law, produced = AxisLaw(gains, PLANT, LAG, DT), ActuatorModel((LAG,) * 6)
+        law, produced = Axis(gains, PLANT, LAG, DT), ActuatorModel((LAG,) * 6)
         x, v, f = radians(1.0), 0.0, 0.0
         self._asked, self.angles, self.starts = 0.0, list[float](), 0
         for k, (off, off_rate) in enumerate(noise):
@@ -86,7 +86,7 @@ def test_a_switch_of_gains_is_not_felt_at_the_switch(
     gains = Gains(
         kp=8.0, kd=3.0, ki=1.0, max_error=0.6, max_integral=1.0, static=STATIC, observer=observer
     )
-    still, moving = AxisLaw(gains, PLANT), AxisLaw(gains, PLANT)
+    still, moving = Axis(gains, PLANT), Axis(gains, PLANT)
     for law in (still, moving):
         for _ in range(before):
             law.learn(v, 0.1, DT)
@@ -119,7 +119,7 @@ def test_the_gains_arrive_after_the_stated_time() -> None:
 def test_the_integral_takes_over_what_the_gains_give_up() -> None:
     """Coming to rest against a steady push, the effort stays as it was."""
     gains = Gains(kp=8.0, kd=3.0, ki=0.0, max_error=0.6, max_integral=1.0, static=STATIC)
-    law = AxisLaw(gains, PLANT)
+    law = Axis(gains, PLANT)
     for _ in range(100):
         law.step(Motion(0.0, 1e-3, 0.0, 0.0), -0.05, 0.0, DT)
     before = law.step(HELD, -0.05, 0.0, DT).total

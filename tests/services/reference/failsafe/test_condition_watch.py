@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from messages.health import LATE_MS, Health
 from messages.pilot import PilotCommand, PilotRequest
 from services.reference.failsafe.watch import HEALTH_PATIENCE_NS, RECENT_NS, ConditionWatch
-from services.reference.guidance.refusals import refusal
+from services.reference.guidance.requests import refusal
 from services.reference.settings import FailsafeSettings
 
 S = 1_000_000_000  # [ns]

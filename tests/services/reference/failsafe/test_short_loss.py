@@ -12,8 +12,7 @@ from messages.sensors import LeakSample
 from services.reference.failsafe.machine import FailsafeMachine, Holding
 from services.reference.failsafe.table import SHORT_NS, table
 from services.reference.failsafe.watch import WatchedMessages
-from services.reference.guidance.axes import centred
-from services.reference.guidance.centring import CENTRED_NS, CentredSticks
+from services.reference.guidance.axes import CENTRED_NS, CentredSticks, centred
 from services.reference.settings import FailsafeSettings
 from tests.services.reference.failsafe.test_failsafe_motion import DT, Flight
 from tests.support.told import told

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from messages.message import Estimate
 from messages.state import VehicleState
 from services.marine.attitude import whole_turns
-from services.reference.guidance.ground_motion import ground_of
-from services.reference.guidance.home import MOST_GAP_S, Home, HomePlace
+from services.reference.guidance.ground_motion import MOST_GAP_S, Home, HomePlace, ground_of
 
 metres = st.floats(-1000.0, 1000.0)
 places = st.tuples(metres, metres)

@@ -17,10 +17,9 @@ from messages.pilot import Course, FlightMode, PilotAnswer, PilotCommand, PilotR
 from messages.reference import Motion, Reference
 from messages.sensors import DvlSample
 from messages.state import VehicleState
-from services.marine.attitude import wrapped
+from services.marine.attitude import turned, wrapped
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
-from services.reference.guidance.ground_motion import turned
 from services.reference.guidance.guidance import PLACE_PATIENCE_S
 from services.reference.guidance.modes import HELD_AXES
 from services.reference.settings import StickForce

@@ -6,7 +6,8 @@ from math import cos, dist, hypot, pi, sin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.guidance.ground_motion import GroundMotion, turned
+from services.marine.attitude import turned
+from services.reference.guidance.ground_motion import GroundMotion
 from services.reference.guidance.station_keeping import StationKeeping
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
 

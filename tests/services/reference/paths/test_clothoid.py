@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.paths.clothoid import TwinClothoids, fresnel
-from services.reference.paths.smooth_turn import SmoothTurn
-from services.reference.paths.turn import Turn
+from services.reference.paths.turn import SmoothTurn, Turn
+from tools.generators.clothoid import TwinClothoids, fresnel
 
 SHAPES = pytest.mark.parametrize("shape", [TwinClothoids, SmoothTurn])
 ANGLES = st.floats(1e-8, pi)

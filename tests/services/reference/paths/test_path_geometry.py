@@ -1,5 +1,6 @@
 """Paths: what holds for every polyline with room, the paper's path, and what is refused."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import atan2, cos, hypot, inf, nan, pi, sin
 from typing import Any
@@ -10,9 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.marine.attitude import wrapped
-from services.reference.paths.clothoid import TwinClothoids
 from services.reference.paths.path import Kind, Path, PathPoint
+from services.reference.paths.turn import SmoothTurn
+from tools.generators.clothoid import TwinClothoids
 from tools.generators.route import furthest
+
+
+def through(
+    points: Sequence[Sequence[float]],
+    radius: float,
+    kind: Kind = "approximating",
+    *,
+    smooth: bool = False,
+) -> Path:
+    return Path.through(points, radius, kind, SmoothTurn if smooth else TwinClothoids)
+
 
 PAPER = [[0.0, 0.0], [60.0, 0.0], [0.0, 90.0], [60.0, 90.0]]
 KINDS: st.SearchStrategy[Kind] = st.sampled_from(["approximating", "interpolating"])
@@ -38,7 +51,7 @@ def polylines(draw: st.DrawFn) -> Points:
 def paths(draw: st.DrawFn) -> tuple[Points, Path]:
     points = draw(polylines())
     radius = draw(st.floats(0.5, 4.0))
-    return points, Path.through(points, radius, draw(KINDS), smooth_yaw=draw(st.booleans()))
+    return points, through(points, radius, draw(KINDS), smooth=draw(st.booleans()))
 
 
 @settings(max_examples=80, deadline=None)
@@ -104,7 +117,7 @@ def test_the_curvature_never_exceeds_the_limit(case: tuple[Points, Path], fracti
 def test_every_turn_reaches_the_smallest_radius_and_no_less(
     points: Points, radius: float, kind: Kind, smooth: bool
 ) -> None:
-    path = Path.through(points, radius, kind, smooth_yaw=smooth)
+    path = through(points, radius, kind, smooth=smooth)
     sharpest = [
         abs(part.at(part.length / 2).curvature) for part in path.parts if part.kind != "line"
     ]
@@ -125,7 +138,7 @@ def test_a_path_begins_and_ends_on_its_way_points(case: tuple[Points, Path]) -> 
 def test_an_interpolating_path_visits_every_way_point(
     points: Points, radius: float, smooth: bool
 ) -> None:
-    path = Path.through(points, radius, "interpolating", smooth_yaw=smooth)
+    path = through(points, radius, "interpolating", smooth=smooth)
     assert len(path.passes) == len(points)
     for point, s in zip(points, path.passes, strict=True):
         assert path.at(s)[:3] == pytest.approx(tuple(point), abs=1e-9)
@@ -138,7 +151,7 @@ def test_an_interpolating_path_visits_every_way_point(
 def test_depth_is_level_at_every_way_point_and_never_overshoots(
     points: Points, radius: float, kind: Kind, smooth: bool
 ) -> None:
-    path = Path.through(points, radius, kind, smooth_yaw=smooth)
+    path = through(points, radius, kind, smooth=smooth)
     for (a, b), (from_s, to_s) in zip(pairwise(points), pairwise(path.passes), strict=True):
         for s, point in ((from_s, a), (to_s, b)):
             assert path.at(s).down == pytest.approx(point[2], abs=1e-9)
@@ -175,9 +188,9 @@ def test_a_moved_turned_or_mirrored_polyline_gives_the_moved_turned_or_mirrored_
             -moved + n * sin(turned) + e * cos(turned),
         )
 
-    path = Path.through(points, 3.0, kind, smooth_yaw=smooth)
+    path = through(points, 3.0, kind, smooth=smooth)
     images = [[*image(n, e), d] for n, e, d in points]
-    other = Path.through(images, 3.0, kind, smooth_yaw=smooth)
+    other = through(images, 3.0, kind, smooth=smooth)
     a, b = path.at(fraction * path.length), other.at(fraction * other.length)
     assert path.length == pytest.approx(other.length, abs=1e-7)
     assert (b.north, b.east) == pytest.approx(image(a.north, a.east), abs=1e-6)
@@ -204,7 +217,7 @@ def test_a_wrapped_angle_is_the_same_direction(angle: float) -> None:
 
 
 def test_the_papers_path_has_the_papers_lengths() -> None:
-    path = Path.through(PAPER, 10.0)
+    path = through(PAPER, 10.0)
     lengths = [27.4456738787, 43.1759786068, 43.0578860213, 43.1759786068, 27.4456738787]
     assert [part.length for part in path.parts] == pytest.approx(lengths, abs=1e-9)
     assert path.length == pytest.approx(184.3011909924, abs=1e-9)
@@ -229,7 +242,7 @@ def test_the_papers_path_has_the_papers_lengths() -> None:
 def test_the_papers_path_runs_where_it_should(
     s: float, north: float, east: float, course: float, curvature: float
 ) -> None:
-    here = Path.through(PAPER, 10.0).at(s)
+    here = through(PAPER, 10.0).at(s)
     expected = (north, east, course, curvature)
     assert (here.north, here.east, here.course, here.curvature) == pytest.approx(expected, abs=1e-9)
 
@@ -238,7 +251,7 @@ def test_a_lane_change_is_two_even_pairs_and_its_lanes_are_flown_exactly() -> No
     """10 m aside at 10 m radius: the shortest has no line in the middle."""
     forward = 26.25433367959574 + 1e-7
     points = [[0.0, 0.0], [20.0, 0.0], [20.0 + forward, 10.0], [70.0, 10.0]]
-    path = Path.through(points, 10.0, "interpolating")
+    path = through(points, 10.0, "interpolating")
     first, change_out, *middle, change_back, last = path.parts
     assert (first.kind, first.length) == ("line", 20.0)
     assert change_out.length == pytest.approx(29.11392340373238 / 2, abs=1e-4)
@@ -252,7 +265,7 @@ def test_a_lane_change_is_two_even_pairs_and_its_lanes_are_flown_exactly() -> No
 
 def test_a_lane_change_without_room_is_passed_on_the_bisecting_courses() -> None:
     points = [[0.0, 0.0], [40.0, 0.0], [60.0, 10.0], [95.0, 10.0]]
-    path = Path.through(points, 10.0, "interpolating")
+    path = through(points, 10.0, "interpolating")
     bisecting = path.at(path.passes[1]).course
     assert bisecting == pytest.approx(path.at(path.passes[2]).course)
     assert 2 * bisecting == pytest.approx(atan2(10, 20))
@@ -261,7 +274,7 @@ def test_a_lane_change_without_room_is_passed_on_the_bisecting_courses() -> None
 def test_a_straight_line_has_no_turns() -> None:
     for points in ([[0, 0], [3, 4]], [[0, 0], [3, 4], [6, 8]], [[0, 0], [3, 4], [6 + 1e-11, 8]]):
         for kind in ("approximating", "interpolating"):
-            path = Path.through(points, 5.0, kind)
+            path = through(points, 5.0, kind)
             assert {part.kind for part in path.parts} == {"line"}
             assert path.max_curvature == 0.0
             assert path.length == pytest.approx(5.0 * (len(points) - 1))
@@ -271,14 +284,14 @@ def test_a_straight_line_has_no_turns() -> None:
 @pytest.mark.parametrize("kind", ["approximating", "interpolating"])
 def test_a_corner_that_is_hardly_one_is_still_smooth(angle: float, kind: Kind) -> None:
     points = [[0.0, 0.0], [50.0, 0.0], [50.0 + 50 * cos(angle), 50 * sin(angle)]]
-    path = Path.through(points, 5.0, kind)
+    path = through(points, 5.0, kind)
     assert path.length == pytest.approx(100.0, abs=1e-4)
     for a, b in pairwise(path.parts):
         assert a.at(a.length)[:4] == pytest.approx(b.at(0.0)[:4], abs=2e-9)
 
 
 def test_beyond_its_ends_a_path_stays_on_its_ends() -> None:
-    path = Path.through(PAPER, 10.0)
+    path = through(PAPER, 10.0)
     assert path.at(-5.0) == path.at(0.0)
     assert path.at(path.length + 5.0) == path.at(path.length)
     for s in (nan, inf):
@@ -289,7 +302,7 @@ def test_beyond_its_ends_a_path_stays_on_its_ends() -> None:
 def test_the_price_of_smooth_turns_is_the_distance_between_the_two_apexes() -> None:
     """On one symmetric corner the two turns are furthest apart in their middles."""
     corner = [[0.0, 0.0], [60.0, 0.0], [60.0, 60.0]]
-    twin, smooth = Path.through(corner, 5.0), Path.through(corner, 5.0, smooth_yaw=True)
+    twin, smooth = through(corner, 5.0), through(corner, 5.0, smooth=True)
     a, b = twin.at(twin.length / 2), smooth.at(smooth.length / 2)
     apart = hypot(a.north - b.north, a.east - b.east)
     assert furthest(smooth, twin) == pytest.approx(apart, rel=1e-3)
@@ -305,7 +318,7 @@ def test_only_smooth_turns_have_a_continuous_curvature_rate() -> None:
     for smooth in (True, False):
         jumps = [
             abs(b.curvature_rate - a.curvature_rate)
-            for a, b in kinks(Path.through(PAPER, 10.0, smooth_yaw=smooth))
+            for a, b in kinks(through(PAPER, 10.0, smooth=smooth))
         ]
         assert (max(jumps) < 1e-8) == smooth
 
@@ -335,7 +348,7 @@ def test_a_path_that_cannot_be_is_refused_with_the_reason(
     points: Any, radius: float, kind: Any, says: str
 ) -> None:
     with pytest.raises(ValueError, match=says):
-        Path.through(points, radius, kind)
+        through(points, radius, kind)
 
 
 @pytest.mark.parametrize("kind", ["approximating", "interpolating"])
@@ -344,16 +357,16 @@ def test_a_leg_as_long_as_the_refusal_asks_for_is_long_enough(kind: Kind) -> Non
         return [[0.0, 0.0], [50.0, 0.0], [50.0, length], [0.0, length]]
 
     with pytest.raises(ValueError, match="leg 2") as refused:
-        Path.through(middle(8.0), 5.0, kind)
+        through(middle(8.0), 5.0, kind)
     need = float(str(refused.value).split("need")[1].split()[0])
-    parts = Path.through(middle(need * 1.001), 5.0, kind).parts
+    parts = through(middle(need * 1.001), 5.0, kind).parts
     for before, after in pairwise(parts):
         assert before.at(before.length)[:4] == pytest.approx(after.at(0.0)[:4], abs=1e-9)
     with pytest.raises(ValueError, match="leg 2"):
-        Path.through(middle(need * 0.999), 5.0, kind)
+        through(middle(need * 0.999), 5.0, kind)
 
 
 def test_a_tangent_that_just_fits_leaves_no_line() -> None:
     tangent = TwinClothoids(pi / 2, 5.0).tangent
-    path = Path.through([[0, 0], [tangent, 0], [tangent, tangent]], 5.0)
+    path = through([[0, 0], [tangent, 0], [tangent, tangent]], 5.0)
     assert [part.kind for part in path.parts] == ["clothoids"]

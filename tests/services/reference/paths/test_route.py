@@ -1,17 +1,31 @@
 """Routes: every quantity is the derivative of the one before, whatever the path and the speed."""
 
+from collections.abc import Sequence
 from math import cos, exp, sin
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.paths.path import Path
+from services.reference.paths.path import Kind, Path
+from services.reference.paths.turn import SmoothTurn
 from services.reference.trajectory.minimum_jerk import Limits, MotionProfile, solve
 from services.reference.trajectory.position import pair
+from tools.generators.clothoid import TwinClothoids
 from tools.generators.fernandes.model_request import MotionRequest
 from tools.generators.fernandes.reference_model import plan
 from tools.generators.route import MotionLaw, Route, route, stretch
+
+
+def through(
+    points: Sequence[Sequence[float]],
+    radius: float,
+    kind: Kind = "approximating",
+    *,
+    smooth: bool = False,
+) -> Path:
+    return Path.through(points, radius, kind, SmoothTurn if smooth else TwinClothoids)
+
 
 POINTS = [[0.0, 0.0, 2.0], [60.0, 0.0, 5.0], [0.0, 90.0, 3.0], [60.0, 90.0, 8.0]]
 LIMITS = Limits(0.3, 0.15)
@@ -33,7 +47,7 @@ def motion(name: str) -> MotionLaw:
 
 ROUTES = {
     (name, kind, smooth, per_part): route(
-        path := Path.through(POINTS, 5.0, kind, smooth_yaw=smooth),
+        path := through(POINTS, 5.0, kind, smooth=smooth),
         motion(name),
         [0.25 + 0.1 * (i % 2) for i in range(len(path.parts))] if per_part else [0.4],
     )
@@ -128,13 +142,13 @@ def test_the_speed_does_not_drop_where_a_moving_part_begins() -> None:
 
 def test_the_papers_route_takes_the_papers_time() -> None:
     """Table 3, 50 s to 731.5 s; without rounding each part up to a sample, 680.6 s."""
-    way = route(Path.through([p[:2] for p in POINTS], 10.0), fernandes, SPEEDS)
+    way = route(through([p[:2] for p in POINTS], 10.0), fernandes, SPEEDS)
     assert way.duration == pytest.approx(680.645468, abs=1e-5)
     assert 50 + way.duration == pytest.approx(731.5, abs=1.0)
 
 
 def test_a_pair_to_the_end_of_the_path_is_a_profile_too() -> None:
-    path = Path.through(POINTS, 5.0)
+    path = through(POINTS, 5.0)
     by_pair = Route(path, pair(path.length, LIMITS, 0.4))
     by_stretch = ROUTES["mjvr", "approximating", False, False]
     assert by_pair.duration == pytest.approx(by_stretch.duration, abs=1e-9)
@@ -169,7 +183,7 @@ def needed(initial: float, final: float) -> float:
 
 
 def test_impossible_speeds_are_refused_with_the_part() -> None:
-    path = Path.through(POINTS, 5.0)
+    path = through(POINTS, 5.0)
     with pytest.raises(ValueError, match="speeds: found 2, must be one, or one for each of the 5"):
         route(path, mjvr, [0.3, 0.3])
     with pytest.raises(ValueError, match=r"part 1 \(line\): .* m are too short to get from 0"):

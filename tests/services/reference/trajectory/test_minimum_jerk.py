@@ -201,7 +201,7 @@ def test_the_limits_in_force_are_those_that_the_plan_respects(
         if order == "aim":
             ramp.aim(target, now)
         elif order == "limit":
-            ramp.limit(other, now)
+            ramp.take(ramp.at(now), now, ramp.target, other)
         else:
             ramp.brake(now, other if order == "brake so" else None)
         for part in ramp.segments:
@@ -237,7 +237,7 @@ def test_whatever_is_ordered_it_goes_on_from_where_it_is_and_comes_to_what_was_o
                 ramp.aim(number, now)
                 target = number
             case "limit":
-                ramp.limit(other, now)
+                ramp.take(ramp.at(now), now, ramp.target, other)
             case "take":
                 ramp.take(elsewhere, now)
                 here, target = elsewhere, 0.0
@@ -290,7 +290,7 @@ def test_a_lower_limit_in_mid_transition_is_reached_without_a_step() -> None:
     ramp = Ramp(Limits(1.0, 0.5))
     ramp.aim(2.0, 0.0)
     before = ramp.at(2.0)
-    ramp.limit(Limits(1.0, 0.2), 2.0)
+    ramp.take(before, 2.0, ramp.target, Limits(1.0, 0.2))
     after = ramp.at(2.0)
     assert before.acceleration == pytest.approx(0.5)
     assert after.acceleration == pytest.approx(before.acceleration)

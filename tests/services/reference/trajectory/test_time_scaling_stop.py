@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.trajectory.emergency_stop import StoppedMotion, stop, stop_motion
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
+from tools.generators.emergency_stop import StoppedMotion, stop, stop_motion
 from tools.generators.fernandes.model_request import MotionRequest
 from tools.generators.fernandes.reference_model import plan
 

@@ -10,8 +10,7 @@ from messages import topics
 from messages.events import Outbox
 from messages.link import Clock, ClockPing
 from messages.pilot import PilotCommand, PilotRequest
-from services.link_monitor.core import LinkMonitor
-from services.link_monitor.ping_responder import pong
+from services.link_monitor.core import LinkMonitor, pong
 from services.runtime.bus.envelope import Envelope
 from services.runtime.node.clock_offset import SILENT_NS, ClockOffset
 from services.runtime.node.gate import Gate

@@ -36,6 +36,8 @@ class TwinClothoids(Turn):
     """The turn of Fernandes et al. 2015, even parity: the curvature rises linearly to 1/r in the
     middle and falls linearly back to 0."""
 
+    name = "clothoids"
+
     def first_half(self, s: float) -> TurnPoint:
         half = self.length / 2
         u, scale = s / half, sqrt(pi / self.angle)
