@@ -78,16 +78,15 @@ def _require_own(path: Path, stack: FlownStack) -> None:
         )
 
 
-def _require_unaltered(recording: Recording) -> None:
+def _require_undamaged(recording: Recording) -> None:
     """
     Raises:
-        LindyError: it holds something else than what was recorded.
+        LindyError: it is damaged.
     """
-    recording.verifies = True
     for _ in recording.raw(lambda _: False):
         pass
-    if wrong := [*recording.altered, *recording.damage]:
-        raise LindyError(f"the log hash is the one that was recorded, but {wrong[0]}")
+    if recording.damage:
+        raise LindyError(f"the log hash is the one that was recorded, but {recording.damage[0]}")
 
 
 def _choices(stack: FlownStack, out: Path | None) -> Choices:
@@ -145,7 +144,7 @@ def _judged(
         which = path if before is None else flown.folder
         raise LindyError(f"the log hashes cannot be compared: {which} was not finished")
     if before == flown.log_hash:
-        _require_unaltered(recording)  # the hash is of what was recorded
+        _require_undamaged(recording)
         print(f"log hash          the same as in {path}: {before[:16]}…", flush=True)
         return flown.status
     differences = dive.differences(lindy(), computer())

@@ -6,12 +6,11 @@ from typing import NamedTuple
 from mcap.records import Metadata
 
 from messages.text import harmless
-from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import At, Damage, salvaged
+from tools.recordings.mcap_records import HASH, At, Damage, salvaged
 from tools.recordings.progress import reading
 from tools.recordings.recording import is_whole, open_recording
 

@@ -25,7 +25,7 @@ from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from services.recorder.io.open_chunk import CHUNK_HEAD, MAGIC
 from tools.recordings.mcap_index import DAMAGE, RECORD_HEAD, FileIndex, index_of
 
-DIVE, LOSSES, MERGED = "dive", "losses", "merged"  # metadata of Lindy's files
+DIVE, HASH, LOSSES, MERGED = "dive", "hash", "losses", "merged"  # metadata of Lindy's files
 MENDED_BY = "lindy log recover makes a whole file of the rest"
 MESSAGE = int(Opcode.MESSAGE)
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time
