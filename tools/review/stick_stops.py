@@ -19,8 +19,8 @@ from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Limits, solve
 from services.reference.trajectory.position import travelled
 from tools.log.armed_spans import ArmedSpan
+from tools.recordings.columns import Array, StreamColumns
 from tools.report import RecordedDive
-from tools.report.columns import Array, StreamColumns
 from tools.report.jerk import BAND, LEAST, RATE, jerk_spectrum
 from tools.report.stops import releases
 from tools.review.beside import at as track_at

@@ -14,8 +14,9 @@ from messages.state import VehicleState
 from services.reference.settings import Settings
 from services.runtime.config.stack import Stack
 from tools.log.armed_spans import ArmedSpan
+from tools.recordings.columns import StreamColumns
 from tools.report import RecordedDive
-from tools.report.columns import STATUS, StreamColumns
+from tools.report.columns import STATUS
 from tools.review.beside import beside
 from tools.review.plots import MOST_POINTS, thinned
 from tools.review.recorded import SensorColumns
