@@ -71,7 +71,7 @@ def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
     words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
     if damage.places:
         words.append(_of_parts(file.name, damage))
-    elif damage.joined_at is None and damage.index.damaged_at is not None:
+    elif damage.index.damaged_at is not None:
         words.append(f"{file.name} had a damaged summary")
     elif not words and damage.in_words(file.name):
         words.append(damage.in_words(file.name)[-1])
