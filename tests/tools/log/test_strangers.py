@@ -190,3 +190,13 @@ def test_what_is_nested_without_end_is_one_message_left_out(
         words = [str(path), str(path)] if verb == "compare" else [str(path)]
         assert main(["log", verb, *words]) in (0, 1, 3)
         assert "in Lindy itself" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("entries", [{"seed": "x"}, {"overrides": "no list"}])
+def test_a_replay_says_what_makes_no_sense_in_a_recording(
+    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str], entries: Tree
+) -> None:
+    source = clean_dive.folder / "dive.mcap"
+    path = forged(source, tmp_path / "forged.mcap", metadata={"dive": entries})
+    assert main(["replay", str(path), "--through", "control", "--diff"]) == 1
+    assert "does not say with which seed and settings it was flown" in capsys.readouterr().err
