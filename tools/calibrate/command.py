@@ -136,7 +136,7 @@ def _calibrate(
     vehicle: str | None,
     dive: Path | None,
 ) -> int:
-    """CalibrationGuide, print what was found, and write it.
+    """Guide the calibration, print what was found, and write it.
 
     Raises:
         LindyError: the samples do not tell, or the file cannot be written.
