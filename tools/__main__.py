@@ -116,12 +116,9 @@ LOG: dict[str, Verb] = {
         "log.rosbag:rosbag", "As a bag of ROS 2 (rosbag2, MCAP), with standard messages."
     ),
     "compare": Verb("log.compare:compare", "What differs between two recordings, when first."),
-    "jerk": Verb("log.jerk:jerk", "The jerk that was felt, beside the jerk that was asked for."),
     "sticks": Verb("log.sticks:sticks", "The pilot's sticks, as a stick log to fly again."),
     "film": Verb("log.film:film", "The pictures as a film with subtitles (MP4)."),
     "snapshots": Verb("log.snapshots:snapshots", "The pictures that the pilot took (JPEG)."),
-    "scene": Verb("log.scene:scene", "The drones of several recordings in one 3-D scene."),
-    "noise": Verb("noise:noise", "Noise, rate and drift of the sensors of a drone at rest."),
 }
 
 

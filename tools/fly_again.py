@@ -61,7 +61,7 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True, trust: bool =
 
 def _require_nothing_else(choices: Choices) -> None:
     defaults = Choices(out=choices.out)
-    for name in ("pilot", "vehicle", "stack", "link", "seconds", "seed", "set_"):
+    for name in ("pilot", "vehicle", "stack", "link", "seconds", "seed", "set_", "name"):
         if getattr(choices, name) != getattr(defaults, name):
             option = name.rstrip("_")
             raise LindyError(
@@ -78,16 +78,15 @@ def _require_own(path: Path, stack: FlownStack) -> None:
         )
 
 
-def _require_unaltered(recording: Recording) -> None:
+def _require_undamaged(recording: Recording) -> None:
     """
     Raises:
-        LindyError: it holds something else than what was recorded.
+        LindyError: it is damaged.
     """
-    recording.verifies = True
     for _ in recording.raw(lambda _: False):
         pass
-    if wrong := [*recording.altered, *recording.damage]:
-        raise LindyError(f"the log hash is the one that was recorded, but {wrong[0]}")
+    if recording.damage:
+        raise LindyError(f"the log hash is the one that was recorded, but {recording.damage[0]}")
 
 
 def _choices(stack: FlownStack, out: Path | None) -> Choices:
@@ -145,7 +144,7 @@ def _judged(
         which = path if before is None else flown.folder
         raise LindyError(f"the log hashes cannot be compared: {which} was not finished")
     if before == flown.log_hash:
-        _require_unaltered(recording)  # the hash is of what was recorded
+        _require_undamaged(recording)
         print(f"log hash          the same as in {path}: {before[:16]}…", flush=True)
         return flown.status
     differences = dive.differences(lindy(), computer())

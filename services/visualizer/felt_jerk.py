@@ -1,9 +1,9 @@
 """The jerk that the vehicle feels beside the one that its reference asks for, while it flies.
 
 Both run through the same low-pass, so that they can be compared: a Butterworth filter of fourth
-order with its edge at 2 Hz, the band of `lindy log jerk`; it delays both by 0.2 s. Above that edge
-the accelerometer's own noise counts for more than what the vehicle does. The sections of the filter
-give the derivative of what they let through, so that no noisy sample is differentiated
+order with its edge at 2 Hz, the band of the report's `smoothness`; it delays both by 0.2 s. Above
+that edge the accelerometer's own noise counts for more than what the vehicle does. The sections of
+the filter give the derivative of what they let through, so that no noisy sample is differentiated
 (trapezoidal state-variable filter: Zavalishin, The Art of VA Filter Design, 2018, chapter 4).
 """
 

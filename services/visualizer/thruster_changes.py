@@ -13,7 +13,7 @@ LOOK = Look("thruster_changes", ("starts", "reversals"), (AXES[1], AXES[3]), 2.0
 
 
 class ThrusterChanges:
-    """Counts as `lindy log jerk` does. A start: from no thrust to some. A reversal: some thrust in
+    """Counts as the report does. A start: from no thrust to some. A reversal: some thrust in
     the other direction than the last. Kept are the counts of each second of the last minute."""
 
     def __init__(self) -> None:

@@ -417,9 +417,8 @@ TARGETS: dict[str, Target] = {
     "log compare": Target(
         "recording", verb("log", "compare", "FILE", str(CORPUS / "recording" / MESSAGES))
     ),
-    "log jerk": Target("recording", verb("log", "jerk", "FILE")),
     "log sticks": Target("recording", verb("log", "sticks", "FILE", out="sticks.csv")),
-    "log noise": Target("recording", verb("log", "noise", "FILE")),
+    "calibrate noise": Target("recording", verb("calibrate", "noise", "FILE")),
     "log snapshots": Target("recording", verb("log", "snapshots", "FILE", out="pictures")),
     "link trace": Target("recording", verb("link", "trace", "FILE", out="trace.csv")),
     "review": Target("recording", verb("review", "FILE", out="page.html")),

@@ -15,6 +15,7 @@ from tools.calibrate.dvl import DvlGuide
 from tools.calibrate.guide import CalibrationGuide, replay
 from tools.calibrate.gyroscope import GyroscopeGuide
 from tools.calibrate.live import guide_live
+from tools.calibrate.noise import noise
 from tools.calibrate.pressure import PressureGuide
 from tools.calibrate.vehicle_file import read_vehicle, table, vehicle_in, with_settings
 from tools.choices import RunningDive, named
@@ -25,6 +26,7 @@ calibrate = App(
     name="calibrate",
     help="Find the errors of a vehicle's sensors.",
 )
+calibrate.command(noise)
 
 RecordingArgument = Annotated[
     Path | None, Parameter(help="a dive's folder or its MCAP file; default: the sensors now")
@@ -134,7 +136,7 @@ def _calibrate(
     vehicle: str | None,
     dive: Path | None,
 ) -> int:
-    """CalibrationGuide, print what was found, and write it.
+    """Guide the calibration, print what was found, and write it.
 
     Raises:
         LindyError: the samples do not tell, or the file cannot be written.

@@ -17,7 +17,6 @@ from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
 Decode = Callable[[bytes], Any]
 ROS1, ROS2 = ("ros1", "ros1msg"), ("cdr", "ros2msg")  # encodings of messages and of their schema
 JSON = "json"
-MOST_NUMBERS = 100_000  # of one message, in arrays whose length its type says
 
 
 def is_mcap(path: Path) -> bool:
@@ -115,45 +114,11 @@ class McapLog:
             # Their own words alone: a type of the same name may be another one elsewhere.
             store = get_typestore(Stores.EMPTY)
             types: Mapping[str, Any] = get_types_from_msg(schema.data.decode(), kind)
-            numbers_in(kind, types, {})
             store.register(types)
         except Exception as error:  # of whatever kind: rosbags does not say
-            raise LindyError(f"{self._path}: the type {kind} is none: {error}") from None
+            raise LindyError(f"{self._path}: {kind} is not a type: {error}") from None
         read = store.deserialize_ros1 if encodings == ROS1 else store.deserialize_cdr
         return lambda data: read(data, kind)
-
-
-def numbers_in(kind: str, types: Mapping[str, Any], known: dict[str, int]) -> int:
-    """Which every message of a type has: those of arrays whose length the type says.
-
-    Args:
-        types: as rosbags has them: constants and fields, of which each has a name and what it is.
-        known: of other types; it is added there.
-
-    Raises:
-        ValueError: it is more than any message has, or there are arrays of nothing, which can be
-            of any length without a byte.
-        RecursionError: a type holds itself.
-    """
-
-    from rosbags.interfaces import Nodetype
-
-    def numbers(what: Any) -> int:
-        node, inner = what
-        if node == Nodetype.NAME:
-            return numbers_in(inner, types, known) if inner in types else 1
-        if node == Nodetype.BASE:
-            return 1
-        each = numbers(inner[0])
-        if not each:
-            raise ValueError("it has an array of nothing")
-        return each * inner[1] if node == Nodetype.ARRAY else 1
-
-    if kind not in known:
-        known[kind] = sum(numbers(what) for _, what in types[kind][1])
-        if known[kind] > MOST_NUMBERS:
-            raise ValueError("its arrays hold more numbers than those of any message")
-    return known[kind]
 
 
 def _kind(schema: Schema) -> str:

@@ -16,7 +16,6 @@ from services.recorder.foxglove.views import Views
 from services.recorder.io.attachments import AttachedFile, attachments
 from services.recorder.io.mcap_session import McapSession, RecordingCheckpoint
 from services.recorder.io.parts import part_path
-from services.recorder.settings import Settings
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.importing.conversion import Imported
@@ -120,7 +119,7 @@ class NewRecording:
         node = ImportNode(first_ns)
         intake = Intake(node.outbox, node.wall_offset_ns, views=self._views)
         attached, described = self._attached, self._described
-        session = McapSession(node, self._stack, Settings(), attached, described)
+        session = McapSession(node, self._stack, attached, described)
         self._opened = node, intake, session
         return self._opened
 

@@ -1,6 +1,6 @@
 """Bags of ROS 1 (a .bag file) and ROS 2 (a folder with metadata.yaml), by the library rosbags."""
 
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.importing.log_file import ROSBAG, LogRow, LogSource, Wanted, getter, refuse_other
-from tools.importing.mcap_file import numbers_in
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -74,28 +73,11 @@ class RosbagFile:
         try:
             typestore = get_typestore(Stores.ROS2_HUMBLE)
             reader = AnyReader([self._path], default_typestore=typestore)
-            for part in reader.readers:
-                with part:
-                    _require_modest(part.connections)
             with reader:
                 yield reader
         except Exception as error:  # of whatever kind: where bytes are wrong, rosbags does not say
-            why = (str(error) or "a record is none").rstrip(".")
+            why = (str(error) or "a record cannot be read").rstrip(".")
             raise LindyError(
                 f"{self._path} is damaged, was not finished or has types that are not in it: "
                 f"{why}; `rosbag reindex` or `ros2 bag reindex` mends what can be read"
             ) from None
-
-
-def _require_modest(connections: Iterable[Any]) -> None:
-    """Before rosbags makes classes of its types.
-
-    Raises:
-        ValueError: a type means more than any message has.
-    """
-    from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import get_types_from_msg
-
-    for each in connections:
-        if each.msgdef.format == MessageDefinitionFormat.MSG:
-            numbers_in(each.msgtype, get_types_from_msg(each.msgdef.data, each.msgtype), {})

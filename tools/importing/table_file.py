@@ -21,10 +21,6 @@ NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow ca
 BACK_NS = 1_000_000_000  # [ns] a row further back than this is not by the jitter of its logger
 MOST_BACK = 5  # rows: a clock that was set, or a logger that was started again
 SNIFFED = 4096  # [B] of a table that tell whether it is text
-WIDTH = 8  # [B] of a number
-LARGEST = 200_000_000  # [B] of a table of any size …
-MOST_PACKED = 50  # … or so many times what the file has: columns that repeat one value pack well
-LONGEST_WORD = 1000  # letters
 SHOWN = 12  # columns that a sentence lists
 
 
@@ -153,34 +149,15 @@ class TableFile:
 def _flat_columns(pa: Any, path: Path) -> Any:
     """The columns that a map can name: numbers, times and words. Words stay the few that a column
     repeats.
-
-    Raises:
-        LindyError: a file of this size cannot hold so much by honest means.
     """
     parquet: Any = import_module("pyarrow.parquet")
-    compute: Any = import_module("pyarrow.compute")
-    size, about = path.stat().st_size, parquet.ParquetFile(path)
-    types, kinds = pa.types, {field.name: field.type for field in about.schema_arrow}
+    schema = parquet.ParquetFile(path).schema_arrow
+    types, kinds = pa.types, {field.name: field.type for field in schema}
     words = [n for n, kind in kinds.items() if types.is_string(kind) or types.is_large_string(kind)]
     # Of numbers too, and of words that somebody else's program keeps as categories.
     others = (types.is_primitive, types.is_decimal, types.is_dictionary)
     flat = [*words, *(n for n, kind in kinds.items() if any(is_one(kind) for is_one in others))]
-    groups = [about.metadata.row_group(k) for k in range(about.metadata.num_row_groups)]
-    unpacked = max(
-        sum(g.total_byte_size for g in groups), WIDTH * len(flat) * about.metadata.num_rows
-    )
-    told = f"{path}: its {size} bytes mean far more than a log of that size: not read"
-    if unpacked > max(LARGEST, MOST_PACKED * size):
-        raise LindyError(told)
-    table: Any = parquet.read_table(path, columns=flat, read_dictionary=words)
-    chunks: list[Any] = [chunk for column in table.columns for chunk in column.chunks]
-    for chunk in chunks:
-        if not types.is_dictionary(chunk.type) or not types.is_string(chunk.type.value_type):
-            continue
-        longest: int = compute.max(compute.binary_length(chunk.dictionary)).as_py() or 0
-        if longest > LONGEST_WORD:
-            raise LindyError(told)
-    return table
+    return parquet.read_table(path, columns=flat, read_dictionary=words)
 
 
 def _refuse_other(path: Path) -> None:

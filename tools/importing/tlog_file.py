@@ -62,12 +62,11 @@ class TlogFile:
         kinds: dict[int, Any] = ardupilotmega.mavlink_map
         self._names = {number: str(kind.msgname) for number, kind in kinds.items()}
         self._vehicle = 0  # number of the system
-        self.damaged = 0  # packets with a wrong checksum
 
     def sources(self) -> dict[str, LogSource]:
         counts: Counter[tuple[int, int]] = Counter()  # system, number
         boards: dict[int, int] = {}  # system → type of vehicle
-        skipped = 0
+        skipped = damaged = 0
         heartbeat = self._mavlink.MAVLINK_MSG_ID_HEARTBEAT
         for found in self._packets():
             if isinstance(found, int):
@@ -75,12 +74,13 @@ class TlogFile:
                 continue
             counts[found.system, found.number] += 1
             beat = self._decoded(found) if found.number == heartbeat else None
+            damaged += found.number == heartbeat and beat is None
             if beat is not None and beat.autopilot == ARDUPILOT:
                 boards[found.system] = beat.type
         self._vehicle = self._only_submarine(boards)
-        if skipped or self.damaged:
+        if skipped or damaged:
             self.remarks.append(
-                f"{skipped} bytes of it are no packet, and {self.damaged} heartbeats are damaged"
+                f"{skipped} bytes of it are no packet, and {damaged} heartbeats are damaged"
             )
         sources: dict[str, LogSource] = {}
         for (system, number), count in counts.items():
@@ -92,6 +92,7 @@ class TlogFile:
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
         numbers = {number for number, name in self._names.items() if name in wanted}
+        damaged = 0
         for found in self._packets():
             if isinstance(found, int) or found.number not in numbers:
                 continue
@@ -100,6 +101,11 @@ class TlogFile:
                 continue
             if (fields := self._decoded(found)) is not None:
                 yield LogRow(name, fields, found.at_us * 1000)
+            else:
+                damaged += 1
+        remark = f"{damaged} packets have a wrong checksum and are left out"
+        if damaged and remark not in self.remarks:  # it is read more than once
+            self.remarks.append(remark)
 
     def _is_taken(self, system: int, name: str) -> bool:
         return (system == self._vehicle) != (name in FROM_OTHERS)
@@ -129,11 +135,10 @@ class TlogFile:
         return system
 
     def _decoded(self, packet: LoggedPacket) -> Any:
-        """None: it is damaged, which is counted."""
+        """None: it is damaged."""
         try:
             return self._codec.decode(bytearray(packet.data))
         except self._mavlink.MAVError:
-            self.damaged += 1
             return None
 
     def _packets(self) -> Iterator[LoggedPacket | int]:

@@ -17,7 +17,6 @@ from tools.importing.log_file import ULOG, LogRow, LogSource, Wanted, began_by_f
 
 SUBMARINE = 12  # MAV_TYPE
 MOST_AGAIN = 100_000  # reads of what was read; it looks for the next message byte by byte
-MOST_NUMBERS = 100_000  # of all messages of a log; PX4 has some thousands
 LATEST_NS = 4_102_444_800 * 10**9  # [ns] UTC, the year 2100
 
 
@@ -46,40 +45,6 @@ class ForwardFile(io.BufferedReader):
         return found
 
 
-def numbers_in(name: str, formats: Mapping[str, Any], known: dict[str, int]) -> int:
-    """Of one message, with those of the formats that its format holds.
-
-    Args:
-        known: of other formats; it is added there.
-
-    Raises:
-        KeyError: a format is not there.
-        RecursionError: a format holds itself.
-    """
-    if name not in known:
-        known[name] = sum(
-            max(1, size) * (numbers_in(kind, formats, known) if kind in formats else 1)
-            for kind, size, _ in formats[name].fields
-        )
-    return known[name]
-
-
-def bounded(ulog: Any) -> Any:
-    """pyulog lists every number of a format before it reads one, and a few lines of formats that
-    hold formats can mean any number of them."""
-    found = 0
-
-    class LoggedMessage(ulog._MessageAddLogged):
-        def __init__(self, data: bytes, header: Any, formats: Mapping[str, Any]) -> None:
-            nonlocal found
-            found += numbers_in(ulog.parse_string(data[3:]), formats, {})
-            if found > MOST_NUMBERS:
-                raise ValueError("its formats hold more numbers than those of any log")
-            super().__init__(data, header, formats)
-
-    return type("BoundedLog", (ulog,), {"_MessageAddLogged": LoggedMessage})
-
-
 class UlogFile:
     """One log. A topic of one of several sensors is called as `sensor_baro[1]`, but for the first;
     columns are called as pyulog does, such as `gyro_rad[0]`."""
@@ -103,11 +68,9 @@ class UlogFile:
             ) from None
         try:
             with ForwardFile(path) as file, redirect_stdout(io.StringIO()):  # it prints
-                self._log: Any = bounded(ULog)(file)
-        except RecursionError:
-            raise LindyError(f"{path} is damaged: one of its formats holds itself") from None
+                self._log: Any = ULog(file)
         except Exception as error:  # of whatever kind: where bytes are wrong, pyulog does not say
-            raise LindyError(f"{path} is damaged: {error or 'a message is none'}") from None
+            raise LindyError(f"{path} is damaged: {error or 'a message cannot be read'}") from None
         self._topics: dict[str, Mapping[str, Any]] = {
             each.name + (f"[{each.multi_id}]" if each.multi_id else ""): each.data
             for each in self._log.data_list

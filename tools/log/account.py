@@ -17,7 +17,6 @@ from messages.health import Health
 from messages.topic import Direction
 from tools.health_sums import HealthSums
 from tools.log.numbering import Numbering
-from tools.log.thinning import thinned
 from tools.recordings.mcap_records import Noticed
 from tools.recordings.recording import Raw, Recording
 from tools.report.losses import LINK, LOST, QUEUES, THINNED, crosses, family, missed, take
@@ -38,7 +37,7 @@ class Account(msgspec.Struct, kw_only=True):
     sent: int
     recorded: int  # each once
     link: int = 0  # lost on the link
-    thinned: int = 0  # left out because the link is slow, by the emulated link or by a router
+    thinned: int = 0  # left out by the emulated link because it is slow
     queue: int = 0  # dropped because too many waited for the link
     refused: int = 0  # the recorder could not read them
     recorder: int = 0  # the recorder had no room for them, or its disk
@@ -181,10 +180,6 @@ def _on_the_link(
 ) -> int:
     """Returns what is left to account for."""
     if not reports.emulated:
-        topic = topics.find(key)
-        if topic is not None and topic.way is Direction.UP:  # what a router may thin
-            account.thinned = thinned(numbering.gaps, topic.hz)
-            left -= account.thinned
         account.link, left = take(left, {events.LOST(key).name: reports.missed(key)}, spent)
         return left
     name = family(key)

@@ -33,12 +33,11 @@ def check(recording: Path, *, json: Json = False) -> int:
         raise LindyError(
             f"{recording} was not recorded by Lindy: what its numbers mean is not known"
         )
-    opened.verifies = True
     with reading("checking", opened.size) as opened.advance:
         found = accounts(opened)
     if not found.topics:
         raise opened.empty(recording)
-    wrong = [*incomplete(opened), *opened.altered, *in_words(found)]
+    wrong = [*incomplete(opened), *in_words(found)]
     wrong += [] if wrong else found.unrecorded
     if json:
         whole = {"ok": not wrong, "wrong": wrong, **msgspec.to_builtins(found)}

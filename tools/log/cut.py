@@ -9,14 +9,13 @@ from cyclopts import Parameter
 from mcap.records import Channel, Metadata, Schema
 
 from messages.text import harmless
-from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
 from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import Reading, Span, StoredMessage
+from tools.recordings.mcap_records import HASH, Reading, Span, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 

@@ -4,7 +4,7 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from math import inf
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 from cyclopts import Parameter
 
@@ -22,6 +22,9 @@ from tools.log.subtitles import Subtitles
 from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+
+if TYPE_CHECKING:
+    from tools.log.film_file import CopiedFilm
 
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 Spans = Sequence[tuple[int, float]]  # [ns] UTC from when to when
@@ -163,13 +166,25 @@ class _Writing:
         refuse_existing(self._srt)
         with _said(path):
             self._file = new_file(path)
-            self._film: FilmFile
-            if overlay:
-                from tools.log.film_overlay import DrawnFilm
+            try:
+                self._film = self._opened(first, view, CopiedFilm, overlay=overlay)
+            except BaseException:
+                self.give_up()
+                raise
 
-                self._film = DrawnFilm(self._file, first, view)
-            else:
-                self._film = CopiedFilm(self._file, first)
+    def _opened(
+        self,
+        first: FilmedPicture,
+        view: FieldOfView | None,
+        copied: "type[CopiedFilm]",
+        *,
+        overlay: bool,
+    ) -> FilmFile:
+        if not overlay:
+            return copied(self._file, first)
+        from tools.log.film_overlay import DrawnFilm
+
+        return DrawnFilm(self._file, first, view)
 
     def add(self, picture: FilmedPicture) -> None:
         with _said(self._path):

@@ -6,12 +6,11 @@ from typing import NamedTuple
 from mcap.records import Metadata
 
 from messages.text import harmless
-from services.recorder.io.contents import HASH
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import At, Damage, salvaged
+from tools.recordings.mcap_records import HASH, At, Damage, salvaged
 from tools.recordings.progress import reading
 from tools.recordings.recording import is_whole, open_recording
 
@@ -72,7 +71,7 @@ def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
     words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
     if damage.places:
         words.append(_of_parts(file.name, damage))
-    elif damage.joined_at is None and damage.index.damaged_at is not None:
+    elif damage.index.damaged_at is not None:
         words.append(f"{file.name} had a damaged summary")
     elif not words and damage.in_words(file.name):
         words.append(damage.in_words(file.name)[-1])

@@ -4,6 +4,7 @@ Words become numbers of their own: the same word the same number in every record
 """
 
 from array import array
+from hashlib import sha256
 from math import nan
 from typing import Any
 
@@ -20,6 +21,7 @@ from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import Recording
 
 Array = NDArray[np.float64]
+LONGEST = 1000  # letters of a word; a longer one, as a picture is, is kept as its checksum
 Tree = dict[str, Any]
 DECODE = msgspec.json.Decoder(Tree).decode
 # Names of fields that tell messages and processes apart, and are never the same twice by the clock.
@@ -76,6 +78,7 @@ class Words:
         if value is None:
             return nan
         if isinstance(value, str):
+            value = value if len(value) <= LONGEST else sha256(value.encode()).hexdigest()
             known = self._numbers.setdefault(value, len(self._words))
             if known == len(self._words):
                 self._words.append(value)

@@ -7,7 +7,6 @@ from pathlib import Path
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import Writer
 
-from services.recorder.io.contents import CONTENTS
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from tools.fresh import EXISTS
@@ -46,7 +45,7 @@ class McapCopy:
             self._numbers.pop(record.id, None)
         elif isinstance(record, Attachment):
             self._attachment(record)
-        elif record.name != CONTENTS:
+        else:
             self.metadata(record)
 
     def metadata(self, record: Metadata) -> None:

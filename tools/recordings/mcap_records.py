@@ -25,18 +25,15 @@ from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from services.recorder.io.open_chunk import CHUNK_HEAD, MAGIC
 from tools.recordings.mcap_index import DAMAGE, RECORD_HEAD, FileIndex, index_of
 
-DIVE, LOSSES, MERGED = "dive", "losses", "merged"  # metadata of Lindy's files
+DIVE, HASH, LOSSES, MERGED = "dive", "hash", "losses", "merged"  # metadata of Lindy's files
 MENDED_BY = "lindy log recover makes a whole file of the rest"
 MESSAGE = int(Opcode.MESSAGE)
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time
 CHUNK_TIMES = struct.Struct("<QQ")  # first and last log time, how a chunk begins
 ZSTD = b"\x04\x00\x00\x00zstd"  # in the head of a chunk …
 LARGEST_CHUNK = 100_000_000  # [bytes] uncompressed; what others write has a few million
-MOST_RATIO = 1000  # [-] uncompressed beside compressed; recordings have 3 to 30, a bomb 16,000
-SLICE = 4096  # [bytes] that are uncompressed at once: no more than 70 MB can come out of it
 ZSTD_AT = 37  # [bytes] … behind its beginning
-CHUNK_NUMBERS = struct.Struct("<QQQI")  # first and last log time, size, checksum
-LETTERS, LENGTH = struct.Struct("<I"), struct.Struct("<Q")
+CHECKSUM = struct.Struct("<I")
 At = Callable[[int], None]
 Noticed = Callable[[int, int, int, bytes], None]  # sequence, log [ns], publish [ns], data
 Span = tuple[float, float]  # [ns] UTC from, inclusive, and to, exclusive
@@ -92,7 +89,6 @@ class Damage:
         self.cut_off = False  # the file ends in the middle of a record, or before its end
         self.messages = 0  # that were read, or passed over in a sound chunk
         self.passed_over = False  # chunks were: what is in them is not known
-        self.joined_at: int | None = None  # [bytes] where another recording begins, not read
         self.written = False  # somebody wrote it meanwhile
         self.metadata: set[str] = set()  # names of those that were read
         self.index = FileIndex()
@@ -107,8 +103,7 @@ class Damage:
             return [f"{name} is still being written: look again when the dive has ended"]
         named = self.index.messages
         lost = None if named is None or self.passed_over else named - self.messages
-        summary = self.index.damaged_at if self.joined_at is None else None
-        places = [*self.places, *filter(None, [summary])]
+        places = [*self.places, *filter(None, [self.index.damaged_at])]
         found: list[str] = []
         if places:
             more = f" and at {len(places) - 1} more places" if len(places) > 1 else ""
@@ -118,10 +113,6 @@ class Damage:
             found.append(
                 f"{name} is damaged: {self.messages} messages can be read where it says that it "
                 f"has {named}; {MENDED_BY}"
-            )
-        if self.joined_at is not None:
-            found.append(
-                f"another recording is joined to {name} at byte {self.joined_at}; it is not read"
             )
         if self.cut_off or not self.index.ended or self._recorder_failed:
             found.append(f"{name} was not finished: what was recorded last may be missing")
@@ -191,7 +182,6 @@ def records(
                 position = beyond
                 continue
             if opcode == Opcode.DATA_END:
-                damage.joined_at = reader.joined(position)
                 return
             if damage.passed_over and not described:
                 described = True
@@ -297,14 +287,6 @@ class _RecordReader:
                 return after
         return known
 
-    def joined(self, end: int) -> int | None:
-        """[bytes] Where another file begins behind the end of the data, as `cat` joins them."""
-        if self.index.damaged_at is None:
-            return None
-        with mmap(self._stream.fileno(), 0, access=ACCESS_READ) as whole:
-            at = whole.find(MAGIC + MAGIC, end)
-        return None if at < 0 else at + len(MAGIC)
-
     def _next_chunk(self, position: int) -> int | None:
         """[bytes] Where the next chunk begins as Lindy writes them, known by its head."""
         if position + CHUNK_HEAD.size > self._size:
@@ -324,11 +306,20 @@ class _RecordReader:
         return None
 
     def beginning(self, position: int) -> Iterator[StoredMessage | Described]:
-        """What is whole in a chunk that is cut off."""
+        """What is whole in a chunk of zstd that is cut off."""
         self._stream.seek(position)
-        head = self._stream.read(RECORD_HEAD.size)
-        if len(head) == RECORD_HEAD.size and head[0] == Opcode.CHUNK:
-            yield from _split_whole(_beginning(self._stream.read()), self._splitting)
+        head, data = self._stream.read(CHUNK_HEAD.size), self._stream.read(LARGEST_CHUNK)
+        if head[:1] != bytes([Opcode.CHUNK]) or head[ZSTD_AT : ZSTD_AT + len(ZSTD)] != ZSTD:
+            return
+        with suppress(*DAMAGE):
+            data = zstandard.ZstdDecompressor().decompressobj().decompress(data)
+            at = 0
+            while at + RECORD_HEAD.size <= len(data):
+                after = at + RECORD_HEAD.size + RECORD_HEAD.unpack_from(data, at)[1]
+                if after > len(data):
+                    return
+                yield from self._splitting.split(data[at:after])
+                at = after
 
 
 def _check_attachment(content: bytes) -> None:
@@ -336,8 +327,8 @@ def _check_attachment(content: bytes) -> None:
     Raises:
         ValueError: its checksum is wrong.
     """
-    (checksum,) = LETTERS.unpack(content[-LETTERS.size :])
-    if checksum not in (0, zlib.crc32(content[: -LETTERS.size])):
+    (checksum,) = CHECKSUM.unpack(content[-CHECKSUM.size :])
+    if checksum not in (0, zlib.crc32(content[: -CHECKSUM.size])):
         raise ValueError("a damaged attachment")
 
 
@@ -351,8 +342,6 @@ def _uncompressed(content: bytes) -> tuple[bytes, bool]:
     if chunk.uncompressed_size > LARGEST_CHUNK:
         size = f"{chunk.uncompressed_size / 1e6:.0f} MB in one chunk"
         raise ValueError(f"{size}, allowed is {LARGEST_CHUNK // 1_000_000}")
-    if chunk.uncompressed_size > MOST_RATIO * (len(chunk.data) + SLICE):
-        raise ValueError(f"more than {MOST_RATIO} times its size comes out of it")
     whole = True
     match chunk.compression:
         case "zstd":
@@ -369,17 +358,11 @@ def _uncompressed(content: bytes) -> tuple[bytes, bool]:
 
 
 def _opened(data: bytes, most: int) -> tuple[bytes, bool]:
-    """Of zstd: at most so many bytes, whatever a file may hold; and whether that was all."""
-    with suppress(zstandard.ZstdError):  # at once, where it is whole and says no other size
-        if zstandard.frame_content_size(data) in (-1, most):
-            return zstandard.ZstdDecompressor().decompress(data, max_output_size=most), True
-    frame, parts, size = zstandard.ZstdDecompressor().decompressobj(), list[bytes](), 0
-    for at in range(0, len(data), SLICE):
-        if frame.eof or size >= most:
-            break
-        parts.append(frame.decompress(data[at : at + SLICE]))
-        size += len(parts[-1])
-    return b"".join(parts)[:most], frame.eof
+    """Of zstd: at most so many bytes, and whether that was all."""
+    with suppress(zstandard.ZstdError):
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=most), True
+    frame = zstandard.ZstdDecompressor().decompressobj()
+    return frame.decompress(data)[:most], frame.eof
 
 
 def _opened_lz4(data: bytes, most: int) -> bytes:
@@ -393,34 +376,6 @@ def _opened_lz4(data: bytes, most: int) -> bytes:
         return frame.decompress(data, max_length=most)
     except RuntimeError as error:
         raise ValueError(error) from None
-
-
-def _beginning(chunk: bytes) -> bytes:
-    """What the beginning of a chunk holds, uncompressed; nothing where it cannot be read, or is not
-    compressed as Lindy does it."""
-    with suppress(*DAMAGE):
-        at = CHUNK_NUMBERS.size
-        (letters,) = LETTERS.unpack_from(chunk, at)
-        at += LETTERS.size
-        compression = chunk[at : at + letters]
-        data = chunk[at + letters + LENGTH.size :]
-        if compression == b"zstd":
-            return _opened(data, LARGEST_CHUNK)[0]
-        return data if not compression else b""
-    return b""
-
-
-def _split_whole(data: bytes, splitting: "_Splitting") -> Iterator[StoredMessage | Described]:
-    """The records in it, up to one that is cut off or makes no sense."""
-    at, end = 0, len(data)
-    with suppress(*DAMAGE):
-        while at + RECORD_HEAD.size <= end:
-            _, length = RECORD_HEAD.unpack_from(data, at)
-            after = at + RECORD_HEAD.size + length
-            if after > end:
-                return
-            yield from splitting.split(data[at:after])
-            at = after
 
 
 class _Splitting:

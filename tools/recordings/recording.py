@@ -19,7 +19,6 @@ from messages import topics
 from messages.message import Message
 from messages.payload import UNDECODABLE
 from services.recorder.foxglove.channel import is_view
-from services.recorder.io.contents import CONTENTS, OF_THE_WHOLE, Contents
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
@@ -28,6 +27,7 @@ from services.runtime.config.errors import LindyError
 from tools.recordings.mcap_index import index_of
 from tools.recordings.mcap_records import (
     ALWAYS,
+    HASH,
     Damage,
     Described,
     Noticed,
@@ -83,8 +83,6 @@ class Recording:
         self.files = files
         self.unreadable: Counter[str] = Counter()  # messages skipped so far, by key
         self.advance: Callable[[int], None] = nowhere  # told how many bytes of `size` were read
-        self.verifies = False  # compare the checksum of each file that is read to its end
-        self.altered: list[str] = []  # those that differ, one sentence each
         self._read: dict[Path, Damage] = {}  # of the files that were read to their ends
         self._decoding: dict[str, Decoding] = {}
 
@@ -138,38 +136,8 @@ class Recording:
         is wrong with it at the end."""
         before = sum(file.stat().st_size for file in self.files[: self.files.index(path)])
         damage, at = Damage(), self._counting_from(before)
-        if self.verifies:
-            yield from self._verified(path, readings, at, damage)
-        else:
-            yield from records(path, at=at, damage=damage, readings=readings, within=within)
+        yield from records(path, at=at, damage=damage, readings=readings, within=within)
         self._read[path] = damage
-
-    def _verified(
-        self, path: Path, readings: Readings, at: Callable[[int], None], damage: Damage
-    ) -> Iterator[StoredMessage | Described]:
-        """What `readings` wants of a file, of which every message is read for the checksum."""
-        contents, keys, passed_over = Contents(), dict[int, str](), set[int]()
-        said = ""  # the checksum
-
-        def all_of_it(channel: Channel, schema: Schema | None) -> Reading:
-            wanted = readings(channel, schema)
-            (passed_over.discard if wanted.wanted else passed_over.add)(channel.id)
-            return Reading(noticed=wanted.noticed)
-
-        for record in records(path, at=at, damage=damage, readings=all_of_it):
-            if isinstance(record, StoredMessage):
-                if (key := keys.get(record.channel_id)) is not None:
-                    times = record.log_ns, record.publish_ns
-                    contents.add(key, record.data, *times, record.sequence)
-                if record.channel_id in passed_over:
-                    continue
-            elif isinstance(record, Channel):
-                keys[record.id] = record.topic
-            elif isinstance(record, Metadata) and record.name == CONTENTS:
-                said = record.metadata.get("sha256", "")
-            yield record
-        if said not in ("", contents.sha256):
-            self.altered.append(f"{path.name} is not what was recorded: its checksum differs")
 
     @property
     def damage(self) -> list[str]:
@@ -311,16 +279,13 @@ def open_recording(path: Path) -> Recording:
 
 def log_hash(path: Path) -> str | None:
     """SHA-256 over everything recorded, in order, as the recorder wrote it at the end of the dive.
-    None when it did not end cleanly or was interrupted. Parts that ended because they were large
-    or long are one dive, whose hash is in the last.
+    None when it did not end cleanly or was interrupted.
 
     Raises:
         LindyError: as `open_recording`.
     """
     recording = open_recording(path)
-    found = recording.metadata("hash")
-    whole = found.get("parts", "1") == str(len(recording.files))
-    return found.get("sha256") if whole else None
+    return recording.metadata(HASH).get("sha256") if len(recording.files) == 1 else None
 
 
 def merge_parts(folder: Path) -> bool:
@@ -328,8 +293,7 @@ def merge_parts(folder: Path) -> bool:
 
     Whole chunks and metadata are kept, except the hash, which no longer applies. A metadata record
     `merged` has the number of messages of each part. All parts belong to this dive, because it
-    began in a folder without a dive. Where the user asked for parts of some size or time, they stay
-    apart, and only those without an end are made complete.
+    began in a folder without a dive.
 
     Returns:
         False when there was nothing to do.
@@ -337,17 +301,9 @@ def merge_parts(folder: Path) -> bool:
     Raises:
         LindyError: as `open_recording`, or the folder cannot be written.
     """
-    recording = open_recording(folder)
-    stay_apart = bool(recording.metadata("rotation"))
-    groups = [[file] for file in recording.files] if stay_apart else [recording.files]
-    unfinished = [files for files in groups if len(files) > 1 or not is_whole(files[0])]
-    for files in unfinished:
-        _merge(folder, files, files[0] if stay_apart else folder / FIRST)
-    return bool(unfinished)
-
-
-def _merge(folder: Path, parts: list[Path], whole: Path) -> None:
-    """Make one complete file of some parts, in their place."""
+    parts = open_recording(folder).files
+    if len(parts) == 1 and is_whole(parts[0]):
+        return False
     try:
         require_room(folder, sum(part.stat().st_size for part in parts) + RESERVE)
         file = McapFile(folder / "merging.mcap")
@@ -358,12 +314,14 @@ def _merge(folder: Path, parts: list[Path], whole: Path) -> None:
         except BaseException:
             file.discard()
             raise
+        whole = folder / FIRST
         file.path.replace(whole)
         for part in parts:
             if part != whole:
                 part.unlink()
     except OSError as error:
         raise LindyError(f"cannot merge the recording in {folder}: {reason(error)}") from None
+    return True
 
 
 def _copy(path: Path, file: McapFile, first: bool) -> int:
@@ -389,7 +347,7 @@ def _copy(path: Path, file: McapFile, first: bool) -> int:
                     del channels[record.id]
                 else:
                     file.open_channel(record.topic, schema.name, schema.data)
-        elif isinstance(record, Metadata) and record.name not in OF_THE_WHOLE:
+        elif isinstance(record, Metadata) and record.name != HASH:
             file.metadata(record.name, record.metadata)
         elif isinstance(record, Attachment) and first:
             times = record.log_time, record.create_time

@@ -46,7 +46,7 @@ def replay(
         tuple[str, ...],
         Parameter(
             help="with --diff: feed the recorded inputs of this service to today's code; "
-            "repeatable: together, on one side",
+            "repeatable: together; services that run on board",
         ),
     ] = (),
     diff: Annotated[
@@ -73,9 +73,8 @@ def replay(
 ) -> int:
     """Play a dive again, or compare today's code.
 
-    RECORDING is a dive's folder or its MCAP file. It is played in its own time. On a terminal:
-    space pauses, left and right jump by 5 s, down and up by 30 s, q ends. A replay has keys of its
-    own: nothing in it reaches a vehicle.
+    RECORDING is a dive's folder or its MCAP file. It is played in its own time, until its end
+    or Ctrl-C. A replay has keys of its own: nothing in it reaches a vehicle.
 
     Example: lindy replay dives/latest --from 30 --speed 4
              lindy replay dives/latest --through control --diff

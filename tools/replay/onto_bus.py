@@ -1,6 +1,7 @@
 """`lindy replay FILE`: a recorded dive onto a bus, in its own time."""
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -17,14 +18,12 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
 from tools.live.stop_signals import StopSignals
 from tools.recordings.recording import Raw
-from tools.replay.play_clock import PlayClock
 from tools.replay.publishing import Republisher, require_heard
 from tools.replay.source import ReplaySource
-from tools.replay.terminal import HELP, Terminal, terminal
 from tools.replay.viewing import viewer
 
-STEP_NS, FAR_NS = 5_000_000_000, 30_000_000_000  # [ns] of the arrow keys
-LOOK_S = 0.05  # [s] between two looks at keys and signals
+LOOK_S = 0.05  # [s] between two looks at signals
+CLEAR = "\r\x1b[K"  # the whole line of a terminal
 BEHIND_NS = 250_000_000  # [ns] later than this, the replay goes on from where it is
 DISPLAYS = {"DISPLAY", "WAYLAND_DISPLAY"}
 
@@ -47,7 +46,7 @@ def onto_bus(
     listen: str | None,
     headless: bool,
 ) -> int:
-    """Play until the end, Ctrl-C or q. Returns the exit status.
+    """Play until the end or Ctrl-C. Returns the exit status.
 
     Raises:
         LindyError: the hub lets no replay through, or nothing can be played.
@@ -64,21 +63,20 @@ def onto_bus(
             require_heard(endpoint, bus, listener, source.path.name)
         if not headless and DISPLAYS & os.environ.keys() and find_spec("rerun"):
             exits.enter_context(viewer(exits.enter_context(source.stack()), endpoint))
-        shown = exits.enter_context(terminal())
-        return Replay(source, wish, bus, shown).play(lambda: stop.asked)
+        return Replay(source, wish, bus).play(lambda: stop.asked)
 
 
 class Replay:
     """One replay onto a bus."""
 
-    def __init__(self, source: ReplaySource, wish: Wish, bus: Bus, shown: Terminal) -> None:
-        self._source, self._wish, self._shown = source, wish, shown
+    def __init__(self, source: ReplaySource, wish: Wish, bus: Bus) -> None:
+        self._source, self._wish = source, wish
         self._out = Republisher(source.recording, bus.forward)
-        self._clock = PlayClock(*wish.span, wish.speed, time.monotonic_ns())
         self._behind = 0  # times that it was too slow
-        self._quit = False
         self._wanted: dict[str, bool] = {}
-        self._rows = self._from(self._clock.begin)
+        self._shows = sys.stdout.isatty()
+        self._at, self._since = wish.span[0], 0  # [ns] recorded time, and the real time it was at
+        self._rows = self._from_the_beginning()
         self._next = next(self._rows, None)
 
     def play(self, stopped: Callable[[], bool]) -> int:
@@ -92,10 +90,11 @@ class Replay:
         if self._next is None:
             raise LindyError(f"{self._source.path}: nothing of what is asked for is in it")
         print(harmless(self._beginning()), flush=True)
-        self._clock.jump(self._clock.begin, time.monotonic_ns())
-        while not stopped() and not self._quit and self._turn():
+        self._since = time.monotonic_ns()
+        while not stopped() and self._turn():
             pass
-        self._shown.end()
+        if self._shows:
+            print(flush=True)
         print(harmless(self._end()), flush=True)
         return 0
 
@@ -103,52 +102,44 @@ class Replay:
         """Send what is due and wait for the next. False: it is over."""
         now = time.monotonic_ns()
         self._send_due(now)
-        if self._clock.over(now) and self._next is None:
+        if self._next is None and self._position(now) >= self._wish.span[1]:
             if not self._wish.loop:
                 return False
-            self._go_to(self._clock.begin)
-        self._shown.status(self._status(now))
-        for key in self._shown.wait(self._idle_s(time.monotonic_ns())):
-            self._press(key)
+            self._at, self._since = self._wish.span[0], now
+            self._rows = self._from_the_beginning()
+            self._next = next(self._rows, None)
+        if self._shows:
+            print(f"{CLEAR}{self._status(now)}", end="", flush=True)
+        time.sleep(self._idle_s(time.monotonic_ns()))
         return True
 
+    def _position(self, now: int) -> int:
+        """[ns] Recorded time, at most the end."""
+        gone = round((now - self._since) * self._wish.speed)
+        return min(self._wish.span[1], self._at + gone)
+
+    def _due(self, recorded: int) -> int:
+        """[ns] When a recorded time is reached, so that a message's age is as it was."""
+        return self._since + round((recorded - self._at) / self._wish.speed)
+
     def _send_due(self, now: int) -> None:
-        clock, row = self._clock, self._next
-        position = clock.position(now)
-        if row is not None and clock.playing and now - clock.due(row.log_ns) > BEHIND_NS:
+        row = self._next
+        if row is not None and now - self._due(row.log_ns) > BEHIND_NS:
             self._behind += 1
-            clock.jump(row.log_ns, now)
-            position = row.log_ns
+            self._at, self._since = row.log_ns, now
+        position = self._position(now)
         while row is not None and row.log_ns <= position:
-            self._out.send(row, clock.due(row.log_ns))
+            self._out.send(row, self._due(row.log_ns))
             row = next(self._rows, None)
         self._next = row
 
     def _idle_s(self, now: int) -> float:
-        if self._next is None or not self._clock.playing:
+        if self._next is None:
             return LOOK_S
-        return max(0.0, min(LOOK_S, (self._clock.due(self._next.log_ns) - now) / 1e9))
+        return max(0.0, min(LOOK_S, (self._due(self._next.log_ns) - now) / 1e9))
 
-    def _press(self, key: str) -> None:
-        now = time.monotonic_ns()
-        here = self._clock.position(now)
-        jumps = {"back": -STEP_NS, "on": STEP_NS, "back_far": -FAR_NS, "on_far": FAR_NS}
-        if key == "pause":
-            self._clock.toggle(now)
-        elif key == "quit":
-            self._quit = True
-        else:
-            self._go_to(here + jumps[key])
-
-    def _go_to(self, position: int) -> None:
-        """Go on from there. A file is read from its beginning again."""
-        begin = min(self._clock.end, max(self._clock.begin, position))
-        self._rows = self._from(begin)
-        self._next = next(self._rows, None)
-        self._clock.jump(begin, time.monotonic_ns())
-
-    def _from(self, begin: int) -> Iterator[Raw]:
-        end = self._wish.span[1]
+    def _from_the_beginning(self) -> Iterator[Raw]:
+        begin, end = self._wish.span
         for raw in self._source.raw():
             if begin <= raw.log_ns <= end and self._wants(raw.key):
                 yield raw
@@ -164,17 +155,15 @@ class Replay:
     def _beginning(self) -> str:
         begin, end = self._wish.span
         loop = ", over and over" if self._wish.loop else ""
-        keys = f"; {HELP}" if self._shown.interactive else ""
         return (
             f"replay of {self._source.path}: {self._source.vehicle}, {(end - begin) / 1e9:.1f} s "
-            f"at ×{self._wish.speed:g}{loop}{keys}"
+            f"at ×{self._wish.speed:g}{loop}"
         )
 
     def _status(self, now: int) -> str:
         first, (_, end) = self._source.origin_ns, self._wish.span
-        here = (self._clock.position(now) - first) / 1e9
-        state = "playing" if self._clock.playing else "paused "
-        return f"{here:8.1f} / {(end - first) / 1e9:.1f} s  ×{self._wish.speed:g}  {state}"
+        here = (self._position(now) - first) / 1e9
+        return f"{here:8.1f} / {(end - first) / 1e9:.1f} s  ×{self._wish.speed:g}"
 
     def _end(self) -> str:
         behind = f"; it was too slow {self._behind} times" if self._behind else ""

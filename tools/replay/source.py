@@ -1,6 +1,5 @@
 """What a replay needs to know of a recording before its first message."""
 
-import json
 import re
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+import msgspec
 from mcap.records import Attachment
 
 from messages import topics
@@ -218,12 +218,19 @@ class ReplaySource:
                 f"so its settings are not known"
             )
         link = self.about.get("link", "perfect")
+        try:
+            seed = int(self.about.get("seed", "0"))
+            overrides = msgspec.json.decode(self.about.get("overrides", "[]"), type=list[str])
+        except ValueError as error:
+            raise LindyError(
+                f"{self.path} does not say with which seed and settings it was flown: {error}"
+            ) from None
         return Stack(
             vehicle=str(vehicle),
             link=str(self._file("link", Path(link).stem, folder) or link),
             pilot=self.about.get("pilot", "gamepad"),
-            seed=int(self.about.get("seed", "0")),
-            overrides=json.loads(self.about.get("overrides", "[]")),
+            seed=seed,
+            overrides=overrides,
             virtual=self.virtual,
             apart=self.apart,
             out=str(folder),

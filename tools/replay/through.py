@@ -26,14 +26,14 @@ from tools.replay.differences import (
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
 from tools.replay.tolerances import A_FEW, DAMAGED, RARELY, REAL_TIME, VIRTUAL
-from tools.replay.topside import Topside
 
 CANNOT = (
     "simulator, gamepad, mavlink, ardusub, tether, recorder and visualizer cannot, because a "
     "simulated world, a device, another program, the far end of the link or a file is part of "
-    "what they do, and none of these is in a recording"
+    "what they do, and none of these is in a recording; link_monitor and predictor cannot, because "
+    "a recording made on board does not say when messages arrived topside"
 )
-POSSIBLE = ("estimation", "reference", "control", "link_monitor", "predictor")
+POSSIBLE = ("estimation", "reference", "control")
 APART_NS = 20_000_000  # [ns] between two stamps of one message, where a real clock decided
 IN_PLACE_OF = {topics.PILOT_ANSWER.key: "reference"}  # control answers where reference is silent
 
@@ -79,15 +79,14 @@ def through(
         LindyError: a service that cannot be replayed, or settings that are refused.
     """
     services = Registry.read(stack_file)
-    side = _side_of(names, services, source)
+    _require_on_board(names, services, source)
     first, last = source.span
     begin, end = span or (first, last)
     with source.stack() as stack, rare_collections():
         stack.overrides.extend(overrides)
         stack.check(known_tables(services), recorded=True)
         ordered = tuple(name for name in services if name in names)
-        kind = OnBoard if side == "drone" else Topside
-        replay = kind(source, ordered, services, stack)
+        replay = OnBoard(source, ordered, services, stack)
         replay.run(end)
     offset, restart = source.utc_offset_ns, _first_restart(replay.recorded)
     until = end if restart is None else restart + offset - 1
@@ -104,10 +103,10 @@ def through(
     return found
 
 
-def _beginning(replay: OnBoard | Topside, source: ReplaySource) -> list[str]:
+def _beginning(replay: OnBoard, source: ReplaySource) -> list[str]:
     """Whether the services had heard something before the recording began. On virtual time what
     is not at the beginning of a whole one was lost on the link, and they did not hear it."""
-    if isinstance(replay, Topside) or (source.virtual and not source.cut):
+    if source.virtual and not source.cut:
         return []
     missing = ", ".join(f"{count} of {key}" for key, count in replay.begins_after.items())
     if not missing:
@@ -115,7 +114,7 @@ def _beginning(replay: OnBoard | Topside, source: ReplaySource) -> list[str]:
     return [f"the recording begins after some messages: {missing}; differences may come from that"]
 
 
-def _published(replay: OnBoard | Topside, until_ns: int) -> str:
+def _published(replay: OnBoard, until_ns: int) -> str:
     """What today's code made of a log of another program, with which nothing can be compared."""
     counts: dict[str, int] = {}
     for key in sorted(replay.outputs.keys):
@@ -126,7 +125,7 @@ def _published(replay: OnBoard | Topside, until_ns: int) -> str:
 
 
 def _compared(
-    replay: OnBoard | Topside,
+    replay: OnBoard,
     names: Sequence[str],
     source: ReplaySource,
     window: Window,
@@ -202,11 +201,10 @@ def _first_restart(recorded: Sequence[Told]) -> int | None:
     return None
 
 
-def _side_of(names: Sequence[str], services: Registry, source: ReplaySource) -> str:
-    """The side on which all of these services run.
-
+def _require_on_board(names: Sequence[str], services: Registry, source: ReplaySource) -> None:
+    """
     Raises:
-        LindyError: an unknown service, one that cannot be replayed, or services of both sides.
+        LindyError: an unknown service, one that cannot be replayed, or one that runs topside.
     """
     for name in names:
         if name not in services:
@@ -219,16 +217,8 @@ def _side_of(names: Sequence[str], services: Registry, source: ReplaySource) -> 
             )
         if spec.module is None and (spec.service or name) not in POSSIBLE:
             raise LindyError(f"--through {name}: allowed are {', '.join(POSSIBLE)}; {CANNOT}")
-    sides = {services[name].sides[0] for name in names}
-    if len(sides) > 1:
-        raise LindyError(
-            f"--through {', '.join(names)}: they run on two sides; allowed are services of one"
-        )
-    (side,) = sides
-    if side != "drone" and not source.virtual:
-        raise LindyError(
-            f"--through {names[0]}: it runs topside, and a recording made on board does not say "
-            f"when messages arrived there; allowed is a recording of `lindy simulate`, whose link "
-            f"can be run again"
-        )
-    return side
+        if spec.sides[0] != "drone":
+            raise LindyError(
+                f"--through {name}: it runs topside, and a recording made on board does not say "
+                f"when messages arrived there"
+            )

@@ -5,7 +5,7 @@ import numpy as np
 
 from messages import topics
 from messages.link import DOWN_STAGES, UP_STAGES
-from tools.report.columns import Array
+from tools.recordings.columns import Array
 from tools.report.dive import RecordedDive
 
 

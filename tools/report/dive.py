@@ -1,8 +1,7 @@
 """A dive as the report needs it, read once from the recording."""
 
-import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -18,20 +17,12 @@ from messages.topic import AnyTopic
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.stamps import mover
 from tools.health_sums import HealthOfAll, HealthSums
+from tools.recordings.columns import Array, Gathering, StreamColumns, StreamFigures
 from tools.recordings.mcap_records import Noticed
 from tools.recordings.recording import Recording
-from tools.report.columns import (
-    FURTHER_WANTED,
-    WANTED,
-    Array,
-    Gathering,
-    StreamColumns,
-    StreamFigures,
-)
+from tools.report.columns import FURTHER_WANTED, WANTED
 from tools.report.holes import HOLE_NS, HoleFinder
-from tools.report.second_reader import NOTHING, second_reader
 
-ENDED = "lindy: the second of two processes that read the recording ended early; one reads it again"
 ENDING_NS = 6_000_000_000  # [ns] the recorder may be stopped so long after the vehicle
 
 Passing = Callable[[int], None]  # arrival [ns] UTC
@@ -152,26 +143,12 @@ def read_dive(recording: Recording, *, apart: bool = False) -> RecordedDive:
         apart: topside and drone were two machines: messages from the topside have stamps of the
             topside's clock.
     """
-    with second_reader(recording) as second:
-        gathered = _gathered(recording, apart, without=second.keys if second else frozenset())
-        theirs = second.found() if second else NOTHING
-    if theirs is None:
-        print(ENDED, file=sys.stderr, flush=True)
-        recording.unreadable.clear()
-        gathered, theirs = _gathered(recording, apart), NOTHING
-    recording.unreadable.update(theirs.unreadable)
-    losses = recording.losses() + _unreadable(recording)
-    return gathered.dive(recording.metadata("dive"), losses, theirs.streams)
-
-
-def _gathered(recording: Recording, apart: bool, without: Set[str] = frozenset()) -> "GatheredDive":
-    """All of a recording, without the streams of some keys."""
     topside_clock = _TopsideClock() if apart else None
     gathered = GatheredDive()
 
     def noticing(key: str) -> Noticed:
         passing, adding = gathered.passing(key), gathered.adding(key)
-        if adding is None or key in without:
+        if adding is None:
             return lambda _sequence, log_ns, _publish_ns, _data: passing(log_ns)
         decode = recording.decoding(key, gathered.kind(key))
 
@@ -187,7 +164,8 @@ def _gathered(recording: Recording, apart: bool, without: Set[str] = frozenset()
 
     for _ in recording.raw(lambda _: False, noticing):
         pass  # all that is needed was noticed
-    return gathered
+    losses = recording.losses() + _unreadable(recording)
+    return gathered.dive(recording.metadata("dive"), losses)
 
 
 class GatheredDive:
@@ -247,23 +225,16 @@ class GatheredDive:
     def _log_line(self, line: LogLine, _log_ns: int) -> None:
         self._errors[line.service] += line.level == "error"
 
-    def dive(
-        self,
-        about: dict[str, str],
-        losses: dict[str, int],
-        elsewhere: Mapping[str, StreamColumns] = {},
-    ) -> RecordedDive:
+    def dive(self, about: dict[str, str], losses: dict[str, int]) -> RecordedDive:
         """
         Args:
             about: vehicle, link, pilot, seed, overrides.
             losses: what the recorder itself counted.
-            elsewhere: streams that were gathered there, by key.
         """
         return RecordedDive(
             about=about,
             traffic=self._traffic,
-            streams={key: stream.columns() for key, stream in self._streams.items()}
-            | {**elsewhere},
+            streams={key: stream.columns() for key, stream in self._streams.items()},
             health=self._health.sums,
             losses=losses,
             holes=self._holes.found,

@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from tools.report.columns import StreamColumns
+from tools.recordings.columns import StreamColumns
 from tools.report.dive import RecordedDive
 
 FASTEST = 20.0  # [1/h] no battery of a drone gives its whole capacity in three minutes

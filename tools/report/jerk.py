@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from tools.report.columns import Array
+from tools.recordings.columns import Array
 from tools.report.dive import RecordedDive
 
 RATE = 100.0  # [1/s] at which all is compared

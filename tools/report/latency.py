@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from tools.report.columns import Array, StreamColumns
+from tools.recordings.columns import Array, StreamColumns
 from tools.report.dive import RecordedDive
 
 Effect = tuple[StreamColumns, str]  # a column of stamps, read when it is needed

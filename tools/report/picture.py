@@ -5,7 +5,7 @@ import numpy as np
 
 from messages import cameras, topics
 from messages.video import PICTURE_STAGES
-from tools.report.columns import Array, StreamColumns
+from tools.recordings.columns import Array, StreamColumns
 from tools.report.dive import RecordedDive
 
 

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages import topics
-from tools.report.columns import FAILSAFES, FLIGHT_MODES, REACTIONS, Array
+from tools.recordings.columns import Array
+from tools.report.columns import FAILSAFES, FLIGHT_MODES, REACTIONS
 from tools.report.dive import RecordedDive
 
 # A drone that only comes to rest and holds goes on with the same stop; these reactions move it.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from messages import topics
 from services.reference.guidance.axes import CENTRED
-from tools.report.columns import Array
+from tools.recordings.columns import Array
 from tools.report.dive import RecordedDive
 from tools.report.stop_ends import stop_ends
 
@@ -163,8 +163,8 @@ def _measure(
     first, last = _armed_span(dive, valid, release)
     if dive.armed is None or first == last or not _at_rest(dive, axis, last - 1):
         return None
-    final = reference.part(f"{axis} position", last - 1, last)[0]
-    velocity = reference.part(f"{axis} velocity", first, first + 1)[0]
+    final = reference[f"{axis} position"][last - 1]
+    velocity = reference[f"{axis} velocity"][first]
     direction = np.sign(velocity) if abs(velocity) > REST_VELOCITY else release.sign
     times, true = truth
     begin, end = np.searchsorted(times, [release.begin, valid[last - 1]])
@@ -183,15 +183,14 @@ def _armed_span(dive: RecordedDive, valid: Array, release: StickRelease) -> tupl
     """Rows of the reference from the release to its end, as long as the drone stayed armed."""
     reference = dive[topics.REFERENCE]
     first, last = np.searchsorted(valid, [release.begin, release.end])
-    disarmed = np.flatnonzero(reference.part("armed", first, last) == 0)
+    disarmed = np.flatnonzero(reference["armed"][first:last] == 0)
     return int(first), int(first + disarmed[0] if len(disarmed) else last)
 
 
 def _at_rest(dive: RecordedDive, axis: StopAxis, row: int) -> bool:
     reference = dive[topics.REFERENCE]
     velocity, acceleration = (
-        float(reference.part(f"{axis} {of}", row, row + 1)[0])
-        for of in ("velocity", "acceleration")
+        float(reference[f"{axis} {of}"][row]) for of in ("velocity", "acceleration")
     )
     return abs(velocity) < REST_VELOCITY and abs(acceleration) < REST_ACCELERATION
 

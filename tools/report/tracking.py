@@ -18,23 +18,25 @@ def error_rms(dive: RecordedDive, axis: str) -> float | None:
     if truth is None:
         return None
     times, true = truth
-    squares, count = 0.0, 0
-    for at, armed, position in dive[topics.REFERENCE].parts("valid", "armed", f"{axis} position"):
-        use = (armed > 0) & (at >= times[0]) & (at <= times[-1])
-        error = np.interp(at[use], times, true) - position[use]
-        squares += float(np.sum(error * error))
-        count += len(error)
-    return math.sqrt(squares / count) if count else None
+    reference = dive[topics.REFERENCE]
+    at = reference["valid"]
+    use = (reference["armed"] > 0) & (at >= times[0]) & (at <= times[-1])
+    error = np.interp(at[use], times, true) - reference[f"{axis} position"][use]
+    return math.sqrt(float(np.mean(error * error))) if len(error) else None
 
 
 def peak_jerk_ratio(dive: RecordedDive) -> float | None:
     """Largest |jerk| of the armed reference over the limit in force at that moment, of heave and
     yaw the worse. None: never armed, or a path set the pace all the time."""
-    columns = ("armed", "heave jerk", "heave jerk limit", "yaw jerk", "yaw jerk limit")
-    highest, known = 0.0, False
-    for armed, *jerks in dive[topics.REFERENCE].parts(*columns):
-        for jerk, limit in (jerks[:2], jerks[2:]):
-            ratios = (np.abs(jerk) / limit)[armed > 0]
-            known = known or bool(np.isfinite(ratios).any())
-            highest = max(highest, float(np.max(ratios[~np.isnan(ratios)], initial=0.0)))
-    return highest if known else None
+    reference = dive[topics.REFERENCE]
+    ratios = np.concatenate(
+        [
+            (np.abs(reference[f"{axis} jerk"]) / reference[f"{axis} jerk limit"])[
+                reference["armed"] > 0
+            ]
+            for axis in ("heave", "yaw")
+        ]
+    )
+    if not np.isfinite(ratios).any():
+        return None
+    return float(np.max(ratios[~np.isnan(ratios)]))

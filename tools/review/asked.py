@@ -10,8 +10,8 @@ from messages.pilot import PilotCommand
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.modes import HELD_AXES
 from services.reference.settings import Settings
+from tools.recordings.columns import Array
 from tools.report import RecordedDive
-from tools.report.columns import Array
 from tools.review.stick_stops import STICKS
 
 RATE = 20.0  # [1/s] of what is drawn

@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 
 from services.marine.attitude import wrapped
-from tools.report.columns import Array
+from tools.recordings.columns import Array
 from tools.review.track import Track
 
 COMPARED = (

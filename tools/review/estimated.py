@@ -14,11 +14,11 @@ from messages.state import VehicleState
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
+from tools.recordings.columns import Array
 from tools.recordings.mcap_records import nowhere
 from tools.recordings.progress import reading
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
-from tools.report.columns import Array
 from tools.review.track import Track, TrackRows
 
 ESTIMATION = "estimation"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tools.report.columns import Array
+from tools.recordings.columns import Array
 from tools.review.asked import Asked
 from tools.review.beside import COLUMNS, at, in_one_turn
 from tools.review.estimated import Innovations

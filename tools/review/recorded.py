@@ -16,10 +16,10 @@ from services.marine.vehicle import Vehicle
 from services.reference.settings import Settings as ReferenceSettings
 from services.vehicle.mounting import AtOrigin
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
+from tools.recordings.columns import Array
 from tools.recordings.progress import reading
 from tools.replay.source import ReplaySource, open_source
 from tools.report import RecordedDive, read_dive
-from tools.report.columns import Array
 from tools.review.track import Track, TrackRows
 
 SENSORS = tuple(topic for topic in topics.ALL if topic.key.startswith("sensor/"))

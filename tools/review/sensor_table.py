@@ -7,7 +7,7 @@ import numpy as np
 
 from messages import topics
 from tools.importing.oddities import GapWatch
-from tools.report.columns import Array
+from tools.recordings.columns import Array
 from tools.review.recorded import SensorColumns
 
 USUAL = 3  # samples of which a rate can be told

@@ -15,12 +15,14 @@ import numpy as np
 from messages import topics
 from services.marine.vehicle import GRAVITY
 from services.reference.guidance.axes import CENTRED
+from services.reference.guidance.modes import HELD_AXES
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Limits, solve
 from services.reference.trajectory.position import travelled
 from tools.log.armed_spans import ArmedSpan
+from tools.recordings.columns import Array, StreamColumns
 from tools.report import RecordedDive
-from tools.report.columns import Array, StreamColumns
+from tools.report.columns import FLIGHT_MODES
 from tools.report.jerk import BAND, LEAST, RATE, jerk_spectrum
 from tools.report.stops import releases
 from tools.review.beside import at as track_at
@@ -101,7 +103,7 @@ def reviewed_stops(
         return Stops([], [], [why])
     found: list[tuple[ReviewedStop, StopCurve | None]] = []
     missing: list[str] = []
-    against = unknown = 0
+    against = unknown = coasting = 0
     for axis in AXES:
         let_go = list(_let_go(dive, axis.name, armed, begin_ns, float(motion.t[-1])))
         felt = _felt(axis, motion, imu)
@@ -110,6 +112,9 @@ def reviewed_stops(
             missing += _unmeasured(axis, len(let_go))
             continue
         for sign, begin, end in let_go:
+            if not _holds(dive, axis.name, begin_ns + 1e9 * begin):
+                coasting += 1
+                continue
             moved = _moved(axis, motion, begin, end)
             unknown += moved is None
             if moved is None or (stop := _measured(axis, moved, felt, limits)) is None:
@@ -119,7 +124,7 @@ def reviewed_stops(
             else:
                 found.append(stop)
     found.sort(key=lambda pair: pair[0].t)
-    missing += _left_out(against, unknown)
+    missing += _left_out(against, unknown, coasting)
     if not found and not missing:
         missing.append("No stick was let go while the vehicle moved along its axis.")
     return Stops([stop for stop, _ in found], [curve for _, curve in found], missing)
@@ -134,7 +139,7 @@ def _unmeasured(axis: StopAxis, count: int) -> list[str]:
     ]
 
 
-def _left_out(against: int, unknown: int) -> list[str]:
+def _left_out(against: int, unknown: int, coasting: int) -> list[str]:
     """One sentence for each reason for which a stop does not count."""
     said: list[str] = []
     if against:
@@ -147,7 +152,23 @@ def _left_out(against: int, unknown: int) -> list[str]:
             f"{_times(unknown).capitalize()} a stick was let go, but the motion after it is not "
             f"known throughout; that is left out."
         )
+    if coasting:
+        said.append(
+            f"{_times(coasting).capitalize()} a stick was let go in a flight mode in which it is a "
+            f"force, so that the vehicle coasts; that is no stop and left out."
+        )
     return said
+
+
+def _holds(dive: RecordedDive, axis: str, at_ns: float) -> bool:
+    """Does the drone hold an axis whose stick is let go? Of surge and sway, and of a vehicle that
+    another program flew, every release is looked at."""
+    status = dive[topics.STATUS]
+    row = int(np.searchsorted(status["stamp"], at_ns, side="right")) - 1
+    if axis not in ("heave", "yaw") or row < 0 or not dive[topics.REFERENCE].count:
+        return True
+    held = HELD_AXES[FLIGHT_MODES[int(status["flight mode"][row])]]
+    return held.depth if axis == "heave" else held.heading
 
 
 def _nothing_moves(dive: RecordedDive, armed: Sequence[ArmedSpan] | None) -> str:

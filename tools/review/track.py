@@ -9,7 +9,7 @@ import numpy as np
 from messages.message import Estimate
 from messages.state import VehicleState
 from messages.vehicle import VehicleEstimate
-from tools.report.columns import Array
+from tools.recordings.columns import Array
 
 UNKNOWN_STD = 0.5  # [rad] of a heading that is as good as not known
 

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.report.columns import Array
+from tools.recordings.columns import Array
 from tools.report.jerk import Spectrum, spectrum
 from tools.review.recorded import PAUSE, SensorColumns
 

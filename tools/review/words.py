@@ -59,8 +59,8 @@ def _verdict(found: Review) -> str:
             f"of calibration it knew roll, pitch and depth for {known:.0%} of the rest."
         )
     return (
-        f"Lindy could have flown it: after {found.estimation.calibrating_s:.0f} s of calibration "
-        f"it knew roll, pitch and depth for {min(known, 1.0):.0%} of the rest."
+        f"By its sensors Lindy could have flown it: after {found.estimation.calibrating_s:.0f} s "
+        f"of calibration it knew roll, pitch and depth for {min(known, 1.0):.0%} of the rest."
     )
 
 

@@ -1,11 +1,9 @@
 """The finished dives of a sweep, in an append-only file of JSON lines beside the table.
 
-The first line says what the sweep is, and every other line is the row of one dive, or the checksum
-of a table that was written from the rows. A killed program can leave an incomplete last line, which
-is removed when the sweep goes on.
+The first line says what the sweep is, and every other line is the row of one dive. A killed program
+can leave an incomplete last line, which is removed when the sweep goes on.
 """
 
-import hashlib
 import json
 import os
 from pathlib import Path
@@ -19,7 +17,6 @@ from tools.sweep.rows import Row
 
 SUFFIX = ".rows.jsonl"
 FORMAT = "lindy sweep"  # key of the first line; its value is the format's number
-TABLE = "table_sha256"
 
 About = dict[str, Any]  # what a sweep is: JSON, one key for everything that may differ
 
@@ -36,12 +33,11 @@ class FinishedDives:
 
         Raises:
             LindyError: it cannot be written; it is of another sweep, or is not a sweep's; another
-                program is at it; or the table is not one that this sweep wrote.
+                program is at it; or there is a table and no rows of a sweep.
         """
         self._table = table
         self._path = rows_file(table)
         self.rows: dict[int, Row] = {}  # by the dive's number
-        self._tables: set[str] = set()  # checksums of the tables written so far
         begun = self._path.exists()
         if table.exists() and not begun:
             raise LindyError(
@@ -61,7 +57,6 @@ class FinishedDives:
             raise LindyError(f"cannot write {self._path}: {reason(error)}") from None
         try:
             self._read(self._file, about)
-            self._check_table()
         except LindyError:
             self.close()
             raise
@@ -90,7 +85,6 @@ class FinishedDives:
         try:
             with file:
                 file.write(data)
-            self._append(_line({TABLE: _checksum(data)}))  # before it is in place: see __init__
             fresh.replace(self._table)
         except OSError as error:
             raise self._no_table(error) from None
@@ -118,9 +112,7 @@ class FinishedDives:
             entry = _parsed(line)
             if entry is None:
                 raise LindyError(f"{self._path}:{number}: this is not the row of a dive")
-            if TABLE in entry:
-                self._tables.add(entry[TABLE])
-            elif isinstance(entry.get("dive"), int):
+            if isinstance(entry.get("dive"), int):
                 self.rows[entry["dive"]] = entry
 
     def _check(self, line: bytes, about: About) -> None:
@@ -135,13 +127,6 @@ class FinishedDives:
                     f"{self._path} is of another sweep: {key} is {_short(there)} there and "
                     f"{_short(here)} here; choose another --out"
                 )
-
-    def _check_table(self) -> None:
-        if self._table.exists() and _checksum(self._table.read_bytes()) not in self._tables:
-            raise LindyError(
-                f"{self._table} was changed since this sweep wrote it; move it away, or choose "
-                "another --out"
-            )
 
     def _append(self, line: bytes) -> None:
         before = self._file.tell()
@@ -164,10 +149,6 @@ def _parsed(line: bytes) -> dict[str, Any] | None:
     except ValueError:
         return None
     return entry if isinstance(entry, dict) else None  # pyright: ignore[reportUnknownVariableType]
-
-
-def _checksum(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
 
 
 def _short(value: object) -> str:

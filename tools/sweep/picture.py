@@ -5,15 +5,31 @@ import tempfile
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.fresh import refuse_existing
-from tools.sweep.pooled import MAIN, Pooled
+from tools.sweep.rows import Row
 
 WIDE, HIGH = 4.0, 1.8  # [in] at least; per panel
-MARKS = {"p50": "o", "p95": "_", "max": "^"}
+
+
+class MainFigure(NamedTuple):
+    column: str
+    title: str
+    unit: str
+    factor: float  # from the column's unit
+
+
+MAIN = (
+    MainFigure("depth_overshoot_max_m", "depth overshoot", "cm", 100.0),
+    MainFigure("turn_overshoot_max_deg", "turn overshoot", "°", 1.0),
+    MainFigure("depth_error_rms_m", "depth error rms", "cm", 100.0),
+    MainFigure("heading_error_rms_deg", "heading error rms", "°", 1.0),
+    MainFigure("energy_wh", "energy", "Wh", 1.0),
+)
 
 
 def check_picture(picture: Path) -> None:
@@ -37,32 +53,42 @@ def check_picture(picture: Path) -> None:
         raise LindyError(f"cannot write --picture {picture}: {reason(error)}") from None
 
 
-def drawn(groups: Sequence[Pooled]) -> bytes:
-    """A PNG. A figure that no dive has gets no panel."""
+def combinations(rows: Sequence[Row], varied: Sequence[str]) -> dict[str, list[Row]]:
+    """The dives of each combination of the axes, in the order in which these first appear.
+
+    Args:
+        varied: names of the axes that have several values, without the seed.
+    """
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault("\n".join(str(row[name]) for name in varied), []).append(row)
+    return found
+
+
+def drawn(rows: Sequence[Row], varied: Sequence[str]) -> bytes:
+    """A PNG: a dot for each dive. A figure that no dive has gets no panel.
+
+    Args:
+        varied: as `combinations` takes it.
+    """
     from matplotlib.figure import Figure
 
-    mains = [m for m in MAIN if any(g.spreads[m.column] for g in groups)] or list(MAIN[-1:])
+    groups = combinations(rows, varied)
+    mains = [m for m in MAIN if any(row[m.column] is not None for row in rows)] or [MAIN[-1]]
     size = (max(WIDE, 2.0 + 0.6 * len(groups)) + 2.0, HIGH * len(mains) + 1.0)
     figure = Figure(figsize=size, layout="constrained")
     panels = figure.subplots(len(mains), sharex=True, squeeze=False)[:, 0]
-    places = range(len(groups))
     for axes, main in zip(panels, mains, strict=True):
-        for n, (name, mark) in enumerate(MARKS.items()):
-            spreads = [group.spreads[main.column] for group in groups]
-            values = [float("nan") if spread is None else spread[n] for spread in spreads]
-            axes.plot(places, values, mark, label=name, color=f"C{n}")
+        for place, group in enumerate(groups.values()):
+            found = [main.factor * float(v) for row in group if (v := row[main.column]) is not None]
+            axes.plot([place] * len(found), found, "o", color="C0", alpha=0.6, markersize=4.0)
         axes.set_ylabel(f"{main.title}\n[{main.unit}]")
-        most = max((s.max for group in groups if (s := group.spreads[main.column])), default=0.0)
-        axes.set_ylim(0.0, 1.15 * most or 1.0)
+        axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1)
         axes.grid(axis="y", alpha=0.3)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    labels = ["\n".join(group.label.values()) or "all dives" for group in groups]
-    panels[-1].set_xticks(list(places), labels)
-    names = " · ".join(groups[0].label)
-    panels[-1].set_xlabel(names or "one combination")
-    dives = sum(group.dives for group in groups)
-    figure.suptitle(f"{dives} simulated dive{'s' * (dives != 1)}")
+    panels[-1].set_xticks(range(len(groups)), [label or "all dives" for label in groups])
+    panels[-1].set_xlabel(" · ".join(varied) or "one combination")
+    figure.suptitle(f"{len(rows)} simulated dive{'s' * (len(rows) != 1)}")
     png = io.BytesIO()
     figure.savefig(png, format="png", dpi=110)
     return png.getvalue()

@@ -26,7 +26,6 @@ from tools.sweep.axes import SweepAxes
 from tools.sweep.finished import About, FinishedDives, rows_file
 from tools.sweep.one_dive import Job, fly_one, killed_row
 from tools.sweep.picture import check_picture, drawn
-from tools.sweep.pooled import lines, pooled
 from tools.sweep.rows import CLEAN, Row
 from tools.sweep.tables import check_table, encoded
 
@@ -180,15 +179,10 @@ def _lines(total: int, before: int) -> Callable[[int], None]:
 
 
 def _show(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted) -> None:
-    groups = pooled(rows, axes.varied)
-    if groups:
-        print("p50 / p95 / max over the dives of each combination:")
-    for line in lines(groups):
-        print(line)
     print(f"written {wanted.out} ({_counted(len(rows), 'row')})", flush=True)
-    if wanted.picture is not None and groups and len(rows) == axes.count:
+    if wanted.picture is not None and rows and len(rows) == axes.count:
         wanted.picture.parent.mkdir(parents=True, exist_ok=True)
-        write_fresh(wanted.picture, drawn(groups), "--picture")
+        write_fresh(wanted.picture, drawn(rows, axes.varied), "--picture")
         print(f"written {wanted.picture}", flush=True)
 
 

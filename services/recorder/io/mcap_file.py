@@ -21,7 +21,6 @@ from mcap.records import (
 )
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
-from services.recorder.io.contents import CONTENTS, Contents
 from services.recorder.io.mcap_summary import McapSummary
 from services.recorder.io.open_chunk import ENDING, MAGIC, OpenChunk, encoded, write_at
 
@@ -52,7 +51,6 @@ class McapFile:
         self._summary = McapSummary()
         self._schemas: dict[tuple[str, bytes], int] = {}
         self._channels: dict[str, int] = {}
-        self._contents = Contents()
         try:
             self._append(MAGIC + encoded(Header(profile="", library="lindy")))
         except OSError:
@@ -93,11 +91,6 @@ class McapFile:
         self._summary.channels.append(channel)
         self._open_chunk().add(encoded(channel))
 
-    @property
-    def size(self) -> int:
-        """[bytes] Certainly in the file."""
-        return self._end if self._chunk is None else self._chunk.end
-
     def write(
         self,
         key: str,
@@ -111,7 +104,6 @@ class McapFile:
         """Add a message, or a view, to the chunk in progress. Times in ns UTC."""
         chunk = self._chunk or self._open_chunk()
         self.unflushed += not is_view
-        self._contents.add(key, data, log_ns, publish_ns, sequence)
         chunk.add_message(self._channels[key], data, log_ns, publish_ns, sequence)
         if chunk.size > CHUNK_BYTES:
             self._close_chunk()
@@ -125,8 +117,8 @@ class McapFile:
             self.unflushed = 0
 
     def finish(self) -> None:
-        """Write the checksum and the index, and close the file."""
-        self.metadata(CONTENTS, {"sha256": self._contents.sha256})
+        """Write the index, and close the file."""
+        self._close_chunk()
         end = encoded(DataEnd(0))
         self._append(end + self._summary.encode(self._end + len(end)) + MAGIC)
         self._file.close()

@@ -5,14 +5,12 @@ the service with one sentence. During a dive it must not affect anything else: t
 with one log line, everything not written is counted, and every few seconds a new part is tried. A
 new one, because the old one was truncated and ended after its last flush.
 
-A new part also begins where the settings ask for it, by size or by time. Every part is a complete
-file with the attachments and schemas, and can be read alone.
+Every part is a complete file with the attachments and schemas, and can be read alone.
 
 Existing files are never written to.
 """
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -27,7 +25,6 @@ from services.recorder.core import RecordedRow
 from services.recorder.io.attachments import AttachedFile, attachments
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.parts import free_part, part_path
-from services.recorder.settings import Settings
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.passwords import without_passwords
@@ -45,7 +42,6 @@ class RecordingCheckpoint(msgspec.Struct):
     """Checkpoint: how many parts this dive has."""
 
     parts: int = 0
-    begun: bool = False  # something triggered the recording
     # [ns] UTC minus the clock of stamps when the dive began. All of its parts count by that, also
     # where the computer has learnt the time of day meanwhile, as one without a clock battery does.
     utc_minus_stamp_ns: int | None = None
@@ -72,7 +68,6 @@ class McapSession:
         self,
         node: SessionNode,
         stack: Stack,
-        settings: Settings,
         attached: Sequence[AttachedFile] | None = None,
         described: Mapping[str, str] | None = None,
     ) -> None:
@@ -87,17 +82,13 @@ class McapSession:
         """
         self._node = node
         self._stack = stack
-        self._settings = settings
         self._attachments = attachments(stack) if attached is None else attached
         self._described = {**(described or {})}
         self._clock = b""  # newest message of the link monitor, as JSON
         self._file: McapFile | None = None
         self._interrupted = False  # the log says that recording has stopped
         self._retry_at = 0  # [ns]
-        self._part_since: int | None = None  # [ns] first flush of the present part
         self._gaps = False  # the disk failed for a while
-        self._rotated = 0  # parts that ended because they were large or long
-        self._told: Counter[str] = Counter()  # losses that a part of this dive tells already
         self._opened = node.restore_checkpoint(RecordingCheckpoint) or RecordingCheckpoint()
         if self._opened.utc_minus_stamp_ns is not None:
             node.wall_offset_ns = self._opened.utc_minus_stamp_ns
@@ -111,19 +102,10 @@ class McapSession:
                 raise CannotRecordError(sentence) from None
             self._stopped(path, error)  # started again in mid-dive
 
-    @property
-    def begun(self) -> bool:
-        """Did something trigger the recording already, also before a restart of the service?"""
-        return self._opened.begun
-
     def films(self, request: FilmRequest, now: int) -> FilmAnswer:
         """The pilot films: is there a file for it?"""
         why = "" if self._file is not None else "the disk has failed: nothing is recorded"
         return FilmAnswer(stamp_ns=now, id=request.id, accepted=not why, reason=why)
-
-    def begin(self) -> None:
-        """Something triggers the recording."""
-        self._remember(self._opened.parts, begun=True)
 
     def write(self, row: RecordedRow) -> None:
         """Add a row, or count it as not recorded while there is no file."""
@@ -158,8 +140,6 @@ class McapSession:
         if self._interrupted and self._file.flushed > 0:
             self._interrupted = False
             self._node.log("info", f"recording continues in {self._file.path}")
-        if self._is_full(self._file, now):
-            self._rotate(self._file, now)
 
     def close(self, log_hash: str) -> None:
         """Write the counts of losses, the hash and the index."""
@@ -168,48 +148,19 @@ class McapSession:
         try:
             self._describe_losses(self._file)
             if not self._gaps:  # it is the hash of everything that was heard
-                parts = {"parts": str(self._rotated + 1)} if self._rotated else {}
-                self._file.metadata("hash", {"sha256": log_hash, **parts})
+                self._file.metadata("hash", {"sha256": log_hash})
             self._file.finish()
         except OSError as error:
             self._fail(self._file, error)
-
-    def _is_full(self, file: McapFile, now: int) -> bool:
-        """Do the settings ask for the next part?"""
-        self._part_since = now if self._part_since is None else self._part_since
-        size, time = self._settings.part_size, self._settings.part_time
-        by_size = size is not None and file.size >= size * 1e6
-        return by_size or (time is not None and now - self._part_since >= time * 60e9)
-
-    def _rotate(self, file: McapFile, now: int) -> None:
-        """End the present part and begin the next."""
-        self._retry_at = now + RETRY_NS  # where one of the two fails
-        try:
-            self._describe_losses(file)
-            file.finish()
-        except OSError as error:
-            self._fail(file, error)
-            return
-        self._file = None
-        self._rotated += 1
-        try:
-            self._open()
-        except OSError as error:
-            self._stopped(part_path(self._stack.out_dir, self._opened.parts + 1), error)
 
     def _describe_losses(self, file: McapFile) -> None:
         """What this part lost, and what was known of the other machine's clock."""
         file.flush()
         counts = self._node.outbox.counts
-        losses = {name: str(counts[name] - self._told[name]) for name in sorted(counts)}
-        file.metadata("losses", {name: count for name, count in losses.items() if count != "0"})
-        self._told = Counter(counts)
+        losses = {name: str(counts[name]) for name in sorted(counts) if counts[name]}
+        file.metadata("losses", losses)
         if self._clock:
             file.metadata("clock_offset", _clock_offset(self._clock))
-
-    def _remember(self, parts: int, *, begun: bool) -> None:
-        self._opened = RecordingCheckpoint(parts, begun, self._node.wall_offset_ns)
-        self._node.save_checkpoint(self._opened)
 
     def _open(self) -> None:
         require_room(self._stack.out_dir, RESERVE)
@@ -218,12 +169,12 @@ class McapSession:
         try:
             self._preface(file)
             file.flush()
-            self._remember(number, begun=self._opened.begun)
+            self._opened = RecordingCheckpoint(number, self._node.wall_offset_ns)
+            self._node.save_checkpoint(self._opened)
         except OSError:
             file.discard()
             raise
         self._file = file
-        self._part_since = None
 
     def _preface(self, file: McapFile) -> None:
         """Metadata that a reader needs before the first message."""
@@ -236,8 +187,6 @@ class McapSession:
             "machine's clock and the difference is not known",
         }
         file.metadata("clock", clock)
-        if self._settings.part_size or self._settings.part_time:
-            file.metadata("rotation", _limits(self._settings))
         log_ns = self._node.now() + self._node.wall_offset_ns
         for each in self._attachments:
             file.attach(each.name, each.media_type, each.data, log_ns, each.create_ns)
@@ -269,12 +218,6 @@ class McapSession:
             self._open()
         except OSError:
             self._node.outbox.tell(events.DISK_ERROR())
-
-
-def _limits(settings: Settings) -> dict[str, str]:
-    """What ends a part."""
-    limits = {"part_size": settings.part_size, "part_time": settings.part_time}
-    return {name: str(limit) for name, limit in limits.items() if limit is not None}
 
 
 def about(stack: Stack) -> dict[str, str]:

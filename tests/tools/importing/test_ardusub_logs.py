@@ -27,6 +27,7 @@ from .logs import (
 )
 from .test_rosbags import imported
 
+ATTITUDE = 30  # number of MAVLink's message
 CHANGED_S = 1_650_000_000  # [s] UTC at which a file was changed last
 
 
@@ -131,6 +132,21 @@ def test_damaged_packets_are_left_out(tmp_path: Path) -> None:
     out = imported(tmp_path / "a.tlog", tmp_path / "dive")
     assert SECONDS * SLOW_HZ // 2 < len(messages(out, "sensor/imu")) < SECONDS * SLOW_HZ
     assert "are no packet" in report(out)["remarks"][0]
+
+
+def test_packets_with_a_wrong_checksum_are_counted(tmp_path: Path) -> None:
+    data = bytearray(tlog(tmp_path / "a.tlog").read_bytes())
+    at = data.find(b"\xfd", 8)
+    damaged = 0
+    while at >= 0 and damaged < 20:
+        length, number = data[at + 1], int.from_bytes(data[at + 7 : at + 10], "little")
+        if number == ATTITUDE:
+            data[at + 10 + length] ^= 0xFF  # of its checksum
+            damaged += 1
+        at = data.find(b"\xfd", at + 12 + length + 8)
+    (tmp_path / "a.tlog").write_bytes(data)
+    out = imported(tmp_path / "a.tlog", tmp_path / "dive")
+    assert "20 packets have a wrong checksum and are left out" in report(out)["remarks"]
 
 
 def test_what_is_no_such_log_is_one_sentence(

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from mcap.writer import Writer
 
 from messages.sensors import ImuSample
 from services.marine.vehicle import GRAVITY
@@ -53,43 +52,3 @@ def test_what_is_no_such_recording_is_one_sentence(
         out = tmp_path / "dive"
         assert said in complaint(capsys, "import", str(log), "--out", str(out))
         assert not out.exists()
-
-
-SEPARATOR = "=" * 80
-OTHERS = f"""
-{SEPARATOR}
-MSG: x/Nothing
-uint8[0] q
-{SEPARATOR}
-MSG: x/Many
-float64[1000] q
-"""
-
-
-@pytest.mark.parametrize(
-    ("fields", "why"),
-    [
-        ("x/Nothing[900000000] a", "it has an array of nothing"),
-        ("x/Nothing[] a", "it has an array of nothing"),
-        ("x/Many[1000] a", "its arrays hold more numbers than those of any message"),
-        ("x/Many[1000][1000] a", ""),
-        ("x/Many[] a\nfloat64[36] b", None),
-    ],
-)
-def test_a_type_whose_arrays_take_no_byte_or_all_the_memory_is_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], fields: str, why: str | None
-) -> None:
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        kind, text = "sensor_msgs/msg/FluidPressure", f"float64 fluid_pressure\n{fields}{OTHERS}"
-        schema = writer.register_schema(kind, "ros2msg", text.encode())
-        channel = writer.register_channel("/pressure", "cdr", schema)
-        writer.add_message(channel, BEGAN_NS, bytes(4), BEGAN_NS)
-        writer.finish()
-    said = complaint(capsys, "import", str(path))
-    if why is None:
-        assert "is not of its type" in said  # four bytes are none of it
-    else:
-        assert f"the type {kind} is none: {why}" in said

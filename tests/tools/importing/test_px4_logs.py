@@ -1,7 +1,5 @@
 """Logs of PX4 become recordings."""
 
-import struct
-import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -76,23 +74,3 @@ def test_what_is_no_such_log_is_one_sentence(
         out = tmp_path / "dive"
         assert said in complaint(capsys, "import", str(log), "--out", str(out))
         assert not out.exists()
-
-
-def test_formats_that_hold_formats_do_not_fill_the_memory(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A few lines of them mean more numbers than a computer can list."""
-    log, blocks = tmp_path / "nest.ulg", [b"ULog\x01\x12\x35\x01" + bytes(8)]
-    for depth in range(40):
-        held = f"n{depth + 1}[200] x;" if depth < 39 else ""
-        text = f"n{depth}:{held}uint64_t timestamp;".encode()
-        blocks.append(struct.pack("<Hc", len(text), b"F") + text)
-    blocks.append(struct.pack("<Hc", 5, b"A") + struct.pack("<BH", 0, 0) + b"n0")
-    log.write_bytes(b"".join(blocks))
-    tracemalloc.start()
-    assert "holds no whole message" in complaint(capsys, "import", str(log))
-    assert tracemalloc.get_traced_memory()[1] < 50_000_000
-    tracemalloc.stop()
-    text = b"n0:n0 x;uint64_t timestamp;"
-    log.write_bytes(blocks[0] + struct.pack("<Hc", len(text), b"F") + text + blocks[-1])
-    assert "is damaged: one of its formats holds itself" in complaint(capsys, "import", str(log))

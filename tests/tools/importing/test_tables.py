@@ -5,7 +5,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from messages.sensors import PressureSample
@@ -263,23 +262,6 @@ def test_rows_in_no_order_are_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     )
     assert "its rows are not in the order of their times (39 are before the one above" in said
     assert "at about line 3" in said
-
-
-@pytest.mark.parametrize("kind", ["rows", "letters"])
-def test_a_small_table_that_means_much_is_not_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
-) -> None:
-    pa: Any = import_module("pyarrow")  # without types
-    pq: Any = import_module("pyarrow.parquet")
-    log, columns = tmp_path / "a.parquet", {"t": pa.array(np.zeros(3_000_000))}
-    if kind == "letters":
-        columns = {"t": pa.array(range(100)), "said": pa.array(["x" * 2_000_000] * 100)}
-    with pq.ParquetWriter(log, pa.table(columns).schema, compression="zstd") as writer:
-        for _ in range(10 if kind == "rows" else 1):
-            writer.write_table(pa.table(columns))
-    assert log.stat().st_size < 1_000_000
-    said = complaint(capsys, "import", str(log))
-    assert "bytes mean far more than a log of that size: not read" in said
 
 
 def test_words_that_are_categories_and_decimal_numbers_are_columns(tmp_path: Path) -> None:

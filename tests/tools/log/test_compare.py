@@ -167,3 +167,11 @@ def test_series_of_a_dive_are_what_it_recorded(dive: ShortDive) -> None:
     assert np.all(np.diff(depth[0]) > 0.0)
     assert found.of(topics.TRUTH, "position.up") is None
     assert found.unread == 0
+
+
+def test_pictures_are_not_kept() -> None:
+    words = Words()
+    picture = "A" * 500_000
+    assert words.number(picture) == words.number(picture)
+    assert words.number(picture) != words.number(f"{picture}B")
+    assert len(words.word(words.number(picture))) == 64

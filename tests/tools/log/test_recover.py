@@ -164,20 +164,6 @@ def test_a_file_of_another_program_is_mended_too(
     assert found == whole[: len(found)]
 
 
-def test_a_recording_that_is_joined_to_another_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path, out = tmp_path / "both.mcap", tmp_path / "mended.mcap"
-    data = whole_file()[0]
-    path.write_bytes(data + data)
-    named = f"another recording is joined to both.mcap at byte {len(data)}; it is not read"
-    assert recovered(path, out).words == named
-    assert foreign(out) == recorded()
-    main(["log", "csv", str(path), "--out", str(tmp_path / "csv")])
-    said = capsys.readouterr()
-    assert named in said.out + said.err
-
-
 def test_where_no_message_can_be_read_the_damage_is_said(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

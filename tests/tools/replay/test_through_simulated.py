@@ -63,11 +63,6 @@ def test_on_board_a_bad_link_changes_nothing(bad: ReplaySource, name: str) -> No
     assert [in_words(one, found.begin_ns) for one in found.differences] == []
 
 
-def test_topside_it_is_said_that_what_was_lost_is_not_known(bad: ReplaySource) -> None:
-    with pytest.raises(LindyError, match="were lost on their way down"):
-        through(bad, ["predictor"])
-
-
 def test_only_a_window_is_compared(good: ReplaySource) -> None:
     first, _ = good.span
     found = through(good, ["control"], span=(first + 5 * 10**9, first + 6 * 10**9))
@@ -106,8 +101,3 @@ def test_who_cannot_is_told_why(good: ReplaySource, name: str) -> None:
         with pytest.raises(LindyError, match="cannot, because"):
             through(good, [name])
     assert name in CANNOT
-
-
-def test_services_of_two_sides_are_refused(good: ReplaySource) -> None:
-    with pytest.raises(LindyError, match="two sides"):
-        through(good, ["control", "predictor"])

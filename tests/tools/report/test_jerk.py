@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.topic import AnyTopic
-from tools.report.columns import Array, StreamColumns
+from tools.recordings.columns import Array, StreamColumns
 from tools.report.dive import RecordedDive
 from tools.report.jerk import (
     BAND,

@@ -18,9 +18,9 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Truth, VehicleStatus
+from tools.recordings.columns import StreamColumns
 from tools.recordings.mcap_records import ALWAYS, Noticed, Span
 from tools.recordings.recording import Raw, Recording, always, nobody
-from tools.report.columns import StreamColumns
 from tools.report.dive import RecordedDive, read_dive
 from tools.report.stops import releases, stops
 

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.message import Estimate
+from messages.pilot import FlightMode
 from messages.state import VehicleState
 from services.reference.settings import Settings
 from services.runtime.config.stack import Stack
 from tools.log.armed_spans import ArmedSpan
+from tools.recordings.columns import StreamColumns
 from tools.report import RecordedDive
-from tools.report.columns import STATUS, StreamColumns
+from tools.report.columns import FLIGHT_MODES, STATUS
 from tools.review.beside import beside
 from tools.review.plots import MOST_POINTS, thinned
 from tools.review.recorded import SensorColumns
@@ -95,6 +97,21 @@ def test_a_stop_ends_where_the_drone_goes_on_by_itself(tmp_path: Path) -> None:
     flown.streams[topics.STATUS.key] = StreamColumns(STATUS, rows)
     (stop,) = reviewed_stops(flown, sinking(0.5), None, settings(tmp_path), 0, None).stops
     assert stop.bounced_back == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("mode", "stops"), [("heading_hold", 0), ("depth_hold", 1)])
+def test_where_the_stick_is_a_force_coasting_is_no_stop(
+    mode: FlightMode, stops: int, tmp_path: Path
+) -> None:
+    flown = dive("heave")
+    rows = np.zeros((1, len(STATUS)))
+    rows[:, STATUS.index("flight mode")] = FLIGHT_MODES.index(mode)
+    flown.streams[topics.STATUS.key] = StreamColumns(STATUS, rows)
+    lindys = StreamColumns(("valid", "epoch"), np.zeros((1, 2)))
+    flown.streams[topics.REFERENCE.key] = lindys
+    found = reviewed_stops(flown, sinking(0.0), None, settings(tmp_path), 0, None)
+    assert len(found.stops) == stops
+    assert any("is a force" in said for said in found.missing) == (stops == 0)
 
 
 @pytest.mark.parametrize("seconds", [0.5, 2.0, 6.0])

@@ -1,4 +1,4 @@
-"""`lindy log noise`: noise of the sensors, from a recording of a drone at rest."""
+"""`lindy calibrate noise`: noise of the sensors, from a recording of a drone at rest."""
 
 import json as json_text
 from collections.abc import Iterator
@@ -50,7 +50,7 @@ def noise(recording: Path, *, json: Json = False) -> int:
     depth (`estimation.depth`) `lindy review` of a dive under way knows better.
 
     Example: lindy up drone --out dives/on_the_bench
-             lindy log noise dives/on_the_bench
+             lindy calibrate noise dives/on_the_bench
     """
     rest = resting(read(open_recording(recording)), recording)
     axes = list(measured(rest.samples))

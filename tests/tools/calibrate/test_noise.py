@@ -1,4 +1,4 @@
-"""`lindy log noise` finds the noise that was put in, and says when it cannot."""
+"""`lindy calibrate noise` finds the noise that was put in, and says when it cannot."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -24,7 +24,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings as Simulator
-from tools.noise import noise
+from tools.calibrate.noise import noise
 from tools.recordings.allan import deviation
 from tools.recordings.allan import noise as noise_of
 from tools.recordings.at_rest import HeardAtRest, RestingSamples, resting
