@@ -120,9 +120,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     failsafe: FailsafeSettings = FailsafeSettings()
     # [m] furthest that a stop moves the held depth to where the vehicle stands; 0: it stays
     standstill: NotNegativeSetting = 0.05
-    # [rad] of roll and pitch together; beyond it a vehicle that holds its depth gets less surge and
-    # sway than the pilot asks for
-    most_tilt: Annotated[float, msgspec.Meta(ge=0.1, le=3.2)] = 0.5
 
     def __post_init__(self) -> None:
         if not self.failsafe.ascent_speed <= self.heave.max_velocity:

@@ -132,7 +132,9 @@ def test_a_stack_that_cannot_be_started_leaves_no_folder(
     more = ["driver", "--connect", "drone=tcp/127.0.0.1:7447"] if verb == "run" else []
     assert main([verb, *more, *stack, *pilot, "--out", str(out)]) == 1
     said = capsys.readouterr().err
-    assert "stack.toml:6: services.driver.module: module 'wireless_driver'" in said
+    lines = (tmp_path / "stack.toml").read_text().splitlines()
+    line = next(n for n, text in enumerate(lines, 1) if '"wireless_driver"' in text)
+    assert f"stack.toml:{line}: services.driver.module: module 'wireless_driver'" in said
     assert not out.exists()
 
 

@@ -14,6 +14,9 @@ from services.reference.trajectory.minimum_jerk import Sample
 RETURN_S = 0.5  # [s] time constant of the reference's return to a vehicle that is blocked
 PATIENCE_S = 0.8  # [s] a vehicle that creeps on in one direction is held where it is after that
 WORTH = 0.02  # [-] of the furthest; a smaller move is not made
+# [rad] of roll and pitch together; beyond it a vehicle that holds its depth gets less surge and
+# sway than the pilot asks for. Tuned on a Pioneer that is lighter and less damped than its file.
+MOST_TILT = 0.5
 AHEAD_S = 1.0  # [s] what counts is the tilt then, if it goes on as it does: speed is lost slowly
 SMOOTH_S = 0.5  # [s] in which it is seen how the tilt goes on
 FALL_S = 1.0  # [s] in which the share would fall by 1 at twice the limit of the tilt
@@ -125,7 +128,6 @@ class TiltLimit:
     pilot asks for is the cause of the speed.
     """
 
-    most: float  # [rad]
     share: float = 1.0  # [-] 0 … 1, exactly 1 while nothing is taken away
     _mean: float | None = None  # [rad] tilt, over the last `SMOOTH_S`
 
@@ -137,7 +139,7 @@ class TiltLimit:
             mean = tilt if self._mean is None else self._mean
             self._mean = tilt + (mean - tilt) * exp(-dt / SMOOTH_S)
             soon = max(0.0, tilt + (tilt - self._mean) * AHEAD_S / SMOOTH_S)  # [rad] in `AHEAD_S`
-            by = dt * rate(soon, self.most)
+            by = dt * rate(soon, MOST_TILT)
         self.share = max(0.0, min(1.0, self.share + by))
         return self.share
 

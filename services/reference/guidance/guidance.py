@@ -71,7 +71,7 @@ class Guidance:
         s = self.settings
         self.axes = Axes.of(s, self.outbox, self.law)
         self.standstill = Standstill(s.standstill)
-        self._tilt_limit = TiltLimit(s.most_tilt)
+        self._tilt_limit = TiltLimit()
         self.height = HeightHold(s.heave.max_velocity, s.failsafe.floor_distance)
         self.manoeuvre = Manoeuvre(self.axes)
         self._estimates = {"depth": EstimateWatch(), "heading": EstimateWatch()}

@@ -40,6 +40,7 @@ GONE = {
     "estimation.depth.motion_noise": FILTER,
     "estimation.depth.pitch_noise": FILTER,
     "estimation.depth.roll_noise": FILTER,
+    "reference.most_tilt": "it is 0.5 rad",
 }  # key of an earlier version → what to use instead
 UNNAMED = "[...]"  # of msgspec, for a name in a dictionary
 ENTRY = re.compile(r"(\w+) number (\d+)")  # an entry of an array, as sentences name it

@@ -16,6 +16,7 @@ from services.reference.core import ReferenceGenerator, Settings
 from services.reference.guidance.guards import (
     AHEAD_S,
     FALL_S,
+    MOST_TILT,
     RISE_S,
     SMOOTH_S,
     TiltLimit,
@@ -24,7 +25,7 @@ from services.reference.guidance.guards import (
 )
 
 DT = 0.01  # [s]
-MOST = Settings().most_tilt  # [rad]
+MOST = MOST_TILT
 tilt = st.floats(0.0, 3.14159)
 maybe = st.one_of(st.none(), tilt)
 
@@ -86,7 +87,7 @@ def test_more_tilt_takes_more_without_a_step(a: float, b: float) -> None:
 
 @given(st.lists(maybe, max_size=200))
 def test_the_share_is_never_above_one_nor_makes_a_step(tilts: list[float | None]) -> None:
-    limit = TiltLimit(MOST)
+    limit = TiltLimit()
     shares = [1.0, *(limit.step(each, DT) for each in tilts)]
     assert all(0.0 <= share <= 1.0 for share in shares)
     furthest = pi * (1.0 + AHEAD_S / SMOOTH_S)
@@ -96,7 +97,7 @@ def test_the_share_is_never_above_one_nor_makes_a_step(tilts: list[float | None]
 @given(st.lists(st.tuples(tilt, tilt), max_size=100))
 def test_more_tilt_at_the_same_moment_never_gives_more(pairs: list[tuple[float, float]]) -> None:
     for newest, other in pairs:
-        one, two = TiltLimit(MOST), TiltLimit(MOST)
+        one, two = TiltLimit(), TiltLimit()
         for before, _ in pairs:
             one.step(before, DT)
             two.step(before, DT)
@@ -108,7 +109,7 @@ def test_more_tilt_at_the_same_moment_never_gives_more(pairs: list[tuple[float, 
 def test_once_the_tilt_is_gone_all_is_given_again(
     before: list[float | None], after: float | None
 ) -> None:
-    limit = TiltLimit(MOST)
+    limit = TiltLimit()
     for each in before:
         limit.step(each, DT)
     for _ in range(3000):
@@ -120,14 +121,14 @@ def test_once_the_tilt_is_gone_all_is_given_again(
 def test_below_the_limit_a_tilt_that_does_not_grow_takes_nothing(
     tilts: list[float], dt: float
 ) -> None:
-    limit = TiltLimit(MOST)
+    limit = TiltLimit()
     assert all(limit.step(each, dt) == 1.0 for each in sorted(tilts, reverse=True))
 
 
 @given(st.floats(0.1, 1.0))
 def test_a_growing_tilt_is_met_before_it_passes_the_limit(speed: float) -> None:
     """[rad/s] At a steady rate, as it will be a second later, once the rate has been seen."""
-    limit, seconds = TiltLimit(MOST), 0.0
+    limit, seconds = TiltLimit(), 0.0
     while limit.step(speed * seconds, DT) == 1.0:
         seconds += DT
     ahead = AHEAD_S * (1.0 - exp(-seconds / SMOOTH_S))
@@ -141,7 +142,7 @@ def test_with_a_hull_that_answers_late_it_comes_to_rest(
 ) -> None:
     """A hull whose speed follows the share within `slow` [s], and its tilt the square of the speed
     within `late` [s]; `full` [rad] if nothing were taken."""
-    limit, speed, tilt = TiltLimit(MOST), 0.0, 0.0
+    limit, speed, tilt = TiltLimit(), 0.0, 0.0
     for step in range(6000):
         speed += DT / slow * (limit.step(tilt, DT) - speed)
         tilt += DT / late * (full * speed * speed - tilt)
