@@ -3,7 +3,7 @@
 In the repository `services`, `messages`, `tools` and `deploy` are at the top. In the wheel they are
 in `lindy/`, and every import of them says so. Nothing but import statements is changed: code that
 needs the name of a module as a string takes it from `__name__` or `__package__`.
-docs/decisions/0019-one-name.md
+docs/decisions.md (0019)
 """
 
 import ast

@@ -12,5 +12,5 @@
     board_clock    the board's clock against ours
     mixer, frames  a force for each thruster to ArduSub's axes and their channels
 
-See docs/ardusub.md, and docs/decisions for what is fed and why.
+See docs/ardusub.md, and docs/decisions.md for what is fed and why.
 """

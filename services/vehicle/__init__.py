@@ -30,5 +30,5 @@ Failures:
   not the same as disarmed: initialise and hold ESCs while armed, cut their signal when disarmed.
 
 A driver publishes raw samples, in the sensor's own axes and position; [vehicle.mounting] describes
-both, and estimation transforms the samples (docs/decisions/0012).
+both, and estimation transforms the samples (docs/decisions.md, 0012).
 """

@@ -1,4 +1,4 @@
-"""python -m lindy_research.ardusub_kills (prints the table of docs/ardusub.md)"""
+"""python -m lindy_research.ardusub_kills (prints a table of what the board does)"""
 
 import argparse
 import os

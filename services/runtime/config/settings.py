@@ -28,7 +28,7 @@ LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
 LONGEST_TOML = 1_000_000  # [letters] a vehicle file has 20,000
 DEEPEST = 100  # parts of a key
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}]")
-FILTER = "the estimator is one filter now, see docs/decisions/0020-one-filter.md"
+FILTER = "the estimator is one filter now, see docs/decisions.md (0020)"
 GONE = {
     "control.adaptation": "`lindy identify` finds thrust and drag from a dive",
     "estimation.attitude.correction": FILTER,

@@ -38,7 +38,7 @@ NO_SETTINGS = (
 LINK = "; the link is in the file of --link, and `lindy link set` changes it while a dive goes on"
 SCRIPT = "script:"  # of a pilot: then comes its name
 # A replay's own part of the keys. Wildcards do not match a chunk that begins with @, and no vehicle
-# can have such a name: docs/decisions/0018-replay.md.
+# can have such a name: docs/decisions.md (0018).
 REPLAY = "@replay"
 BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
 

@@ -8,28 +8,28 @@ from services.reference.settings import FailsafeSettings
 
 HEADING = """# Failsafes
 
-What the drone watches, what it does by itself, and what ends that. Written by `make docs` from
-`services/reference/failsafe/table.py`; do not edit.
+What the drone watches, what it does by itself, and what ends that. `make docs` writes this page
+from `services/reference/failsafe/table.py`.
 
-The drone acts on board, in the service `reference`, so it needs no link. Times and thresholds are
-the defaults of the table `[reference.failsafe]` of a vehicle file. Every motion of a failsafe is a
-reference like any other: within the limits of the vehicle's acceleration and jerk.
+The drone acts on board, so it needs no link. Times and thresholds are the defaults of the table
+`[reference.failsafe]` of a vehicle file.
 
-- **notice**: the pilot reads it, on the screen and in `vehicle/status`. Nothing else happens.
-- **limit**: the reference comes to rest at the depth limit and goes no deeper; `goto` and `follow`
-  below it are refused.
+- **notice**: the pilot reads it. Nothing else happens.
+- **limit**: the drone comes to rest at the limit and goes no further; `goto` and `follow` beyond
+  the depth limit are refused.
 - **stop**: it comes to rest smoothly, and holds depth, heading and, where it was held, position.
 - **ascend**: it rises at `ascent_speed` to `surface_depth`, and stays there (**surface**). It
   waits while there is no state, and does not go down where it is higher already.
 
-Of several conditions the gravest reaction acts, and all are listed. Notice and limit end with their
-condition. The others end by a deliberate act of the pilot alone: `resume` (the arm button of the
-pad, Enter on the keyboard, `lindy ask resume`), or `disarm`. Moving sticks do nothing until then,
-and act at once afterwards. A loss of state, link or pilot that never held for 2 s without a break
-ends by itself once the sticks were centred for 0.3 s, as far as nothing else acts and the pilot is
-the one who was there when it began. `resume` is refused while the condition still holds, except
-where the table says "at any time": who resumes then has overruled it, and it does not act again
-until it has ended or become worse. A script resumes by itself as soon as its conditions have ended.
+Of several conditions the gravest reaction acts. Notice and limit end with their condition. The
+others end by `resume` (the arm button of the pad, Enter on the keyboard, `lindy ask resume`) or
+`disarm`; until then the sticks do nothing. `resume` is refused while the condition holds, except
+where the table says "at any time": the condition then acts again only when it has ended or become
+worse. A loss of state, link or pilot of less than 2 s ends by itself once the same pilot's sticks
+were centred for 0.3 s. A script resumes by itself.
+
+STOP of a pilot is no failsafe: it brakes, holds and stays armed, and the sticks act again once they
+were centred.
 
 | condition | the pilot reads | when | what the drone does | ended by | what to do |
 |---|---|---|---|---|---|
