@@ -9,8 +9,8 @@ import os
 import secrets
 import socket
 import subprocess
-from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from signal import Signals
@@ -106,11 +106,6 @@ def let_through(signals: Iterable[Signals]) -> None:
 
 def is_unread(output: int) -> bool:
     return not os.isatty(output)
-
-
-@contextmanager
-def keys_of(terminal: int) -> Generator[Callable[[float], bytes | None] | None]:  # noqa: ARG001
-    yield None
 
 
 def serial(device: str, baud: int) -> FileIO:  # noqa: ARG001 - as in posix

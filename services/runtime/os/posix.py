@@ -14,9 +14,8 @@ import signal
 import subprocess
 import termios
 import time
-import tty
-from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from typing import Any, TypedDict
@@ -137,23 +136,6 @@ def is_unread(output: int) -> bool:
     poll = select.poll()
     poll.register(output, select.POLLOUT)
     return any(events & select.POLLERR for _, events in poll.poll(0))
-
-
-@contextmanager
-def keys_of(terminal: int) -> Generator[Callable[[float], bytes | None] | None]:
-    """A function that waits for keys, at most so many seconds: b"" when the terminal is closed,
-    None when there was none. None instead of it: keys do not come one by one here."""
-
-    def read(seconds: float) -> bytes | None:
-        ready, _, _ = select.select([terminal], [], [], seconds)
-        return os.read(terminal, 64) if ready else None
-
-    before = termios.tcgetattr(terminal)
-    try:
-        tty.setcbreak(terminal)  # Ctrl-C is still a signal
-        yield read
-    finally:
-        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
 
 def serial(device: str, baud: int) -> FileIO:

@@ -182,11 +182,6 @@ def test_a_cable_that_is_not_there_is_said(system: ModuleType, tmp_path: Path) -
         system.serial(str(tmp_path / "none"), 115200)
 
 
-def test_without_a_way_to_read_keys_there_are_none() -> None:
-    with portable.keys_of(0) as read:
-        assert read is None
-
-
 # Files and folders.
 
 
