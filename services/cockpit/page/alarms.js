@@ -3,11 +3,12 @@
 const BEEPS = [[0, 880], [0.18, 660], [0.36, 880]]; // [s] from when on, [Hz]
 const BEEP_S = 0.14;
 const AGAIN_MS = 10000; // an alarm that lasts is heard again
+export const LEAK = "leak";
 
 export class Alarms {
   constructor(settings, words) {
     Object.assign(this, { settings, words });
-    this.since = new Map(); // by sentence: when it was last heard [ms]
+    this.since = new Map(); // by name: when it was last heard [ms]
     // Browsers let a page sound once somebody has touched it.
     for (const name of ["pointerdown", "keydown"]) addEventListener(name, () => this.wake(), { once: true, capture: true });
   }
@@ -17,15 +18,18 @@ export class Alarms {
     if (Audio) this.audio ??= new Audio();
   }
 
-  // sentences: every alarm that stands now, without the numbers in them
-  look(sentences, now) {
-    for (const known of this.since.keys()) if (!sentences.includes(known)) this.since.delete(known);
-    const due = sentences.filter((each) => now - (this.since.get(each) ?? -Infinity) > AGAIN_MS);
+  // alarms: name and sentence of every alarm that stands now. The numbers of a sentence may change;
+  // it is the same alarm as long as its name is.
+  look(alarms, now) {
+    const names = alarms.map(([name]) => name);
+    for (const known of this.since.keys()) if (!names.includes(known)) this.since.delete(known);
+    const due = alarms.filter(([name]) => now - (this.since.get(name) ?? -Infinity) > AGAIN_MS);
     if (!due.length) return;
-    const fresh = due.filter((each) => !this.since.has(each));
-    for (const each of due) this.since.set(each, now);
-    if (this.settings.sound === "on") this.sound();
-    if (this.settings.speech === "on") fresh.forEach((each) => this.speak(each));
+    const fresh = due.filter(([name]) => !this.since.has(name));
+    for (const [name] of due) this.since.set(name, now);
+    // Water inside is heard whatever else a pilot has silenced.
+    if (this.settings.sound === "on" || due.some(([name]) => name === LEAK)) this.sound();
+    if (this.settings.speech === "on") fresh.forEach(([, sentence]) => this.speak(sentence));
   }
 
   sound() {

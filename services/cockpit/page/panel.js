@@ -1,5 +1,6 @@
 // Everything in words: what the drone does, who has the sticks, what is wrong.
 
+import { LEAK } from "./alarms.js";
 import { UNKNOWN, units } from "./units.js";
 import { words } from "./words.js";
 
@@ -35,7 +36,7 @@ export function stale(connection, you, view) {
   return old === undefined || old > connection.ages.state[0] || Boolean(connection.words);
 }
 
-// Returns the alarms that stand.
+// Returns name and sentence of the alarms that stand.
 export function show(connection, you, view, steeredBy) {
   const silent = view.silent_s === undefined ? "" : `${words.t("last_known")} `;
   put("armed", view.activity ? `${silent}${words.t(view.armed ? "ARMED" : "DISARMED")}` : UNKNOWN, view.armed && !silent ? "on" : "");
@@ -63,7 +64,12 @@ export function show(connection, you, view, steeredBy) {
   const of = (tone) => said.filter((each) => each[1] === tone).map((each) => words.same(each[0])).join(" · ");
   alarm("note", of("warning"));
   lines(view.lines ?? []);
-  return [lost, acting, link(said)].filter(Boolean);
+  const cause = connection.words || (cut ? "silent" : why);
+  return [
+    [`lost ${connection.stopSaid() ?? ""} ${cause}`, lost],
+    [view.failsafe, acting],
+    ...grave(said),
+  ].filter(([, sentence]) => sentence);
 }
 
 export function digits(view, stale) {
@@ -92,11 +98,12 @@ function failsafe(acting, known, mine) {
   return `${sentences[0]} ${sentences[3]}`;
 }
 
-function link(said) {
-  const grave = said.filter((each) => each[1] === "alarm").map((each) => words.same(each[0])).join(" · ");
-  const note = $("note").textContent;
-  if (grave) alarm("note", note ? `${grave} · ${note}` : grave, "grave");
-  return grave;
+// What is grave though nothing acts: a bad link, or water inside while the pilot flies on.
+function grave(said) {
+  const all = said.filter((each) => each[1] === "alarm").map((each) => each[0]);
+  const text = all.map((each) => words.same(each)).join(" · "), note = $("note").textContent;
+  if (text) alarm("note", note ? `${text} · ${note}` : text, "grave");
+  return all.map((each) => [each.startsWith("LINK ") ? "link" : LEAK, words.same(each)]);
 }
 
 // The age of the picture, and what is wrong with it.

@@ -202,6 +202,30 @@ def test_a_hold_is_void_once_its_meaning_has_changed(browser: Browser, served: S
     page.close()
 
 
+BEEPS = "window.beeps = 0; navigator.vibrate = () => { window.beeps += 1; return true; };"
+
+
+def test_an_alarm_is_heard_once_whatever_its_numbers_do_and_water_always(
+    browser: Browser, served: Served
+):
+    page = served.open(browser, Size(1280, 720), before=BEEPS)
+    served.becomes(page)
+    page.look("window.beeps = 0")
+    for worst in range(40, 240, 20):
+        served.becomes(page, said=[[f"LINK delayed, up to {worst} ms", "alarm"]])
+    assert page.look("window.beeps") == 1
+    served.becomes(page)
+    served.becomes(page, said=[["LINK delayed, up to 40 ms", "alarm"]])
+    assert page.look("window.beeps") == 2  # it had ended
+    page.look("document.getElementById('silence').click()")
+    served.becomes(page)
+    served.becomes(page, said=[["LINK delayed, up to 40 ms", "alarm"]])
+    assert page.look("window.beeps") == 2
+    served.becomes(page, said=[["water inside the drone", "alarm"]])
+    assert page.look("window.beeps") == 3
+    page.close()
+
+
 def test_no_key_acts_with_ctrl_and_a_pilot_gives_keys_of_his_own(browser: Browser, served: Served):
     page = served.open(browser, Size(1280, 720))
 
