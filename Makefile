@@ -83,8 +83,8 @@ faults: $(READY) ## every fault in every mode, and again in real processes, into
 arm64: $(READY) ## a dive on emulated arm64, with the bits of this computer; Debian: qemu-user-static debootstrap
 	nice -n 19 $(BIN)/python -m tests.long.arm64
 
-wheels: $(READY) ## which wheels each platform gets, into docs/platforms.md; asks the package index
-	$(BIN)/python -m tests.support.docs.wheels_table
+wheels: $(READY) ## which wheels each platform gets, as a table; asks the package index
+	$(BIN)/python -m tests.wheel.platforms
 
 pythons: $(READY) ## the wheel, installed and flown with each Python from 3.11 to 3.14 that is found here
 	$(BIN)/python -m tests.wheel.pythons

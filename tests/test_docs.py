@@ -31,14 +31,6 @@ WHOLE = {  # shown from the first line to the last
         "examples/depth_alarm/depth_alarm.py",
         "examples/depth_alarm/alarm_service.py",
     ],
-    "library": [
-        "examples/library/ramp_plot.py",
-        "examples/library/own_law.py",
-        "examples/library/own_estimator.py",
-        "examples/library/pd_control.py",
-        "examples/library/link_monte_carlo.py",
-        "examples/library/virtual_dive.py",
-    ],
 }
 
 

@@ -59,11 +59,11 @@ def review(
 ) -> int:
     """Review a dive of any vehicle: one page with plots.
 
-    What the recording holds, vibration and spreads for the vehicle file, Lindy's estimation beside
-    the vehicle's own, every stop, what was rejected, and what Lindy would have asked of
-    the same sticks. A log of another program is imported first, into a new folder beside it. With
-    --json the same figures are printed, and no page is written unless --out names one. Exit status
-    3: the recording is damaged or not whole, and this is of what can be read.
+    What the recording holds, vibration, Lindy's estimation beside the vehicle's own, every stop,
+    what was rejected, and what Lindy would have asked of the same sticks. A log of another program
+    is imported first, into a new folder beside it. With --json the same figures are printed, and no
+    page is written unless --out names one. Exit status 3: the recording is damaged or not whole,
+    and this is of what can be read.
 
     Example: lindy review 00000042.BIN
              lindy review dives/latest --out yesterday.html

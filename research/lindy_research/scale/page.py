@@ -1,6 +1,6 @@
 """`docs/scale.md`, written from the measured points and the model. Pure, but for the points."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -9,6 +9,7 @@ from lindy_research.scale.model import (
     JOIN_S,
     FleetJoin,
     FleetPlan,
+    ScaleMiss,
     ScaleModel,
     ScalePoint,
     check,
@@ -54,9 +55,11 @@ def page() -> str:
             ),
             model,
         ),
-        model=_model(model),
-        fitted=_points(model, fitted_to),
-        checked=_points(model, checked_on),
+        idle=f"{100 * model.idle:.2f} %",
+        message=f"{1e6 * model.per_message:.1f} µs",
+        overhead=f"{model.overhead:.0f}",
+        points=len(found.points),
+        off=f"{100 * max(_off(check(model, checked_on))):.0f} %",
         joins=_joins(found.joins),
         fleets=_fleets(model, up, down, looked),
         thinned=_fleets(model, thin, down, looked),
@@ -91,42 +94,11 @@ def _traffic(rows: Iterable[tuple[str, FleetTraffic]], model: ScaleModel) -> str
     )
 
 
-def _model(model: ScaleModel) -> str:
-    return _table(
-        "| fitted | |",
-        (
-            ("a router, while nobody speaks", f"{100 * model.idle:.2f} % of a core"),
-            ("a router, for each message that passes", f"{1e6 * model.per_message:.1f} µs"),
-            ("on the wire, for each message besides its payload", f"{model.overhead:.0f} bytes"),
-        ),
-    )
-
-
-def _points(model: ScaleModel, points: Sequence[ScalePoint]) -> str:
-    return _table(
-        "| drones | × rates | messages/s | router, cores | model | off | link kB/s | model | off "
-        "| p50 ms | p99 ms |",
-        (
-            (
-                f"{miss.point.drones}",
-                f"{miss.point.speed:g}",
-                f"{miss.point.messages_hz:.0f}",
-                f"{miss.point.cores:.3f}",
-                f"{miss.cores:.3f}",
-                f"{100 * miss.cores_off:+.0f} %",
-                _number(miss.point.wire_hz),
-                _number(miss.wire_hz),
-                "–" if miss.wire_off is None else f"{100 * miss.wire_off:+.0f} %",
-                f"{miss.point.p50_ms:.2f}",
-                f"{miss.point.p99_ms:.1f}",
-            )
-            for miss in check(model, points)
-        ),
-    )
-
-
-def _number(bytes_hz: float | None) -> str:
-    return "–" if bytes_hz is None else f"{bytes_hz / 1e3:.0f}"
+def _off(misses: Iterable[ScaleMiss]) -> Iterator[float]:
+    """[-] Relative errors, without their sign."""
+    for miss in misses:
+        yield abs(miss.cores_off)
+        yield abs(miss.wire_off or 0.0)
 
 
 def _joins(joins: Sequence[FleetJoin]) -> str:

@@ -1,13 +1,11 @@
-"""The table of wheels in `docs/platforms.md` (`make wheels`): what Lindy with the extra `all`
-brings to each platform, as uv finds it in the package index, from wheels alone."""
+"""The table of wheels (`make wheels`): what Lindy with the extra `all` brings to each platform, as
+uv finds it in the package index, from wheels alone; the core is bold."""
 
 import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
-PAGE = ROOT / "docs" / "platforms.md"
-BEGIN, END = "<!-- written by `make wheels` -->\n", "<!-- until here -->\n"
+ROOT = Path(__file__).parents[2]
 PLATFORMS = {
     "Linux x86-64": "x86_64-manylinux_2_28",
     "Linux arm64": "aarch64-manylinux_2_28",
@@ -64,5 +62,4 @@ def spoken(pythons: list[str]) -> str:
 
 
 if __name__ == "__main__":
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}{table()}{END}{rest.partition(END)[2]}", encoding="utf-8")
+    print(table(), end="")
