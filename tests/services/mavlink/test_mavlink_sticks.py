@@ -79,7 +79,7 @@ def test_channels_that_are_not_said_are_centred(unsaid: int) -> None:
 
 def test_one_channel_at_a_time_is_all_of_them() -> None:
     """As in the example of ArduSub's documentation: 65535 in all others."""
-    channels = Channels()
+    channels, said = Channels(), None
     for k in range(40):
         number, us = ((3, 1300), (5, 1700), (4, 1900))[k % 3]
         said = channels.hear(override(**{f"ch{number}": us}), 50 * k * MS)
