@@ -77,6 +77,7 @@ class ArdusubDriver:
         self._now: Ns = 0
         self._due: dict[str, Ns] = {}
         self._stranger: Ns | None = None
+        self._text = readings.LongText()
         self._silence = ""  # what is said of it
         self._handlers: dict[str, Callable[[dict[str, Any], Ns], None]] = {
             "HEARTBEAT": self._on_heartbeat,
@@ -173,6 +174,10 @@ class ArdusubDriver:
         self._introduction.heard_clock(now)
 
     def _on_ack(self, fields: dict[str, Any], now: Ns) -> None:
+        # Behind one router, the board's answers to other ground stations arrive here as well.
+        to = int(fields.get("target_system") or 0), int(fields.get("target_component") or 0)
+        if to[0] not in (0, self._settings.system) or to[1] not in (0, self._settings.component):
+            return
         number, result = int(fields["command"]), int(fields["result"])
         if number == MavCommand.SET_MESSAGE_INTERVAL:
             self._measurements.heard_ack(result)
@@ -183,7 +188,9 @@ class ArdusubDriver:
             self._outbox.tell(events.REFUSED_ARM(detail=why))
 
     def _on_text(self, fields: dict[str, Any], now: Ns) -> None:
-        text = str(fields["text"])
+        text = self._text.whole(str(fields["text"]), int(fields.get("id") or 0))
+        if text is None:
+            return
         if text == LEAK:
             self._measurements.heard_leak(now)
         if int(fields["severity"]) <= 4:

@@ -10,6 +10,7 @@ from messages.units import Ns, Vec3
 
 G = 9.80665  # [m/s²] of a milli-g
 TESLA_PER_GAUSS = 1e-4
+TEXT, MOST_TEXT = 50, 1000  # characters of one STATUSTEXT; of a long one, that is shown as it is
 # Builds on the way to 4.7 multiply milligauss by 1000 in HIGHRES_IMU, where they should divide.
 MISSCALED, TOO_MUCH = 1e-6, 1000.0  # [-] and [G] more than a compass measures
 IMU_MESSAGES = ("HIGHRES_IMU", "RAW_IMU")  # best first; the first is new in 4.8
@@ -80,6 +81,26 @@ class BatteryMeter:
             self._used_wh += self.power * min(10.0, (now - self._at) / 1e9) / 3600.0
         self._at = now
         return BatterySample(stamp_ns=now, voltage=voltage, current=current, used_wh=self._used_wh)
+
+
+@dataclass(slots=True)
+class LongText:
+    """STATUSTEXT in several packets, of which the last is not full (MAVLink 2)."""
+
+    _id: int = 0
+    _begun: str = ""
+
+    def whole(self, text: str, number: int) -> str | None:
+        """The text that ends with this packet; None: more of it comes. `number`: 0 for a text of
+        one packet. Of a text whose end was lost nothing is said."""
+        if number == 0:
+            return text
+        begun = self._begun if number == self._id else ""
+        self._id, self._begun = number, begun + text
+        if len(text) == TEXT and len(self._begun) < MOST_TEXT:
+            return None
+        done, self._id, self._begun = self._begun, 0, ""
+        return done
 
 
 @dataclass(slots=True)

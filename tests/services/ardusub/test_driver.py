@@ -489,6 +489,33 @@ def test_a_leak_is_said_and_counted() -> None:
     assert cable.driver.wet(cable.now) is None
 
 
+def test_an_answer_to_another_ground_station_is_not_ours() -> None:
+    """Both are system 255 behind one router; the components tell them apart."""
+    cable = Cable("4.8")
+    answer = {"command": 511, "result": 3, "target_system": 255, "target_component": 190}
+    for _ in range(250):
+        cable.driver.hear(MavlinkPacket("COMMAND_ACK", answer, 1, 1), cable.now)
+        cable.run(0.02)
+    asked = {p.fields["param1"] for _, p in cable.sent if p.name == "COMMAND_LONG"}
+    assert 105.0 in asked
+    assert 27.0 not in asked  # RAW_IMU: HIGHRES_IMU was not refused to us
+    before = len(cable.said)
+    denied = {"command": 400, "result": 4, "target_system": 254, "target_component": 190}
+    cable.driver.hear(MavlinkPacket("COMMAND_ACK", denied, 1, 1), cable.now)
+    cable.run(0.5)
+    assert cable.said[before:] == []
+
+
+def test_a_long_text_of_the_board_is_one_line() -> None:
+    cable = Cable().accepted()
+    words = "PreArm: " + "the compass is not calibrated, and " * 4
+    for k in range(0, len(words), 50):
+        part = {"severity": 4, "text": words[k : k + 50], "id": 7, "chunk_seq": k // 50}
+        cable.driver.hear(MavlinkPacket("STATUSTEXT", part, 1, 1), cable.now)
+    cable.run(0.1)
+    assert f"the board says: {words}" in cable.said
+
+
 def test_the_temperature_inside_is_that_of_the_boards_own_barometer() -> None:
     assert Cable().accepted().run(3.0).driver.enclosure == pytest.approx(31.5)
 
