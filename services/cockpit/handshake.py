@@ -7,10 +7,14 @@ forge (RFC 6455, 10.2).
 
 import hashlib
 import hmac
+import ipaddress
 from collections.abc import Sequence
 from dataclasses import dataclass
-from urllib.parse import parse_qs
+from urllib.parse import parse_qs, urlsplit
 
+# Names that no public name server answers for (RFC 6762, RFC 8375, and as routers give them). A
+# page of another site can let its own name lead here (DNS rebinding), and then passes for this one.
+NEAR = (".local", ".lan", ".home.arpa", ".internal", ".localhost")
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 PILOT, WATCH = "/ws/pilot", "/ws/watch"  # paths of the two kinds of WebSocket of a page
 VIDEO = "/ws/video"  # and of the one for its picture, whichever page it is
@@ -52,6 +56,8 @@ class Access:
         """
         if len(hosts) != 1 or (self.local and not self._is_local(hosts[0])):
             return f"wrong Host: this page is at {self.address}"
+        if not (self.local or self.token or _is_near(hosts[0])):
+            return "wrong Host: open this page by the drone's address or its name in this network"
         path, _, query = target.partition("?")
         if path not in SOCKETS:
             return ""  # a file, which holds no secret
@@ -67,3 +73,16 @@ class Access:
     def _is_local(self, host: str) -> bool:
         name, _, port = host.rpartition(":")
         return name in LOOPBACK and port == str(self.port)
+
+
+def _is_near(host: str) -> bool:
+    """An address, or a name of the network that the drone is in."""
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+    except ValueError:  # brackets that enclose no address
+        return False
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return bool(name) and ("." not in name or name.endswith(NEAR))
+    return True

@@ -1,6 +1,7 @@
 """Text that is shown: states, log lines, the status page and the page of the services."""
 
 import re
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -25,6 +26,7 @@ from services.vehicle_view.view import Newest, VehicleView, believed, vehicle_vi
 from services.visualizer.batch import Note
 
 SERVICES = 32  # services on the status page
+REQUESTS_KEPT = 16  # several may wait for their answers at the same time
 
 # Text of each state lane for a message. `rerun_writer.STATES` has a colour for each text.
 LANES: dict[type[Message], list[tuple[str, Callable[[Any], str]]]] = {
@@ -64,7 +66,7 @@ class Status:
         self._newest: dict[type[Message], Message] = {}
         self._heard_ns: dict[type[Message], int] = {}
         self._health: dict[str, Health] = {}
-        self._last_request = ""
+        self._requests = deque[str](maxlen=REQUESTS_KEPT)  # ids that were shown
         self._last_note = ""
         self._large_camera = ""
         self._sides: dict[str, str] = {}  # which Lindy each side runs
@@ -104,8 +106,8 @@ class Status:
         if isinstance(message, LogLine):
             text = f"{message.service}: {message.text}"
             return [_line(part_of_path(key.rpartition("/")[2]), time, text, message.level)]
-        if isinstance(message, REQUESTS) and message.id != self._last_request:
-            self._last_request = message.id  # a request is repeated until it is answered
+        if isinstance(message, REQUESTS) and message.id not in self._requests:
+            self._requests.append(message.id)  # a request is repeated until it is answered
             return [_line("pilot", time, f"pilot asks: {_asked(message)}")]
         if isinstance(message, ANSWERS):
             change = message.change if isinstance(message, LinkAnswer) else ""

@@ -173,6 +173,9 @@ class PageServer:
             await connection.close(OLD_PAGE, "this page is of another version: load it again")
             return
         video = self._video.get(asked.get("camera", [FIRST])[0]) if path == VIDEO else None
+        if path == VIDEO and video is None:
+            await connection.close(TOO_MANY, "this drone has no such camera")
+            return
         if self._full(path, video):
             self._outbox.tell(events.TOO_MANY_PAGES())
             kind = f"{MOST_WATCHERS} watchers'" if path == WATCH else str(MOST_PAGES)
@@ -201,8 +204,8 @@ class PageServer:
 
     def _full(self, path: str, video: VideoServer | None) -> bool:
         """Is there no room for one more page?"""
-        if path == VIDEO:
-            return video is None or video.full  # None: of a camera that is not there
+        if video is not None:
+            return video.full
         watchers = path == WATCH and len(self._watchers) >= MOST_WATCHERS
         return watchers or len(self._pages) >= MOST_PAGES
 

@@ -101,6 +101,22 @@ def test_where_other_machines_reach_it_a_token_is_asked_for(target: str, why: st
     assert (why in refused) if why else refused == ""
 
 
+@pytest.mark.parametrize(
+    ("host", "opens"),
+    [
+        ("192.168.2.2:8767", True), ("[fe80::1]:8767", True), ("blueos.local:8767", True),
+        ("blueos:8767", True), ("rov.lan", True), ("BlueOS.Local:8767", True),
+        ("evil.example:8767", False), ("192.168.2.2.evil.example", False), ("", False),
+        ("[evil", False), ("blueos.local.evil.example", False),
+    ],
+)  # fmt: skip
+def test_where_no_token_is_asked_for_a_page_of_another_site_gets_nothing(host: str, opens: bool):
+    """It can let its own name lead to this machine (DNS rebinding), and then says that name."""
+    anyone = Access("http", "0.0.0.0", 8767, local=False)
+    refused = anyone.refusal("/ws/pilot", [host], [f"http://{host}"])
+    assert (refused == "") == opens
+
+
 def test_the_addresses_that_are_printed():
     assert HERE.pilot_url == "http://127.0.0.1:8767/"
     assert HERE.watch_url == "http://127.0.0.1:8767/watch"

@@ -237,6 +237,11 @@ def test_more_pages_than_there_may_be_are_told_so_and_watchers_leave_room_for_pi
     assert served.outbox.counts["too_many:page"] == 2
 
 
+def test_a_camera_that_is_not_there_is_said(served: Served):
+    with pytest.raises(ConnectionClosed, match=r"4002.*no such camera"):
+        served.page("/ws/video", version=f"{served.version}&camera=aft").recv(timeout=PATIENCE_S)
+
+
 def stack(*settings: str, virtual: bool = False) -> Stack:
     return Stack(overrides=[f"cockpit.{s}" for s in settings], virtual=virtual)
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from messages import events, topics
 from messages.message import Estimate, Message
+from messages.pilot import PilotRequest
 from messages.prediction import Miss, Prediction
 from messages.state import VehicleState
 from messages.topic import AnyTopic
@@ -55,6 +56,16 @@ def test_every_row_of_the_table_leads_to_something_shown(topic: AnyTopic, sample
     collector = Collector(VEHICLE)
     assert collector.hear(topic, key_of(topic), sample(topic.key, SECOND), SECOND) is None
     assert shown(collector.drain(SECOND))
+
+
+def test_two_requests_that_wait_at_the_same_time_are_shown_once_each() -> None:
+    collector = Collector(VEHICLE)
+    for k in range(1, 11):  # both are repeated until they are answered
+        for kind in ("arm", "home"):
+            ask = PilotRequest(stamp_ns=k * SECOND, id=kind, kind=kind)
+            collector.hear(topics.PILOT_REQUEST, topics.PILOT_REQUEST.key, ask, k * SECOND)
+    notes = collector.drain(11 * SECOND).notes
+    assert sum("pilot asks" in note.text for note in notes) == 2
 
 
 @given(stamps=st.lists(st.integers(0, 10**9), min_size=1, max_size=40, unique=True))
