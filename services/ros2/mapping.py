@@ -49,7 +49,7 @@ HALF = sqrt(0.5)
 OK, WARN, ERROR = 0, 1, 2  # of diagnostic_msgs/DiagnosticStatus
 LEVELS = {"info": 20, "warning": 30, "error": 40}  # of rcl_interfaces/Log
 
-JOY, TWIST = "sensor_msgs/msg/Joy", "geometry_msgs/msg/Twist"
+JOY = "sensor_msgs/msg/Joy"
 
 
 # Frames.
@@ -414,29 +414,21 @@ def presses_of_joy(said: Any) -> frozenset[Press]:
     return frozenset(BUTTONS[number] for number in down if number in BUTTONS)
 
 
-def sticks_of_twist(said: Any) -> Sticks:
-    """1 is a full stick: no speed, because what a stick does depends on the flight mode."""
-    linear, angular = said.linear, said.angular
-    surge, sway, heave = flu((float(linear.x), float(linear.y), float(linear.z)))
-    return Sticks(surge, sway, heave, yaw=-float(angular.z))
-
-
-def heard_of(data: bytes, kind: str, attached: Attachment) -> tuple[RosSticks, bool]:
+def heard_of(data: bytes, attached: Attachment) -> tuple[RosSticks, bool]:
     """Sticks of a node of ROS 2, and whether they were beyond a full stick.
 
     Args:
-        data: CDR.
-        kind: of `TAKEN`.
+        data: CDR of a Joy.
 
     Raises:
-        ValueError: it is no message of that type, or holds no sticks.
+        ValueError: it is no such message, or holds no sticks.
     """
-    said = decoded(data, kind)
-    sticks = sticks_of_joy(said) if kind == JOY else sticks_of_twist(said)
+    said = decoded(data, JOY)
+    sticks = sticks_of_joy(said)
     if not all(map(isfinite, sticks)):
         raise ValueError("a stick is not a number")
     within = Sticks(*(max(-1.0, min(1.0, each)) for each in sticks))
-    pressed = presses_of_joy(said) if kind == JOY else frozenset[Press]()
+    pressed = presses_of_joy(said)
     return RosSticks(attached.publisher, attached.utc_ns, within, pressed), within != sticks
 
 
@@ -484,7 +476,7 @@ for _row in ROWS:
 PICTURE = "sensor_msgs/msg/CompressedImage"
 H264, JPEG = "h264", "jpeg"  # formats of pictures
 ENDS = {H264: "h264", JPEG: "compressed"}  # of their topics; the second as image_transport has it
-TAKEN = {"joy": JOY, "cmd_vel": TWIST}  # topics from which sticks are taken
+STICKS = "joy"  # topic from which sticks are taken
 
 
 class RosMessage(NamedTuple):

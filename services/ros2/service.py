@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 LOOK_HZ = 50.0  # [1/s] how often what has arrived is sent on
 WAITING = 256  # messages from ROS at most; the oldest go first
-Arrived = tuple[str, bytes, bytes]  # key, payload and attachment
+Arrived = tuple[bytes, bytes]  # payload and attachment
 ASK_HZ = 1.0  # [1/s] is the router there?
 NO_ROUTER = (
     "ROS 2: no router answers at {}; `ros2 run rmw_zenoh_cpp rmw_zenohd` starts one, and this "
@@ -187,21 +187,19 @@ class SticksFromRos:
     """Connects a `RosPilot` to the topics that sticks come from."""
 
     def __init__(self, node: Node, drone: DroneInRos, pilot: RosPilot) -> None:
-        from services.ros2.mapping import TAKEN, RosTopic
+        from services.ros2.mapping import JOY, STICKS, RosTopic
 
         self._node, self._drone, self._pilot = node, drone, pilot
-        self._arrived, self._kinds = deque[Arrived](maxlen=WAITING), dict[str, str]()
+        self._arrived = deque[Arrived](maxlen=WAITING)
         self._too_long = 0
         notify = node.from_outside(self.receive)
 
-        def takes(key: str, payload: bytes, attachment: bytes) -> None:
-            self._arrived.append((key, payload, attachment))
+        def takes(_: str, payload: bytes, attachment: bytes) -> None:
+            self._arrived.append((payload, attachment))
             notify()
 
-        for name, kind in TAKEN.items():
-            _, key = drone.entity("MS", RosTopic(drone.whole(name), kind))
-            self._kinds[key] = kind
-            drone.network.hear(key, takes)
+        _, key = drone.entity("MS", RosTopic(drone.whole(STICKS), JOY))
+        drone.network.hear(key, takes)
         self._ports = PilotPorts(node, pilot.pilot, pilot)
         node.each(topics.STATUS, self._on_status)
         node.every(topics.PILOT_COMMAND.hz, self._tick)
@@ -216,10 +214,10 @@ class SticksFromRos:
         """Rubbish is counted and moves nothing."""
         from services.ros2.mapping import heard_of
 
-        key, payload, attachment = arrived
+        payload, attachment = arrived
         try:
             attached = Attachment.read(attachment)
-            heard, clipped = heard_of(payload, self._kinds[key], attached)
+            heard, clipped = heard_of(payload, attached)
         except ValueError:
             self._node.tell(events.MALFORMED("ros"))
             return None

@@ -33,7 +33,6 @@ from services.ros2.io.jpeg import JpegOfVideo
 from services.ros2.mapping import (
     ROWS,
     STORE,
-    TAKEN,
     UNKNOWN,
     RosMessage,
     RosMessages,
@@ -168,28 +167,9 @@ def test_sticks_that_went_out_come_back_the_same(five: tuple[float, ...]) -> Non
     said = {k: v for k, v in sticks._asdict().items() if k != "gripper"}
     command = PilotCommand(stamp_ns=1, **said)
     sent = made(topics.PILOT_COMMAND, "pilot/command", command)["/rov/sticks"]
-    heard, clipped = mapping.heard_of(sent.cdr(), sent.kind, HOW)
+    heard, clipped = mapping.heard_of(sent.cdr(), HOW)
     assert heard.sticks == sticks
     assert (heard.sender, heard.sent_ns, clipped) == (HOW.publisher, HOW.utc_ns, False)
-
-
-def twist(x: float, y: float, z: float, yaw: float) -> bytes:
-    ros = mapping.ros
-    linear = ros.geometry_msgs__msg__Vector3(x, y, z)
-    angular = ros.geometry_msgs__msg__Vector3(0.0, 0.0, yaw)
-    sent = ros.geometry_msgs__msg__Twist(linear=linear, angular=angular)
-    return RosMessage("", mapping.TWIST, sent).cdr()
-
-
-def test_a_twist_is_sticks_forward_left_up_and_anticlockwise_and_no_more_than_full() -> None:
-    heard, clipped = mapping.heard_of(twist(0.5, 0.25, 1.0, 0.1), mapping.TWIST, HOW)
-    assert heard.sticks == Sticks(0.5, -0.25, -1.0, -0.1)
-    assert not clipped
-    heard, clipped = mapping.heard_of(twist(7.0, 0.0, 0.0, -3.0), mapping.TWIST, HOW)
-    assert heard.sticks == Sticks(surge=1.0, yaw=1.0)
-    assert clipped
-    with pytest.raises(ValueError, match="not a number"):
-        mapping.heard_of(twist(float("nan"), 0.0, 0.0, 0.0), mapping.TWIST, HOW)
 
 
 def test_sticks_that_pycdr2_wrote_are_understood() -> None:
@@ -199,15 +179,15 @@ def test_sticks_that_pycdr2_wrote_are_understood() -> None:
         axes=[0.5, -1.0, 0.25, 1.0],
         buttons=[0, 0, 0, 0, 0, 0, 1],
     )
-    heard, _ = mapping.heard_of(said.serialize(), mapping.JOY, HOW)
+    heard, _ = mapping.heard_of(said.serialize(), HOW)
     assert heard.sticks == Sticks(surge=1.0, sway=-0.25, heave=1.0, yaw=-0.5)
     assert heard.buttons == {"arm"}
 
 
-@given(st.sampled_from(sorted(TAKEN.values())), st.binary(max_size=200))
-def test_any_bytes_are_sticks_or_a_value_error(kind: str, data: bytes) -> None:
+@given(st.binary(max_size=200))
+def test_any_bytes_are_sticks_or_a_value_error(data: bytes) -> None:
     try:
-        heard, _ = mapping.heard_of(data, kind, HOW)
+        heard, _ = mapping.heard_of(data, HOW)
     except ValueError:
         return
     assert all(-1.0 <= stick <= 1.0 for stick in heard.sticks)
@@ -218,7 +198,7 @@ def test_so_is_a_joy_with_a_few_wrong_bytes(at: int, wrong: bytes) -> None:
     good = made(*EVERY[7])["/rov/sticks"].cdr()
     broken = good[:at] + wrong + good[at + len(wrong) :]
     try:
-        heard, _ = mapping.heard_of(broken, mapping.JOY, HOW)
+        heard, _ = mapping.heard_of(broken, HOW)
     except ValueError:
         return
     assert all(-1.0 <= stick <= 1.0 for stick in heard.sticks)

@@ -12,7 +12,7 @@ from messages.events import LOST_ROS, MALFORMED, NOT_THE_HOLDER_ROS, STALE
 from messages.pilot import PilotCommand
 from messages.vehicle import Truth, VehicleStatus
 from services.ros2.core import Settings
-from services.ros2.mapping import JOY, STORE, TWIST, RosMessage, ros
+from services.ros2.mapping import JOY, STORE, RosMessage, ros
 from services.ros2.service import connected, wire
 from services.runtime.bus.other_network import OtherPublisher
 from services.runtime.config.errors import LindyError
@@ -167,7 +167,7 @@ def test_a_node_of_ros_arms_dives_a_metre_lets_go_and_the_drone_holds(tmp_path: 
     assert read.utc_ns == stamp.sec * S + stamp.nanosec
     assert read.sequence == len(dive.air.published[key].sent)
     topics_there = {read_token(token).topic for token in dive.air.tokens}
-    assert {"/rov_1/joy", "/rov_1/cmd_vel", "/rov_1/odom", "/tf", "/diagnostics"} < topics_there
+    assert {"/rov_1/joy", "/rov_1/odom", "/tf", "/diagnostics"} < topics_there
 
 
 def test_a_node_that_falls_silent_is_a_lost_pilot_within_the_time_to_live(tmp_path: Path) -> None:
@@ -215,12 +215,11 @@ def test_another_clock_is_no_delay(tmp_path: Path) -> None:
     assert dive.status.pilot == "ROS 2"
 
 
-@pytest.mark.parametrize("kind", [JOY, TWIST])
-def test_rubbish_is_counted_and_ends_nothing(tmp_path: Path, kind: str) -> None:
+def test_rubbish_is_counted_and_ends_nothing(tmp_path: Path) -> None:
     dive = Dive(tmp_path)
     good = attachment(1, 0, ANN)
     for payload, attached in ((b"", good), (b"\0\1\0\0" + b"\xff" * 60, good), (b"x", b"short")):
-        dive.air.say(kind, payload, attached)
+        dive.air.say(JOY, payload, attached)
     dive.run(0.2)
     assert dive.node.counts[MALFORMED("ros").name] == 3
     assert not dive.commands
