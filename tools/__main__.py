@@ -28,6 +28,9 @@ HELP = ("--help", "-h")
 RESEARCH = "lindy_research"  # a package of its own, which is not on every computer
 GONE = {
     "fleet": "`lindy drones --watch` lists the drones again and again",
+    "log jerk": "`smoothness` in report.json",
+    "log noise": "`lindy calibrate noise`",
+    "log scene": "open several .rrd files in one rerun",
     "record": "each drone records on board; fetch its files after the dive",
     "router-config": "change deploy/router.json5, whose comments say what",
     "tour": "the steps of a first dive are in docs/flying.md",
@@ -184,8 +187,9 @@ def _verb_of(words: Sequence[str]) -> Sequence[str]:
     if name not in verbs:
         from services.runtime.config.settings import nearest
 
-        if verbs is VERBS and name in GONE:
-            raise LindyError(f"`lindy {name}` is gone: {GONE[name]}")
+        whole = f"log {name}" if of_log else name
+        if whole in GONE:
+            raise LindyError(f"`lindy {whole}` is gone: {GONE[whole]}")
         raise LindyError(f"unknown command {name!r}{nearest(name, [*verbs])}")
     if verbs[name].place.startswith(RESEARCH) and find_spec(RESEARCH) is None:
         raise LindyError(
