@@ -96,6 +96,14 @@ def north_offset(state: VehicleState) -> float:
     return wrapped(state.heading_navigation.value - state.heading.value)
 
 
+def from_north(state: VehicleState) -> Quaternion:
+    """q_NB whose heading is counted from north, as the position is."""
+    half = 0.5 * north_offset(state)
+    c, s = cos(half), sin(half)
+    w, x, y, z = state.attitude
+    return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
+
+
 def turned(vector: tuple[float, float], angle: float) -> tuple[float, float]:
     """A horizontal vector rotated clockwise seen from above: body to NED by the heading [rad]."""
     x, y = vector

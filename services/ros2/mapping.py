@@ -34,7 +34,7 @@ from messages.topic import AnyTopic
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Truth, VehicleStatus
 from messages.video import AccessUnit, Assembler, VideoPart
-from services.marine.attitude import LEVEL, down_in_body
+from services.marine.attitude import LEVEL, down_in_body, from_north
 from services.marine.mounting import Mounting
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import Sticks
@@ -269,14 +269,15 @@ def odometry(frame: RosFrames, state: VehicleState, utc_ns: int) -> Any:
         _header(utc_ns, frame.odom),
         frame.base,
         place_of(state),
-        state.attitude,
+        from_north(state),
         (surge, sway, heave),
         (0.0, 0.0, _value(state.yaw_rate)),
     )
+    heading = state.heading_navigation or state.heading
     said.pose.covariance = _diagonal(
         map(
             _variance,
-            (state.east, state.north, state.depth, state.roll, state.pitch, state.heading),
+            (state.east, state.north, state.depth, state.roll, state.pitch, heading),
         )
     )
     said.twist.covariance = _diagonal(
@@ -299,7 +300,7 @@ def transform(frame: RosFrames, state: VehicleState, utc_ns: int) -> Any:
     """The drone's frame in that of its odometry."""
     if not state_is_known(state):
         return None
-    turned = enu_from_flu(state.attitude)
+    turned = enu_from_flu(from_north(state))
     placed = _placed(_header(utc_ns, frame.odom), frame.base, enu(place_of(state)), turned)
     return ros.tf2_msgs__msg__TFMessage(transforms=[placed])
 

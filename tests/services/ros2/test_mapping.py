@@ -3,7 +3,7 @@
 import io
 from collections.abc import Iterable
 from dataclasses import fields, is_dataclass, make_dataclass
-from math import cos, isnan, pi, sin
+from math import atan2, cos, isnan, pi, remainder, sin
 from typing import Any, cast
 
 import numpy as np
@@ -25,7 +25,7 @@ from messages.video import AccessUnit, VideoPart
 from services.camera.core import Order
 from services.camera.io.encoder import VideoEncoder
 from services.camera.sea import Picture
-from services.marine.attitude import from_euler, to_world
+from services.marine.attitude import from_euler, to_world, wrapped
 from services.marine.mounting import ImuMount, Mount, Mounting
 from services.piloting.sticks import Sticks
 from services.ros2 import mapping
@@ -42,7 +42,7 @@ from services.ros2.mapping import (
 )
 from services.ros2.rmw_zenoh import Attachment
 
-from .examples import EVERY, UTC_NS, state
+from .examples import EVERY, UTC_NS, known, state
 
 angles = st.floats(-pi, pi)
 attitudes = st.builds(from_euler, angles, st.floats(-1.5, 1.5), angles)
@@ -76,6 +76,19 @@ def test_what_points_somewhere_in_the_body_points_there_in_the_world(
     placed = mapping.transform(mapping.frames_of("rov", Mounting()), state(attitude), UTC_NS)
     rotation = placed.transforms[0].transform.rotation
     assert turned(rotation, flu(v)) == pytest.approx(enu(to_world(attitude, v)), abs=1e-9)
+
+
+@given(angles, st.floats(-1.0, 1.0))
+def test_the_drone_points_by_the_same_north_that_its_place_is_counted_from(
+    north: float, off: float
+) -> None:
+    """The control heading drifts with the gyroscope; a place is by the compass."""
+    said = structs.replace(
+        state(from_euler(0.1, -0.2, north + off)), heading_navigation=known(wrapped(north))
+    )
+    frames = mapping.frames_of("rov", Mounting())
+    x, y, _ = turned(mapping.odometry(frames, said, UTC_NS).pose.pose.orientation, (1.0, 0.0, 0.0))
+    assert remainder(atan2(x, y) - north, 2.0 * pi) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(vectors)
