@@ -10,13 +10,14 @@ from tests.support.sortie import DEEP, HANDS_OFF, Sortie
 
 @pytest.mark.slow
 def test_the_heading_does_not_rest_off_and_swing_later() -> None:
-    """With this seed the estimate drifts through the thrusters' dead-band."""
+    """With this seed the estimate drifts through the thrusters' dead-band, which is half a degree
+    wide here. Nothing moves in it: pulses that held it within 0.2° swung it by a quarter."""
     sortie = Sortie([(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)], seed=5007).until(48.0)
     seen = sortie.columns(13.0)
     _, off = sortie.estimate_errors(seen, 13.0)
     known = seen.heading + off
-    assert degrees(np.abs(known - seen.wanted_heading).max()) <= 0.2
-    assert degrees(np.abs(seen.heading[200:] - seen.heading[:-200]).max()) <= 0.4  # in 2 s
+    assert degrees(np.abs(known - seen.wanted_heading).max()) <= 0.5
+    assert degrees(np.abs(seen.heading[200:] - seen.heading[:-200]).max()) <= 0.1  # in 2 s
 
 
 @pytest.mark.slow

@@ -131,7 +131,7 @@ def test_a_phone_that_is_twenty_times_slower_still_lets_go_of_a_stick(flight: Fl
 
 @pytest.mark.slow
 def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight: Flight):
-    page = flight.page(Size(3840, 2160))
+    page = flight.page(Size(1280, 800))
     page.look(PAD)
     page.wait(CONNECTED)
     assert page.look(OVERFLOWS) == ""
