@@ -18,11 +18,13 @@ from messages.units import Vec3
 from services.estimation.filter import (
     CURRENT,
     POSITION,
+    SIZE,
     TILT,
     VELOCITY,
     YAW,
     ErrorStateFilter,
     Rotation,
+    considered,
     to_body,
 )
 from services.estimation.quantity import Fusion, Quantity
@@ -44,6 +46,9 @@ MOST_CURRENT_STD = 0.15  # [m/s] a current with a larger std is not published
 ALTITUDE_JUMP = 0.3  # [m] a change of altitude that neither the vehicle's own depth …
 STEEPEST = 1.0  # [-] … nor the way over a slope such as this one explains
 LONGEST_ALTITUDE = 2.0  # [s] between two altitudes, so that they can be compared
+# What is measured of a velocity over the ground is not one of the heading: after a restart, when it
+# is known to 4°, a current that the hull's model lacks turned it by 3°.
+KEEPS_YAW = considered(*(state for state in range(SIZE) if state != YAW))
 SWIMS = 3.0  # [σ] a velocity within goes on as before
 
 
@@ -258,7 +263,7 @@ def _fuse(
     """A sample whose sensor states its own spread: the measured one makes it larger only."""
     quantity.white = std
     quantity.white_variance = max(quantity.white_variance, std * std)
-    outcome = quantity.fuse(f, h, value, off, stamp_ns)
+    outcome = quantity.fuse(f, h, value, off, stamp_ns, KEEPS_YAW)
     if outcome is Fusion.PERSISTENT:
         for state in states:
             f.forget(state, max(std, abs(off)))
