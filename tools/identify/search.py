@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.runtime.config.errors import LindyError
 from tools.identify.fit_input import FitInput, only
 from tools.identify.least_squares import damped_step, own_step
 from tools.identify.linearised import CHANNELS, Linearised, Weights, linearised
@@ -74,7 +75,13 @@ def searched(here: Search, fitted: list[int], adrift: tuple[float, float] = (0.0
 
 
 def descended(here: Search, enough: float) -> Search:
-    """At the least sum of squares by these weights."""
+    """At the least sum of squares by these weights.
+
+    Raises:
+        LindyError: no model gives this dive a finite motion.
+    """
+    if not np.isfinite(here.at.normal.cost):
+        raise LindyError("no inertia and drag explain how it moved")
     damping = 1e-5
     for _ in range(MOST_STEPS):
         now = here.at

@@ -1,11 +1,15 @@
 """The fit finds the vehicle that made the data, and says so where the data do not tell."""
 
 from collections import Counter
+from math import nan
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from services.marine.vehicle import Vehicle
+from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.simulator.hull import Hull, in_the_water
 from tools.identify.dive_data import Windows
@@ -14,6 +18,7 @@ from tools.identify.fit import fit
 from tools.identify.fit_input import FitInput
 from tools.identify.motion_model import Measured, coefficients, predict
 from tools.identify.parameters import AXES, BUOYANCY, LAG, Beginning, start_of
+from tools.identify.search import descended
 from tools.identify.thrust import CommandedThrust, Floats
 
 FILE = Stack().section("vehicle", Vehicle)
@@ -137,3 +142,10 @@ def test_surge_that_only_the_window_before_tells_has_the_right_sign() -> None:
     found = fit(coasting(seed=2, surge=0.2), start, ("heave", "yaw"))
     off = (found.x - truth(start)) / np.sqrt(np.diag(found.covariance))
     assert np.abs(off[9:12]).max() < 3.0
+
+
+def test_a_dive_that_no_model_explains_is_one_sentence() -> None:
+    """A descent that begins at no finite sum of squares had ended a review with a traceback."""
+    here: Any = SimpleNamespace(at=SimpleNamespace(normal=SimpleNamespace(cost=nan)))
+    with pytest.raises(LindyError, match="no inertia and drag explain how it moved"):
+        descended(here, 1e-3)
