@@ -13,7 +13,7 @@ from mcap.records import Channel, Schema
 from messages.text import harmless
 from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
-from services.runtime.config.errors import LindyError
+from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.config.settings import parsed_toml
 from tools.choices import named
 from tools.fresh import EXISTS, fresh_folder
@@ -117,6 +117,7 @@ def write_tables(
 
     Raises:
         LindyError: there is no recording, nothing to write, or the folder cannot be written.
+        EndedByUserError: by Ctrl-C, before all of it was written.
     """
     recording = open_recording(path)
     origin = recording.origin_ns()
@@ -127,8 +128,12 @@ def write_tables(
     try:
         folder = fresh_folder(wanted, lambda found: any(found.iterdir()))
         opener = OpenTable(folder, f".{kind}", new, thruster_names(recording))
-        with reading(f"writing {kind}", recording.size) as recording.advance:
-            rows, unread = _fill(recording, origin, opener, patterns)
+        try:
+            with reading(f"writing {kind}", recording.size) as recording.advance:
+                rows, unread = _fill(recording, origin, opener, patterns)
+        except KeyboardInterrupt:
+            said = f"interrupted; the tables in {folder} are not whole"
+            raise EndedByUserError(said) from None
     except FileExistsError as error:
         raise LindyError(
             f"cannot write {error.filename or wanted}: {EXISTS.format('--out')}"

@@ -18,7 +18,7 @@ from mcap.writer import Writer
 from messages import topics
 from messages.components import COMPONENTS
 from services.recorder.foxglove.channel import is_view
-from services.runtime.config.errors import LindyError
+from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.config.settings import DEPLOY
 from tools.__main__ import main
 from tools.log.csv_table import csv_table, line_of
@@ -198,6 +198,19 @@ def foreign(path: Path, payloads: list[bytes], encoding: str = "json") -> Path:
             writer.add_message(channel, n, payload, n)
         writer.finish()
     return path
+
+
+def test_tables_that_ctrl_c_ended_are_said_not_to_be_whole(dive: ShortDive, tmp_path: Path) -> None:
+    made = list[Path]()
+
+    def new(path: Path, columns: list[TableColumn]) -> RowTable:
+        made.append(path)
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        return csv_table(path, columns)
+
+    with pytest.raises(EndedByUserError, match=r"interrupted; the tables in .* are not whole"):
+        write_tables(dive.folder, tmp_path / "tables", "csv", new)
 
 
 def test_tables_on_a_full_disk_are_said_not_to_be_whole(dive: ShortDive, tmp_path: Path) -> None:
