@@ -59,7 +59,8 @@ def incomplete(recording: Recording) -> list[str]:
 def in_words(found: Accounts) -> list[str]:
     """What is wrong."""
     return [
-        f"{key}: {account.missing} of {account.sent} messages are missing, and nobody lost them"
+        f"{key}: {account.missing} of {account.sent} messages are missing, and no service "
+        "counted a loss, as when the recorder was down"
         for key, account in found.topics.items()
         if account.missing
     ]

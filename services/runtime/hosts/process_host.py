@@ -52,8 +52,8 @@ PARENT_KILLED = (
     "and the thrusters stop"
 )
 TOPSIDE_KILLED = (
-    "lindy: the program that supervises the services was killed: all of this side end; an armed "
-    "drone stops and holds without its pilot, and rises later"
+    "lindy: the program that supervises the services was killed: all services of this side end; an "
+    "armed drone stops and holds without its pilot, and rises later"
 )
 EXIT_S = 5.0  # [s] for the interpreter, when everything is closed
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
