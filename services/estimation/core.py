@@ -9,7 +9,7 @@ measurement: messages/aiding.py.
 """
 
 from collections.abc import Iterator
-from math import atan2, cos, degrees, exp, hypot, isfinite, pi, sin
+from math import atan2, degrees, exp, hypot, isfinite, pi
 from typing import Any
 
 from msgspec import UNSET
@@ -27,7 +27,7 @@ from messages.sensors import (
 )
 from messages.state import VehicleState
 from messages.topic import AnyTopic
-from messages.units import Quaternion, Vec3
+from messages.units import Vec3
 from messages.vehicle import Actuation
 from services.estimation.aids import STILL_CURRENT, Aids
 from services.estimation.checkpoint import EstimationCheckpoint
@@ -63,7 +63,7 @@ from services.estimation.rest import ENOUGH_PRESSURES, Calibrated, Calibration, 
 from services.estimation.sensor import OF, sensors_of
 from services.estimation.settings import Settings
 from services.estimation.start import IMU_PATIENCE_NS, Start
-from services.marine.attitude import to_euler, wrapped
+from services.marine.attitude import to_euler, wrapped, yawed
 from services.marine.mounting import Mounting
 from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
@@ -208,7 +208,7 @@ class Estimator:
             self._restart(force)
         if self._at_origin.needs_motion:  # sensors with a lever arm
             turn = _minus(rate, f.gyro_bias)
-            self._at_origin.moved(Moment(at_ns, turn, _from_north(f)))
+            self._at_origin.moved(Moment(at_ns, turn, yawed(f.q, f.north)))
         return True
 
     def silence(self, now: int) -> VehicleState | None:
@@ -688,13 +688,6 @@ class Estimator:
 
     def _hears_imu(self, now: int) -> bool:
         return self._imu_ns is not None and now - self._imu_ns <= IMU_PATIENCE_NS
-
-
-def _from_north(f: ErrorStateFilter) -> Quaternion:
-    """The attitude with its yaw counted from north."""
-    w, x, y, z = f.q
-    c, s = cos(f.north / 2.0), sin(f.north / 2.0)
-    return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
 
 
 def _mean(a: Vec3, b: Vec3) -> Vec3:

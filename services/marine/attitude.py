@@ -98,9 +98,13 @@ def north_offset(state: VehicleState) -> float:
 
 def from_north(state: VehicleState) -> Quaternion:
     """q_NB whose heading is counted from north, as the position is."""
-    half = 0.5 * north_offset(state)
-    c, s = cos(half), sin(half)
-    w, x, y, z = state.attitude
+    return yawed(state.attitude, north_offset(state))
+
+
+def yawed(q_NB: Quaternion, angle: float) -> Quaternion:
+    """Turned by `angle` [rad] about the world's down."""
+    c, s = cos(angle / 2.0), sin(angle / 2.0)
+    w, x, y, z = q_NB
     return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
 
 

@@ -19,7 +19,6 @@ from services.visualizer.batch import Frame
 STEP_M = 0.05  # [m] points of the path are at least this far apart
 TRAIL_POINTS = 5_000  # points waiting to be drawn; beyond that the oldest are dropped
 FLOOR_STEP_M = 0.2  # [m] the floor is drawn anew when it is found this much deeper
-SCENE_KINDS = (VehicleState, Truth, Reference, Actuation)
 
 
 class Scene:
