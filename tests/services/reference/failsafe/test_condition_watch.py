@@ -1,15 +1,15 @@
 """What the health of the services says: who is late, and whether the board is silent."""
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages.health import LATE_MS, Health
-from messages.pilot import PilotCommand, PilotRequest
+from messages.health import LATE_MS
+from messages.pilot import PilotRequest
 from services.reference.failsafe.watch import HEALTH_PATIENCE_NS, RECENT_NS, ConditionWatch
 from services.reference.guidance.requests import refusal
 from services.reference.settings import FailsafeSettings
+from tests.support.said import health, sticks
 
 S = 1_000_000_000  # [ns]
 WATCHED = {
@@ -20,13 +20,6 @@ WATCHED = {
     "link_monitor": "clock",
     "supervisor_drone": "keeper",
 }
-
-
-def health(service: str, late_ms: float | None) -> Health:
-    return Health(
-        stamp_ns=0, service=service, loop_hz=100.0, lateness_p50_ms=0.0, lateness_p99_ms=late_ms,
-        cpu_percent=None, rss_mb=None, sent=0, received=0, counts={},
-    )  # fmt: skip
 
 
 def late(watch: ConditionWatch, now: int) -> bool:
@@ -73,8 +66,7 @@ def test_a_silent_board_is_said_while_its_silence_is_counted() -> None:
     counts = [0, 0, 1, 2, 3, 3, 3, 3]
     said: list[bool] = []
     for second, count in enumerate(counts):
-        of_driver = msgspec.structs.replace(health("ardusub", 0.0), counts={"silent:board": count})
-        watch.health(of_driver, second * S)
+        watch.health(health("ardusub", **{"silent:board": count}), second * S)
         holding = watch.holding(
             None, None, (), second * S, armed=False, limited=False, above_floor=False
         )
@@ -85,9 +77,8 @@ def test_a_silent_board_is_said_while_its_silence_is_counted() -> None:
 @pytest.mark.parametrize("armed", [False, True])
 def test_arming_is_refused_while_the_board_does_not_answer(armed: bool) -> None:
     arm = PilotRequest(stamp_ns=0, id="1", kind="arm")
-    sticks = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
     for board, words in ((True, ""), (False, "the vehicle's board does not answer")):
         found = refusal(
-            arm, sticks, armed=armed, ready=True, stopping=False, acting=False, board=board
+            arm, sticks(), armed=armed, ready=True, stopping=False, acting=False, board=board
         )
         assert found == words
