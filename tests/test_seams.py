@@ -1,5 +1,6 @@
 """Faults at the seams (tests/long/seams.py): with each of them, a test beside it fails."""
 
+import compileall
 import os
 import shutil
 import subprocess
@@ -22,6 +23,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copytree(part, folder / part, ignore=ignored)
         else:
             shutil.copy2(part, folder / part)
+    compileall.compile_dir(folder, quiet=2)  # the runs add nothing to it
     return folder
 
 

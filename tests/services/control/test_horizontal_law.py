@@ -157,6 +157,15 @@ def test_a_current_that_becomes_known_or_is_forgotten_makes_no_bump(
     assert max(away[3000:]) < 0.005
 
 
+def test_a_current_that_was_known_before_a_disarm_pushes_nothing_after_it(pioneer: Vehicle) -> None:
+    law, asks = Controller(OURS, pioneer, Outbox()), asked(ZERO, ZERO, at(0.7))
+    disarmed = msgspec.structs.replace(asks, armed=False)
+    known, unknown = seen((0.0, 0.0), 0.7, current=(-0.4, 0.2)), seen((0.0, 0.0), 0.7)
+    for k, (reference, state) in enumerate(((asks, known), (disarmed, known), (asks, unknown))):
+        wrench, _ = law.step(reference, state, k * STEP)
+    assert wrench.wanted[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
 def test_without_a_measured_place_the_reference_alone_drives_it(pioneer: Vehicle) -> None:
     law = Controller(OURS, pioneer, Outbox())
     lost = msgspec.structs.replace(seen((0.0, 0.0), 0.0), north=Estimate(0.0, 9.0, False))

@@ -217,3 +217,14 @@ def test_outputs_that_cannot_be_are_refused_in_a_sentence(given: str, says: str)
 
 def test_a_vehicle_whose_file_names_no_outputs_has_a_light() -> None:
     assert [(o.name, o.kind) for o in vehicle("pioneer").output] == [("light", "dimmer")]
+
+
+def test_every_thruster_of_the_pioneer_pushes_forward_starboard_or_down() -> None:
+    """A thruster the wrong way round flies well in the simulator, which reads the same file."""
+    directions = {thruster.name: thruster.direction for thruster in vehicle("pioneer").thruster}
+    assert directions == {
+        "port": (1.0, 0.0, 0.0),
+        "starboard": (1.0, 0.0, 0.0),
+        "lateral": (0.0, 1.0, 0.0),
+        "vertical": (0.0, 0.0, 1.0),
+    }

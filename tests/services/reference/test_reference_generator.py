@@ -456,6 +456,20 @@ def test_an_emergency_stop_says_at_once_how_far_it_goes_and_keeps_its_word() -> 
     assert guidance.generator.status(0).stop == stop
 
 
+@pytest.mark.parametrize("down", [2.0, -0.8])
+def test_a_stop_on_a_path_that_slopes_says_how_far_down_it_goes(down: float) -> None:
+    guidance = armed()
+    slope = Course(waypoints=((0.0, 0.0, 1.0), (12.0, 0.0, 1.0 + down)))
+    assert guidance.ask("follow", course=slope) == ""
+    guidance.fly(12.0, sticks(0))
+    before = guidance.flown[-1]
+    stop = guidance.request("stop").stop
+    assert stop is not None
+    guidance.fly(4.0, sticks(0))
+    assert stop.depth * down > 0.0
+    assert guidance.flown[-1].depth.position - before.depth.position == pytest.approx(stop.depth)
+
+
 def test_the_camera_stops_smoothly_at_the_end_of_its_range() -> None:
     guidance, s = armed(), Settings().tilt
     up = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, tilt=1.0)

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from services.tether.core import Link
 from services.tether.delay import Trace
 from services.tether.link_model import LinkDirection
 from services.tether.loss import Loss, Outage, Outages
-from services.tether.profile import DirectionProfile
+from services.tether.profile import DirectionProfile, LinkProfile
 
 MS, SECOND = 1_000_000, 1_000_000_000
 period = st.tuples(st.integers(0, 50), st.integers(0, 900))  # messages, bytes of each
@@ -127,3 +128,28 @@ def test_a_trace_is_the_recorded_delays_again_and_again(
         moment = sent[k] - first + share * step + round_ * (sent[-1] - first)
         found = trace.at(moment)
         assert found == (None if delay is None else pytest.approx(1e3 * delay, abs=1e-6))
+
+
+def test_the_round_trip_is_there_and_back() -> None:
+    link: Link[int] = Link(
+        "slow",
+        LinkProfile(down=DirectionProfile(delay_ms=30.0), up=DirectionProfile(delay_ms=50.0)),
+        1,
+    )
+    flown(link.down, 0, 10, 100)
+    assert link.status(SECOND, None).rtt_ms is None  # nothing came back yet
+    flown(link.down, SECOND, 10, 100)
+    flown(link.up, SECOND, 10, 100)
+    assert link.status(2 * SECOND, None).rtt_ms == pytest.approx(80.0)
+
+
+def test_the_two_directions_lose_each_its_own_messages() -> None:
+    leg = DirectionProfile(loss=Loss(loss_good=0.3))
+    link: Link[int] = Link("lossy", LinkProfile(down=leg, up=leg), 1)
+    lost = list[set[int]]()
+    for line in (link.down, link.up):
+        flown(line, 0, 400, 100)
+        lost.append({item for item, _ in line.take_lost()})
+    assert all(80 < len(each) < 160 for each in lost)
+    # 30 % of 30 % are lost both ways: 36 of 400, less than twice that.
+    assert len(lost[0] & lost[1]) < 72

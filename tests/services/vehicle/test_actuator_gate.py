@@ -197,9 +197,8 @@ def test_a_command_from_a_little_ahead_lives_no_longer_for_it() -> None:
 def test_an_older_epoch_acts_again_once_the_newer_one_has_been_silent() -> None:
     gate = Gate()
     gate.obey(command(0, 5.0, 5.0, epoch=10**9), 0)
-    assert gate.counted(command(LATCH_NS, 4.0, 4.0, epoch=3), LATCH_NS)[-1].startswith(
-        "wrong_epoch"
-    )
-    assert gate.output(LATCH_NS) == (0.0, 0.0)
-    assert gate.counted(command(LATCH_NS + 1, 4.0, 4.0, epoch=3), LATCH_NS + 1) == []
-    assert gate.output(LATCH_NS + 1) == (4.0, 4.0)
+    second = 1_000_000_000  # [ns]
+    assert gate.counted(command(second, 4.0, 4.0, epoch=3), second)[-1].startswith("wrong_epoch")
+    assert gate.output(second) == (0.0, 0.0)
+    assert gate.counted(command(second + 1, 4.0, 4.0, epoch=3), second + 1) == []
+    assert gate.output(second + 1) == (4.0, 4.0)

@@ -175,7 +175,8 @@ def test_the_near_floor_is_told_by_the_dvl_as_well_but_the_altimeter_goes_first(
 
 
 def test_the_link_is_not_lost_while_commands_come() -> None:
-    assert "link_lost" not in Now(pinged=0.0).conditions()
+    for command in (CENTRED, sticks(20 * S, pilot="lost")):
+        assert "link_lost" not in Now(pinged=0.0, command=command).conditions()
 
 
 def test_an_empty_battery_gets_worse() -> None:
@@ -201,7 +202,8 @@ def test_an_ascent_goes_on_after_a_restart_until_its_sensor_says_that_it_ended(n
     again = ReferenceGenerator(Settings(), Outbox(), rising.checkpoint, 12 * S)
     for tenth in range(1, 20):
         step(again, 12 * S + tenth * S // 10, WatchedMessages())
-        assert again.status(12 * S).reaction == "ascend"
+        status = again.status(12 * S)
+        assert (status.reaction, status.resumable) == ("ascend", False)
     # Dry again, it rises on until the pilot acts: but now `resume` is granted.
     step(again, 15 * S, ROWS[name][1].newest)
     assert again.status(15 * S).resumable

@@ -22,6 +22,7 @@ from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Sett
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.bottom import BAND, PATIENCE_S
 from services.reference.settings import FailsafeSettings, VelocityAxis
+from tests.support.said import state, sticks
 from tests.support.told import told
 
 DT_NS = 10_000_000
@@ -168,6 +169,31 @@ def is_continuous(dive: Dive) -> bool:
         if abs(b.acceleration) > axis.max_acceleration + SMALL or abs(b.jerk) > axis.jerk + SMALL:
             return False
     return True
+
+
+@pytest.mark.parametrize(("speed", "least"), [(0.0, 0.65), (0.2, 0.95), (0.4, 1.25)])
+def test_the_faster_it_goes_the_higher_a_stick_that_leads_down_ends(
+    speed: float, least: float
+) -> None:
+    """At rest 0.15 m above `floor_distance`, and higher by the way of 1.5 s: what lies ahead nobody
+    measures."""
+    dive = Dive(flat, 3.0, noise=0.0)
+    dive.speed = speed
+    dive.fly(30.0, heave=1.0)
+    assert dive.height == pytest.approx(least, abs=0.03)
+
+
+def test_a_jump_of_the_pressure_moves_the_bottom_with_the_depth() -> None:
+    """The vehicle has not moved: its height above the bottom is what it was."""
+    generator = ReferenceGenerator(Settings(), Outbox())
+    for tenth in range(1, 40):
+        now, jump = tenth * 100_000_000, 1.5 if tenth > 30 else 0.0
+        dvl = DvlSample(stamp_ns=now, velocity=(0.0, 0.0, 0.0), std=0.01, altitude=4.0)
+        if tenth <= 30:  # none after the jump, which would teach it the same
+            generator.conditions.newest = WatchedMessages(dvl=dvl)
+        seen = state(now, depth=6.0 + jump, depth_moved=jump or UNSET)
+        generator.step(seen, sticks(now), now)
+        assert generator.status(now).altitude == pytest.approx(4.0)
 
 
 slopes = st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=6)

@@ -20,12 +20,12 @@ from messages.state import VehicleState
 from services.marine.attitude import turned, wrapped
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
-from services.reference.guidance.guidance import PLACE_PATIENCE_S
 from services.reference.guidance.modes import HELD_AXES
 from services.reference.settings import StickForce
 from tests.support.told import told
 
 DT = 0.01  # [s]
+PLACE_PATIENCE_S = 2.0  # [s] as docs/reference.md promises
 GENERATE = [Phase.explicit, Phase.generate]  # half a minute of flight is too long to be shrunk
 SETTINGS = Settings()
 HOLD_NAMES: tuple[FlightMode, ...] = get_args(FlightMode)
