@@ -25,7 +25,7 @@ from services.reference.settings import StickForce
 from tests.support.told import told
 
 DT = 0.01  # [s]
-PLACE_PATIENCE_S = 2.0  # [s] as docs/reference.md promises
+PLACE_PATIENCE_S = 2.0  # [s] written out: an imported one would follow any change
 GENERATE = [Phase.explicit, Phase.generate]  # half a minute of flight is too long to be shrunk
 SETTINGS = Settings()
 HOLD_NAMES: tuple[FlightMode, ...] = get_args(FlightMode)
