@@ -1,6 +1,6 @@
 """Every run of the tests is the same run, on any machine: the property tests draw the same cases.
 
-New cases are searched for by `make explore` alone (tests/long/explore.py). A case found there is
+New cases are searched for by tests/long/explore.py alone. A case found there is
 kept as an `@example` of its test.
 """
 
@@ -10,7 +10,7 @@ from hypothesis.internal.constants_ast import Constants
 
 settings.register_profile(
     "same",
-    max_examples=60,  # `make explore` draws more, and others
+    max_examples=60,  # tests/long/explore.py draws more, and others
     derandomize=True,  # cases follow from the text of the test alone
     database=None,  # nor from what failed here before
     deadline=None,  # nor does the verdict follow from the speed of the machine

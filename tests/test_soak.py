@@ -1,4 +1,4 @@
-"""What the soak (`make soak`) calls growing."""
+"""What the soak calls growing."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""A short virtual soak (`make soak-virtual`), and what the soak calls a miss."""
+"""A short virtual soak, and what the soak calls a miss."""
 
 import pytest
 from msgspec.structs import replace

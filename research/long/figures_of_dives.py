@@ -1,4 +1,4 @@
-"""`make explore`: the figures that fly dives or long links say what they show, as the others do."""
+"""In minutes: the figures that fly dives or long links say what they show, as the others do."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The laws of the bounded reference over millions of random states: `make laws`.
+"""The laws of the bounded reference over millions of random states: `python research/long/laws.py`.
 
 Writes docs/laws.md and fails when a tolerance is broken. Tolerances are stated beside each law:
 they are what rounding can do in double precision, or, where a root of the state is taken, its
@@ -272,7 +272,7 @@ def page(laws: dict[str, Law]) -> str:
 
 HEADING = f"""# Laws of the bounded reference
 
-Written by `make laws` (research/long/laws.py); do not edit. {STATES:,} random states, seed {SEED}:
+Written by `research/long/laws.py`; do not edit. {STATES:,} random states, seed {SEED}:
 velocities ±3, accelerations ±4, J 0.1 to 20, a_max 0.05 to 5 or none, in any combination, also
 far outside a_max; some at rest, exactly at a_max, without any change, or on the borders of
 overshoot a² = 2 J e and a² = 6 J e.

@@ -1,4 +1,4 @@
-"""Search for cases that break a law, for minutes: `make explore`.
+"""Search for cases that break a law, for minutes.
 
 A plugin for pytest. Each property test runs on fresh random cases, FACTOR times as many as it draws
 in `make test`; at the end stands, for each one that failed, the line to paste above its `@given`,

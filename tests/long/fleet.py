@@ -1,5 +1,5 @@
 """Two drones, a pilot and a router as processes: found, flown, cut off and flown again. Half a
-minute; `make explore` runs it."""
+minute: `pytest tests/long/fleet.py`."""
 
 import json
 import re

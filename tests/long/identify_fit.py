@@ -1,4 +1,4 @@
-"""Laws of the fit that cost a minute or more; `make explore` runs them."""
+"""Laws of the fit that cost a minute or more: `pytest tests/long/identify_fit.py`."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The table of wheels (`make wheels`): what Lindy with the extra `all` brings to each platform, as
+"""The table of wheels (`python -m tests.wheel.platforms`): what Lindy with the extra `all` brings to each platform, as
 uv finds it in the package index, from wheels alone; the core is bold."""
 
 import subprocess

@@ -1,4 +1,4 @@
-"""The wheel with each Python that it is for: `make pythons`, or with a wheel as the argument.
+"""The wheel with each Python that it is for: `python -m tests.wheel.pythons [WHEEL]`.
 
 Each gets a clean environment with the core alone. One that is not on this computer is named.
 """

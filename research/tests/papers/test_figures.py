@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 ANDREN = ("4.2", "4.3", "5.1", "5.2", "5.3", "5.4", "5.5", "5.6", "5.7", "5.8", "5.9")
 FERNANDES = (1, 3, 4, 5, 9, 10, 11, 12, 13, 18)
 # Those of flights take a minute to fly and have tests of their own; those with dives and long links
-# are drawn by `make explore`, with research/long/figures_of_dives.py.
+# are drawn by research/long/figures_of_dives.py.
 LONG = ("energy-dive", "link-profiles", "observer-depth", "observer-heading")
 UNFLOWN = [
     each

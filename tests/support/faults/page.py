@@ -11,7 +11,7 @@ from tests.support.faults.rows import CellRow
 WORLDS = {"virtual": "on virtual time", "real": "real processes"}
 HEAD = """# The fault matrix
 
-Written by `make faults` (tests/support/faults/); do not edit. Every fault in every mode: what the
+Written by `python -m tests.support.faults`; do not edit. Every fault in every mode: what the
 drone does, what the pilot reads, which goals are missed. A figure in **bold** misses its goal.
 
 On virtual time each fault meets each mode: with the simulator, the tether's model and the
