@@ -1,4 +1,5 @@
-"""Lindy on arm64, emulated: `python -m tests.long.arm64`. Half an hour at most, most of it downloads and emulation.
+"""Lindy on arm64, emulated: `python -m tests.long.arm64`. Half an hour at most, most of it
+downloads and emulation.
 
 A Debian tree for arm64 (debootstrap, whose packages are unpacked and not configured), the core's
 wheels for arm64, and qemu-user, which runs them: one dive on virtual time, whose `log_hash` is

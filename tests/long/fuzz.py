@@ -1,4 +1,4 @@
-"""Damaged inputs against everything that reads from outside, for a time: `python -m tests.long.fuzz`.
+"""Damaged inputs against everything that reads from outside, for a time:
 
     python -m tests.long.fuzz [SECONDS] [TARGET …]
 

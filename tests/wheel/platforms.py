@@ -1,5 +1,5 @@
-"""The table of wheels (`python -m tests.wheel.platforms`): what Lindy with the extra `all` brings to each platform, as
-uv finds it in the package index, from wheels alone; the core is bold."""
+"""The table of wheels: what Lindy with the extra `all` brings to each platform, as uv finds it in
+the package index, from wheels alone; the core is bold. `python -m tests.wheel.platforms`."""
 
 import subprocess
 import sys
