@@ -66,7 +66,7 @@ SEAMS = (
     Seam(
         "an old disarm ends a later arming",
         CORE, 'request.kind == "disarm" and request.stamp_ns >= self._armed_ns',
-        'request.kind == "disarm"', ("tests/services/reference/test_hand_over.py",),
+        'request.kind == "disarm"', ("tests/services/reference/test_reference_generator.py",),
     ),
     Seam(
         "home stays lost after an arming",

@@ -7,14 +7,13 @@ import pytest
 
 from messages import topics
 from messages.control import ThrusterCommand, Wrench
-from messages.message import Estimate
 from messages.reference import Motion, Reference
-from messages.state import VehicleState
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
+from tests.support import said
 
 ROW = ServiceSpec(sides=["drone"])
 S = 1_000_000_000  # [ns]
@@ -37,7 +36,7 @@ class Bench:
         state, reference = vehicle.publisher(topics.STATE), vehicle.publisher(topics.REFERENCE)
 
         def move(now: int) -> None:
-            state.put(still(now))
+            state.put(said.state(now, depth=3.0))
             reference.put(sideways(now))
 
         vehicle.each(topics.THRUSTERS, lambda command, _: self.commands.append(command))
@@ -46,24 +45,6 @@ class Bench:
     def run(self, seconds: float) -> Wrench:
         self.host.run(self.host.now + round(seconds * S))
         return self.wrenches[-1]
-
-
-def still(now: int) -> VehicleState:
-    sure = Estimate(0.0, 0.01)
-    return VehicleState(
-        stamp_ns=now,
-        sensor_ns=now,
-        phase="running",
-        depth=Estimate(3.0, 0.01),
-        depth_rate=sure,
-        depth_acceleration=sure,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=sure,
-        pitch=sure,
-        heading=sure,
-        heading_navigation=None,
-        yaw_rate=sure,
-    )
 
 
 def sideways(now: int) -> Reference:

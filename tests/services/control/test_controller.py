@@ -17,6 +17,7 @@ from services.control.core import Controller, Settings
 from services.control.settings import RollPitchGains
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
+from tests.support import said
 from tests.support.told import told
 
 PIONEER = Stack().section("vehicle", Vehicle)
@@ -28,20 +29,8 @@ def controller() -> Controller:
 
 
 def state(depth: float = 1.0, *, valid: bool = True) -> VehicleState:
-    return VehicleState(
-        stamp_ns=0,
-        sensor_ns=7,
-        phase="running",
-        depth=Estimate(depth, 0.01, valid),
-        depth_rate=Estimate(0.0, 0.01, valid),
-        depth_acceleration=Estimate(0.0, 0.01),
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=Estimate(0.0, 0.01),
-        pitch=Estimate(0.0, 0.01),
-        heading=Estimate(0.0, 0.01),
-        heading_navigation=None,
-        yaw_rate=Estimate(0.0, 0.01),
-    )
+    unknown = () if valid else ("depth", "depth_rate")
+    return said.state(0, invalid=unknown, sensor_ns=7, depth=depth)
 
 
 def reference(depth: float = 1.0, surge: float = 0.0, *, armed: bool = True) -> Reference:

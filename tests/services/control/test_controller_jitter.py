@@ -15,6 +15,7 @@ from messages.state import VehicleState
 from services.control.core import LONGEST_NS, Controller, Settings, at_sample
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
+from tests.support.said import state
 from tests.support.told import told
 
 MS = 1_000_000  # [ns]
@@ -37,22 +38,16 @@ def reference(at: int) -> Reference:
     )
 
 
-def state(at: int) -> VehicleState:
+def late(at: int) -> VehicleState:
     """A vehicle that does what it should, a little late."""
     t = at / 1e9 - 0.1
-    rate, unknown = Estimate(0.2 * cos(t), 0.01), Estimate(0.0, 0.01)
-    return VehicleState(
-        stamp_ns=at,
-        sensor_ns=at,
-        phase="running",
-        depth=Estimate(2.0 + 0.2 * sin(t), 0.01),
+    rate = 0.2 * cos(t)
+    return state(
+        at,
+        depth=2.0 + 0.2 * sin(t),
         depth_rate=rate,
-        depth_acceleration=Estimate(-0.2 * sin(t), 0.01),
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=unknown,
-        pitch=unknown,
-        heading=Estimate(0.2 * sin(t), 0.01),
-        heading_navigation=None,
+        depth_acceleration=-0.2 * sin(t),
+        heading=0.2 * sin(t),
         yaw_rate=rate,
     )
 
@@ -64,7 +59,7 @@ def wrenches(steps: list[tuple[int, int]], *, delayed: bool) -> list[Wrench]:
     for period, delay in steps:
         sensor_ns += period * MS
         now = sensor_ns + (delay * MS if delayed else 0)
-        wrench, _ = law.step(reference(sensor_ns), state(sensor_ns), now)
+        wrench, _ = law.step(reference(sensor_ns), late(sensor_ns), now)
         said.append(msgspec.structs.replace(wrench, stamp_ns=0))
     return said
 

@@ -15,6 +15,7 @@ from services.marine.attitude import down_in_body, from_euler
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
 from services.simulator.vessel import equations_of_motion
+from tests.support.said import state
 
 DEEP = 50.0  # [m]
 LAG = 0.08  # [s]
@@ -31,19 +32,16 @@ def known(value: float, *, valid: bool = True) -> Estimate:
 def lying(
     roll: float, pitch: float, rate: float, yaw_rate: float, *, valid: bool = True
 ) -> VehicleState:
-    return VehicleState(
-        stamp_ns=0,
-        sensor_ns=0,
-        phase="running",
-        depth=known(DEEP),
-        depth_rate=known(rate),
-        depth_acceleration=known(0.0),
+    unknown = () if valid else ("roll", "pitch")
+    return state(
+        invalid=unknown,
+        depth=DEEP,
+        depth_rate=rate,
         attitude=from_euler(roll, pitch, 0.7),
-        roll=known(roll, valid=valid),
-        pitch=known(pitch, valid=valid),
-        heading=known(0.7),
-        heading_navigation=None,
-        yaw_rate=known(yaw_rate),
+        roll=roll,
+        pitch=pitch,
+        heading=0.7,
+        yaw_rate=yaw_rate,
     )
 
 

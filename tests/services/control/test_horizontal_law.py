@@ -20,6 +20,7 @@ from services.marine.attitude import from_euler
 from services.marine.attitude import to_body as rotated
 from services.marine.hydrodynamics import coriolis, damping, system_inertia
 from services.marine.vehicle import Vehicle
+from tests.support.said import state
 from tests.support.told import told
 
 STEP = 10_000_000  # [ns]
@@ -36,28 +37,17 @@ def seen(
     velocity: tuple[float, float] = (0.0, 0.0),
     current: tuple[float, float] | None = None,
 ) -> VehicleState:
-    def known(value: float) -> Estimate:
-        return Estimate(value, 0.01)
-
-    return VehicleState(
-        stamp_ns=0,
-        sensor_ns=0,
-        phase="running",
-        depth=known(2.0),
-        depth_rate=known(0.0),
-        depth_acceleration=known(0.0),
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=known(0.0),
-        pitch=known(0.0),
-        heading=known(psi),
-        heading_navigation=known(psi),
-        yaw_rate=known(0.0),
-        surge_velocity=known(velocity[0]),
-        sway_velocity=known(velocity[1]),
-        north=known(place[0]),
-        east=known(place[1]),
-        current_north=None if current is None else known(current[0]),
-        current_east=None if current is None else known(current[1]),
+    flow = (None, None) if current is None else current
+    return state(
+        depth=2.0,
+        heading=psi,
+        heading_navigation=psi,
+        surge_velocity=velocity[0],
+        sway_velocity=velocity[1],
+        north=place[0],
+        east=place[1],
+        current_north=flow[0],
+        current_east=flow[1],
     )
 
 

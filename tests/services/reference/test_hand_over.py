@@ -7,11 +7,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.pilot import PilotCommand, PilotRequest, RequestKind
 from messages.reference import Motion, Reference
-from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
+from tests.support.said import state
 
 DT = 0.01  # [s]
 NS = 10_000_000  # [ns] DT
@@ -19,29 +18,6 @@ KINDS: tuple[RequestKind, ...] = ("lease", "force", "offer", "release")
 Event = tuple[str, RequestKind, float, float, float]  # who, asks what, heave, yaw, surge of both
 STICK = st.floats(-1.0, 1.0)
 EVENT = st.tuples(st.sampled_from(["ann", "bob"]), st.sampled_from(KINDS), STICK, STICK, STICK)
-
-
-def state(now: int, depth: float = 1.0, heading: float = 0.0) -> VehicleState:
-    """Of an ideal drone that is always where the reference wants it."""
-    still = Estimate(0.0, 0.01)
-    return VehicleState(
-        stamp_ns=now,
-        sensor_ns=now,
-        phase="running",
-        depth=Estimate(depth, 0.01),
-        depth_rate=still,
-        depth_acceleration=still,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=still,
-        pitch=still,
-        heading=Estimate(heading, 0.01),
-        heading_navigation=None,
-        yaw_rate=still,
-        north=None,
-        east=None,
-        surge_velocity=None,
-        sway_velocity=None,
-    )
 
 
 class TwoPilots:
@@ -53,7 +29,7 @@ class TwoPilots:
         self.sticks = {"ann": (0.0, 0.0, 0.0), "bob": (0.0, 0.0, 0.0)}
         self.now = 0  # [ns]
         self.flown: list[Reference] = []
-        self._state: VehicleState = state(0)
+        self._state = state(0, depth=1.0)
         self._command: PilotCommand | None = None
 
     def ask(self, who: str, kind: RequestKind) -> bool:
@@ -78,7 +54,7 @@ class TwoPilots:
                     )
             out = self.generator.step(self._state, self._command, self.now)
             assert out is not None
-            self._state = state(self.now, out.depth.position, out.heading.position)
+            self._state = state(self.now, depth=out.depth.position, heading=out.heading.position)
             self.flown.append(out)
 
 

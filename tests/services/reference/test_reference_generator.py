@@ -11,7 +11,6 @@ from msgspec.structs import replace
 
 from messages.control import Wrench
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
@@ -21,6 +20,7 @@ from services.reference.core import ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
 from services.runtime.config.stack import Stack
+from tests.support import said
 from tests.support.told import told
 
 DT = 10_000_000  # [ns]
@@ -36,24 +36,9 @@ def state(
     phase: str = "running",
     place: tuple[float, float] | None = None,
 ) -> VehicleState:
-    return VehicleState(
-        stamp_ns=now,
-        sensor_ns=now,
-        phase="running" if phase == "running" else "calibrating",
-        depth=Estimate(depth, 0.01),
-        depth_rate=Estimate(0.0, 0.01),
-        depth_acceleration=Estimate(0.0, 0.01),
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=Estimate(0.0, 0.01),
-        pitch=Estimate(0.0, 0.01),
-        heading=Estimate(heading, 0.01),
-        heading_navigation=None,
-        yaw_rate=Estimate(0.0, 0.01),
-        north=None if place is None else Estimate(place[0], 0.1),
-        east=None if place is None else Estimate(place[1], 0.1),
-        surge_velocity=None if place is None else Estimate(0.0, 0.1),
-        sway_velocity=None if place is None else Estimate(0.0, 0.1),
-    )
+    at = {} if place is None else dict(zip(("north", "east"), place, strict=True))
+    still = {} if place is None else {"surge_velocity": 0.0, "sway_velocity": 0.0}
+    return said.state(now, depth=depth, heading=heading, phase=phase, **at, **still)
 
 
 def sticks(
@@ -208,6 +193,17 @@ def test_stop_ignores_the_sticks_until_they_were_centred() -> None:
     assert guidance.generator.activity == "stopping"
     guidance.fly(0.1, sticks(0))
     assert guidance.fly(3.0, sticks(0, heave=1.0)).depth.velocity == Settings().heave.max_velocity
+
+
+def test_a_disarm_that_control_hands_on_late_does_not_end_a_later_arming() -> None:
+    """Control has obeyed it at once, and says so when `reference` speaks again."""
+    guidance = armed()
+    old = PilotRequest(stamp_ns=guidance.now - 1, id="old", kind="disarm")
+    newest = PilotRequest(stamp_ns=guidance.now + 1, id="new", kind="disarm")
+    assert not guidance.generator.handed_on(old, guidance.now + 2)
+    assert guidance.fly(0.1, sticks(0)).armed
+    assert guidance.generator.handed_on(newest, guidance.now)
+    assert not guidance.fly(0.1, sticks(0)).armed
 
 
 def test_a_mode_asked_for_while_stopping_is_taken_up_at_rest() -> None:

@@ -4,11 +4,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.pilot import PilotCommand, PilotRequest
 from messages.reference import Motion
 from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
+from tests.support.said import state
 
 MS, PERIOD_MS = 1_000_000, 10  # [ns], [ms]
 SILENT_AFTER = 10  # [periods] as the service waits
@@ -16,23 +16,10 @@ SILENT_AFTER = 10  # [periods] as the service waits
 stretches = st.lists(st.tuples(st.integers(1, 60), st.integers(0, 30)), min_size=1, max_size=6)
 
 
-def state(sensor_ns: int) -> VehicleState:
-    """A vehicle under way as it is asked to."""
-    sure, t = Estimate(0.0, 0.01), sensor_ns / 1e9
-    return VehicleState(
-        stamp_ns=sensor_ns,
-        sensor_ns=sensor_ns,
-        phase="running",
-        depth=Estimate(2.0 + 0.4 * t, 0.01),
-        depth_rate=sure,
-        depth_acceleration=sure,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=sure,
-        pitch=sure,
-        heading=Estimate(0.5 * t, 0.01),
-        heading_navigation=None,
-        yaw_rate=sure,
-    )
+def under_way(sensor_ns: int) -> VehicleState:
+    """A vehicle that moves as it is asked to."""
+    t = sensor_ns / 1e9
+    return state(sensor_ns, depth=2.0 + 0.4 * t, heading=0.5 * t)
 
 
 def flown(moves: list[tuple[int, int]], latency_ms: int) -> list[tuple[Motion, Motion]]:
@@ -45,7 +32,7 @@ def flown(moves: list[tuple[int, int]], latency_ms: int) -> list[tuple[Motion, M
         k += 1
         now = (k * PERIOD_MS + latency_ms) * MS
         sticks = PilotCommand(stamp_ns=now, surge=0.0, sway=0.0, heave=1.0, yaw=1.0)
-        out = generator.step(state(k * PERIOD_MS * MS) if heard else None, sticks, now)
+        out = generator.step(under_way(k * PERIOD_MS * MS) if heard else None, sticks, now)
         assert out is not None
         said.append((out.depth, out.heading))
 

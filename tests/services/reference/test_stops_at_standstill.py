@@ -5,12 +5,12 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.pilot import PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
 from services.reference.settings import FailsafeSettings
+from tests.support.said import state
 
 DT = 10_000_000  # [ns]
 DEPTH, HEADING = 0.02, 0.006  # [m], [rad] by which the vehicle runs past every stop
@@ -50,22 +50,8 @@ class Pilot:
         return out
 
     def state(self) -> VehicleState:
-        none = Estimate(0.0, 0.01)
-        seen = VehicleState(
-            stamp_ns=self.now,
-            sensor_ns=self.now,
-            phase="running",
-            depth=Estimate(self.depth, 0.01),
-            depth_rate=none,
-            depth_acceleration=none,
-            attitude=(1.0, 0.0, 0.0, 0.0),
-            roll=none,
-            pitch=none,
-            heading=Estimate(self.heading, 0.01),
-            heading_navigation=None,
-            yaw_rate=none,
-        )
-        return replace(seen, depth_acceleration=replace(none, valid=False)) if self.late else seen
+        late = ("depth_acceleration",) if self.late else ()
+        return state(self.now, invalid=late, depth=self.depth, heading=self.heading)
 
     @property
     def moved(self) -> object:

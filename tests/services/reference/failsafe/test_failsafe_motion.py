@@ -7,7 +7,6 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.pilot import Course, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import LeakSample
@@ -15,6 +14,7 @@ from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.settings import FailsafeSettings
+from tests.support.said import state
 from tests.support.told import told
 
 DT = 10_000_000  # [ns]
@@ -49,13 +49,7 @@ class Flight:
         return PilotCommand(stamp_ns=self.now, surge=0.0, sway=0.0, heave=heave, yaw=yaw)
 
     def state(self) -> VehicleState:
-        none = Estimate(0.0, 0.01)
-        return VehicleState(
-            stamp_ns=self.now, sensor_ns=self.now, phase="running",
-            depth=Estimate(self.depth, 0.01), depth_rate=none, depth_acceleration=none,
-            attitude=(1.0, 0.0, 0.0, 0.0), roll=none, pitch=none,
-            heading=Estimate(self.heading, 0.01), heading_navigation=None, yaw_rate=none,
-        )  # fmt: skip
+        return state(self.now, depth=self.depth, heading=self.heading)
 
     def fly(
         self, seconds: float, *, heave: float = 0.0, yaw: float = 0.0, there: str = "pilot"
@@ -65,8 +59,8 @@ class Flight:
         for _ in range(round(seconds * 100)):
             self.now += DT
             command = None if there == "nobody" else self.sticks(heave, yaw)
-            state = None if there == "no state" else self.state()
-            out = self.generator.step(state, command, self.now)
+            seen = None if there == "no state" else self.state()
+            out = self.generator.step(seen, command, self.now)
             assert out is not None
             if out.armed:
                 self.depth, self.heading = out.depth.position, out.heading.position

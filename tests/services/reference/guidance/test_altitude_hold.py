@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import DvlSample
@@ -106,21 +105,8 @@ class Dive:
         return DvlSample(stamp_ns=stamp_ns, velocity=velocity, std=0.01, altitude=max(0.0, found))
 
     def state(self) -> VehicleState:
-        none = Estimate(0.0, 0.01)
-        return VehicleState(
-            stamp_ns=self.ns,
-            sensor_ns=self.ns,
-            phase="running",
-            depth=Estimate(self.depth, 0.01),
-            depth_rate=Estimate(self.rate, 0.01),
-            depth_acceleration=Estimate(self.acceleration, 0.01),
-            attitude=(1.0, 0.0, 0.0, 0.0),
-            roll=none,
-            pitch=none,
-            heading=none,
-            heading_navigation=None,
-            yaw_rate=none,
-        )
+        motion = {"depth_rate": self.rate, "depth_acceleration": self.acceleration}
+        return state(self.ns, depth=self.depth, **motion)
 
     @property
     def height(self) -> float:

@@ -2,31 +2,11 @@
 
 import pytest
 
-from messages.message import Estimate
 from messages.sensors import AltitudeSample, DvlSample
-from messages.state import VehicleState
 from services.reference.guidance.bottom import Bottom
+from tests.support.said import state
 
 S = 1_000_000_000  # [ns]
-
-
-def state(now: int) -> VehicleState:
-    known = Estimate(0.0, 0.01, valid=True)
-    return VehicleState(
-        stamp_ns=now,
-        sensor_ns=now,
-        phase="running",
-        calibration_left=None,
-        depth=Estimate(5.0, 0.01, valid=True),
-        depth_rate=known,
-        depth_acceleration=known,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=known,
-        pitch=known,
-        heading=known,
-        heading_navigation=known,
-        yaw_rate=known,
-    )
 
 
 def test_an_altimeter_says_how_high_and_the_dvl_how_fast() -> None:
@@ -34,11 +14,11 @@ def test_an_altimeter_says_how_high_and_the_dvl_how_fast() -> None:
     for k in range(1, 30):
         now = k * S // 10
         dvl = DvlSample(stamp_ns=now, velocity=(0.3, 0.4, 0.0), std=0.01, altitude=9.0)
-        bottom.see(dvl, state(now), now / S, AltitudeSample(stamp_ns=now, altitude=3.0))
+        bottom.see(dvl, state(now, depth=5.0), now / S, AltitudeSample(stamp_ns=now, altitude=3.0))
     assert bottom.depth(2.9) == pytest.approx(8.0)
     assert bottom.speed == pytest.approx(0.5)
     lost = DvlSample(stamp_ns=3 * S, velocity=None, std=0.01)
-    bottom.see(lost, state(3 * S), 3.0, AltitudeSample(stamp_ns=3 * S, altitude=3.0))
+    bottom.see(lost, state(3 * S, depth=5.0), 3.0, AltitudeSample(stamp_ns=3 * S, altitude=3.0))
     assert bottom.speed == pytest.approx(0.5)  # the newest that was measured
 
 
@@ -47,7 +27,7 @@ def test_without_an_altimeter_the_altitude_is_the_dvls() -> None:
     for k in range(1, 30):
         now = k * S // 10
         dvl = DvlSample(stamp_ns=now, velocity=None, std=0.01, altitude=9.0)
-        bottom.see(dvl, state(now), now / S)
+        bottom.see(dvl, state(now, depth=5.0), now / S)
     assert bottom.depth(2.9) == pytest.approx(14.0)
 
 
@@ -56,11 +36,11 @@ def test_it_is_lost_by_the_rate_at_which_altitudes_come(hz: float, lost_after: f
     bottom, period = Bottom(), round(S / hz)
     for k in range(1, 60):
         now = k * period
-        bottom.see(None, state(now), now / S, AltitudeSample(stamp_ns=now, altitude=3.0))
+        bottom.see(None, state(now, depth=5.0), now / S, AltitudeSample(stamp_ns=now, altitude=3.0))
     newest, last = AltitudeSample(stamp_ns=59 * period, altitude=3.0), 59 * period / S
-    bottom.see(None, state(59 * period), last + lost_after - 0.05, newest)
+    bottom.see(None, state(59 * period, depth=5.0), last + lost_after - 0.05, newest)
     assert bottom.known
-    bottom.see(None, state(59 * period), last + lost_after + 0.05, newest)
+    bottom.see(None, state(59 * period, depth=5.0), last + lost_after + 0.05, newest)
     assert not bottom.known
     assert bottom.lost
 
@@ -71,6 +51,6 @@ def test_a_step_of_the_floor_does_not_lose_it() -> None:
     for k in range(1, 80):
         now, altitude = k * S // 10, 3.0 if k < 40 else 6.0
         sample = AltitudeSample(stamp_ns=now - S // 5, altitude=altitude)
-        bottom.see(None, state(now), now / S, sample)
+        bottom.see(None, state(now, depth=5.0), now / S, sample)
         assert bottom.known
     assert bottom.depth(7.9) == pytest.approx(11.0, abs=0.1)

@@ -5,30 +5,20 @@ from math import tau
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages.message import Estimate
-from messages.state import VehicleState
 from services.marine.attitude import whole_turns
 from services.reference.guidance.ground_motion import MOST_GAP_S, Home, HomePlace, ground_of
+from tests.support.said import state
 
 metres = st.floats(-1000.0, 1000.0)
 places = st.tuples(metres, metres)
 
 
-def state(place: tuple[float, float], origin: int) -> VehicleState:
-    known = Estimate(0.0, 0.1, valid=True)
-    return VehicleState(
-        stamp_ns=0, sensor_ns=0, phase="running", depth=known, depth_rate=known,
-        depth_acceleration=known, attitude=(1.0, 0.0, 0.0, 0.0), roll=known, pitch=known,
-        heading=known, heading_navigation=None, yaw_rate=known, surge_velocity=known,
-        sway_velocity=known, north=Estimate(place[0], 0.1, valid=True),
-        east=Estimate(place[1], 0.1, valid=True), origin=origin,
-    )  # fmt: skip
-
-
 def seen(
     home: Home, place: tuple[float, float], t: float, origin: int = 1, armed: bool = True
 ) -> None:
-    here = state(place, origin)
+    here = state(
+        north=place[0], east=place[1], surge_velocity=0.0, sway_velocity=0.0, origin=origin
+    )
     home.see(here, ground_of(here), t, armed=armed)
 
 

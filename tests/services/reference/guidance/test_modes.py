@@ -1,6 +1,5 @@
 """What the drone holds in each mode, and that changing it is never felt."""
 
-from collections.abc import Callable
 from itertools import pairwise
 from math import dist, hypot, isfinite, pi, radians
 from typing import cast, get_args
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.pilot import Course, FlightMode, PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.sensors import DvlSample
@@ -22,6 +20,7 @@ from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Sett
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.modes import HELD_AXES
 from services.reference.settings import StickForce
+from tests.support import said
 from tests.support.told import told
 
 DT = 0.01  # [s]
@@ -66,30 +65,19 @@ class Sea:
         self.asked = 0
 
     def state(self) -> VehicleState:
-        estimate: Callable[[float], Estimate] = lambda x: Estimate(x, 0.01)  # noqa: E731
-        nav = wrapped(self.at[3] + self.offset)
-        over_ground = (
-            [Estimate(x, 0.01, self.knows_place) for x in (*self.at[:2], *self.v[:2])]
-            if self.measures
-            else [None] * 4
-        )
-        return VehicleState(
-            stamp_ns=self.ns,
-            sensor_ns=self.ns,
-            phase="running",
-            depth=Estimate(self.at[2], 0.01, self.knows_depth),
-            depth_rate=Estimate(self.v[2], 0.01, self.knows_depth),
-            depth_acceleration=estimate(self.a_heave),
-            attitude=(1.0, 0.0, 0.0, 0.0),
-            roll=estimate(0.0),
-            pitch=estimate(0.0),
-            heading=estimate(self.at[3]),
-            heading_navigation=estimate(nav),
-            yaw_rate=estimate(self.v[3]),
-            north=over_ground[0],
-            east=over_ground[1],
-            surge_velocity=over_ground[2],
-            sway_velocity=over_ground[3],
+        names = ("north", "east", "surge_velocity", "sway_velocity")
+        over_ground = zip(names, (*self.at[:2], *self.v[:2]), strict=True)
+        unknown = () if self.knows_depth else ("depth", "depth_rate")
+        return said.state(
+            self.ns,
+            invalid=unknown if self.knows_place else (*unknown, *names),
+            depth=self.at[2],
+            depth_rate=self.v[2],
+            depth_acceleration=self.a_heave,
+            heading=self.at[3],
+            heading_navigation=wrapped(self.at[3] + self.offset),
+            yaw_rate=self.v[3],
+            **(dict(over_ground) if self.measures else {}),
         )
 
     def look_down(self) -> None:

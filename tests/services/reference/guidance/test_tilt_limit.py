@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.pilot import FlightMode, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.state import VehicleState
@@ -23,6 +22,7 @@ from services.reference.guidance.guards import (
     rate,
     tilt_of,
 )
+from tests.support.said import state
 
 DT = 0.01  # [s]
 MOST = MOST_TILT
@@ -31,20 +31,8 @@ maybe = st.one_of(st.none(), tilt)
 
 
 def level(now: int, roll: float = 0.0, pitch: float = 0.0, *, valid: bool = True) -> VehicleState:
-    return VehicleState(
-        stamp_ns=now,
-        sensor_ns=now,
-        phase="running",
-        depth=Estimate(3.0, 0.01),
-        depth_rate=Estimate(0.0, 0.01),
-        depth_acceleration=Estimate(0.0, 0.01),
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=Estimate(roll, 0.01, valid),
-        pitch=Estimate(pitch, 0.01, valid),
-        heading=Estimate(0.0, 0.01),
-        heading_navigation=None,
-        yaw_rate=Estimate(0.0, 0.01),
-    )
+    unknown = () if valid else ("roll", "pitch")
+    return state(now, invalid=unknown, depth=3.0, roll=roll, pitch=pitch)
 
 
 class Flight:

@@ -10,17 +10,13 @@ from msgspec.structs import replace
 
 from messages.events import Outbox
 from messages.message import Estimate
-from messages.state import VehicleState
 from services.marine.attitude import from_euler, to_body, wrapped
 from services.reference.core import ReferenceGenerator, Settings
 from services.reference.guidance.ground_motion import Whereabouts, ground_of, whereabouts
+from tests.support.said import state
 
 ZERO = Estimate(0.0, 0.01)
-STATE = VehicleState(
-    stamp_ns=0, sensor_ns=0, phase="running", depth=Estimate(2.5, 0.01), depth_rate=ZERO,
-    depth_acceleration=ZERO, attitude=(1.0, 0.0, 0.0, 0.0), roll=ZERO, pitch=ZERO, heading=ZERO,
-    heading_navigation=None, yaw_rate=ZERO,
-)  # fmt: skip
+STATE = state(depth=2.5)
 angle = st.floats(-50.0, 50.0)
 
 
@@ -28,12 +24,12 @@ angle = st.floats(-50.0, 50.0)
 def test_the_heading_is_that_of_the_compass_however_often_the_drone_has_turned(
     control: float, compass: float | None
 ) -> None:
-    state = replace(
+    seen = replace(
         STATE,
         heading=Estimate(control, 0.01),
         heading_navigation=None if compass is None else Estimate(compass, 0.1),
     )
-    said = whereabouts(state).heading
+    said = whereabouts(seen).heading
     assert isinstance(said, float)
     assert -pi <= said <= pi
     wanted = control if compass is None else compass
@@ -60,7 +56,7 @@ def test_a_vehicle_that_dives_nose_down_does_not_move_over_the_ground() -> None:
     """Straight down by the compass's north, whatever the control heading."""
     tilted = from_euler(0.0, -0.35, 1.0)
     surge, sway, _ = to_body(tilted, (0.1, 0.0, 0.4))
-    state = replace(
+    seen = replace(
         STATE,
         attitude=tilted,
         pitch=Estimate(-0.35, 0.01),
@@ -72,6 +68,6 @@ def test_a_vehicle_that_dives_nose_down_does_not_move_over_the_ground() -> None:
         north=ZERO,
         east=ZERO,
     )
-    found = ground_of(state)
+    found = ground_of(seen)
     assert found is not None
     assert found.velocity == pytest.approx((0.0, -0.1), abs=1e-9)
