@@ -36,9 +36,12 @@ def state(
     phase: str = "running",
     place: tuple[float, float] | None = None,
 ) -> VehicleState:
-    at = {} if place is None else dict(zip(("north", "east"), place, strict=True))
-    still = {} if place is None else {"surge_velocity": 0.0, "sway_velocity": 0.0}
-    return said.state(now, depth=depth, heading=heading, phase=phase, **at, **still)
+    north, east = (None, None) if place is None else place
+    still = None if place is None else 0.0
+    return said.state(
+        now, phase=phase, depth=depth, heading=heading,
+        north=north, east=east, surge_velocity=still, sway_velocity=still,
+    )  # fmt: skip
 
 
 def sticks(
@@ -198,7 +201,7 @@ def test_stop_ignores_the_sticks_until_they_were_centred() -> None:
 def test_a_disarm_that_control_hands_on_late_does_not_end_a_later_arming() -> None:
     """Control has obeyed it at once, and says so when `reference` speaks again."""
     guidance = armed()
-    old = PilotRequest(stamp_ns=guidance.now - 1, id="old", kind="disarm")
+    old = PilotRequest(stamp_ns=DT, id="old", kind="disarm")  # before the arming
     newest = PilotRequest(stamp_ns=guidance.now + 1, id="new", kind="disarm")
     assert not guidance.generator.handed_on(old, guidance.now + 2)
     assert guidance.fly(0.1, sticks(0)).armed

@@ -105,8 +105,8 @@ class Dive:
         return DvlSample(stamp_ns=stamp_ns, velocity=velocity, std=0.01, altitude=max(0.0, found))
 
     def state(self) -> VehicleState:
-        motion = {"depth_rate": self.rate, "depth_acceleration": self.acceleration}
-        return state(self.ns, depth=self.depth, **motion)
+        rate, acceleration = self.rate, self.acceleration
+        return state(self.ns, depth=self.depth, depth_rate=rate, depth_acceleration=acceleration)
 
     @property
     def height(self) -> float:
