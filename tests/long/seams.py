@@ -71,8 +71,7 @@ SEAMS = (
     Seam(
         "home stays lost after an arming",
         CORE, "if guidance.home.lost:", "if False:",
-        ("tests/services/reference/guidance/test_modes.py",
-         "tests/services/reference/guidance/test_home.py"),
+        ("tests/services/reference/test_reference_generator.py",),
     ),
     Seam(
         "the place is held for ten times as long as promised without a position",

@@ -16,7 +16,7 @@ from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import PlaceAhead
 from services.marine.attitude import wrapped
-from services.reference.core import ReferenceGenerator, Settings
+from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
 from services.runtime.config.stack import Stack
@@ -41,6 +41,7 @@ def state(
     return said.state(
         now, phase=phase, depth=depth, heading=heading,
         north=north, east=east, surge_velocity=still, sway_velocity=still,
+        origin=UNSET if place is None else 1,
     )  # fmt: skip
 
 
@@ -207,6 +208,20 @@ def test_a_disarm_that_control_hands_on_late_does_not_end_a_later_arming() -> No
     assert guidance.fly(0.1, sticks(0)).armed
     assert guidance.generator.handed_on(newest, guidance.now)
     assert not guidance.fly(0.1, sticks(0)).armed
+
+
+def test_a_home_that_was_lost_is_where_the_drone_is_armed_next() -> None:
+    guidance = Flight()
+    before = GuidanceCheckpoint(home_lost=True)
+    guidance.generator = ReferenceGenerator(Settings(), Outbox(), before)
+    guidance.place = (3.0, -2.0)
+    guidance.fly(0.2, sticks(0))
+    assert guidance.generator.checkpoint.home is None
+    assert guidance.ask("arm") == ""
+    guidance.fly(0.2, sticks(0))
+    home = guidance.generator.checkpoint.home
+    assert home is not None
+    assert (home.north, home.east) == pytest.approx((3.0, -2.0))
 
 
 def test_a_mode_asked_for_while_stopping_is_taken_up_at_rest() -> None:
