@@ -4,10 +4,8 @@ from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 
 from services.runtime.config.errors import LindyError
-from tools.importing.columns import named_columns
 from tools.importing.log_file import LogSource
-from tools.importing.map_file import ImportMap, TakenMessage
-from tools.importing.quantities import TARGETS
+from tools.importing.map_file import TARGETS, ImportMap, TakenMessage
 
 SHOWN = 12  # sources of a log that a sentence lists
 
@@ -85,10 +83,8 @@ def untaken(
     found: list[str] = []
     for source, kind in sources.items():
         if source in taken and kind.columns:
-            found += [
-                f"{name} in {source}"
-                for name in sorted(kind.columns - named_columns(taken[source]))
-            ]
+            named = set[str]().union(*(each.names for each in taken[source]))
+            found += [f"{name} in {source}" for name in sorted(kind.columns - named)]
         elif source not in taken and kind.messages:
             found.append(source if kind.kind == source else f"{source} ({kind.kind})")
     words = {key.rpartition("/")[2] for key in missing(taken)}

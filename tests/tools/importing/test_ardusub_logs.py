@@ -118,13 +118,6 @@ def test_telemetry_has_everything_in_si(tmp_path: Path) -> None:
     assert [one.armed for one in states if isinstance(one, VehicleStatus)] == [False, *[True] * 3]
 
 
-def test_a_log_is_known_by_its_beginning_where_it_has_the_name_of_the_other(tmp_path: Path) -> None:
-    telemetry = tlog(tmp_path / "a.tlog").rename(tmp_path / "a.bin")
-    board = dataflash(tmp_path / "b.bin").rename(tmp_path / "b.tlog")
-    assert len(messages(imported(telemetry, tmp_path / "a"), "sensor/imu")) == SECONDS * SLOW_HZ
-    assert len(messages(imported(board, tmp_path / "b"), "sensor/imu")) == SECONDS * IMU_HZ
-
-
 def test_damaged_packets_are_left_out(tmp_path: Path) -> None:
     data = bytearray(tlog(tmp_path / "a.tlog").read_bytes())
     data[len(data) // 2 : len(data) // 2 + 200] = bytes(200)
