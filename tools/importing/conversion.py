@@ -40,7 +40,7 @@ class Imported(NamedTuple):
     arrival_ns: Ns  # [ns] UTC
 
 
-class Sample(NamedTuple):
+class LogSample(NamedTuple):
     """What a message is made of."""
 
     row: int  # number in the log
@@ -186,15 +186,15 @@ class Conversion:
 
     # In the order of the log.
 
-    def _statuses(self, stream: LogStream) -> Iterator[Sample]:
+    def _statuses(self, stream: LogStream) -> Iterator[LogSample]:
         times = zip(stream.rows, stream.stamps_ns(), stream.arrivals, stream.words, strict=True)
         for row, stamp, arrival, words in times:
             if isinstance(words, str):
                 self.oddities.tell(stream.topic.key, words, self._seconds(arrival))
             elif words:
-                yield Sample(row, stream, stamp, arrival, dict(words))
+                yield LogSample(row, stream, stamp, arrival, dict(words))
 
-    def _samples(self, stream: LogStream, every: Sequence[Values]) -> Iterator[Sample]:
+    def _samples(self, stream: LogStream, every: Sequence[Values]) -> Iterator[LogSample]:
         """Measurements of their own, each after the one before. What is odd is counted."""
         key, gaps = stream.topic.key, GapWatch()
         newest, before = -(2**63), Values()
@@ -225,7 +225,7 @@ class Conversion:
                 seconds = min(LONGEST_SUM_S, (arrival - (used_ns or arrival)) / 1e9)
                 used_wh += max(0.0, given["voltage"] * given["current"]) * seconds / 3600
                 used_ns, given["used_wh"] = arrival, used_wh
-            yield Sample(row, stream, stamp, arrival, given)
+            yield LogSample(row, stream, stamp, arrival, given)
 
 
 def _message_fields(
