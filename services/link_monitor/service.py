@@ -14,8 +14,7 @@ from messages import events, topics
 from messages.health import Health
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
-from services.link_monitor.core import LinkMonitor, pong
-from services.link_monitor.junk_watch import JunkWatch
+from services.link_monitor.core import JunkWatch, LinkMonitor, pong
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node

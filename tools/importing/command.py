@@ -15,9 +15,8 @@ from services.runtime.config.stack import Stack
 from tools.choices import named
 from tools.fresh import write_fresh
 from tools.importing.ardupilot_files import DataflashFile, TlogFile
-from tools.importing.choosing import chosen, listed, missing, unfit, untaken
 from tools.importing.conversion import Conversion
-from tools.importing.log_file import BY_FILE, LogFile
+from tools.importing.log_file import BY_FILE, LogFile, chosen, listed, missing, unfit, untaken
 from tools.importing.map_file import read_map
 from tools.importing.new_recording import new_folder, record
 from tools.importing.oddities import Oddity

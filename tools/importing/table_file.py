@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.runtime.config.errors import LindyError
-from tools.importing.choosing import listed
 from tools.importing.log_file import (
     LONGEST_MAGIC,
     PARQUET,
@@ -19,6 +18,7 @@ from tools.importing.log_file import (
     cell,
     column_rows,
     library,
+    listed,
     other_kind,
 )
 from tools.importing.map_file import STAMP_UNITS, TakenMessage

@@ -30,9 +30,9 @@ from services.estimation.settings import Settings
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from tools.importing.choosing import chosen
 from tools.importing.command import opened
 from tools.importing.conversion import Conversion, Imported
+from tools.importing.log_file import chosen
 from tools.importing.map_file import read_map
 
 M = TypeVar("M")

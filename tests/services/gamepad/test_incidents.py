@@ -12,8 +12,7 @@ from messages.link import LinkAnswer, LinkRequest
 from messages.pilot import Course
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
 from services.gamepad.service import CausedIncidents
-from services.gamepad.stick_log import Player, parse
-from services.gamepad.stick_log_events import in_words
+from services.gamepad.stick_log import Player, in_words, parse
 from services.piloting.sticks import CENTRED, Incident, StickReading
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry

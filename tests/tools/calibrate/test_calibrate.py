@@ -25,9 +25,8 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.simulator.sensor_errors import SensorErrors
 from services.simulator.sensors import Sensors
-from services.simulator.settings import Settings
+from services.simulator.settings import SensorErrors, Settings
 from services.vehicle.mounting import AtOrigin, MountedAxes
 from tools.__main__ import main
 from tools.calibrate.compass import CompassGuide
