@@ -19,7 +19,7 @@ from services.marine.mounting import ALONG, Rotation
 from services.runtime.config.errors import LindyError
 from tools.importing.clocks import LoggerClock
 from tools.importing.contradictions import SensorsHeard, unbelieved
-from tools.importing.log_file import LogRow, Wanted, getter
+from tools.importing.log_file import CHUNK, LogRow, Wanted, getter
 from tools.importing.map_file import POSSIBLE, TYPICAL, UNITS, TakenMessage
 from tools.importing.oddities import GapWatch, Oddities
 from tools.importing.streams import Floats, LogStream, Take
@@ -38,6 +38,14 @@ class Imported(NamedTuple):
     topic: AnyTopic
     message: Message
     arrival_ns: Ns  # [ns] UTC
+
+
+class JudgedColumn(NamedTuple):
+    """One of our fields."""
+
+    name: str
+    values: Floats  # (n, k) [SI, FRD]
+    believed: NDArray[np.bool_]  # (n,) those that can be used
 
 
 class LogSample(NamedTuple):
@@ -90,15 +98,16 @@ class Conversion:
         self.seconds = clock.elapsed_s  # from the first row to the last
         self._first_ns = clock.first_ns or 0
         self._streams = [stream for several in by_source.values() for stream in several]
-        sensors = SensorsHeard(self._streams, mounted)
-        contradicting = [unbelieved(stream, sensors) for stream in self._streams]
-        if sensors.noise is not None:
-            what = "jumps from sample to sample [Pa]"
-            self.oddities.tell(topics.PRESSURE.key, what, 0.0, sensors.noise)
-        self._values = [
-            [] if stream.topic.key == topics.STATUS.key else self._judged(stream, why)
-            for stream, why in zip(self._streams, contradicting, strict=True)
-        ]
+        with np.errstate(over="ignore", invalid="ignore"):  # of numbers that cannot be
+            sensors = SensorsHeard(self._streams, mounted)
+            contradicting = [unbelieved(stream, sensors) for stream in self._streams]
+            if sensors.noise is not None:
+                what = "jumps from sample to sample [Pa]"
+                self.oddities.tell(topics.PRESSURE.key, what, 0.0, sensors.noise)
+            self._judged = [
+                [] if stream.topic.key == topics.STATUS.key else self._judge(stream, why)
+                for stream, why in zip(self._streams, contradicting, strict=True)
+            ]
 
     def messages(self) -> Iterator[Imported]:
         """In the order of the log.
@@ -110,8 +119,8 @@ class Conversion:
         samples = [
             self._statuses(stream)
             if stream.topic.key == topics.STATUS.key
-            else self._samples(stream, values)
-            for stream, values in zip(self._streams, self._values, strict=True)
+            else self._samples(stream, columns)
+            for stream, columns in zip(self._streams, self._judged, strict=True)
         ]
         for sample in merge(*samples, key=lambda sample: sample.row):
             topic, stamp, given = sample.stream.topic, sample.stamp_ns, sample.given
@@ -142,13 +151,13 @@ class Conversion:
 
     # What can be believed.
 
-    def _judged(self, stream: LogStream, contradicting: Mapping[str, str]) -> list[Values]:
-        """Of each row; empty: it says nothing that can be used. The rest is counted.
+    def _judge(self, stream: LogStream, contradicting: Mapping[str, str]) -> list[JudgedColumn]:
+        """What of each field can be used. The rest is counted.
 
         Raises:
             LindyError: a sensor's field cannot be in its unit.
         """
-        at_s, found = self._seconds(stream.arrivals), [Values() for _ in stream.rows]
+        at_s, found = self._seconds(stream.arrivals), list[JudgedColumn]()
         alive = np.full(len(at_s), True)  # rows that have all that is required so far
 
         def odd(what: str, rows: NDArray[np.bool_], sizes: Floats | None = None) -> None:
@@ -176,13 +185,10 @@ class Conversion:
                 possible = believed & _possible(stream, name, values, believed)
                 odd(f"{name} cannot be [SI], left out", believed & ~possible, abs(amounts))
                 believed = possible
-            for k in np.flatnonzero(believed).tolist():
-                found[k][name] = tuple(values[k].tolist())
             if known.required:
                 alive &= believed
-        for k in np.flatnonzero(~alive).tolist():
-            found[k] = Values()
-        return found
+            found.append(JudgedColumn(name, values, believed))
+        return [column._replace(believed=column.believed & alive) for column in found]
 
     # In the order of the log.
 
@@ -194,7 +200,7 @@ class Conversion:
             elif words:
                 yield LogSample(row, stream, stamp, arrival, dict(words))
 
-    def _samples(self, stream: LogStream, every: Sequence[Values]) -> Iterator[LogSample]:
+    def _samples(self, stream: LogStream, columns: Sequence[JudgedColumn]) -> Iterator[LogSample]:
         """Measurements of their own, each after the one before. What is odd is counted."""
         key, gaps = stream.topic.key, GapWatch()
         newest, before = -(2**63), Values()
@@ -204,6 +210,7 @@ class Conversion:
             sizes = () if isnan(size) else size
             self.oddities.tell(key, what, self._seconds(arrival), sizes)
 
+        every = _rows(columns) if columns else [Values()] * len(stream.rows)
         times = zip(stream.rows, stream.stamps_ns(), stream.arrivals, every, strict=True)
         for row, stamp, arrival, values in times:
             if not values:
@@ -226,6 +233,17 @@ class Conversion:
                 used_wh += max(0.0, given["voltage"] * given["current"]) * seconds / 3600
                 used_ns, given["used_wh"] = arrival, used_wh
             yield LogSample(row, stream, stamp, arrival, given)
+
+
+def _rows(columns: Sequence[JudgedColumn]) -> Iterator[Values]:
+    """Of each row; empty: it says nothing that can be used."""
+    for begin in range(0, len(columns[0].values), CHUNK):
+        part = slice(begin, begin + CHUNK)
+        numbers = zip(*(column.values[part].tolist() for column in columns), strict=True)
+        believed = zip(*(column.believed[part].tolist() for column in columns), strict=True)
+        for several, usable in zip(numbers, believed, strict=True):
+            each = zip(columns, several, usable, strict=True)
+            yield {column.name: tuple(values) for column, values, is_so in each if is_so}
 
 
 def _message_fields(

@@ -13,7 +13,7 @@ from messages.pilot import PilotCommand
 from messages.vehicle import Actuation, VehicleEstimate
 from services.marine.attitude import from_euler
 from tools.importing.conversion import Conversion
-from tools.importing.log_file import LogRow
+from tools.importing.log_file import LogRow, cell
 from tools.importing.map_file import TakenMessage
 
 BEGAN_NS = 1_700_000_000_000_000_000  # [ns] UTC
@@ -105,3 +105,23 @@ def test_commands_are_armed_as_the_status_says() -> None:
     assert [(one.armed, one.thrust) for one in commands] == [
         (False, (0.0,)), (True, (25.0,)), (False, (0.0,)),
     ]  # fmt: skip
+
+
+def test_the_forces_of_three_thrusters_are_no_vector() -> None:
+    """They are not turned by the axes of the log."""
+    fields = {"thrust": {"from": ["x", "x", "x"], "unit": "N"}}
+    part = {"as": "vehicle/actuation", "topic": "log", "axes": "FLU", "fields": fields}
+    row = LogRow("log", SimpleNamespace(x=3.0), BEGAN_NS)
+    [found] = Conversion([row], {"log": [msgspec.convert(part, TakenMessage)]}).messages()
+    assert isinstance(found.message, Actuation)
+    assert found.message.thrust == (3.0, 3.0, 3.0)
+
+
+def test_a_row_without_what_tells_it_apart_is_of_another_message() -> None:
+    """An empty cell in a column of `only` had ended the import with a traceback."""
+    fields = {"pressure": {"from": ["p"], "unit": "Pa"}}
+    part = {"as": "sensor/pressure", "topic": "log", "only": {"kind": 1.0}, "fields": fields}
+    cells = [{"kind": 1.0, "p": 1e5}, {"kind": None, "p": 1e5}, {"kind": 2.0, "p": 1e5}]
+    rows = [LogRow("log", each, BEGAN_NS + k * 10**7) for k, each in enumerate(cells)]
+    taken = {"log": [msgspec.convert(part, TakenMessage)]}
+    assert len([*Conversion(rows, taken, take=cell).messages()]) == 1
