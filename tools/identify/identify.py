@@ -34,8 +34,7 @@ from tools.identify.motion_model import (
 from tools.identify.results import weakly
 from tools.identify.vehicle_file import VehicleFile, of_recording
 from tools.recordings.recording import open_recording
-from tools.tuning.gain_design import LoopName, design, lines
-from tools.tuning.lq import Worth
+from tools.tuning.lq import LoopName, Worth, design, lines
 
 LAG_STEP = 1e-4  # [-] of a difference quotient in the logarithm
 LAG_STEPS = 12

@@ -12,7 +12,7 @@ from services.marine.mounting import Rotation
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
 from tools.importing.clocks import pace
-from tools.importing.map_file import STAMP_UNITS, TYPICAL, UNITS
+from tools.importing.map_file import QUANTITIES, STAMP_UNITS
 from tools.importing.streams import Floats, LogStream
 
 WINDOW_NS = 500_000_000  # [ns] of which means are compared
@@ -236,7 +236,8 @@ def _require_turns(stream: LogStream, sensors: SensorsHeard) -> None:
     times = sensors.turn_ratio()
     if times is None or not _is_far(times):
         return
-    unit, units = stream.taken.fields["angular_rate"].unit, UNITS["angular rate"]
+    unit = stream.taken.fields["angular_rate"].unit
+    units = QUANTITIES["angular rate"].units
     fitting = [
         f'unit = "{other}"'
         for other, factor in units.items()
@@ -251,10 +252,10 @@ def _require_turns(stream: LogStream, sensors: SensorsHeard) -> None:
 def _require_pressure(stream: LogStream, sensors: SensorsHeard) -> None:
     """It must move as in water. A noise that no other unit explains is a noisy sensor's."""
     field, noise, still = stream.taken.fields["pressure"], sensors.noise, sensors.still
-    units = UNITS["pressure"]
+    units = QUANTITIES["pressure"].units
     now = units.get(field.unit, 1.0)
     if noise is not None:
-        least, most = TYPICAL["pressure"]
+        least, most = QUANTITIES["pressure"].typical
         mean = float(np.mean([*sensors.pressure.values()]))  # [Pa] as the map has it
         said = f"jumps by {noise:.0f} Pa from sample to sample"
         fitting = [

@@ -20,7 +20,7 @@ from services.runtime.config.errors import LindyError
 from tools.importing.clocks import LoggerClock
 from tools.importing.contradictions import SensorsHeard, unbelieved
 from tools.importing.log_file import CHUNK, LogRow, Wanted, getter
-from tools.importing.map_file import POSSIBLE, TYPICAL, UNITS, TakenMessage
+from tools.importing.map_file import QUANTITIES, TakenMessage
 from tools.importing.oddities import GapWatch, Oddities
 from tools.importing.streams import Floats, LogStream, Take
 
@@ -289,14 +289,14 @@ def _possible(
         LindyError: a sensor's field cannot be in its unit.
     """
     quantity = stream.known[name].quantity
-    least, most = POSSIBLE[quantity]
+    least, most = QUANTITIES[quantity].possible
     sizes = values if quantity == "force" else _amounts(values)[:, None]
     possible: NDArray[np.bool_] = np.all((least <= sizes) & (sizes <= most), axis=1)
     heard = np.flatnonzero(rows)
     first = _amounts(values)[heard[:JUDGED]]
     if not len(first) or stream.taken.fields[name].value is not None:
         return possible
-    low, high = TYPICAL[quantity]
+    low, high = QUANTITIES[quantity].typical
     middle = float(np.median(first))
     if low <= middle <= high:
         return possible
@@ -313,14 +313,14 @@ def _wrong_unit(taken: TakenMessage, name: str, quantity: str, middle: float) ->
     Args:
         middle: [SI] by the map's unit.
     """
-    field, units = taken.fields[name], UNITS[quantity]
-    low, high = TYPICAL[quantity]
+    field, units = taken.fields[name], QUANTITIES[quantity].units
+    low, high = QUANTITIES[quantity].typical
     ways = [
         f'unit = "{unit}"'
         for unit, factor in units.items()
         if unit != field.unit and low <= middle / units.get(field.unit, 1.0) * factor <= high
     ]
-    if quantity == "pressure" and middle < POSSIBLE["pressure"][0]:
+    if quantity == "pressure" and middle < QUANTITIES["pressure"].possible[0]:
         gauge = -101325.0 / units[field.unit]
         ways.insert(0, f"zero = {gauge:g} where it counts from the surface")
     remedy = f"write {' or '.join(ways)} in the map" if ways else "name another field in the map"

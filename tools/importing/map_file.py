@@ -27,56 +27,53 @@ WORLDS: Mapping[str, Rotation] = {
 }  # [-] to north, east, down
 MODES: tuple[str, ...] = get_args(FlightMode)
 ORTHONORMAL = 1e-3  # [-] greatest error of a rotation
-UNITS: Mapping[str, Mapping[str, float]] = {  # quantity → unit → SI
-    "acceleration": {"m/s²": 1.0, "mm/s²": 1e-3, "g": GRAVITY, "mg": 1e-3 * GRAVITY},
-    "angular rate": {
-        "rad/s": 1.0, "mrad/s": 1e-3, "deg/s": pi / 180.0, "mdeg/s": 1e-3 * pi / 180.0,
-    },
-    "magnetic field": {"T": 1.0, "mT": 1e-3, "µT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
-    "pressure": {"Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "kPa": 1e3, "bar": 1e5},
-    "temperature": {"°C": 1.0, "c°C": 0.01},
-    "velocity": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3},
-    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180.0},
-    "quaternion": {"1": 1.0},
-    "depth": {"m": 1.0, "cm": 0.01, "mm": 1e-3},
-    "depth rate": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3},
-    "length": {"m": 1.0, "cm": 0.01, "mm": 1e-3},
-    "voltage": {"V": 1.0, "mV": 1e-3},
-    "current": {"A": 1.0, "cA": 0.01, "mA": 1e-3},
-    "energy": {"Wh": 1.0, "hJ": 100.0 / 3600.0, "J": 1.0 / 3600.0},
-    "force": {"N": 1.0, "kgf": GRAVITY},
-    "share": {"1": 1.0, "%": 0.01, "‰": 1e-3},
-    "word": {"1": 1.0},
+
+Limits = tuple[float, float]  # least and most
+
+
+class Quantity(NamedTuple):
+    """What a field of ours measures."""
+
+    units: Mapping[str, float]  # that a map may name → SI; the first is SI
+    possible: Limits  # [SI] the amount of a value: a sample outside is none
+    # [SI] the median of a stream: where it is outside, the unit is wrong; None: as possible.
+    usual: Limits | None = None
+
+    @property
+    def typical(self) -> Limits:
+        return self.usual or self.possible
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    # Gravity is in every IMU; of a gyroscope 2000 deg/s are full scale.
+    "acceleration": Quantity(
+        {"m/s²": 1.0, "mm/s²": 1e-3, "g": GRAVITY, "mg": 1e-3 * GRAVITY}, (0.0, 320.0), (4.0, 25.0)
+    ),
+    "angular rate": Quantity(
+        {"rad/s": 1.0, "mrad/s": 1e-3, "deg/s": pi / 180.0, "mdeg/s": 1e-3 * pi / 180.0},
+        (0.0, 40.0), (0.0, 15.0),
+    ),
+    "magnetic field": Quantity(
+        {"T": 1.0, "mT": 1e-3, "µT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+        (1e-7, 2e-3), (2e-6, 1e-3),
+    ),
+    "pressure": Quantity(  # usual: from a lake in the Andes to 6400 m
+        {"Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "kPa": 1e3, "bar": 1e5}, (3e4, 1.2e8), (5e4, 6.5e7)
+    ),
+    "temperature": Quantity({"°C": 1.0, "c°C": 0.01}, (-60.0, 150.0)),
+    "velocity": Quantity({"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}, (0.0, 20.0)),
+    "angle": Quantity({"rad": 1.0, "mrad": 1e-3, "deg": pi / 180.0}, (-7.0, 7.0)),
+    "quaternion": Quantity({"1": 1.0}, (0.9, 1.1)),
+    "depth": Quantity({"m": 1.0, "cm": 0.01, "mm": 1e-3}, (-100.0, 12e3)),
+    "depth rate": Quantity({"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}, (-20.0, 20.0)),
+    "length": Quantity({"m": 1.0, "cm": 0.01, "mm": 1e-3}, (0.0, 12e3)),
+    "voltage": Quantity({"V": 1.0, "mV": 1e-3}, (0.5, 1000.0)),
+    "current": Quantity({"A": 1.0, "cA": 0.01, "mA": 1e-3}, (-2000.0, 2000.0)),
+    "energy": Quantity({"Wh": 1.0, "hJ": 100.0 / 3600.0, "J": 1.0 / 3600.0}, (-1e6, 1e6)),
+    "force": Quantity({"N": 1.0, "kgf": GRAVITY}, (-1e5, 1e5)),
+    "share": Quantity({"1": 1.0, "%": 0.01, "‰": 1e-3}, (-1.1, 1.1)),
+    "word": Quantity({"1": 1.0}, (-1e18, 1e18)),
 }  # fmt: skip
-# [SI] Least and most of the amount of a value: a sample outside is none. Where more than half are,
-# the unit is wrong. Of a gyroscope 2000 deg/s are full scale.
-POSSIBLE: Mapping[str, tuple[float, float]] = {
-    "acceleration": (0.0, 320.0),
-    "angular rate": (0.0, 40.0),
-    "magnetic field": (1e-7, 2e-3),
-    "pressure": (3e4, 1.2e8),
-    "temperature": (-60.0, 150.0),
-    "velocity": (0.0, 20.0),
-    "angle": (-7.0, 7.0),
-    "quaternion": (0.9, 1.1),
-    "depth": (-100.0, 12e3),
-    "depth rate": (-20.0, 20.0),
-    "length": (0.0, 12e3),
-    "voltage": (0.5, 1000.0),
-    "current": (-2000.0, 2000.0),
-    "energy": (-1e6, 1e6),
-    "force": (-1e5, 1e5),
-    "share": (-1.1, 1.1),
-    "word": (-1e18, 1e18),
-}
-# [SI] Least and most of the median of a stream: gravity is in every IMU.
-TYPICAL: Mapping[str, tuple[float, float]] = {
-    **POSSIBLE,
-    "acceleration": (4.0, 25.0),
-    "angular rate": (0.0, 15.0),
-    "magnetic field": (2e-6, 1e-3),
-    "pressure": (5e4, 6.5e7),  # from a lake in the Andes to 6400 m
-}
 
 
 class TakenField(NamedTuple):
@@ -243,7 +240,7 @@ def _check(taken: TakenMessage) -> None:
 
 
 def _check_unit(name: str, field: FieldMap, quantity: str) -> None:
-    units = UNITS[quantity]
+    units = QUANTITIES[quantity].units
     if field.unit not in units and field.full is None:
         raise ValueError(
             f"{name}: unit is {field.unit!r}, expected one of {quantity}: {', '.join(units)}"

@@ -17,9 +17,9 @@ from services.runtime.config.errors import LindyError
 from tools.importing.clocks import by_logger
 from tools.importing.log_file import BlankError
 from tools.importing.map_file import (
+    QUANTITIES,
     STAMP_UNITS,
     TARGETS,
-    UNITS,
     VECTOR,
     WORLDS,
     FieldMap,
@@ -175,7 +175,7 @@ class LogStream:
         """(n, k) [SI, FRD]"""
         field = self.taken.fields[name]
         known = self.known[name]
-        factor = UNITS[known.quantity].get(field.unit, 1.0)
+        factor = QUANTITIES[known.quantity].units.get(field.unit, 1.0)
         if field.value is not None:
             return np.full((len(self.rows), 1), field.value * factor)
         if field.full is not None:
