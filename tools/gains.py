@@ -12,8 +12,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.choices import Overrides, VehicleName
-from tools.tuning.gain_design import design, lines
-from tools.tuning.lq import Worth
+from tools.tuning.lq import Worth, design, lines
 
 # Error, rate, force; speed and jerk of the trial manoeuvre.
 USUAL_WAY = (0.05, 0.1, 5.0, 0.3, 1.5)  # [m]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from messages.link import LinkRequest
 from messages.simulator import FaultRequest
-from services.gamepad.stick_log_events import in_words
+from services.gamepad.stick_log import in_words
 from services.marine.vehicle import Vehicle
 from services.piloting.sticks import Incident
 from services.runtime.config.errors import LindyError
@@ -13,7 +13,7 @@ from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.simulator.core import Settings, sensors_of
-from services.simulator.fault_requests import refusal
+from services.simulator.faults import refusal
 from services.tether.io.profile_file import asked_for, named
 from tools.link_fit import why_not_flown
 

@@ -8,7 +8,7 @@ from messages.vehicle import VehicleStatus
 from services.gamepad.core import Settings, StickSource
 from services.gamepad.io.numbers import HasWindow, Numbers
 from services.gamepad.io.sources import open_source
-from services.gamepad.stick_log_events import in_words
+from services.gamepad.stick_log import in_words
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Effects, Pilot

@@ -2,8 +2,6 @@
 
 watch        does it answer, does it measure, and which of two is used
 lines        lines in a stream of bytes
-geodesy      latitude and longitude as metres north and east
-fixes        positions from an origin
+fixes        latitude and longitude as metres north and east of an origin
 io.shell     a driver on its port and on the bus
-io.origin    where north and east count from
 """

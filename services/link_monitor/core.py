@@ -1,17 +1,122 @@
-"""State of the link monitor: link alarm, clock synchronisation and latency budget."""
+"""State of the link monitor: alarm, floods of junk, clock synchronisation, latency budget."""
 
+from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from statistics import median
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
 from messages import events
 from messages.events import Outbox
+from messages.health import Health
 from messages.link import Clock, ClockPing, ClockPong, LatencyBudget
 from messages.pilot import PilotCommand
 from messages.units import Ns
 from services.link_monitor.clock_sync import ClockSync
 from services.link_monitor.latency_account import LatencyAccount
-from services.link_monitor.link_alarm import LinkAlarm
+
+USUAL = 300  # round trips whose median is the usual one; a minute at 5 Hz
+IN_A_ROW = 2  # slow answers before the alarm; a single one may be chance
+RISE_MS = 50.0  # [ms] above the usual round trip, at least
+RISE = 1.0  # [-] and at least this share of the usual one
+START_MS = 3000.0  # [ms] for the drone's first answer: the other side may still be starting
+SILENT_MS = 500.0  # [ms] without an answer, beyond the usual round trip
+
+
+@dataclass(slots=True)
+class LinkAlarm:
+    """Takes pings and answers; `text` is what is wrong, or empty."""
+
+    _usual: deque[float] = field(default_factory=lambda: deque[float](maxlen=USUAL))
+    _slow: int = 0  # answers in a row
+    _newest_ms: float = 0.0
+    _unanswered: Ns | None = None  # [ns] when the oldest unanswered ping was sent
+    _ever: bool = False
+
+    def sent(self, now: Ns) -> None:
+        if self._unanswered is None:
+            self._unanswered = now
+
+    def answered(self, rtt_ms: float) -> None:
+        """A ping came back."""
+        self._ever, self._unanswered, self._newest_ms = True, None, rtt_ms
+        usual = self._usual_ms()
+        if usual is not None and rtt_ms > usual + max(RISE_MS, RISE * usual):
+            self._slow += 1
+        else:
+            self._slow = 0
+        # For a link that stays slow, that becomes usual after half a minute.
+        self._usual.append(rtt_ms)
+
+    def text(self, now: Ns) -> str:
+        usual = self._usual_ms() or 0.0
+        waits_ms = 0.0 if self._unanswered is None else (now - self._unanswered) / 1e6
+        if waits_ms > (SILENT_MS + usual if self._ever else START_MS):
+            since = f"for {waits_ms / 1e3:.1f} s" if self._ever else "yet"
+            return f"no answer from the drone {since}"
+        if self._slow >= IN_A_ROW:
+            return f"round trip has risen from {usual:.0f} to {self._newest_ms:.0f} ms"
+        return ""
+
+    def _usual_ms(self) -> float | None:
+        return median(self._usual) if self._usual else None
+
+
+UNREADABLE = (
+    *(events.MALFORMED.name, events.WRONG_TYPE.name, events.OVERSIZED.name),
+    *(events.UNKNOWN_KEY.name, events.TOO_MANY_KEYS.name),
+)  # kinds of events
+MOST_HZ = 20.0  # [1/s] unreadable messages of one service; more is a flood
+RECENT_NS = 3_000_000_000  # [ns] of health messages, of one a second
+SERVICES = 64  # services that are watched
+
+Key = tuple[str, str, int]  # side, service, its process: two topsides may watch one drone
+
+
+class Heard(NamedTuple):
+    at_ns: Ns
+    unreadable: Mapping[str, int]  # by name, since the service's start
+
+
+@dataclass(slots=True)
+class JunkWatch:
+    """Takes health messages; `words` is what the pilot should read."""
+
+    _heard: dict[Key, Heard] = field(default_factory=dict[Key, Heard])
+    _flooded: dict[Key, tuple[Ns, str]] = field(default_factory=dict[Key, tuple[Ns, str]])
+
+    def health(self, health: Health, now: Ns) -> None:
+        key = health.side, health.service, health.instance
+        before = self._heard.get(key)
+        if before is None and len(self._heard) >= SERVICES:
+            self._heard = {k: h for k, h in self._heard.items() if now - h.at_ns < RECENT_NS}
+            if len(self._heard) >= SERVICES:
+                return
+        counts = {name: count for name, count in health.counts.items() if _unreadable(name)}
+        self._heard[key] = Heard(now, counts)
+        if before is None or now <= before.at_ns:
+            return
+        more = {name: count - before.unreadable.get(name, 0) for name, count in counts.items()}
+        per_second = sum(more.values()) / ((now - before.at_ns) / 1e9)
+        if per_second > MOST_HZ:
+            worst = max(more, key=lambda name: more[name]).partition(":")[2]
+            what = f"{health.service} cannot read {per_second:.0f} messages a second ({worst} …)"
+            self._flooded[key] = now, what
+
+    def words(self, now: Ns) -> str:
+        """Of the service that was flooded first; empty: none is."""
+        self._flooded = {k: v for k, v in self._flooded.items() if now - v[0] < RECENT_NS}
+        if not self._flooded:
+            return ""
+        _, what = next(iter(self._flooded.values()))
+        return f"{what}: somebody else speaks on this network, or the sender is broken"
+
+
+def _unreadable(name: str) -> bool:
+    kind, _, key = name.partition(":")
+    return kind in UNREADABLE and not key.startswith("sensor/")
 
 
 @dataclass(slots=True)

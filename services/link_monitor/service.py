@@ -14,8 +14,7 @@ from messages import events, topics
 from messages.health import Health
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
-from services.link_monitor.core import LinkMonitor, pong
-from services.link_monitor.junk_watch import JunkWatch
+from services.link_monitor.core import JunkWatch, LinkMonitor, pong
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
@@ -73,38 +72,26 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
     peers, junk = Peers(identity_of(stack, TOPSIDE, node.instance.number)), JunkWatch()
 
     def look(now: int) -> None:
-        look_at_peers(now)
-        _say_floods(node, monitor, junk.words(now))
-
-    def look_at_peers(now: int) -> None:
         was, monitor.misfit = monitor.misfit, peers.wrong(now)
-        if monitor.misfit == was:
-            return
-        if monitor.misfit:
+        if monitor.misfit and monitor.misfit != was:
             node.tell(events.ALARM_PEERS(detail=monitor.misfit))
-        else:
+        elif was and not monitor.misfit:
             node.log("info", "both sides fit together again")
+        was, monitor.junk = monitor.junk, junk.words(now)
+        if monitor.junk and not was:
+            node.tell(events.ALARM_JUNK(detail=monitor.junk))
+        elif was and not monitor.junk:
+            node.log("info", "all messages can be read again")
 
     def on_health(health: Health, now: int) -> None:
         peers.health(health, now)
         junk.health(health, now)
 
-    def on_pong(_: ClockPong, now: int) -> None:
-        peers.expect(now)
-
     if stack.apart:
-        node.each(topics.CLOCK_PONG, on_pong)
+        node.each(topics.CLOCK_PONG, lambda _, now: peers.expect(now))
     node.each(topics.IDENTITY, peers.identity)
     node.each(topics.HEALTH, on_health)
     node.every(topics.LATENCY.hz, look)
-
-
-def _say_floods(node: Node, monitor: LinkMonitor, words: str) -> None:
-    was, monitor.junk = monitor.junk, words
-    if words and not was:
-        node.tell(events.ALARM_JUNK(detail=words))
-    elif was and not words:
-        node.log("info", "all messages can be read again")
 
 
 def _measure(node: Node, monitor: LinkMonitor) -> Callable[[int], None]:

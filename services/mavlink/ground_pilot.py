@@ -15,9 +15,8 @@ from services.mavlink.packets import GroundStation
 from services.mavlink.reaction import Reaction
 from services.mavlink_io.numbers import MavResult, MavSeverity
 from services.piloting.guest_pilot import GuestPilot
-from services.piloting.overruling import OVERRULES
 from services.piloting.pilot import Waiting
-from services.piloting.pilot_intents import Intent, ModeIntent
+from services.piloting.pilot_intents import OVERRULES, Intent, ModeIntent
 
 PATIENCE_NS = 6_000_000_000  # [ns] requests are given up earlier
 OPEN = 16  # commands at most that wait for the drone's answer

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from messages.units import Ns
 from services.mavlink_io.numbers import NO_AXIS, NO_CHANNEL
-from services.piloting.stick_holder import TTL_NS
+from services.piloting.guest_pilot import TTL_NS
 from services.piloting.sticks import Sticks
 
 # [-] so close to the middle a stick counts as centred: pads of ground stations rest beside it, and

@@ -10,8 +10,7 @@ from messages import events
 from messages.events import Outbox
 from messages.sensors import UsblSample
 from messages.units import Ns
-from services.instruments.fixes import LocalFixes
-from services.instruments.geodesy import GeoPoint
+from services.instruments.fixes import GeoPoint, LocalFixes
 from services.instruments.lines import LineCutter
 from services.instruments.watch import InstrumentWatch
 

@@ -5,8 +5,7 @@ from functools import partial
 from messages import topics
 from messages.events import Outbox
 from messages.sensors import UsblSample
-from services.instruments.io.origin import local_fixes
-from services.instruments.io.shell import Instrument, connect, on_links
+from services.instruments.io.shell import Instrument, connect, local_fixes, on_links
 from services.nmea.core import GnssDriver, Settings
 from services.nmea.io.sentences import NmeaReader
 from services.runtime.config.stack import Stack

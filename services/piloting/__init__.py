@@ -1,8 +1,7 @@
 """Shared by every pilot: a gamepad, a browser, or a ground station. Pure but for io.
 
 sticks          stick positions, and what a stick source reads at one instant
-pilot_intents   requests that a pilot can make
+pilot_intents   requests that a pilot can make, and which older ones a newer one withdraws
 pilot           lease, arming, hand-over and requests, as a state machine
-overruling      which older requests a newer one withdraws
 io              what every pilot does on the bus: commands, requests, checkpoint
 """

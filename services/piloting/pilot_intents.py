@@ -3,7 +3,7 @@
 import math
 from typing import Literal, NamedTuple
 
-from messages.pilot import Course, FlightMode
+from messages.pilot import MANOEUVRES, Course, FlightMode, PilotRequest, RequestKind
 from messages.units import Ns
 
 DEEPEST = 11_000.0  # [m] no sea is deeper
@@ -72,3 +72,18 @@ def _check(name: str, value: float | None, low: float, high: float, unit: str) -
         raise ValueError(
             f"goto: {name} is {value:g}, expected a number from {low:g} to {high:g} {unit}"
         )
+
+
+OVERRULES: dict[RequestKind, tuple[RequestKind, ...]] = {
+    "stop": ("arm", "resume", *MANOEUVRES, "mode"),
+    "disarm": ("arm", "resume", *MANOEUVRES),
+    "mode": (*MANOEUVRES, "mode"),
+    **dict.fromkeys(MANOEUVRES, (*MANOEUVRES, "mode")),
+    "light": ("light",),
+}  # newer request → older requests that are no longer repeated
+
+
+def overrules(newer: PilotRequest, older: PilotRequest) -> bool:
+    if newer.kind == "output":
+        return (older.kind, older.output) == ("output", newer.output)
+    return older.kind in OVERRULES.get(newer.kind, ())

@@ -2,26 +2,198 @@
 
 The drone follows its reference, and the reference follows a known law. So the newest reference that
 arrived is propagated by the same law, with the stick positions that have reached the drone since.
+How far off past predictions were is measured with the states that arrive later.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import cos, sin
+from math import cos, exp, hypot, sin, sqrt
 from statistics import median
+from typing import NamedTuple
 
 from messages.message import Estimate
 from messages.pilot import PilotCommand
-from messages.prediction import Prediction
+from messages.prediction import Miss, Prediction
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.attitude import level_velocity, north_offset
+from services.marine.summation import plain_sum
 from services.marine.vehicle import Vehicle
-from services.predictor.prediction_quality import JudgedPrediction, Pose, PredictionQuality
-from services.predictor.reference_ahead import Change, Drift, coasting, joined, reference_ahead
 from services.reference.settings import Settings, VelocityAxis
-from services.reference.trajectory.minimum_jerk import Sample
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
+
+CATCH_UP = 0.5  # [s] time constant with which the vehicle's rate error decays
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A stick position on the link."""
+
+    at: float  # [s] when the drone acts on it
+    target: float  # per second
+
+
+def reference_ahead(
+    motion: Motion, begun: float, changes: Sequence[Change], limits: Limits, until: float
+) -> Sample:
+    """The reference at time `until`, from what it was at `begun` [s].
+
+    Args:
+        motion: the newest reference that has arrived.
+        changes: stick positions in the order of their effect. The first is the one that the
+            reference already includes.
+    """
+    ramp = Ramp(limits)
+    ramp.take(Sample(motion.position, motion.velocity, motion.acceleration, motion.jerk), begun)
+    for change in changes:
+        if change.at >= until:
+            break
+        ramp.aim(change.target, max(change.at, begun))
+    return ramp.at(until)
+
+
+def coasting(motion: Motion, seconds: float) -> Sample:
+    """Extrapolation with constant jerk, for a reference along a path or a turn."""
+    v, a, j = motion.velocity, motion.acceleration, motion.jerk
+    velocity = v + seconds * (a + seconds * j / 2)
+    position = motion.position + seconds * (v + seconds * (a / 2 + seconds * j / 6))
+    return Sample(position, velocity, a + seconds * j, j)
+
+
+def joined(
+    ahead: Sample, motion: Motion, position: float, rate: float, seconds: float
+) -> tuple[float, float]:
+    """Position and rate of the vehicle: its position error stays, its rate error decays.
+
+    Args:
+        ahead: predicted reference.
+        motion: reference `seconds` before.
+        position, rate: of the vehicle at that time.
+    """
+    rate_error, decay = rate - motion.velocity, exp(-seconds / CATCH_UP)
+    error = position - motion.position + rate_error * CATCH_UP * (1.0 - decay)
+    return ahead.position + error, ahead.velocity + rate_error * decay
+
+
+STEP = 0.02  # [s]
+
+
+@dataclass(slots=True)
+class Drift:
+    """Model of one body axis, driven by the reference forces that arrive."""
+
+    inertia: float  # [kg] with added mass
+    linear: float  # [N s/m]
+    quadratic: float  # [N s²/m²]
+    velocity: float = 0.0  # [m/s]
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, axis: int) -> "Drift":
+        """0 for surge, 1 for sway."""
+        return cls(
+            vehicle.mass + vehicle.added_mass[axis],
+            vehicle.linear_damping[axis],
+            vehicle.quadratic_damping[axis],
+        )
+
+    def go(self, force: float, seconds: float) -> float:
+        """[m] Displacement while this force [N] acts; the velocity is kept for the next call."""
+        steps = max(1, round(seconds / STEP))
+        dt, moved = seconds / steps, 0.0
+        for _ in range(steps):
+            v = self.velocity
+            drag = self.linear + self.quadratic * abs(v)
+            # Implicit in the drag, so that any step is stable.
+            self.velocity = (self.inertia * v + force * dt) / (self.inertia + drag * dt)
+            moved += (v + self.velocity) / 2 * dt
+        return moved
+
+
+WINDOW_NS = 5_000_000_000  # [ns] of judged predictions
+
+
+class Pose(NamedTuple):
+    depth: float  # [m]
+    heading: float  # [rad] accumulates
+    north: float | None  # [m]
+    east: float | None  # [m]
+
+
+class JudgedPrediction(NamedTuple):
+    """A prediction, and the delayed state it was made from."""
+
+    at: Ns  # [ns] the time it predicts
+    predicted: Pose
+    delayed: Pose
+
+
+Errors = tuple[float, float, float | None]  # [m, rad, m] depth, heading, place
+
+
+@dataclass(slots=True)
+class PredictionQuality:
+    _pending: deque[JudgedPrediction] = field(default_factory=deque[JudgedPrediction])
+    _judged: deque[tuple[Ns, Errors, Errors]] = field(
+        default_factory=deque[tuple[int, Errors, Errors]]
+    )
+    _before: tuple[Ns, Pose] | None = None  # the previous state
+
+    def predicted(self, judged: JudgedPrediction) -> None:
+        self._pending.append(judged)
+
+    def truth(self, at: Ns, pose: Pose) -> None:
+        """The drone's state at `at` [ns]; call in order of time."""
+        before, self._before = self._before, (at, pose)
+        while self._pending and self._pending[0].at <= at:
+            judged = self._pending.popleft()
+            if before is not None and before[0] <= judged.at:
+                true = _between(before, (at, pose), judged.at)
+                errors = _errors(judged.predicted, true), _errors(judged.delayed, true)
+                self._judged.append((at, *errors))
+        while self._judged and self._judged[0][0] < at - WINDOW_NS:
+            self._judged.popleft()
+
+    def misses(self) -> tuple[Miss | None, Miss | None]:
+        """Rms errors of the predictions, and of the delayed state."""
+        if not self._judged:
+            return None, None
+        return _rms([p for _, p, _ in self._judged]), _rms([d for _, _, d in self._judged])
+
+
+def _between(before: tuple[Ns, Pose], after: tuple[Ns, Pose], at: Ns) -> Pose:
+    (t0, p0), (t1, p1) = before, after
+    share = (at - t0) / (t1 - t0) if t1 > t0 else 1.0
+
+    def mixed(a: float | None, b: float | None) -> float | None:
+        return None if a is None or b is None else a + share * (b - a)
+
+    depth = p0.depth + share * (p1.depth - p0.depth)
+    heading = p0.heading + share * (p1.heading - p0.heading)
+    return Pose(depth, heading, mixed(p0.north, p1.north), mixed(p0.east, p1.east))
+
+
+def _errors(judged: Pose, true: Pose) -> Errors:
+    (depth, heading, north, east), (d, h, n, e) = judged, true
+    if north is None or east is None or n is None or e is None:
+        return depth - d, heading - h, None
+    return depth - d, heading - h, hypot(north - n, east - e)
+
+
+def _rms(errors: Sequence[Errors]) -> Miss:
+    places = [place for _, _, place in errors if place is not None]
+    return Miss(
+        depth=_root_mean([depth for depth, _, _ in errors]),
+        heading=_root_mean([heading for _, heading, _ in errors]),
+        place=_root_mean(places) if places else None,
+    )
+
+
+def _root_mean(errors: Sequence[float]) -> float:
+    return sqrt(plain_sum(e * e for e in errors) / len(errors))
+
 
 COMMANDS = 200  # changes of the sticks kept; at least four seconds
 DELAYS = 50  # commands whose median delay is used

@@ -11,10 +11,9 @@ from messages.events import Outbox
 from messages.pilot import TTL_MS, PilotAnswer, PilotRequest
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.piloting.guest_pilot import GuestPilot
+from services.piloting.guest_pilot import KEPT_NS, GuestPilot
 from services.piloting.pilot import Effects, Pilot, Waiting
 from services.piloting.pilot_intents import Press
-from services.piloting.stick_holder import KEPT_NS
 from services.piloting.sticks import Sticks
 
 NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")

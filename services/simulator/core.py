@@ -7,6 +7,8 @@ correct.
 
 from typing import TypeVar
 
+import msgspec
+
 from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.message import Message
@@ -22,24 +24,64 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.simulator import FaultRequest
-from messages.units import Vec3
+from messages.units import Finite, NotNegative, Vec3
 from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.marine import outputs
-from services.marine.attitude import heading_of, to_euler, to_world, wrapped
+from services.marine.attitude import from_euler, heading_of, to_body, to_euler, to_world, wrapped
 from services.marine.mounting import Mount, Placed
 from services.marine.vehicle import Vehicle
 from services.simulator import faults
+from services.simulator.faults import Fault
+from services.simulator.hull import in_the_water
 from services.simulator.propulsion import Battery
 from services.simulator.sensors import Sensors
-from services.simulator.settings import ENCLOSURE_RISE, WATER_TEMPERATURE, Dvl, Usbl
-from services.simulator.settings import Settings as Settings
+from services.simulator.settings import ENCLOSURE_RISE, WATER_TEMPERATURE, Dvl, Settings, Usbl
 from services.simulator.vessel import Vessel
 from services.simulator.vibration import Shaking
-from services.simulator.world import WorldCheckpoint as WorldCheckpoint
-from services.simulator.world import at_the_surface as at_the_surface
 from services.vehicle.actuation import OpenLoopThrust
 from services.vehicle.actuator_gate import ActuatorGate
 from services.vehicle.mounting import place_of
+
+
+class WorldCheckpoint(msgspec.Struct, frozen=True):
+    """State for a restart in mid-dive."""
+
+    state: tuple[Finite, ...]  # 13 numbers, see vessel.State
+    thrust: tuple[Finite, ...]  # [N] per thruster
+    heading: Finite  # [rad] accumulated past ±π
+    used_wh: NotNegative  # [Wh]
+    faults: dict[str, Fault] = {}  # in force, by part
+
+    def fits(self, vehicle: Vehicle) -> bool:
+        return len(self.state) == 13 and len(self.thrust) == len(vehicle.thruster)
+
+
+def at_the_surface(vehicle: Vehicle, settings: Settings) -> WorldCheckpoint:
+    """At rest in the water, floating, level, carried along by the mean current.
+
+    Raises:
+        ValueError: the sea is too shallow for the vehicle.
+    """
+    vehicle = in_the_water(vehicle, settings.hull)
+    depth = vehicle.floating_depth
+    keel = depth + vehicle.size[2] / 2
+    if settings.floor_depth <= keel:
+        raise ValueError(
+            f"simulator.floor_depth: found {settings.floor_depth} m, but the vehicle floats with "
+            f"its bottom at {keel:.2f} m; must be more"
+        )
+    attitude = from_euler(0.0, 0.0, settings.start_heading)
+    flow = settings.current
+    carried = (0.0, 0.0, 0.0)
+    if flow is not None:
+        carried = to_body(attitude, (flow.north, flow.east, 0.0))
+    return WorldCheckpoint(
+        state=(0.0, 0.0, depth, *attitude, *carried, 0.0, 0.0, 0.0),
+        thrust=(0.0,) * len(vehicle.thruster),
+        heading=settings.start_heading,
+        used_wh=0.0,
+    )
+
 
 M = TypeVar("M", bound=Message)
 

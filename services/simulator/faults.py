@@ -3,9 +3,9 @@
 A broken sensor publishes NaN, as real ones do; every receiver's gate refuses it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import nan
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import msgspec
 
@@ -60,12 +60,19 @@ class Fault(msgspec.Struct, frozen=True):
 Faults = Mapping[str, Fault]  # in force, by part
 
 
-def refusal(request: FaultRequest, thrusters: Iterable[str]) -> str:
-    """Why a request for a part that exists cannot be granted; empty when it can."""
+Nearest = Callable[[str, Sequence[str]], str]  # (wrong name, known ones) → words that help
+
+
+def refusal(
+    request: FaultRequest, thrusters: Sequence[str], sensors: Sequence[str], nearest: Nearest
+) -> str:
+    """Why a vehicle with these parts cannot grant a request; empty when it can."""
+    request = by_key(request, sensors)
     part, fault, value = request.part, request.fault, request.value
-    possible = OF_THRUSTERS if part in thrusters else of_sensor(part)
-    if part == ALL:
-        possible = ()
+    parts = [*thrusters, *sensors, ALL]
+    if part not in parts:
+        return f"there is no part {part!r}{nearest(part, parts)}"
+    possible = OF_THRUSTERS if part in thrusters else () if part == ALL else of_sensor(part)
     if fault not in ("none", *possible):
         return f"{part} cannot be {fault}; possible: {', '.join(('none', *possible))}"
     if fault not in LIMITS:
@@ -74,6 +81,20 @@ def refusal(request: FaultRequest, thrusters: Iterable[str]) -> str:
     if value is None or not low <= value <= high:
         return f"{fault} needs a value from {low:g} to {high:g}"
     return ""
+
+
+def by_key(request: FaultRequest, sensors: Sequence[str]) -> FaultRequest:
+    """A sensor may be called without `sensor/`: leak is sensor/leak."""
+    key = f"sensor/{request.part}"
+    return msgspec.structs.replace(request, part=key) if key in sensors else request
+
+
+def in_words(request: FaultRequest) -> tuple[Literal["info", "warning"], str]:
+    """What was done, for the log."""
+    if request.fault == "none":
+        return "info", f"mended: {request.part}"
+    value = "" if request.value is None else f" {request.value:g}"
+    return "warning", f"simulated fault: {request.part} {request.fault}{value}"
 
 
 def of_sensor(key: str) -> tuple[str, ...]:

@@ -21,12 +21,12 @@ from services.marine.attitude import to_body
 from services.marine.mounting import Mounting
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
-from services.simulator.sensor_errors import SensorErrors
 from services.simulator.settings import (
     MAGNETIC_FIELD,
     WATER_NOISE,
     WATER_TEMPERATURE,
     Dvl,
+    SensorErrors,
     Settings,
     Usbl,
 )

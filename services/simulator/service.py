@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable
 
 from messages import events, topics
+from messages.events import Outbox
 from messages.pilot import PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.topic import M, Topic
@@ -13,8 +14,9 @@ from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from services.runtime.node.ports import Publisher
-from services.simulator import fault_requests
+from services.simulator import faults
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
+from services.simulator.settings import Dvl, Usbl
 
 CHECKPOINT_HZ = 5.0  # [1/s] a restarted simulator loses at most one period
 
@@ -34,9 +36,8 @@ def wire(node: Node, stack: Stack) -> None:
     def measure_motion(now: int) -> None:
         nonlocal field_due_ns
         simulator.advance(now)
-        if (
-            now >= field_due_ns
-        ):  # with the motion, but not as often; not all that was missed at once
+        # With the motion, but not as often; not all that was missed at once.
+        if now >= field_due_ns:
             field_due_ns = max(field_due_ns + field_period_ns, now + field_period_ns // 2)
             publish(node, magnetometer, simulator.magnetometer())
         simulator.look(status.newest(now))
@@ -98,47 +99,53 @@ def _disarms(node: Node, simulator: Simulator) -> None:
 def _faults(node: Node, simulator: Simulator) -> None:
     """Set and clear faults by request."""
 
-    def decide(request: FaultRequest, now: int) -> FaultAnswer:
-        return fault_requests.decide(simulator, request, now, nearest, node.outbox)
-
     def report(request: FaultRequest, answer: FaultAnswer, _: int) -> None:
         if answer.accepted:
-            node.log(*fault_requests.in_words(request))
+            node.log(*faults.in_words(request))
             node.save_checkpoint(simulator.world())
 
-    node.answers(topics.FAULT_REQUEST, topics.FAULT_ANSWER, decide, report)
+    node.answers(
+        topics.FAULT_REQUEST,
+        topics.FAULT_ANSWER,
+        lambda request, now: decide(simulator, request, now, node.outbox),
+        report,
+    )
+
+
+def decide(simulator: Simulator, request: FaultRequest, now: int, outbox: Outbox) -> FaultAnswer:
+    """Set or clear a fault, or refuse."""
+    request = faults.by_key(request, simulator.sensors)
+    reason = faults.refusal(request, simulator.thrusters, simulator.sensors, nearest)
+    if reason:
+        outbox.tell(events.REFUSED_FAULT())
+    else:
+        simulator.break_or_mend(request, now)
+    return FaultAnswer(
+        stamp_ns=now,
+        id=request.id,
+        accepted=not reason,
+        reason=reason,
+        cause_ns=request.stamp_ns,
+    )
 
 
 def _position_aids(node: Node, simulator: Simulator, settings: Settings) -> None:
     """DVL and USBL, if the vehicle has them."""
-    if (dvl := settings.dvl) is not None:
-        publish_velocity = _late_publisher(node, topics.DVL, dvl.latency)
-
-        def measure_velocity(now: int) -> None:
-            simulator.advance(now)
-            sample = simulator.dvl(dvl)
-            if sample is None:
-                node.tell(events.SILENT_BY_FAULT(topics.DVL.key))
-            else:
-                publish_velocity(sample, now)
-
-        node.every(dvl.rate, measure_velocity)
-    if (usbl := settings.usbl) is not None:
-        publish_position = _late_publisher(node, topics.USBL, usbl.latency)
-
-        def measure_position(now: int) -> None:
-            simulator.advance(now)
-            sample = simulator.usbl(usbl)
-            if sample is None:
-                node.tell(events.SILENT_BY_FAULT(topics.USBL.key))
-            else:
-                publish_position(sample, now)
-
-        node.every(usbl.rate, measure_position)
+    dvl, usbl = settings.dvl, settings.usbl
+    if dvl is not None:
+        _late(node, simulator, topics.DVL, dvl, lambda: simulator.dvl(dvl))
+    if usbl is not None:
+        _late(node, simulator, topics.USBL, usbl, lambda: simulator.usbl(usbl))
 
 
-def _late_publisher(node: Node, topic: Topic[M], latency: float) -> Callable[[M, int], None]:
-    """Publishes a message with a delay of `latency` [s]."""
+def _late(
+    node: Node,
+    simulator: Simulator,
+    topic: Topic[M],
+    device: Dvl | Usbl,
+    measure: Callable[[], M | None],
+) -> None:
+    """Publishes what is measured at the device's rate with its latency."""
     publisher = node.publisher(topic)
     waiting: deque[tuple[int, M]] = deque()
 
@@ -150,11 +157,16 @@ def _late_publisher(node: Node, topic: Topic[M], latency: float) -> Callable[[M,
 
     alarm = node.alarm(publish_due)
 
-    def enqueue(message: M, now: int) -> None:
-        waiting.append((now + round(latency * 1e9), message))
-        publish_due(now)
+    def measured(now: int) -> None:
+        simulator.advance(now)
+        sample = measure()
+        if sample is None:
+            node.tell(events.SILENT_BY_FAULT(topic.key))
+        else:
+            waiting.append((now + round(device.latency * 1e9), sample))
+            publish_due(now)
 
-    return enqueue
+    node.every(device.rate, measured)
 
 
 def _simulator(node: Node, stack: Stack) -> Simulator:

@@ -10,10 +10,30 @@ from services.marine.mounting import Mounting
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.marine.water import Density
 from services.simulator.hull import Hull
-from services.simulator.sensor_errors import SensorErrors
 from services.simulator.terrain import Terrain
 from services.simulator.vibration import Vibration
 from services.simulator.waves import Waves
+
+Force = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s²]
+Rate = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]  # [rad/s]
+Iron = Annotated[float, msgspec.Meta(ge=-1e-4, le=1e-4)]  # [T]
+Scale = Annotated[float, msgspec.Meta(ge=0.5, le=2.0)]  # [-]
+IronPart = Annotated[float, msgspec.Meta(ge=-2.0, le=2.0)]  # [-]
+SoftIronRow = tuple[IronPart, IronPart, IronPart]
+SoftIron = tuple[SoftIronRow, SoftIronRow, SoftIronRow]
+NONE = (0.0, 0.0, 0.0)
+
+
+class SensorErrors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table [simulator.sensor_errors]."""
+
+    accelerometer_offset: tuple[Force, Force, Force] = NONE  # [m/s²]
+    accelerometer_scale: tuple[Scale, Scale, Scale] = (1.0, 1.0, 1.0)  # [-]
+    gyro_offset: tuple[Rate, Rate, Rate] = NONE  # [rad/s]
+    hard_iron: tuple[Iron, Iron, Iron] = NONE  # [T]
+    soft_iron: SoftIron = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # [-]
+    pressure_offset: Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)] = 0.0  # [Pa]
+
 
 MAGNETIC_FIELD = (15e-6, 0.0, 49e-6)  # [T] NED; dip 73°, as off Norway
 WATER_TEMPERATURE = 8.0  # [°C] at every depth

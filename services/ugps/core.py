@@ -15,8 +15,7 @@ from messages.events import Outbox
 from messages.payload import UNDECODABLE
 from messages.sensors import UsblSample
 from messages.units import Finite, Ns
-from services.instruments.fixes import LocalFixes
-from services.instruments.geodesy import GeoPoint
+from services.instruments.fixes import GeoPoint, LocalFixes
 from services.instruments.watch import InstrumentWatch
 
 S = 1_000_000_000  # [ns]

@@ -5,8 +5,7 @@ from functools import partial
 from messages import topics
 from messages.events import Outbox
 from messages.sensors import UsblSample
-from services.instruments.io.origin import local_fixes
-from services.instruments.io.shell import Instrument, connect
+from services.instruments.io.shell import Instrument, connect, local_fixes
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from services.ugps.core import PATHS, Settings, UgpsDriver

@@ -4,7 +4,7 @@ import pytest
 
 from tests.tools.identify.test_identify_fit import FILE, FITTED, coasting, made, truth
 from tools.identify.fit import fit
-from tools.identify.parameters import AXES, start_of
+from tools.identify.motion_model import AXES, start_of
 
 
 def test_when_it_was_measured_changes_nothing() -> None:

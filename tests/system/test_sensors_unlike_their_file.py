@@ -24,11 +24,11 @@ from services.marine.attitude import heading_of, to_euler, to_world
 from services.marine.mounting import ImuMount, Mounting
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
+from services.simulator.core import at_the_surface
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
 from services.simulator.vessel import STEP, Vessel
 from services.simulator.waves import Sea, Waves
-from services.simulator.world import at_the_surface
 from services.vehicle.mounting import place_of
 
 PIONEER = Stack().section("vehicle", Vehicle)

@@ -1,7 +1,6 @@
 """The DVL: how it is mounted, from a dive that starts, stops and turns."""
 
 from array import array
-from collections.abc import Callable
 from math import degrees, hypot
 
 import numpy as np
@@ -64,7 +63,8 @@ class DvlGuide:
         if self._seconds(0) >= self._look_s:
             self._look_s = self._seconds(0) + LOOK_S
             self._fit = self._fitted()
-        return self._fit is not None and all(sees(self._fit) for sees in WANTED)
+        fit = self._fit
+        return fit is not None and _sees_yaw(fit) and _sees_lean(fit) and _sees_arm(fit)
 
     @property
     def prompt(self) -> str:
@@ -96,7 +96,7 @@ class DvlGuide:
                 f"dvl: {fit.left_out} of {fit.left_out + fit.used} stretches of 15 s do not fit "
                 f"the IMU; is [vehicle.mounting.imu] right, and did the DVL see the bottom?"
             )
-        if fit.std[2] > MOST_YAW:
+        if not _sees_yaw(fit):
             raise CalibrationError(
                 f"dvl: its yaw is known to {degrees(fit.std[2]):.2g} deg, needed are "
                 f"{degrees(MOST_YAW):.2g}; fly {MANOEUVRE} (lindy dive --pilot script:dvl_check)"
@@ -107,7 +107,9 @@ class DvlGuide:
         return fitted(stretches(_table(self._imu, 7), _table(self._dvl, 5)))
 
     def _told(self, fit: DvlFit) -> SensorFound:
-        settings, remarks = [_rotation(fit)], [_tried(fit)]
+        out = f", {fit.left_out} left out because they do not fit" if fit.left_out else ""
+        remarks = [f"dvl: from {fit.used} stretches of up to 15 s{out}"]
+        settings = [_rotation(fit)]
         if not _sees_lean(fit):
             remarks.append(
                 "dvl: how it leans is not seen, and taken as level; dive and rise, surge"
@@ -151,11 +153,6 @@ def _rotation(fit: DvlFit) -> Setting:
     return Setting("rotation", rows, (), "-", about, DVL_TABLE)
 
 
-def _tried(fit: DvlFit) -> str:
-    out = f", {fit.left_out} left out because they do not fit" if fit.left_out else ""
-    return f"dvl: from {fit.used} stretches of up to 15 s{out}"
-
-
 def _sees_yaw(fit: DvlFit) -> bool:
     return bool(fit.std[2] <= MOST_YAW)
 
@@ -166,9 +163,6 @@ def _sees_lean(fit: DvlFit) -> bool:
 
 def _sees_arm(fit: DvlFit) -> bool:
     return bool(max(fit.std[4:6]) <= MOST_ARM)
-
-
-WANTED: tuple[Callable[[DvlFit], bool], ...] = (_sees_yaw, _sees_lean, _sees_arm)
 
 
 def _table(values: "array[float]", width: int) -> Floats:

@@ -80,30 +80,23 @@ def measured(heard: dict[str, RestingSamples]) -> Iterator[NoiseAxis]:
 
 
 def lines(axes: list[NoiseAxis]) -> Iterator[SettingLine]:
-    """What to put into [estimation.depth] of the vehicle file."""
-    by_name = {axis.name: axis for axis in axes}
-    if (pressure := by_name.get("pressure")) is not None:
-        yield _pressure_std(pressure)
+    """What to put into [estimation.depth] of the vehicle file. A sensor whose samples are all the
+    same gives no noise."""
+    found: list[tuple[str, float, str]] = []
     force = [axis for axis in axes if axis.name.startswith("accelerometer")]
+    if (pressure := next((axis for axis in axes if axis.name == "pressure"), None)) is not None:
+        # Noise below a step is invisible, and then the rounding is what is left.
+        std = max(pressure.std, pressure.step / sqrt(12.0))
+        steps = f", in steps of {pressure.step:.3g} Pa" if pressure.step > std / 10.0 else ""
+        found.append(("pressure_std", std, f"[Pa] at {pressure.rate:.0f} Hz{steps}"))
     worst = max(force, key=lambda axis: axis.noise.density)
-    told = f"[m/s²/√Hz] {worst.name}; under way, tilt adds to it"
-    yield _line("acceleration_noise", worst.noise.density, told)
-
-
-def _pressure_std(pressure: NoiseAxis) -> SettingLine:
-    # Noise below a step is invisible, and then the rounding is what is left.
-    std = max(pressure.std, pressure.step / sqrt(12.0))
-    told = f"[Pa] at {pressure.rate:.0f} Hz"
-    if pressure.step > std / 10.0:
-        told += f", in steps of {pressure.step:.3g} Pa"
-    return _line("pressure_std", std, told)
-
-
-def _line(key: str, value: float, why: str) -> SettingLine:
-    """A sensor whose samples are all the same gives no noise: it is frozen, or too coarse."""
-    if value > 0.0:
-        return SettingLine(key, float(f"{value:.3g}"), why)
-    return SettingLine(key, None, "every sample is the same: frozen, or too coarse")
+    about = f"[m/s²/√Hz] {worst.name}; under way, tilt adds to it"
+    found.append(("acceleration_noise", worst.noise.density, about))
+    for key, value, why in found:
+        if value > 0.0:
+            yield SettingLine(key, float(f"{value:.3g}"), why)
+        else:
+            yield SettingLine(key, None, "every sample is the same: frozen, or too coarse")
 
 
 def as_toml(axes: list[NoiseAxis], rest: RestStatistics) -> str:

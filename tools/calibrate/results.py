@@ -1,8 +1,15 @@
 """What a calibration found: settings of a vehicle file, with their deviations."""
 
-from typing import NamedTuple
+import tomllib
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
+import msgspec
+
+from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import convert
+from tools.identify.vehicle_file import read_vehicle, with_lines
 
 CALIBRATION_TABLE = "vehicle.calibration"
 
@@ -37,6 +44,53 @@ class SensorFound(NamedTuple):
 
     settings: tuple[Setting, ...]
     remarks: tuple[str, ...]  # sentences for the user
+
+
+def table(settings: Sequence[Setting]) -> str:
+    """As they stand in a vehicle file."""
+    lines = list[str]()
+    for name, those in _by_table(settings).items():
+        lines += ["", f"[{name}]", *(setting.line for setting in those)]
+    return "\n".join(lines[1:])
+
+
+def with_settings(name: str, text: str, settings: Sequence[Setting], why: str) -> str:
+    """The text of a vehicle file with these settings in it; all else stays as it is.
+
+    Raises:
+        LindyError: the file is laid out in a way that cannot be rewritten.
+    """
+    by_table = _by_table(settings)
+    tree: dict[str, Any] = msgspec.to_builtins(read_vehicle(name, text))
+    for heading, those in by_table.items():
+        inner = tree
+        for part in heading.split(".")[1:]:
+            inner = inner[part]
+        inner.update(tomllib.loads("\n".join(setting.toml for setting in those)))
+    wanted = convert(tree, Vehicle, f"{name}: vehicle")
+    lines = {
+        (heading, 0): {setting.key: f"{setting.line}; {why}" for setting in those}
+        for heading, those in by_table.items()
+    }
+    new = with_lines(text, lines)
+    try:
+        is_so = read_vehicle(name, new) == wanted
+    except LindyError:
+        is_so = False
+    if not is_so:
+        raise LindyError(
+            f"{name}: its [{'] or ['.join(by_table)}] cannot be "
+            f"rewritten, because it stands on several lines or in a table of another form; enter "
+            f"the lines above by hand"
+        )
+    return new
+
+
+def _by_table(settings: Sequence[Setting]) -> dict[str, list[Setting]]:
+    found = dict[str, list[Setting]]()
+    for setting in settings:
+        found.setdefault(setting.table, []).append(setting)
+    return found
 
 
 def _toml(value: float | tuple[float, ...] | tuple[tuple[float, ...], ...]) -> str:

@@ -13,11 +13,9 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.choices import Json, Overrides, VehicleName, named
 from tools.fresh import refuse_existing, write_fresh
-from tools.identify import parameters
+from tools.identify import motion_model
 from tools.identify import plan as planning
-from tools.identify.check import compare
-from tools.identify.gains_of import proposed
-from tools.identify.identify import identify_dive, read_dive
+from tools.identify.identify import compare, identify_dive, proposed, read_dive
 from tools.identify.results import as_json, as_table, identified, remarks, rows, thrust_scale
 from tools.identify.vehicle_file import rewritten, rounded
 
@@ -91,7 +89,7 @@ def recording_(
         refuse_existing(out)
     if sys.stderr.isatty():
         print("lindy: reads and fits, which may take minutes", file=sys.stderr, flush=True)
-    found = identify_dive(recording, vehicle, _axes(axes, parameters.AXES))
+    found = identify_dive(recording, vehicle, _axes(axes, motion_model.AXES))
     exact = identified(found.fit, found.start)
     scale = None if net_buoyancy is None else thrust_scale(found.fit, net_buoyancy)
     notes = list(remarks(found.fit, exact, scale))

@@ -1,18 +1,77 @@
-"""From a recording to the numbers of the vehicle."""
+"""From a recording to the numbers of the vehicle, and how well they predict another dive."""
 
-from math import log
+from math import exp, log, sqrt
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from services.marine.vehicle import Vehicle, driven, first_order
 from services.runtime.config.errors import LindyError
-from tools.identify.dive_data import NO_SAMPLES, WINDOW_S, DiveData, read, windows
+from tools.gains import USUAL_TURN, USUAL_WAY
+from tools.identify.dive_data import (
+    NO_SAMPLES,
+    WINDOW_S,
+    DiveData,
+    Windows,
+    busiest,
+    fit_input,
+    read,
+    windows,
+)
 from tools.identify.fit import Fit, fit
-from tools.identify.fit_input import busiest, fit_input
-from tools.identify.measured_lag import measured_lag
-from tools.identify.parameters import AXES, LAG, Beginning, start_of
+from tools.identify.motion_model import (
+    AXES,
+    LAG,
+    Beginning,
+    Floats,
+    Measured,
+    coefficients,
+    lagged,
+    predict,
+    start_of,
+)
 from tools.identify.results import weakly
 from tools.identify.vehicle_file import VehicleFile, of_recording
 from tools.recordings.recording import open_recording
+from tools.tuning.lq import LoopName, Worth, design, lines
+
+LAG_STEP = 1e-4  # [-] of a difference quotient in the logarithm
+LAG_STEPS = 12
+MOST_LAG_STEP = 0.5
+
+
+class MeasuredLag(NamedTuple):
+    seconds: float
+    std: float  # [s]
+
+
+def measured_lag(data: DiveData, vehicle: Vehicle) -> MeasuredLag | None:
+    """One lag for all thrusters, by Gauss-Newton; None: no thrust changed, or not as a first-order
+    lag does."""
+    pairs = list(zip(vehicle.thruster, data.commands.T, strict=True))
+    settles = np.array([[driven(t, newtons) for newtons in row.tolist()] for t, row in pairs]).T
+    inside = (data.thrust_t >= data.command_t[0]) & (data.thrust_t <= data.command_t[-1])
+    at, measured = data.thrust_t[inside], data.thrust[inside]
+
+    def expected(x: float) -> Floats:
+        return lagged(data.command_t, settles, first_order(exp(x)), at).value
+
+    information = 0.0
+    x = log(float(np.median([thruster.time_constant for thruster in vehicle.thruster])))
+    for _ in range(LAG_STEPS):
+        here = expected(x)
+        slope, left = (expected(x + LAG_STEP) - here) / LAG_STEP, measured - here
+        information = float(np.sum(slope**2))
+        if not information > 0.0:
+            return None
+        x += max(-MOST_LAG_STEP, min(MOST_LAG_STEP, float(np.sum(slope * left)) / information))
+        if not log(1e-4) < x < log(10.0):
+            return None
+    left = measured - expected(x)
+    std = sqrt(float(np.mean(left**2)) / information)
+    return MeasuredLag(exp(x), exp(x) * std)
+
 
 FEWEST_WINDOWS = 2
 HOW = "fly the manoeuvres of `lindy identify plan`"
@@ -70,3 +129,92 @@ def fitted(data: DiveData, file: VehicleFile, name: Path, axes: tuple[str, ...] 
         no_curve = all(thruster.lag is None for thruster in file.vehicle.thruster)
         return result._replace(lag=no_curve)
     return result
+
+
+AHEAD_S = 60.0, 20.0  # [s] the first of which the dive holds a stretch
+
+
+class PredictionError(NamedTuple):
+    """Root mean square over all stretches."""
+
+    depth_rate: float  # [m/s]
+    yaw_rate: float  # [rad/s]
+
+
+class Comparison(NamedTuple):
+    stretches: int
+    seconds: float  # of each
+    before: PredictionError  # of the vehicle file
+    after: PredictionError  # of the identified vehicle
+
+
+def compare(
+    data: DiveData, before: Vehicle, after: Vehicle, wake_share: float, name: Path
+) -> Comparison:
+    """
+    Raises:
+        LindyError: the dive has no such stretch.
+    """
+    for ahead in AHEAD_S:
+        found = windows(data, before, ahead)
+        if len(found.t):
+            return _compared(data, found, ahead, before, after, wake_share)
+    raise LindyError(
+        f"{name} has no {min(AHEAD_S):g} s in which the drone is armed, under water, and no "
+        "thruster is at its limit"
+    )
+
+
+def _compared(
+    data: DiveData,
+    found: Windows,
+    ahead: float,
+    before: Vehicle,
+    after: Vehicle,
+    wake_share: float,
+) -> Comparison:
+    n = found.t.shape[1]
+    depth_rate = np.interp(found.t, data.state_t, data.state[:, 3])
+
+    def error(vehicle: Vehicle) -> PredictionError:
+        taken = fit_input(data, found, vehicle, wake_share)
+        measured = Measured(
+            found.period, taken.wrench[None], taken.mean[None], found.rates[..., :2],
+            found.down[None],
+        )  # fmt: skip
+        motion = predict(coefficients([vehicle], wake_share), found.begin[None], measured)
+        sinking = np.sum(motion.velocity[0, :, :, :3] * found.down[:, :n], axis=-1)
+        return PredictionError(
+            _rms(sinking - depth_rate), _rms(motion.velocity[0, ..., 3] - found.rates[..., 2])
+        )
+
+    return Comparison(len(found.t), ahead, error(before), error(after))
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+LOOP: dict[str, LoopName] = {
+    "heave": "depth", "yaw": "heading", "surge": "surge", "sway": "sway",
+}  # fmt: skip
+PATIENCE = 5.0  # [s] as `lindy gains` has it
+
+
+def proposed(vehicle: Vehicle, axes: tuple[str, ...], tree: dict[str, Any]) -> list[str]:
+    """Lines of a vehicle file, as comments to be judged, for the loops of these axes.
+
+    Args:
+        tree: the vehicle file; its observers are kept.
+    """
+    found = ["Proposed gains (see `lindy gains`):"]
+    for axis in axes:
+        loop = LOOP[axis]
+        error, rate, force, speed, jerk = USUAL_TURN if loop == "heading" else USUAL_WAY
+        observer = float(tree.get("control", {}).get(loop, {}).get("observer", 0.0))
+        worth = Worth(error, rate, force, PATIENCE)
+        try:
+            found += lines(loop, design(vehicle, loop, worth, observer, speed, jerk), worth)
+        except LindyError as why:
+            found.append(str(why))
+    return found

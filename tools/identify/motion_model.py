@@ -1,19 +1,126 @@
-"""Motion in surge, sway, heave and yaw of many vehicles at once, with roll and pitch as measured.
+"""Motion of many vehicles at once, the thrust that drives it, and the numbers that are fitted.
 
-These are rows 1, 2, 3 and 6 of the simulator's equations (services/simulator/vessel.py; Fossen
-2011, eq. 6.1 to 6.3), the wake's fins included. Roll and pitch rate and attitude come from the
-gyroscopes, so that the righting moment need not be known. Many vehicles at once, because a
-derivative by every parameter needs one each: arrays are (columns, windows, …).
+The motion is that in surge, sway, heave and yaw, with roll and pitch as measured: rows 1, 2, 3 and
+6 of the simulator's equations (services/simulator/vessel.py; Fossen 2011, eq. 6.1 to 6.3), the
+wake's fins included. Roll and pitch rate and attitude come from the gyroscopes, so that the
+righting moment need not be known. Many vehicles at once, because a derivative by every parameter
+needs one each: arrays are (columns, windows, …).
+
+The thrusters' wrench over time is from the commands: dead-band, limits, lag.
+
+The numbers are one vector: of each axis the logarithm of the inertia, and both drag coefficients
+over a typical size of their own; then the net buoyancy over one newton, and the logarithm of the
+lag.
 """
 
+from cmath import exp as complex_exp
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from services.marine.hydrodynamics import system_inertia, wake_fins
-from services.marine.vehicle import GRAVITY, Vehicle
-from tools.identify.thrust import Floats
+from services.marine.vehicle import (
+    GRAVITY,
+    LagMode,
+    Vehicle,
+    driven,
+    first_order,
+    wrench_per_newton,
+)
+
+Floats = NDArray[np.float64]
+LOST = 20.0  # [-] decay, as an exponent, over which steps are added up at once
+
+
+class Lagged(NamedTuple):
+    value: Floats  # (m, k)
+    integral: Floats  # (m, k) since the first command
+
+
+class CommandedThrust:
+    """Commands, each of which holds until the next one."""
+
+    def __init__(self, vehicle: Vehicle, t: Floats, commands: Floats) -> None:
+        """
+        Args:
+            t: (n,) [s] rising.
+            commands: (n, thrusters) [N]
+        """
+        self.t = t
+        effect = np.array([wrench_per_newton(thruster) for thruster in vehicle.thruster])
+        settles = np.array(
+            [
+                [driven(thruster, newtons) for thruster, newtons in zip(vehicle.thruster, row)]  # noqa: B905
+                for row in commands.tolist()
+            ]
+        )
+        self._whole = settles @ effect  # (n, 6) [N, N m]
+        # Thrusters of the same lag together.
+        self._groups = [
+            (modes, settles[:, same] @ effect[same]) for modes, same in _by_lag(vehicle)
+        ]
+
+    def wrench(self, at: Floats, lag: float | None = None) -> Lagged:
+        """(m, 6) [N, N m] at these times [s], and its integral.
+
+        Args:
+            lag: [s] of all thrusters, first order; None: as the vehicle file says.
+        """
+        if lag is not None:
+            return lagged(self.t, self._whole, first_order(lag), at)
+        parts = [lagged(self.t, whole, modes, at) for modes, whole in self._groups]
+        return Lagged(*(np.sum(part, axis=0) for part in zip(*parts, strict=True)))
+
+
+def lagged(t: Floats, settles: Floats, modes: Sequence[LagMode], at: Floats) -> Lagged:
+    """A quantity that follows `settles` (n, k), set at the times t (n,), from rest, at the times
+    `at` (m,); exact (services/marine/vehicle.py). A gap decays by g' = pole g + share s',
+    which also gives its integral."""
+    steps = np.diff(settles, axis=0, prepend=0.0)
+    index = np.clip(np.searchsorted(t, at, side="right") - 1, 0, None)
+    since = np.maximum(at - t[index], 0.0)[:, None]
+    now = settles[index]
+    held = np.cumsum(settles[:-1] * np.diff(t)[:, None], axis=0)
+    value, integral = now.copy(), np.vstack([np.zeros_like(settles[:1]), held])[index]
+    integral += now * since
+    for pole, share in modes:
+        gap = np.exp(pole * since) * _gaps(t, (share * steps).astype(np.complex128), pole)[index]
+        value -= np.real(gap)
+        integral -= np.real((gap - share * now) / pole)
+    return Lagged(value, integral)
+
+
+def _gaps(t: Floats, steps: NDArray[np.complex128], pole: complex) -> NDArray[np.complex128]:
+    """(n, k) The sum of all steps so far, each decayed since its time. Added up within stretches in
+    which little of the first is lost, so that no quotient overflows."""
+    found = np.empty(steps.shape, dtype=np.complex128)
+    gap = np.zeros(steps.shape[1], dtype=np.complex128)  # at the time before
+    first, before = 0, float(t[0])
+    while first < len(t):
+        until = float(t[first]) + LOST / abs(pole)
+        last = int(np.searchsorted(t, until, side="right"))
+        decayed: NDArray[np.complex128] = np.exp(pole * (t[first:last] - t[first]))[:, None]
+        begin = gap * complex_exp(pole * (float(t[first]) - before))
+        found[first:last] = decayed * (begin + np.cumsum(steps[first:last] / decayed, axis=0))
+        gap, before, first = found[last - 1], float(t[last - 1]), last
+    return found
+
+
+def _by_lag(vehicle: Vehicle) -> list[tuple[list[LagMode], list[int]]]:
+    """Lags, and the indices of the thrusters that have them."""
+    found: list[tuple[list[LagMode], list[int]]] = []
+    for index, thruster in enumerate(vehicle.thruster):
+        for modes, same in found:
+            if modes == thruster.modes:
+                same.append(index)
+                break
+        else:
+            found.append((thruster.modes, [index]))
+    return found
+
 
 U, V, W, R = range(4)  # surge, sway, heave, yaw
 ROWS = (0, 1, 2, 5)  # of six-vectors
@@ -134,3 +241,92 @@ def _specific_force(velocity: Floats, slope: Floats, measured: Measured, n: int)
     u, v, w, r = (velocity[..., axis] for axis in range(4))
     turning = np.stack([q * w - r * v, r * u - p * w, p * v - q * u], axis=-1)
     return slope[..., :3] + turning - GRAVITY * measured.down[:, :, :n]
+
+
+AXES = ("surge", "sway", "heave", "yaw")  # in the order of the motion model
+COUNT = 14
+BUOYANCY, LAG = 12, 13
+LEAST = 0.05  # [-] of the mean drag of an axis: a drag coefficient is not scaled by less
+UNLIKELY = 0.15, 0.4, 0.4, 2.0, 0.5  # std of what is not fitted: ln M, drags, [N], ln lag
+
+
+class Beginning(NamedTuple):
+    """The vehicle file, and the scales of its numbers."""
+
+    vehicle: Vehicle
+    linear: Floats  # (4,) scale of each axis
+    quadratic: Floats  # (4,)
+
+    @property
+    def vector(self) -> Floats:
+        """(COUNT,) The vehicle file's own numbers."""
+        inertia = system_inertia(self.vehicle)
+        found = np.zeros(COUNT)
+        for axis, row in enumerate(ROWS):
+            found[inertia_of(axis)] = np.log(inertia[row])
+            found[linear_of(axis)] = self.vehicle.linear_damping[row] / self.linear[axis]
+            found[quadratic_of(axis)] = self.vehicle.quadratic_damping[row] / self.quadratic[axis]
+        found[BUOYANCY] = self.vehicle.net_buoyancy
+        found[LAG] = np.log(np.median([t.time_constant for t in self.vehicle.thruster]))
+        return found
+
+    @property
+    def prior(self) -> Floats:
+        """(COUNT,) Standard deviations of what the data do not tell."""
+        inertia, linear, quadratic, buoyancy, lag = UNLIKELY
+        return np.array([inertia, linear, quadratic] * 4 + [buoyancy, lag])
+
+
+def inertia_of(axis: int) -> int:
+    return 3 * axis
+
+
+def linear_of(axis: int) -> int:
+    return 3 * axis + 1
+
+
+def quadratic_of(axis: int) -> int:
+    return 3 * axis + 2
+
+
+def indices_of(axis: str) -> list[int]:
+    """Parameters that belong to an axis."""
+    first = 3 * AXES.index(axis)
+    return [first, first + 1, first + 2, *([BUOYANCY] if axis == "heave" else [])]
+
+
+def start_of(vehicle: Vehicle) -> Beginning:
+    """A coefficient that the file has as zero is scaled by the axis' other one."""
+    linear = np.array([vehicle.linear_damping[row] for row in ROWS])
+    quadratic = np.array([vehicle.quadratic_damping[row] for row in ROWS])
+    both = np.maximum(linear + quadratic, 1e-3)
+    return Beginning(vehicle, np.maximum(linear, LEAST * both), np.maximum(quadratic, LEAST * both))
+
+
+def inertia_at(x: Floats, axis: int) -> float:
+    return float(np.exp(x[inertia_of(axis)]))
+
+
+def vehicle_of(start: Beginning, x: Floats, axes: tuple[str, ...] = AXES) -> Vehicle:
+    """The file's vehicle with these numbers. Of the inertia, the mass stays and the added mass
+    changes; it may become negative here, and so may drag."""
+    v = start.vehicle
+    added, linear, quadratic = map(list, (v.added_mass, v.linear_damping, v.quadratic_damping))
+    dry = system_inertia(replace(v, added_mass=(0.0,) * 6))
+    for axis in map(AXES.index, axes):
+        row = ROWS[axis]
+        added[row] = inertia_at(x, axis) - dry[row]
+        linear[row] = float(x[linear_of(axis)] * start.linear[axis])
+        quadratic[row] = float(x[quadratic_of(axis)] * start.quadratic[axis])
+    return replace(
+        v,
+        added_mass=six(added),
+        linear_damping=six(linear),
+        quadratic_damping=six(quadratic),
+        net_buoyancy=float(x[BUOYANCY]) if "heave" in axes else v.net_buoyancy,
+    )
+
+
+def six(values: list[float]) -> tuple[float, float, float, float, float, float]:
+    a, b, c, d, e, f = values
+    return a, b, c, d, e, f

@@ -9,13 +9,12 @@ from msgspec.structs import replace
 
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
-from tools.identify.fit import Fit
-from tools.identify.judgement import NOT_MOVED, drag_at
-from tools.identify.motion_model import ROWS
-from tools.identify.parameters import (
+from tools.identify.fit import NOT_MOVED, Fit, drag_at
+from tools.identify.motion_model import (
     AXES,
     BUOYANCY,
     LAG,
+    ROWS,
     Beginning,
     inertia_of,
     linear_of,

@@ -1,7 +1,8 @@
-"""The vehicle file of a recording, and the same file with fitted numbers in it."""
+"""The vehicle file of a recording, and the same file with other numbers in it."""
 
 import re
-import tomllib
+from collections import Counter
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import msgspec
@@ -37,24 +38,13 @@ def of_recording(recording: Recording, chosen: str | None) -> VehicleFile:
     Raises:
         LindyError: there is none in it, or it is wrong.
     """
-    if chosen is not None:
-        path = deploy_file("vehicles", chosen)
-        return _parsed(path.name, read_text(path), [])
-    name, text = vehicle_attached(recording)
+    name, text = vehicle_in(recording, chosen)
+    tree = _tree(name, text)
     try:
-        settings = recording.metadata("dive").get("overrides", "[]")
-        overrides = msgspec.json.decode(settings, type=list[str])
+        settings = recording.metadata("dive").get("overrides", "[]") if chosen is None else "[]"
+        override(tree, msgspec.json.decode(settings, type=list[str]))
     except UNDECODABLE as error:
         raise LindyError(f"{recording.files[0]}: its settings: {error}") from None
-    return _parsed(name, text, overrides)
-
-
-def _parsed(name: str, text: str, overrides: list[str]) -> VehicleFile:
-    try:
-        tree = parsed_toml(text)
-    except ValueError as error:
-        raise LindyError(f"{name}: not valid TOML: {error}") from None
-    override(tree, overrides)
     where = f"{name}: estimation"
     return VehicleFile(
         name, text, tree,
@@ -62,6 +52,57 @@ def _parsed(name: str, text: str, overrides: list[str]) -> VehicleFile:
         convert(tree.get("simulator", {}), SimulatorSettings, "simulator").wake_share,
         convert(tree.get("estimation", {}), EstimationSettings, where).water_density,
     )  # fmt: skip
+
+
+def vehicle_in(recording: Recording | None, chosen: str | None) -> tuple[str, str]:
+    """Name and text of the chosen vehicle file, or of that in the recording.
+
+    Raises:
+        LindyError: there is none.
+    """
+    if chosen is not None or recording is None:
+        path = deploy_file("vehicles", chosen or "")
+        return path.name, read_text(path)
+    return vehicle_attached(recording)
+
+
+def read_vehicle(name: str, text: str) -> Vehicle:
+    """
+    Raises:
+        LindyError: it is no vehicle file.
+    """
+    return convert(_tree(name, text).get("vehicle", {}), Vehicle, f"{name}: vehicle")
+
+
+def _tree(name: str, text: str) -> dict[str, Any]:
+    try:
+        return parsed_toml(text)
+    except ValueError as error:
+        raise LindyError(f"{name}: not valid TOML: {error}") from None
+
+
+def with_lines(text: str, tables: Mapping[tuple[str, int], Mapping[str, str]]) -> str:
+    """A TOML file's text with these lines in it; all else stays as it is.
+
+    Args:
+        tables: name of a table, and its number among those of this name → key → whole line.
+    """
+    blocks: list[list[str]] = [[]]  # each begins with a heading, but for the first
+    for line in text.splitlines():
+        if HEADING.match(line):
+            blocks.append([])
+        blocks[-1].append(line)
+    left, counts = dict(tables), Counter[str]()
+    for block in blocks:
+        if not (block and (heading := HEADING.match(block[0]))):
+            continue
+        lines = left.pop((heading[1], counts[heading[1]]), {})
+        counts[heading[1]] += 1
+        keys = [line.partition("=")[0].strip() for line in block]
+        block[:] = [lines.get(key, line) for key, line in zip(keys, block, strict=True)]
+        block[1:1] = [line for key, line in lines.items() if key not in keys]
+    blocks += [["", f"[{name}]", *lines.values()] for (name, _), lines in left.items()]
+    return "\n".join(line for block in blocks for line in block) + "\n"
 
 
 def rounded(vehicle: Vehicle) -> Vehicle:
@@ -84,7 +125,7 @@ def rewritten(file: VehicleFile, wanted: Vehicle, why: str) -> str:
     Raises:
         LindyError: the file is laid out in a way that cannot be rewritten.
     """
-    before = rounded(convert(tomllib.loads(file.text)["vehicle"], Vehicle, "vehicle"))
+    before = rounded(read_vehicle(file.name, file.text))
     values = {
         key: f"[{', '.join(map(_plain, getattr(wanted, key)))}]"
         for key in SIXES
@@ -92,26 +133,15 @@ def rewritten(file: VehicleFile, wanted: Vehicle, why: str) -> str:
     }
     if wanted.net_buoyancy != before.net_buoyancy:
         values["net_buoyancy"] = _plain(wanted.net_buoyancy)
-    lines, table, thruster = list[str](), "", -1
-    for line in file.text.splitlines():
-        if heading := HEADING.match(line):
-            table = heading[1]
-            thruster += table == "vehicle.thruster"
-            lines.append(line)
-            if table == "vehicle.thruster" and _changed(before, wanted, thruster):
-                constant = _plain(wanted.thruster[thruster].time_constant)
-                lines.append(f"time_constant = {constant}  # [s] {why}")
-            continue
-        key = line.partition("=")[0].strip()
-        lags = table == "vehicle.thruster" and key == "time_constant"
-        if table == "vehicle" and key in values and not line.lstrip().startswith("#"):
-            lines.append(f"{key} = {values[key]}  # {why}")
-        elif not (lags and _changed(before, wanted, thruster)):
-            lines.append(line)
-    text = "\n".join(lines) + "\n"
+    tables = {("vehicle", 0): {key: f"{key} = {value}  # {why}" for key, value in values.items()}}
+    for number, (old, new) in enumerate(zip(before.thruster, wanted.thruster, strict=True)):
+        if new.time_constant != old.time_constant:
+            line = f"time_constant = {_plain(new.time_constant)}  # [s] {why}"
+            tables["vehicle.thruster", number] = {"time_constant": line}
+    text = with_lines(file.text, tables)
     try:
-        found = rounded(convert(tomllib.loads(text)["vehicle"], Vehicle, "vehicle"))
-    except (tomllib.TOMLDecodeError, LindyError):
+        found = rounded(read_vehicle(file.name, text))
+    except LindyError:
         found = None
     if found != rounded(wanted):
         raise LindyError(
@@ -119,10 +149,6 @@ def rewritten(file: VehicleFile, wanted: Vehicle, why: str) -> str:
             "lines or in a table of another form; enter the numbers above by hand"
         )
     return text
-
-
-def _changed(before: Vehicle, wanted: Vehicle, thruster: int) -> bool:
-    return before.thruster[thruster].time_constant != wanted.thruster[thruster].time_constant
 
 
 def _digits(value: float) -> float:

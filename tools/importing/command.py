@@ -1,30 +1,29 @@
 """`lindy import`: a real log becomes a recording."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import msgspec
 from cyclopts import Parameter
 
 from messages.text import harmless
+from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
 from tools.choices import named
 from tools.fresh import write_fresh
-from tools.importing.choosing import chosen, listed, missing, unfit, untaken
+from tools.importing.ardupilot_files import DataflashFile, TlogFile
 from tools.importing.conversion import Conversion
-from tools.importing.dataflash_file import DataflashFile, is_dataflash
-from tools.importing.log_file import BY_FILE, LogFile, LogSource
-from tools.importing.map_file import ImportMap, TakenMessage, read_map
-from tools.importing.mcap_file import McapLog, is_mcap
-from tools.importing.new_recording import NewRecording, attached_map, new_folder
-from tools.importing.oddities import Oddity, in_words
-from tools.importing.rosbag_file import RosbagFile, is_rosbag
+from tools.importing.log_file import BY_FILE, LogFile, chosen, listed, missing, unfit, untaken
+from tools.importing.map_file import read_map
+from tools.importing.new_recording import new_folder, record
+from tools.importing.oddities import Oddity
+from tools.importing.rosbag_file import McapLog, RosbagFile, is_rosbag
 from tools.importing.several_files import SeveralFiles
-from tools.importing.table_file import TableFile, is_table
-from tools.importing.tlog_file import TlogFile, is_tlog
-from tools.importing.ulog_file import UlogFile, is_ulog
+from tools.importing.table_file import TableFile
+from tools.importing.ulog_file import UlogFile
 from tools.live.latest import DIVES
 
 REPORT = "import.json"
@@ -33,6 +32,15 @@ TAKES = (
     "a bag of ROS 1 (.bag) or of ROS 2 (its folder), a recording of another program (.mcap), a log "
     "of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table (.csv, .parquet)"
 )
+
+FORMATS: dict[str, Callable[[Path], LogFile]] = {  # by how the file's name ends
+    ".tlog": TlogFile,
+    ".bin": DataflashFile,
+    ".mcap": McapLog,
+    ".ulg": UlogFile,
+    ".csv": TableFile,
+    ".parquet": TableFile,
+}
 
 
 class ImportReport(msgspec.Struct, kw_only=True):
@@ -93,33 +101,57 @@ def import_log(
              lindy import pool.bag --map my_topics.toml --vehicle my_rov.toml --out dives/pool
              lindy import imu.csv pressure.csv --map my_columns.toml
     """
-    files = [first, *more]
-    log = opened_all(files)
-    wanted, path = read_map(map_ or log.default_map)
-    sources = log.sources()
-    taken = chosen(wanted, sources, ", ".join(map(str, files)))
-    given = LogInput(files, wanted, path, taken, sources)
     with new_folder(out or DIVES / first.stem) as folder:
-        report = _imported(log, given, vehicle, folder)
-        report.remarks += unfit(wanted, sources, [*report.sources])
+        report = _imported([first, *more], map_, vehicle, folder)
         data = json.dumps(msgspec.to_builtins(report), indent=1, ensure_ascii=False).encode()
         write_fresh(folder / REPORT, data + b"\n")
     print(harmless(as_text(report, folder)), flush=True)
     return 0
 
 
-class LogInput(NamedTuple):
-    """What is imported, by which map."""
-
-    files: list[Path]
-    map: ImportMap
-    map_path: Path
-    taken: dict[str, list[TakenMessage]]  # by source
-    sources: dict[str, LogSource]  # all that the log has
-
-    @property
-    def name(self) -> str:
-        return ", ".join(path.name for path in self.files)
+def _imported(
+    files: list[Path], map_: str | None, vehicle: str | None, folder: Path
+) -> ImportReport:
+    """
+    Raises:
+        LindyError: the log is damaged, the map does not fit, or the disk is full.
+    """
+    log = opened_all(files)
+    wanted, path = read_map(map_ or log.default_map)
+    sources = log.sources()
+    taken = chosen(wanted, sources, ", ".join(map(str, files)))
+    name = ", ".join(path.name for path in files)
+    began_ns = None if wanted.began is None else round(wanted.began.timestamp() * 1e9)
+    try:
+        stack = Stack(
+            vehicle=vehicle or wanted.vehicle, link="perfect", pilot="imported", out=str(folder)
+        )
+        hull = stack.section("vehicle", Vehicle)
+        mounted = hull.mounting.imu.rotation
+        conversion = Conversion(log.rows(taken), taken, began_ns, log.getter, mounted)
+        record(conversion.messages(), stack, hull, path, name)
+    except LindyError as error:
+        said = str(error)
+        if any(path.name in said for path in files):
+            raise
+        raise LindyError(f"{', '.join(map(str, files))}: {said}") from None
+    by_key: dict[str, list[str]] = {}
+    for source, several in taken.items():
+        for each in several:
+            by_key.setdefault(each.as_, []).append(source)
+    remarks = [said for said in log.remarks if said != BY_FILE or wanted.began is None]
+    return ImportReport(
+        file=name,
+        map=path.name,
+        vehicle=stack.vehicle_name,
+        seconds=round(conversion.seconds, 3),
+        messages=conversion.counts,
+        sources=by_key,
+        missing=missing(taken),
+        untaken=untaken(taken, sources),
+        oddities=conversion.oddities.all(),
+        remarks=[*dict.fromkeys(remarks), *unfit(wanted, sources, [*by_key])],
+    )
 
 
 def opened_all(files: Sequence[Path]) -> LogFile:
@@ -130,8 +162,8 @@ def opened_all(files: Sequence[Path]) -> LogFile:
     for path in files:
         if files.count(path) > 1:
             raise LindyError(f"{path} is named twice")
-    logs = {path: opened(path) for path in files}
-    return logs[files[0]] if len(files) == 1 else SeveralFiles(logs)
+    logs = [opened(path) for path in files]
+    return logs[0] if len(logs) == 1 else SeveralFiles(logs)
 
 
 def opened(path: Path) -> LogFile:
@@ -142,61 +174,10 @@ def opened(path: Path) -> LogFile:
     """
     if not path.exists():
         raise LindyError(f"there is no file {path}")
-    if is_rosbag(path):
-        return RosbagFile(path)
-    if is_tlog(path):
-        return TlogFile(path)
-    if is_dataflash(path):
-        return DataflashFile(path)
-    if is_mcap(path):
-        return McapLog(path)
-    if is_ulog(path):
-        return UlogFile(path)
-    if is_table(path):
-        return TableFile(path)
-    raise LindyError(f"{path}: this is not read; expected {TAKES}")
-
-
-def _imported(log: LogFile, given: LogInput, vehicle: str | None, folder: Path) -> ImportReport:
-    """
-    Raises:
-        LindyError: the log is damaged, the map does not fit, or the disk is full.
-    """
-    began = given.map.began
-    began_ns = None if began is None else round(began.timestamp() * 1e9)
-    name = vehicle or given.map.vehicle
-    try:
-        new = NewRecording(folder, name, attached_map(given.map_path), given.name)
-        conversion = Conversion(given.taken, began_ns, log.getter, new.imu_rotation)
-        for row in log.rows(given.taken):
-            conversion.hear(row)
-        conversion.heard()
-        with new as recording:
-            for row in log.rows(given.taken):
-                for message in conversion.messages(row):
-                    recording.write(message)
-            conversion.finish()
-    except LindyError as error:
-        said = str(error)
-        if any(path.name in said for path in given.files):
-            raise
-        raise LindyError(f"{', '.join(map(str, given.files))}: {said}") from None
-    by_key: dict[str, list[str]] = {}
-    for source, several in given.taken.items():
-        for each in several:
-            by_key.setdefault(each.as_, []).append(source)
-    return ImportReport(
-        file=given.name,
-        map=given.map_path.name,
-        vehicle=recording.vehicle,
-        seconds=round(conversion.clock.elapsed_s, 3),
-        messages=conversion.counts,
-        sources=by_key,
-        missing=missing(given.taken),
-        untaken=untaken(given.taken, given.sources),
-        oddities=conversion.oddities.all(),
-        remarks=[said for said in log.remarks if said != BY_FILE or began is None],
-    )
+    kind = RosbagFile if is_rosbag(path) else FORMATS.get(path.suffix.lower())
+    if kind is None:
+        raise LindyError(f"{path}: this is not read; expected {TAKES}")
+    return kind(path)
 
 
 def as_text(report: ImportReport, folder: Path) -> str:
@@ -205,7 +186,7 @@ def as_text(report: ImportReport, folder: Path) -> str:
     for key, count in report.messages.items():
         rate = f"{count / report.seconds:.1f} a second" if report.seconds > 0.0 else "at once"
         lines.append(f"  {key}: {count} messages, {rate}, from {', '.join(report.sources[key])}")
-    lines += [f"odd: {in_words(odd)}" for odd in report.oddities]
+    lines += [f"odd: {odd.in_words}" for odd in report.oddities]
     if report.missing:
         said = f"not taken by this map: {', '.join(report.missing)}"
         has = f"; the log also has {listed(report.untaken, UNTAKEN)}" if report.untaken else ""

@@ -7,18 +7,20 @@ from math import cos, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.units import Ns, Vec3
+from messages import topics
 from services.marine.mounting import Rotation
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
-from tools.importing.map_file import TakenMessage
-from tools.importing.quantities import TYPICAL, UNITS
+from tools.importing.clocks import pace
+from tools.importing.map_file import QUANTITIES, STAMP_UNITS
+from tools.importing.streams import Floats, LogStream
 
 WINDOW_NS = 500_000_000  # [ns] of which means are compared
 WINDOWS = 20  # fewer tell no ratio
 UPRIGHT_WINDOWS = 4  # fewer tell no mean gravity
 SAME = 0.7  # [-] correlation from which two series are of the same movement
 FAR = 8.0  # times; in the middle, by logarithm, between 1 and the degrees of a radian
+PACE = 2.0  # times by which a board's clock may be off
 ABOUT_GRAVITY = 0.3  # [-] share by which a mean specific force may be off
 UPSIDE_DOWN = 0.5  # [-] share of it along down: tilted by more than 120°
 HARDLY_EVER = 0.05  # [-] share of the log
@@ -29,111 +31,120 @@ NOISIEST = 1000.0  # [Pa] a middle bend; a sensor of 1000 m has 300
 NO_WATER = 20_000.0  # [Pa] a middle bend that not even a broken sensor has
 STILL_S, STILL = 10.0, 1.0  # [s], [Pa] in so long the noise alone has a wider range
 
-Series = dict[int, NDArray[np.float64]]  # by number of the window
+Series = dict[int, Floats]  # means (k,) by number of the window
 
 
-class WindowMeans:
-    """Means of some numbers over windows of the log."""
+def unbelieved(stream: LogStream, sensors: "SensorsHeard") -> dict[str, str]:
+    """Fields of an estimate that contradict the sensors, and why, in words.
 
-    def __init__(self) -> None:
-        self._sums: dict[int, tuple[int, list[float]]] = {}
+    Raises:
+        LindyError: the map's units or axes contradict what the log's sensors say of each other.
+    """
+    if stream.taken.clock == "board":
+        _require_pace(stream)
+    match stream.topic.key:
+        case topics.IMU.key:
+            _require_upright(stream, sensors)
+            _require_turns(stream, sensors)
+        case topics.PRESSURE.key:
+            _require_pressure(stream, sensors)
+        case topics.ESTIMATE.key:
+            return _left_out(stream, sensors.references())
+        case _:
+            pass
+    return {}
 
-    def tell(self, at: Ns, values: Sequence[float]) -> None:
-        number = at // WINDOW_NS
-        count, sums = self._sums.get(number, (0, [0.0] * len(values)))
-        added = [one + other for one, other in zip(sums, values, strict=True)]
-        self._sums[number] = count + 1, added
 
-    def series(self) -> Series:
-        return {number: np.array(sums) / count for number, (count, sums) in self._sums.items()}
+def _left_out(stream: LogStream, references: dict[str, Series]) -> dict[str, str]:
+    """What contradicts, and angles that are in its unit."""
+    found: dict[str, str] = {}
+    fields, angles = stream.taken.fields, ("roll", "pitch", "heading")
+    for name in fields:
+        if name not in references:
+            continue
+        times = _ratio(means(*_readable(stream, name)), references[name])
+        if times is None or not _is_far(times):
+            continue
+        unit = fields[name].unit
+        words = f"{name} is {times:.2g} times what the sensors say in the map's {unit}, left out"
+        found.setdefault(name, words)
+        for other in angles if name in angles else ():
+            if other in fields and fields[other].unit == unit:
+                found.setdefault(other, f"{other}, as {words}")
+    return found
 
 
 class SensorsHeard:
-    """IMU and pressure of a log, by the vehicle's axes."""
+    """IMU, pressure and attitude of a log, by the vehicle's axes."""
 
-    def __init__(self, mounted: Rotation) -> None:
+    def __init__(self, streams: Sequence[LogStream], mounted: Rotation) -> None:
         """
         Args:
             mounted: the IMU's axes to the body's.
         """
-        self._mounted = np.array(mounted)
-        self._force, self._rate, self._pressure = WindowMeans(), WindowMeans(), WindowMeans()
-        self._own_down = WindowMeans()  # [-] share of down along the body's own
-        self._last: list[tuple[Ns, float]] = []  # two pressures
-        self._bends: list[float] = []  # [Pa] of three pressures, the middle one off the line
-        self._range = (float("inf"), -float("inf"), 0, 0)  # [Pa] [Pa] least, most; [ns] first, last
+        self.force, self.rate = Series(), Series()  # [m/s²], [rad/s]
+        self.own_down = np.zeros(0)  # [-] share of down along the body's own, by its estimate
+        self.pressure = Series()  # [Pa]
+        self.noise: float | None = None  # [Pa] where it is too large: a middle bend of 3 samples
+        self.still: float | None = None  # [Pa] where it is too small: the range of the log
+        for stream in streams:
+            if stream.topic.key == topics.IMU.key:
+                both = _readable(stream, "specific_force", "angular_rate")
+                self.force, self.rate = (
+                    {k: np.array(mounted) @ v for k, v in means(both[0], values).items()}
+                    for values in (both[1][:, :3], both[1][:, 3:])
+                )
+            elif stream.topic.key == topics.PRESSURE.key:
+                self._hear_pressure(*_readable(stream, "pressure"))
+            elif stream.topic.key == topics.ESTIMATE.key:
+                down = means(*_own_down(stream))
+                self.own_down = np.append(self.own_down, [*down.values()])
 
-    def imu(self, at: Ns, specific_force: Vec3, angular_rate: Vec3) -> None:
-        """[m/s²], [rad/s], FRD by the map."""
-        self._force.tell(at, specific_force)
-        self._rate.tell(at, angular_rate)
-
-    def own_angles(self, at: Ns, roll: float, pitch: float) -> None:
-        """[rad] Of the vehicle's own estimate."""
-        self._own_down.tell(at, (cos(roll) * cos(pitch),))
-
-    def pressure(self, at: Ns, pascal: float) -> None:
-        self._pressure.tell(at, (pascal,))
-        if len(self._last) == 2:
-            (first, one), (_, two) = self._last
-            if at - first <= NEAR_NS:
-                self._bends.append(abs(pascal - 2.0 * two + one))
-            del self._last[0]
-        self._last.append((at, pascal))
-        least, most, first, _ = self._range
-        self._range = min(least, pascal), max(most, pascal), first or at, at
+    def _hear_pressure(self, at: NDArray[np.int64], column: Floats) -> None:
+        self.pressure, pascal = means(at, column), column[:, 0]
+        near = at[2:] - at[:-2] <= NEAR_NS
+        bends = np.abs(pascal[2:] - 2.0 * pascal[1:-1] + pascal[:-2])[near]
+        noise = float(np.median(bends)) if len(bends) >= BENDS else 0.0
+        self.noise = noise if noise > NOISIEST else None
+        if len(at) and (at[-1] - at[0]) / 1e9 > STILL_S and 0.0 < np.ptp(pascal) < STILL:
+            self.still = float(np.ptp(pascal))
 
     def upside_down(self) -> bool:
         """Does gravity point up in the mean of the log, and hardly ever down? A vehicle that really
         rolls over was upright before, or says so itself."""
-        own = [*self._own_down.series().values()]
-        if own and float(np.mean(own)) < -UPSIDE_DOWN:
+        if len(self.own_down) and float(np.mean(self.own_down)) < -UPSIDE_DOWN:
             return False
-        if len(force := [*self._body(self._force).values()]) < UPRIGHT_WINDOWS:
+        if len(self.force) < UPRIGHT_WINDOWS:
             return False
+        force = np.array([*self.force.values()])
         mean = np.mean(force, axis=0)
         size = float(np.linalg.norm(mean))
-        is_gravity = abs(size / GRAVITY - 1.0) < ABOUT_GRAVITY
-        upright = float(np.mean([f[2] < -UPSIDE_DOWN * np.linalg.norm(f) for f in force]))
-        return is_gravity and float(mean[2]) > UPSIDE_DOWN * size and upright < HARDLY_EVER
+        is_upright = force[:, 2] < -UPSIDE_DOWN * np.linalg.norm(force, axis=1)
+        upright = np.count_nonzero(is_upright) / len(force)
+        if abs(size / GRAVITY - 1.0) > ABOUT_GRAVITY or upright >= HARDLY_EVER:
+            return False
+        return float(mean[2]) > UPSIDE_DOWN * size
 
     def turn_ratio(self) -> float | None:
         """Times what the gyroscope says, gravity turns in the body; None: it does not tell."""
         seconds = WINDOW_NS / 1e9
-        down = {k: f / np.linalg.norm(f) for k, f in self._body(self._force).items() if f.any()}
-        rate = self._body(self._rate)
+        down = {k: f / np.linalg.norm(f) for k, f in self.force.items() if f.any()}
         turned, said = Series(), Series()
         for k, here in down.items():
             if {k - 1, k + 1} <= {*down}:
                 turned[k] = down[k + 1] - down[k - 1]
-                turn = (rate[k - 1] + 2.0 * rate[k] + rate[k + 1]) * seconds / 2.0
-                said[k] = -np.cross(turn, here)
-        return ratio(turned, said)
-
-    def pressure_noise(self) -> float | None:
-        """[Pa] Where it is too large for a sensor, the middle bend of three samples; None: it is
-        not."""
-        noise = float(np.median(self._bends)) if len(self._bends) >= BENDS else 0.0
-        return noise if noise > NOISIEST else None
-
-    def mean_pressure(self) -> float:
-        """[Pa] As the map has it."""
-        return float(np.mean([p[0] for p in self._pressure.series().values()]))
-
-    def pressure_range(self) -> float | None:
-        """[Pa] Where it is too small for a sensor that lives, that of the log; None: it is not."""
-        least, most, first, last = self._range
-        still = (last - first) / 1e9 > STILL_S and 0.0 < most - least < STILL
-        return most - least if still else None
+                rates = self.rate[k - 1] + 2.0 * self.rate[k] + self.rate[k + 1]
+                said[k] = -np.cross(rates * seconds / 2.0, here)
+        return _ratio(turned, said)
 
     def references(self) -> dict[str, Series]:
         """What gravity, gyroscope and pressure say of an estimate's fields [SI]."""
-        force = self._body(self._force)
-        metres = {k: p / (DENSITY * GRAVITY) for k, p in self._pressure.series().items()}
+        metres = {k: p / (DENSITY * GRAVITY) for k, p in self.pressure.items()}
+        force = self.force.items()
         return {
-            "roll": {k: np.arctan2(-f[1:2], -f[2:3]) for k, f in force.items()},
-            "pitch": {k: np.arctan2(f[:1], np.linalg.norm(f[1:])) for k, f in force.items()},
-            "angular_rate": self._body(self._rate),
+            "roll": {k: np.arctan2(-f[1:2], -f[2:3]) for k, f in force},
+            "pitch": {k: np.arctan2(f[:1], np.linalg.norm(f[1:])) for k, f in force},
+            "angular_rate": self.rate,
             "depth": metres,
             "depth_rate": {
                 k: (metres[k + 1] - metres[k - 1]) * 1e9 / (2 * WINDOW_NS)
@@ -142,11 +153,39 @@ class SensorsHeard:
             },
         }
 
-    def _body(self, means: WindowMeans) -> Series:
-        return {k: self._mounted @ v for k, v in means.series().items()}
+
+def _readable(stream: LogStream, *names: str) -> tuple[NDArray[np.int64], Floats]:
+    """(n,) [ns] UTC and (n, k) [SI, FRD] the rows that have numbers in all these fields, which are
+    not along a curve."""
+    at = np.frombuffer(stream.arrivals, np.int64)
+    whole = np.all([stream.is_there(name) for name in names], axis=0)
+    values = np.column_stack([stream.column(name) for name in names])
+    whole &= np.isfinite(values).all(axis=1)
+    whole &= not any(stream.taken.fields[name].curve for name in names)
+    return at[whole], values[whole]
 
 
-def ratio(said: Series, reference: Series) -> float | None:
+def _own_down(stream: LogStream) -> tuple[NDArray[np.int64], Floats]:
+    if "attitude" in stream.taken.fields:
+        at, attitudes = _readable(stream, "attitude")
+        angles = [stream.angles((w, x, y, z))[:2] for w, x, y, z in attitudes.tolist()]
+    elif {"roll", "pitch"} <= {*stream.taken.fields}:
+        at, both = _readable(stream, "roll", "pitch")
+        angles = both.tolist()
+    else:
+        return np.zeros(0, np.int64), np.zeros((0, 1))
+    return at, np.array([[cos(roll) * cos(pitch)] for roll, pitch in angles]).reshape(-1, 1)
+
+
+def means(at: NDArray[np.int64], values: Floats) -> Series:
+    """Over windows of the log."""
+    windows, of = np.unique(at // WINDOW_NS, return_inverse=True)
+    count = np.bincount(of)
+    sums = [np.bincount(of, column) for column in values.T]
+    return dict(zip(windows.tolist(), np.column_stack(sums) / count[:, None], strict=True))
+
+
+def _ratio(said: Series, reference: Series) -> float | None:
     """How many times the reference's movement the other says; None: too short, or they do not move
     alike."""
     both = sorted({*said} & {*reference})
@@ -160,74 +199,80 @@ def ratio(said: Series, reference: Series) -> float | None:
     return sqrt(float(np.sum(a * a)) / float(np.sum(b * b)))
 
 
-def is_far(times: float | None) -> bool:
-    return times is not None and not 1.0 / FAR < times < FAR
+def _is_far(times: float) -> bool:
+    return not 1.0 / FAR < times < FAR
 
 
-def require_upright(taken: TakenMessage, sensors: SensorsHeard) -> None:
-    """
-    Raises:
-        LindyError: the IMU's axes are the wrong way up.
-    """
+def _require_pace(stream: LogStream) -> None:
+    found, unit = pace(stream.stamps, stream.arrivals), stream.taken.stamp_unit
+    if found is None or 1.0 / PACE < found < PACE:
+        return
+    scale = STAMP_UNITS[unit]
+    fitting = [
+        f'stamp_unit = "{other}"'
+        for other, of in STAMP_UNITS.items()
+        if {unit, other}.isdisjoint({"ros", "date"}) and 1.0 / PACE < found * of / scale < PACE
+    ]
+    remedy = " or ".join(fitting) or 'clock = "arrival"'
+    raise LindyError(
+        f"{stream.taken.where}: its stamps ({stream.taken.stamp}) go by {found:.3g} s in a second "
+        f"of the log; write {remedy} in the map"
+    )
+
+
+def _require_upright(stream: LogStream, sensors: SensorsHeard) -> None:
     if sensors.upside_down():
-        axes = taken.axes
-        other = {"FRD": 'axes = "FLU"', "FLU": 'axes = "FRD"'}.get(str(axes))
+        axes = str(stream.taken.axes)
+        other = {"FRD": 'axes = "FLU"', "FLU": 'axes = "FRD"'}.get(axes)
         raise LindyError(
-            f"{taken.where}: gravity points the wrong way, up instead of down, in the "
+            f"{stream.taken.where}: gravity points the wrong way, up instead of down, in the "
             f"mean of the log; write {other or 'axes with two rows of the other sign'} in the "
             f"map, or its mounting in the vehicle file"
         )
 
 
-def require_turns(taken: TakenMessage, sensors: SensorsHeard) -> None:
-    """
-    Raises:
-        LindyError: gravity turns by another unit than the gyroscope.
-    """
+def _require_turns(stream: LogStream, sensors: SensorsHeard) -> None:
+    """Gravity must turn by the unit of the gyroscope."""
     times = sensors.turn_ratio()
-    if times is None or not is_far(times):
+    if times is None or not _is_far(times):
         return
-    unit, units = taken.fields["angular_rate"].unit, UNITS["angular rate"]
+    unit = stream.taken.fields["angular_rate"].unit
+    units = QUANTITIES["angular rate"].units
     fitting = [
         f'unit = "{other}"'
         for other, factor in units.items()
-        if not is_far(times * units.get(unit, 1.0) / factor)
+        if not _is_far(times * units.get(unit, 1.0) / factor)
     ]
     raise LindyError(
-        f"{taken.where}: gravity turns {times:.2g} times as fast as its angular_rate "
+        f"{stream.taken.where}: gravity turns {times:.2g} times as fast as its angular_rate "
         f"says; write {' or '.join(fitting) or 'another unit'} there in the map"
     )
 
 
-def require_pressure(taken: TakenMessage, sensors: SensorsHeard) -> None:
-    """
-    Raises:
-        LindyError: pressure moves as in no water. A noise that no other unit explains is a noisy
-            sensor's.
-    """
-    field = taken.fields["pressure"]
-    noise, span = sensors.pressure_noise(), sensors.pressure_range()
-    if noise is None and span is None:
-        return
-    units = UNITS["pressure"]
+def _require_pressure(stream: LogStream, sensors: SensorsHeard) -> None:
+    """It must move as in water. A noise that no other unit explains is a noisy sensor's."""
+    field, noise, still = stream.taken.fields["pressure"], sensors.noise, sensors.still
+    units = QUANTITIES["pressure"].units
     now = units.get(field.unit, 1.0)
     if noise is not None:
-        least, most = TYPICAL["pressure"]
+        least, most = QUANTITIES["pressure"].typical
+        mean = float(np.mean([*sensors.pressure.values()]))  # [Pa] as the map has it
         said = f"jumps by {noise:.0f} Pa from sample to sample"
         fitting = [
-            u
-            for u, of in units.items()
+            unit
+            for unit, of in units.items()
             if STILL < noise * of / now < NOISIEST
-            and (field.zero or least < sensors.mean_pressure() * of / now < most)
+            and (field.zero or least < mean * of / now < most)
         ]
         if not fitting and noise < NO_WATER:
             return
+    elif still is not None:
+        said = f"stays within {still:.2g} Pa all the time"
+        fitting = [unit for unit, of in units.items() if of > now]
     else:
-        said = f"stays within {span:.2g} Pa all the time"
-        fitting = [u for u, of in units.items() if of > now]
-    remedy = " or ".join(f'unit = "{u}"' for u in fitting) or "another field"
+        return
+    remedy = " or ".join(f'unit = "{unit}"' for unit in fitting) or "another field"
     raise LindyError(
-        f"{taken.where}: pressure {said}, which no sensor in water does; write "
-        f"{remedy} there in the map"
-        f"{', and zero in that unit' if field.zero else ''}"
+        f"{stream.taken.where}: pressure {said}, which no sensor in water does; write "
+        f"{remedy} there in the map{', and zero in that unit' if field.zero else ''}"
     )

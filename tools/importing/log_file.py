@@ -1,13 +1,20 @@
-"""What a reader of a format gives of a log: rows, and which kinds of them there are."""
+"""What a format's reader gives of a log, rows and kinds of them; and which of these a map takes."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
-from tools.importing.map_file import TakenMessage
+from services.runtime.config.extras import how_to_install
+from tools.importing.map_file import TARGETS, ImportMap, TakenMessage
 
 MCAP, ROSBAG, ULOG = b"\x89MCAP0\r\n", b"#ROSBAG V2.0", b"ULog\x01\x12\x35"
 DATAFLASH, PARQUET = b"\xa3\x95\x80", b"PAR1"
@@ -19,13 +26,14 @@ KINDS = {  # how a file begins: what it is, and how its name ends
     PARQUET: ("a Parquet table", ".parquet"),
 }
 LONGEST_MAGIC = max(map(len, KINDS))  # [B]
-
-Wanted = Mapping[str, Sequence[TakenMessage]]  # what a map takes, by source
-
+SUBMARINE = 12  # MAV_TYPE
+CHUNK = 10_000  # rows of columns that are Python's numbers at a time
 BY_FILE = (
     "without a GPS its clock only counts from the board's start: its end is taken from the time at "
     "which the file was changed last; began in a map says it better"
 )
+
+Wanted = Mapping[str, Sequence[TakenMessage]]  # what a map takes, by source
 
 
 class BlankError(Exception):
@@ -48,62 +56,6 @@ class LogSource(NamedTuple):
     columns: frozenset[str] = frozenset()  # of a log that has them
 
 
-class LogFile(Protocol):
-    """One log. Its rows can be read more than once, each time from the beginning."""
-
-    default_map: str  # name in deploy/imports
-    getter: Callable[[str], Callable[[Any], Any]]  # takes a field of this name out of a row's
-
-    @property
-    def remarks(self) -> list[str]:
-        """What a reader of the recording should know, one sentence each."""
-        ...
-
-    def sources(self) -> dict[str, LogSource]:
-        """By name.
-
-        Raises:
-            LindyError: the log cannot be used.
-        """
-        ...
-
-    def rows(self, wanted: Wanted) -> Iterator[LogRow]:
-        """Of these sources, in the order of the log.
-
-        Raises:
-            LindyError: the log is damaged.
-        """
-        ...
-
-
-def refuse_other(path: Path, magic: bytes, kind: str) -> None:
-    """
-    Raises:
-        LindyError: the file does not begin as those of this kind do.
-    """
-    with path.open("rb") as file:
-        beginning = file.read(LONGEST_MAGIC)
-    if not beginning:
-        raise LindyError(f"{path} is not {kind}: it is empty")
-    if not beginning.startswith(magic):
-        found = other_kind(beginning) or f"it begins with {beginning[: len(magic)]!r}"
-        raise LindyError(f"{path} is not {kind}: {found}")
-
-
-def other_kind(beginning: bytes) -> str:
-    """What a file is that begins so, where its name says something else; empty: not known."""
-    for magic, (kind, ending) in KINDS.items():
-        if beginning.startswith(magic):
-            return f"it begins as {kind} does; if it is one, name it so ({ending})"
-    return ""
-
-
-def began_by_file(path: Path, last_ns: Ns) -> tuple[Ns, str]:
-    """[ns] UTC when a board's clock began, of which the log only knows how long it ran until its
-    end; and a remark on that. An end before 1970 is of a damaged log."""
-    return max(0, path.stat().st_mtime_ns - last_ns), BY_FILE
-
-
 def getter(path: str) -> Callable[[Any], Any]:
     """What takes `data.4`, `header.stamp` or `GyrX` out of a row's fields. It raises
     AttributeError, IndexError or TypeError where there is nothing of that name."""
@@ -117,3 +69,235 @@ def getter(path: str) -> Callable[[Any], Any]:
         return fields
 
     return taken
+
+
+def cell(name: str) -> Callable[[Any], Any]:
+    """The same of a log with columns, whose names may hold dots and brackets. It raises BlankError
+    where nothing is in the cell."""
+
+    def taken(fields: Any) -> Any:
+        found = fields.get(name)
+        if found is None:
+            raise BlankError(name)
+        return found
+
+    return taken
+
+
+class LogFile(ABC):
+    """One log. Its rows can be read more than once, each time from the beginning; a remark that is
+    there twice counts once."""
+
+    default_map: str  # name in deploy/imports
+    getter: Callable[[str], Callable[[Any], Any]] = staticmethod(getter)
+
+    def __init__(self, path: Path) -> None:
+        """
+        Raises:
+            LindyError: a library is not installed, or it is no such log.
+        """
+        self.path = path
+        self.remarks: list[
+            str
+        ] = []  # what a reader of the recording should know, one sentence each
+
+    @abstractmethod
+    def sources(self) -> dict[str, LogSource]:
+        """By name.
+
+        Raises:
+            LindyError: the log cannot be used.
+        """
+
+    @abstractmethod
+    def rows(self, wanted: Wanted) -> Iterator[LogRow]:
+        """Of these sources, in the order of the log.
+
+        Raises:
+            LindyError: the log is damaged.
+        """
+
+    def refuse_other(self, magic: bytes, kind: str) -> None:
+        """
+        Raises:
+            LindyError: the file does not begin as those of this kind do.
+        """
+        with self.path.open("rb") as file:
+            beginning = file.read(LONGEST_MAGIC)
+        if not beginning:
+            raise LindyError(f"{self.path} is not {kind}: it is empty")
+        if not beginning.startswith(magic):
+            found = other_kind(beginning) or f"it begins with {beginning[: len(magic)]!r}"
+            raise LindyError(f"{self.path} is not {kind}: {found}")
+
+    def require_submarine(self, kind: int) -> None:
+        """
+        Args:
+            kind: MAV_TYPE of the vehicle.
+
+        Raises:
+            LindyError: it is none.
+        """
+        if kind != SUBMARINE:
+            raise LindyError(
+                f"{self.path} is of a vehicle of MAVLink's type {kind}; expected {SUBMARINE}, a "
+                f"submarine: another vehicle's axes and modes are not those of the map"
+            )
+
+    def began_by_file(self, last_ns: Ns) -> Ns:
+        """[ns] UTC when a board's clock began, of which the log only knows how long [ns] it ran
+        until its end, which is remarked. An end before 1970 is of a damaged log."""
+        self.remarks.append(BY_FILE)
+        return max(0, self.path.stat().st_mtime_ns - last_ns)
+
+
+def library(module: str, what: str) -> Any:
+    """
+    Raises:
+        LindyError: what needs it cannot be read, because it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError:
+        package = module.partition(".")[0]
+        raise LindyError(
+            f"{what} need {package}, which is missing: {how_to_install('import')}"
+        ) from None
+
+
+def other_kind(beginning: bytes) -> str:
+    """What a file is that begins so, where its name says something else; empty: not known."""
+    for magic, (kind, ending) in KINDS.items():
+        if beginning.startswith(magic):
+            return f"it begins as {kind} does; if it is one, name it so ({ending})"
+    return ""
+
+
+def column_rows(
+    source: str, columns: Mapping[str, Any], at_ns: NDArray[np.int64], wanted: Wanted
+) -> Iterator[LogRow]:
+    """
+    Args:
+        columns: arrays (n,) of NumPy or of Arrow, by name.
+        at_ns: (n,) [ns] UTC of each row.
+        wanted: only the columns that are named there are taken.
+    """
+    names = [name for name in columns if any(name in each.names for each in wanted[source])]
+    for begin in range(0, len(at_ns), CHUNK):
+        part = slice(begin, begin + CHUNK)
+        cells = zip(*(columns[name][part].tolist() for name in names), strict=True)
+        for at, row in zip(at_ns[part].tolist(), cells, strict=True):
+            yield LogRow(source, dict(zip(names, row, strict=True)), at)
+
+
+SHOWN = 12  # sources of a log that a sentence lists
+
+
+def chosen(
+    import_map: ImportMap, sources: Mapping[str, LogSource], name: str
+) -> dict[str, list[TakenMessage]]:
+    """What is taken of each source that is needed. Of two parts of the map that give the same
+    field of ours, the first counts that the log has.
+
+    Args:
+        name: of the log, for the error.
+
+    Raises:
+        LindyError: the log has nothing that the map knows, or two sources that fit one part.
+    """
+    found: dict[str, list[TakenMessage]] = {}
+    given: set[tuple[str, str]] = set()  # key and field that have a source
+    for taken in import_map.take:
+        if given & {(taken.as_, field) for field in taken.fields}:
+            continue
+        fitting = [source for source, kind in sources.items() if _fits(taken, source, kind)]
+        if len(fitting) > 1:
+            raise LindyError(
+                f"{name}: {' and '.join(fitting)} are both {taken.type}, and only one can be "
+                f'{taken.as_}; write topic = "{fitting[0]}" in its place in a copy of the map'
+            )
+        for source in fitting:
+            found.setdefault(source, []).append(taken)
+            given |= {(taken.as_, field) for field in taken.fields}
+    if not found:
+        if lacking := unfit(import_map, sources, ()):
+            raise LindyError(f"{name}: {lacking[0]}; write there the columns that it has")
+        if not any(kind.messages for kind in sources.values()):
+            raise LindyError(f"{name} holds no whole message")
+        named = listed([f"{source} ({kind.kind})" for source, kind in sources.items()])
+        takes = listed([*dict.fromkeys(each.topic or each.type for each in import_map.take)])
+        raise LindyError(
+            f"{name}: nothing in it is in this map, which takes {takes}; it has {named}; "
+            f"write a map that says which of these is which sensor"
+        )
+    return found
+
+
+def missing(taken: Mapping[str, Sequence[TakenMessage]]) -> list[str]:
+    """Keys of ours that could be imported and that the log does not give."""
+    given = {each.as_ for several in taken.values() for each in several}
+    return [key for key in TARGETS if key not in given]
+
+
+def unfit(
+    import_map: ImportMap, sources: Mapping[str, LogSource], given: Sequence[str]
+) -> list[str]:
+    """Parts of the map that mean a source of the log which lacks their columns, in words.
+
+    Args:
+        given: keys of ours that have a source.
+    """
+    return [
+        f"{source} has no {listed(sorted(lacking))}, which the map names at {taken.where}; "
+        f"it has {listed(sorted(kind.columns))}"
+        for taken in import_map.take
+        for source, kind in sources.items()
+        if taken.as_ not in given
+        and _is_meant(taken, source, kind)
+        and (lacking := _lacks(taken, kind))
+    ]
+
+
+def untaken(
+    taken: Mapping[str, Sequence[TakenMessage]], sources: Mapping[str, LogSource]
+) -> list[str]:
+    """Sources that have messages and are not taken, with their types, and columns that are not of
+    those that are. First those that are called as a missing key."""
+    found: list[str] = []
+    for source, kind in sources.items():
+        if source in taken and kind.columns:
+            named = set[str]().union(*(each.names for each in taken[source]))
+            found += [f"{name} in {source}" for name in sorted(kind.columns - named)]
+        elif source not in taken and kind.messages:
+            found.append(source if kind.kind == source else f"{source} ({kind.kind})")
+    words = {key.rpartition("/")[2] for key in missing(taken)}
+    return sorted(found, key=lambda name: not any(word in name.lower() for word in words))
+
+
+def listed(names: Sequence[str], shown: int = SHOWN) -> str:
+    """Those that a sentence has room for."""
+    more = f" and {len(names) - shown} more" if len(names) > shown else ""
+    return ", ".join(names[:shown]) + more
+
+
+def _fits(taken: TakenMessage, source: str, kind: LogSource) -> bool:
+    return bool(kind.messages) and _is_meant(taken, source, kind) and not _lacks(taken, kind)
+
+
+def _is_meant(taken: TakenMessage, source: str, kind: LogSource) -> bool:
+    if taken.topic:
+        pattern = taken.topic.strip("/").replace("[", "[[]")
+        return fnmatchcase(source.strip("/"), pattern) and taken.type in ("", kind.kind)
+    return kind.kind == taken.type
+
+
+def _lacks(taken: TakenMessage, kind: LogSource) -> set[str]:
+    """Columns without which it is not this message; empty: it has them, or a log without columns
+    shows it only by its rows."""
+    if not kind.columns:
+        return set()
+    known = TARGETS[taken.as_]
+    fields = [{*field.from_} for name, field in taken.fields.items() if known[name].required]
+    if not fields and not any(kind.columns.issuperset(f.from_) for f in taken.fields.values()):
+        fields = [{*field.from_} for field in taken.fields.values()]
+    return {*taken.only}.union(*fields) - kind.columns

@@ -1,28 +1,22 @@
-"""A map: which field of which message of a log is which of ours. A TOML file."""
+"""A map: which field of which message of a log is which of ours, in which unit. A TOML file."""
 
 from collections.abc import Mapping
 from datetime import datetime
+from math import pi
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import msgspec
 import numpy as np
 
 from messages.pilot import FlightMode
 from services.marine.mounting import ALONG, Rotation
+from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, nearest, read
-from tools.importing.quantities import TARGETS, UNITS
 
 FOLDER = "imports"
-STAMP_UNITS = {
-    "ns": 1,
-    "us": 1000,
-    "ms": 1_000_000,
-    "s": 1_000_000_000,
-    "ros": 1,
-    "date": 1,
-}  # [ns]
+STAMP_UNITS = {"ns": 1, "us": 1000, "ms": 10**6, "s": 10**9, "ros": 1, "date": 1}  # [ns]
 AXES: Mapping[str, Rotation] = {
     "FRD": ALONG,
     "FLU": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
@@ -33,6 +27,111 @@ WORLDS: Mapping[str, Rotation] = {
 }  # [-] to north, east, down
 MODES: tuple[str, ...] = get_args(FlightMode)
 ORTHONORMAL = 1e-3  # [-] greatest error of a rotation
+
+Limits = tuple[float, float]  # least and most
+
+
+class Quantity(NamedTuple):
+    """What a field of ours measures."""
+
+    units: Mapping[str, float]  # that a map may name → SI; the first is SI
+    possible: Limits  # [SI] the amount of a value: a sample outside is none
+    # [SI] the median of a stream: where it is outside, the unit is wrong; None: as possible.
+    usual: Limits | None = None
+
+    @property
+    def typical(self) -> Limits:
+        return self.usual or self.possible
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    # Gravity is in every IMU; of a gyroscope 2000 deg/s are full scale.
+    "acceleration": Quantity(
+        {"m/s²": 1.0, "mm/s²": 1e-3, "g": GRAVITY, "mg": 1e-3 * GRAVITY}, (0.0, 320.0), (4.0, 25.0)
+    ),
+    "angular rate": Quantity(
+        {"rad/s": 1.0, "mrad/s": 1e-3, "deg/s": pi / 180.0, "mdeg/s": 1e-3 * pi / 180.0},
+        (0.0, 40.0), (0.0, 15.0),
+    ),
+    "magnetic field": Quantity(
+        {"T": 1.0, "mT": 1e-3, "µT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+        (1e-7, 2e-3), (2e-6, 1e-3),
+    ),
+    "pressure": Quantity(  # usual: from a lake in the Andes to 6400 m
+        {"Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "kPa": 1e3, "bar": 1e5}, (3e4, 1.2e8), (5e4, 6.5e7)
+    ),
+    "temperature": Quantity({"°C": 1.0, "c°C": 0.01}, (-60.0, 150.0)),
+    "velocity": Quantity({"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}, (0.0, 20.0)),
+    "angle": Quantity({"rad": 1.0, "mrad": 1e-3, "deg": pi / 180.0}, (-7.0, 7.0)),
+    "quaternion": Quantity({"1": 1.0}, (0.9, 1.1)),
+    "depth": Quantity({"m": 1.0, "cm": 0.01, "mm": 1e-3}, (-100.0, 12e3)),
+    "depth rate": Quantity({"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}, (-20.0, 20.0)),
+    "length": Quantity({"m": 1.0, "cm": 0.01, "mm": 1e-3}, (0.0, 12e3)),
+    "voltage": Quantity({"V": 1.0, "mV": 1e-3}, (0.5, 1000.0)),
+    "current": Quantity({"A": 1.0, "cA": 0.01, "mA": 1e-3}, (-2000.0, 2000.0)),
+    "energy": Quantity({"Wh": 1.0, "hJ": 100.0 / 3600.0, "J": 1.0 / 3600.0}, (-1e6, 1e6)),
+    "force": Quantity({"N": 1.0, "kgf": GRAVITY}, (-1e5, 1e5)),
+    "share": Quantity({"1": 1.0, "%": 0.01, "‰": 1e-3}, (-1.1, 1.1)),
+    "word": Quantity({"1": 1.0}, (-1e18, 1e18)),
+}  # fmt: skip
+
+
+class TakenField(NamedTuple):
+    """A field of one of our messages that a map can fill."""
+
+    quantity: str
+    size: int = 1  # numbers; 0: any
+    required: bool = True
+
+
+VECTOR, OPTIONAL = 3, False
+TARGETS: Mapping[str, Mapping[str, TakenField]] = {  # key → field
+    "sensor/imu": {
+        "specific_force": TakenField("acceleration", VECTOR),
+        "angular_rate": TakenField("angular rate", VECTOR),
+    },
+    "sensor/magnetometer": {"field": TakenField("magnetic field", VECTOR)},
+    "sensor/pressure": {
+        "pressure": TakenField("pressure"),
+        "temperature": TakenField("temperature", 1, OPTIONAL),
+    },
+    "sensor/dvl": {
+        "velocity": TakenField("velocity", VECTOR),
+        "std": TakenField("velocity"),
+        "altitude": TakenField("length", 1, OPTIONAL),
+    },
+    "sensor/battery": {
+        "voltage": TakenField("voltage"),
+        "current": TakenField("current"),
+        "used_wh": TakenField("energy", 1, OPTIONAL),
+    },
+    "sensor/temperature": {"temperature": TakenField("temperature")},
+    "pilot/command": {
+        "surge": TakenField("share"),
+        "sway": TakenField("share"),
+        "heave": TakenField("share"),
+        "yaw": TakenField("share"),
+        "tilt": TakenField("share", 1, OPTIONAL),
+    },
+    "vehicle/status": {
+        "armed": TakenField("word", 1, OPTIONAL),
+        "mode": TakenField("word", 1, OPTIONAL),
+    },
+    "vehicle/estimate": {
+        "roll": TakenField("angle", 1, OPTIONAL),
+        "pitch": TakenField("angle", 1, OPTIONAL),
+        "heading": TakenField("angle", 1, OPTIONAL),
+        "attitude": TakenField("quaternion", 4, OPTIONAL),  # becomes roll, pitch and heading
+        "depth": TakenField("depth", 1, OPTIONAL),
+        "depth_rate": TakenField("depth rate", 1, OPTIONAL),
+        "angular_rate": TakenField("angular rate", VECTOR, OPTIONAL),
+    },
+    "control/thrusters": {
+        "thrust": TakenField("force", 0),
+        "armed": TakenField("word", 1, OPTIONAL),  # else as the status says
+    },
+    "vehicle/actuation": {"thrust": TakenField("force", 0)},
+}
 
 
 class FieldMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -71,6 +170,12 @@ class TakenMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     def where(self) -> str:
         """As sentences name it."""
         return f"{self.topic or self.type} as {self.as_}"
+
+    @property
+    def names(self) -> set[str]:
+        """Fields of the log that it names."""
+        named = {name for field in self.fields.values() for name in field.from_}
+        return named | {*self.only} | ({self.stamp} if self.stamp else set())
 
     @property
     def rotation(self) -> Rotation:
@@ -135,7 +240,7 @@ def _check(taken: TakenMessage) -> None:
 
 
 def _check_unit(name: str, field: FieldMap, quantity: str) -> None:
-    units = UNITS[quantity]
+    units = QUANTITIES[quantity].units
     if field.unit not in units and field.full is None:
         raise ValueError(
             f"{name}: unit is {field.unit!r}, expected one of {quantity}: {', '.join(units)}"

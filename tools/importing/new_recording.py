@@ -1,8 +1,9 @@
 """An imported recording on disk, written by what writes that of a dive."""
 
 import contextlib
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 
 import msgspec
@@ -38,10 +39,9 @@ class ImportNode:
         self.outbox = Outbox()
         self.wall_offset_ns = first_ns - BEFORE_NS
         self.said: list[str] = []  # errors of the disk
-        self._now = BEFORE_NS
 
     def now(self) -> Ns:
-        return self._now
+        return BEFORE_NS
 
     def log(self, level: Level, text: str) -> None:
         if level == "error":
@@ -54,74 +54,42 @@ class ImportNode:
         """It is not started again."""
 
 
-class NewRecording:
-    """Takes messages in the order of their arrival. A context: at its end the recording is
-    complete."""
+def record(
+    messages: Iterator[Imported], stack: Stack, vehicle: Vehicle, used: Path, log: str
+) -> None:
+    """
+    Args:
+        messages: one or more, in the order of their arrival.
+        stack: of which vehicle, into which folder.
+        used: the map.
+        log: name of the file that they are from.
 
-    def __init__(self, folder: Path, vehicle: str, used: AttachedFile, log: str) -> None:
-        """
-        Args:
-            used: the map.
-            log: name of the file that it is from.
-
-        Raises:
-            LindyError: there is no such vehicle, or its file is wrong.
-        """
-        self._stack = Stack(vehicle=vehicle, link="perfect", pilot="imported", out=str(folder))
-        self.vehicle = self._stack.vehicle_name
-        numbers = self._stack.section("vehicle", Vehicle)
-        self.imu_rotation = numbers.mounting.imu.rotation  # its axes to the body's
-        self._views = Views(numbers)
-        self._attached = [*attachments(self._stack), used]
-        self._described = {"imported": log}
-        self._encode = msgspec.msgpack.Encoder().encode
-        self._opened: tuple[ImportNode, Intake, McapSession] | None = None
-        self._written = 0
-
-    def __enter__(self) -> "NewRecording":
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """
-        Raises:
-            LindyError: the disk fails.
-        """
-        if self._opened is None:
-            return
-        node, intake, session = self._opened
-        if kind is None:
-            session.flush(node.now())
+    Raises:
+        LindyError: the disk fails, or a message is none of ours.
+    """
+    data, changed_ns = used.read_bytes(), used.stat().st_mtime_ns
+    own_map = AttachedFile(used.name, "application/toml", data, changed_ns)
+    attached, views = [*attachments(stack), own_map], Views(vehicle)
+    first = next(messages)
+    node = ImportNode(first.arrival_ns)
+    offset, encode = node.wall_offset_ns, msgspec.msgpack.Encoder().encode
+    intake = Intake(node.outbox, offset, views=views)
+    session = McapSession(node, stack, attached, {"imported": log})
+    try:
+        for number, (topic, message, arrival) in enumerate(chain([first], messages), 1):
+            ours = _by_services_clock(message, offset)
+            checked = intake.check(topic.key, topic.encoding, encode(ours), arrival - offset)
+            if checked is None:
+                raise LindyError(f"{topic.key}: this cannot be recorded: {ours}")
+            for row in intake.rows(topic.key, checked):
+                session.write(row)
+            if number % FLUSHED == 0:
+                session.flush(node.now())
+                _require_disk(node)
+        session.flush(node.now())
+    finally:
         session.close(intake.log_hash())
-        if kind is None:
-            _require_disk(node)
-
-    def write(self, new: Imported) -> None:
-        """
-        Raises:
-            LindyError: the disk fails, or the message is none of ours.
-        """
-        topic, message, arrival = new
-        node, intake, session = self._opened or self._open(arrival)
-        ours = _by_services_clock(message, node.wall_offset_ns)
-        payload = self._encode(ours)
-        at = arrival - node.wall_offset_ns
-        checked = intake.check(topic.key, topic.encoding, payload, at)
-        if checked is None:
-            raise LindyError(f"{topic.key}: this cannot be recorded: {ours}")
-        for row in intake.rows(topic.key, checked):
-            session.write(row)
-        self._written += 1
-        if self._written % FLUSHED == 0:
-            session.flush(node.now())
-            _require_disk(node)
-
-    def _open(self, first_ns: Ns) -> tuple[ImportNode, Intake, McapSession]:
-        node = ImportNode(first_ns)
-        intake = Intake(node.outbox, node.wall_offset_ns, views=self._views)
-        attached, described = self._attached, self._described
-        session = McapSession(node, self._stack, attached, described)
-        self._opened = node, intake, session
-        return self._opened
+    _require_disk(node)
 
 
 def _require_disk(node: ImportNode) -> None:
@@ -159,8 +127,3 @@ def new_folder(out: Path) -> Generator[Path]:
                 path.rmdir()
         raise
     point_latest(folder)
-
-
-def attached_map(path: Path) -> AttachedFile:
-    data = path.read_bytes()
-    return AttachedFile(path.name, "application/toml", data, path.stat().st_mtime_ns)

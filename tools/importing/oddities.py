@@ -3,6 +3,8 @@
 from statistics import median
 
 import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
 
 from messages.units import Ns
 
@@ -20,6 +22,12 @@ class Oddity(msgspec.Struct, kw_only=True):
     first_s: float  # [s] since the log began
     most: float | None = None  # of the worst, in the unit that `what` says
 
+    @property
+    def in_words(self) -> str:
+        """`sensor/imu: gap [s]: 3, the first at 12.4 s, at most 0.8`"""
+        worst = "" if self.most is None else f", at most {self.most:g}"
+        return f"{self.stream}: {self.what}: {self.count}, the first at {self.first_s:.1f} s{worst}"
+
 
 class Oddities:
     """Counts what is told."""
@@ -27,18 +35,23 @@ class Oddities:
     def __init__(self) -> None:
         self._found: dict[tuple[str, str], Oddity] = {}
 
-    def tell(self, stream: str, what: str, at_s: float, size: float | None = None) -> None:
+    def tell(self, stream: str, what: str, at_s: ArrayLike, sizes: ArrayLike = ()) -> None:
         """
         Args:
-            at_s: [s] since the log began.
-            size: how bad, in the unit that `what` says.
+            at_s: (n,) [s] since the log began.
+            sizes: (n,) how bad, in the unit that `what` says; empty: that is not told.
         """
+        times = np.atleast_1d(np.asarray(at_s, float))
+        if not len(times):
+            return
+        first = round(float(times.min()), 3)
         odd = self._found.setdefault(
-            (stream, what), Oddity(stream=stream, what=what, first_s=round(at_s, 3))
+            (stream, what), Oddity(stream=stream, what=what, first_s=first)
         )
-        odd.count += 1
-        if size is not None:
-            odd.most = round(max(size, odd.most or 0.0), 3)
+        odd.count += len(times)
+        odd.first_s = min(odd.first_s, first)
+        if np.size(sizes):
+            odd.most = round(max(float(np.max(sizes)), odd.most or 0.0), 3)
 
     def all(self) -> list[Oddity]:
         return sorted(self._found.values(), key=lambda odd: (odd.stream, odd.what))
@@ -64,9 +77,3 @@ class GapWatch:
                 self._usual = median(self._periods)
         usual = median(self._periods) if self._usual is None else self._usual
         return seconds if seconds > max(SHORTEST_GAP_S, GAP_PERIODS * usual) else None
-
-
-def in_words(odd: Oddity) -> str:
-    """`sensor/imu: 3 gaps [s], the first at 12.4 s, the longest 0.8`"""
-    worst = "" if odd.most is None else f", at most {odd.most:g}"
-    return f"{odd.stream}: {odd.what}: {odd.count}, the first at {odd.first_s:.1f} s{worst}"

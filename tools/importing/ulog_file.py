@@ -11,17 +11,19 @@ import numpy as np
 
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
-from tools.importing.columns import cell, column_rows, named_columns
-from tools.importing.log_file import ULOG, LogRow, LogSource, Wanted, began_by_file, refuse_other
+from tools.importing.log_file import (
+    ULOG,
+    LogFile,
+    LogRow,
+    LogSource,
+    Wanted,
+    cell,
+    column_rows,
+    library,
+)
 
-SUBMARINE = 12  # MAV_TYPE
 MOST_AGAIN = 100_000  # reads of what was read; it looks for the next message byte by byte
 LATEST_NS = 4_102_444_800 * 10**9  # [ns] UTC, the year 2100
-
-
-def is_ulog(path: Path) -> bool:
-    return path.suffix.lower() == ".ulg"
 
 
 class ForwardFile(io.BufferedReader):
@@ -45,7 +47,7 @@ class ForwardFile(io.BufferedReader):
         return found
 
 
-class UlogFile:
+class UlogFile(LogFile):
     """One log. A topic of one of several sensors is called as `sensor_baro[1]`, but for the first;
     columns are called as pyulog does, such as `gyro_rad[0]`."""
 
@@ -53,22 +55,12 @@ class UlogFile:
     getter = staticmethod(cell)
 
     def __init__(self, path: Path) -> None:
-        """
-        Raises:
-            LindyError: pyulog is not installed, it is no such log, or not of a submarine.
-        """
-        self.remarks: list[str] = []
-        self._path = path
-        refuse_other(path, ULOG, "a log of PX4")
-        try:
-            from pyulog import ULog  # pyright: ignore[reportMissingTypeStubs]
-        except ModuleNotFoundError:
-            raise LindyError(
-                f"logs of PX4 need pyulog, which is missing: {how_to_install('import')}"
-            ) from None
+        super().__init__(path)
+        self.refuse_other(ULOG, "a log of PX4")
+        pyulog = library("pyulog", "logs of PX4")
         try:
             with ForwardFile(path) as file, redirect_stdout(io.StringIO()):  # it prints
-                self._log: Any = ULog(file)
+                self._log: Any = pyulog.ULog(file)
         except Exception as error:  # of whatever kind: where bytes are wrong, pyulog does not say
             raise LindyError(f"{path} is damaged: {error or 'a message cannot be read'}") from None
         self._topics: dict[str, Mapping[str, Any]] = {
@@ -81,7 +73,10 @@ class UlogFile:
         if lost := sum(each.duration for each in self._log.dropouts):
             times = len(self._log.dropouts)
             self.remarks.append(f"its logger was too slow {times} times, for {lost / 1e3:.2f} s")
-        self._require_submarine()
+        kinds = self._topics.get("vehicle_status", {}).get("system_type", np.zeros(0))
+        kind = kinds[-1] if len(kinds) else self._log.initial_parameters.get("MAV_TYPE")
+        if kind is not None:
+            self.require_submarine(int(kind))
         self._utc_ns = self._utc_of_start()
 
     def sources(self) -> dict[str, LogSource]:
@@ -92,21 +87,11 @@ class UlogFile:
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
         topics: list[Iterator[LogRow]] = []
-        for name, several in wanted.items():
-            columns, named = self._topics[name], named_columns(several)
+        for name in wanted:
+            columns = self._topics[name]
             at_ns = columns["timestamp"].astype(np.int64) * 1000 + self._utc_ns
-            taken = {column: columns[column] for column in columns if column in named}
-            topics.append(column_rows(name, taken, at_ns))
+            topics.append(column_rows(name, columns, at_ns, wanted))
         yield from merge(*topics, key=lambda row: row.arrival_ns)
-
-    def _require_submarine(self) -> None:
-        kinds = self._topics.get("vehicle_status", {}).get("system_type", np.zeros(0))
-        kind = int(kinds[-1]) if len(kinds) else self._log.initial_parameters.get("MAV_TYPE")
-        if kind is not None and kind != SUBMARINE:
-            raise LindyError(
-                f"{self._path} is of a vehicle of MAVLink's type {kind}; expected {SUBMARINE}, a "
-                f"submarine: another vehicle's axes and modes are not those of the map"
-            )
 
     def _utc_of_start(self) -> Ns:
         """[ns] UTC when the board's clock began."""
@@ -117,6 +102,4 @@ class UlogFile:
                 began = (int(utc[first]) - int(columns["timestamp"][first])) * 1000
                 if 0 <= began < LATEST_NS:  # else it is damaged
                     return began
-        began, remark = began_by_file(self._path, int(self._log.last_timestamp) * 1000)
-        self.remarks.append(remark)
-        return began
+        return self.began_by_file(int(self._log.last_timestamp) * 1000)

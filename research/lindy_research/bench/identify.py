@@ -21,10 +21,9 @@ from services.marine.vehicle import Vehicle
 from services.reference.settings import Settings as ReferenceSettings
 from services.runtime.config.stack import Stack
 from services.simulator.hull import Hull, in_the_water
-from tools.identify.check import compare
-from tools.identify.identify import identify_dive, read_dive
-from tools.identify.judgement import drag_at
-from tools.identify.parameters import AXES, LAG
+from tools.identify.fit import drag_at
+from tools.identify.identify import compare, identify_dive, read_dive
+from tools.identify.motion_model import AXES, LAG
 from tools.identify.plan import as_csv, plan
 from tools.identify.results import SURE, identified, rows
 from tools.identify.vehicle_file import rounded

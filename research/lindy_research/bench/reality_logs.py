@@ -30,9 +30,9 @@ from services.estimation.settings import Settings
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from tools.importing.choosing import chosen
 from tools.importing.command import opened
 from tools.importing.conversion import Conversion, Imported
+from tools.importing.log_file import chosen
 from tools.importing.map_file import read_map
 
 M = TypeVar("M")
@@ -167,12 +167,7 @@ def _read(log: KnownLog) -> tuple[list[Imported], int, Vehicle]:
     wanted, _ = read_map(file.default_map if log.part == "others" else BAG_MAP)
     sources = file.sources()
     taken = chosen(wanted, sources, str(log.path))
-    conversion = Conversion(taken, None, file.getter)
-    for row in file.rows(taken):
-        conversion.hear(row)
-    conversion.heard()
-    messages = [new for row in file.rows(taken) for new in conversion.messages(row)]
-    conversion.finish()
+    messages = [*Conversion(file.rows(taken), taken, None, file.getter).messages()]
     of_imu = [s for s, several in taken.items() if any(m.as_ == topics.IMU.key for m in several)]
     vehicle = Stack(vehicle=wanted.vehicle).section("vehicle", Vehicle)
     if log.part != "others":

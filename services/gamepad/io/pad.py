@@ -6,7 +6,7 @@ and until then only its stop and disarm buttons work, because pads send a burst 
 they are opened. Arming and disarming have to be held.
 
 `age_ms` is the time since the pad last answered. It grows from the moment the pad is unplugged, or
-has stopped answering although it is plugged in (`pad_silence` says how that is known); then the
+has stopped answering although it is plugged in (`PadSilence` says how that is known); then the
 pilot is lost. It is 0 for still sticks, because a pad only reports changes.
 """
 
@@ -15,9 +15,8 @@ from pygame._sdl2 import controller
 
 from messages import events
 from messages.events import Outbox
-from services.gamepad.core import PadProfile, held_of, presses_of, sticks_of
+from services.gamepad.core import PadAnswer, PadProfile, PadSilence, held_of, presses_of, sticks_of
 from services.gamepad.io import sdl
-from services.gamepad.pad_silence import PadAnswer, PadSilence
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import CENTRED, Holds, StickReading
 

@@ -5,8 +5,8 @@ from typing import Generic, Protocol, TypeVar
 
 from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
-from services.piloting.overruling import overrules
 from services.piloting.pilot import Effects, Pilot, Progress
+from services.piloting.pilot_intents import overrules
 from services.runtime.node.node import Node
 
 E = TypeVar("E", bound=Effects)

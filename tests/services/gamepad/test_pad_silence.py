@@ -3,7 +3,7 @@
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from services.gamepad.pad_silence import STOP, PadSilence, held_by_a_hand
+from services.gamepad.core import STOP, PadSilence, held_by_a_hand
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 STEP = 20 * MS  # a reading

@@ -13,9 +13,8 @@ from messages.events import Outbox
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import Activity, VehicleStatus
 from services.marine.outputs import Output
-from services.piloting.overruling import overrules
 from services.piloting.pilot import Effects, Pilot, Progress
-from services.piloting.pilot_intents import GotoIntent, Held, Intent, OutputIntent, Press
+from services.piloting.pilot_intents import GotoIntent, Held, Intent, OutputIntent, Press, overrules
 from services.piloting.sticks import CENTRED, StickReading, Sticks
 from tests.support.told import told
 

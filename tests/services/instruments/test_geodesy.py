@@ -5,7 +5,7 @@ from math import cos, hypot, radians, sin, sqrt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.instruments.geodesy import ECCENTRICITY2, SEMI_MAJOR, GeoPoint, north_east
+from services.instruments.fixes import ECCENTRICITY2, SEMI_MAJOR, GeoPoint, north_east
 from tests.support.instruments.truth import latitude_longitude
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from messages.events import Outbox
-from services.instruments.io.origin import local_fixes
+from services.instruments.io.shell import local_fixes
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.health import Health
-from services.link_monitor.junk_watch import MOST_HZ, RECENT_NS, SERVICES, JunkWatch
+from services.link_monitor.core import MOST_HZ, RECENT_NS, SERVICES, JunkWatch
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry

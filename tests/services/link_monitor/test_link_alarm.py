@@ -6,7 +6,7 @@ from random import Random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.link_monitor.link_alarm import LinkAlarm
+from services.link_monitor.core import LinkAlarm
 
 MS, SECOND = 1_000_000, 1_000_000_000
 PING = SECOND // 5

@@ -6,8 +6,16 @@ from hypothesis import strategies as st
 
 from messages.events import Outbox
 from messages.sensors import AltitudeSample
-from services.ping.core import PingDriver, Settings
-from services.ping.frames import DEVICE, DISTANCE, LONGEST, PingCutter, frame, request
+from services.ping.core import (
+    DEVICE,
+    DISTANCE,
+    LONGEST,
+    PingCutter,
+    PingDriver,
+    Settings,
+    frame,
+    request,
+)
 from tests.support.instruments.ping1d import Fault, Ping1dDouble, distance, packed
 from tests.support.instruments.truth import SeenMotion
 

@@ -14,9 +14,17 @@ from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.vehicle import Truth
 from services.marine.vehicle import Vehicle
-from services.predictor.core import Predictor
-from services.predictor.prediction_quality import JudgedPrediction, Pose, PredictionQuality
-from services.predictor.reference_ahead import Change, Drift, coasting, joined, reference_ahead
+from services.predictor.core import (
+    Change,
+    Drift,
+    JudgedPrediction,
+    Pose,
+    PredictionQuality,
+    Predictor,
+    coasting,
+    joined,
+    reference_ahead,
+)
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 from services.runtime.config.stack import Stack

@@ -20,9 +20,8 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.simulator.core import Simulator, at_the_surface
 from services.simulator.hull import Hull, ShiftedCentres
-from services.simulator.sensor_errors import SensorErrors
 from services.simulator.sensors import Sensors
-from services.simulator.settings import Settings
+from services.simulator.settings import SensorErrors, Settings
 from services.simulator.vessel import Vessel
 
 PIONEER = Stack().section("vehicle", Vehicle)

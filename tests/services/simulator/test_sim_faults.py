@@ -15,8 +15,8 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
-from services.simulator.fault_requests import decide
-from services.simulator.faults import refusal
+from services.simulator.faults import MEASURED, refusal
+from services.simulator.service import decide
 from services.simulator.settings import Dvl
 
 MS = 1_000_000  # [ns]
@@ -176,7 +176,7 @@ def test_a_broken_sensor_says_what_no_receiver_can_read() -> None:
 def test_what_makes_no_sense_is_refused(
     part: str, fault: str, value: float | None, words: str
 ) -> None:
-    reason = refusal(request(part, fault, value), NAMES)
+    reason = refusal(request(part, fault, value), NAMES, [*MEASURED], nearest)
     assert reason.startswith(words)
     assert bool(reason) == bool(words)
 
@@ -201,7 +201,7 @@ def test_only_sensors_that_the_vehicle_has_can_break() -> None:
 
 
 def alarm(sim: Simulator, part: str, fault: str) -> None:
-    answer = decide(sim, request(part, fault), 0, nearest, Outbox())
+    answer = decide(sim, request(part, fault), 0, Outbox())
     assert answer.accepted, answer.reason
 
 
@@ -235,16 +235,16 @@ def test_a_dvl_loses_its_lock_or_locks_on_fish() -> None:
     assert bottom is not None
     assert bottom.altitude is not None
     assert bottom.velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
-    assert decide(sim, request("dvl", "no_lock"), 0, nearest, Outbox()).accepted
+    assert decide(sim, request("dvl", "no_lock"), 0, Outbox()).accepted
     nothing = sim.dvl(device)
     assert nothing is not None
     assert (nothing.velocity, nothing.altitude) == (None, None)
-    assert decide(sim, request("dvl", "wrong_lock", 0.3), 0, nearest, Outbox()).accepted
+    assert decide(sim, request("dvl", "wrong_lock", 0.3), 0, Outbox()).accepted
     fish = sim.dvl(device)
     assert fish is not None
     assert fish.velocity == pytest.approx((-0.3, 0.0, 0.0), abs=1e-6)
     assert fish.altitude == pytest.approx(bottom.altitude / 2)
-    refused = decide(sim, request("dvl", "wrong_lock"), 0, nearest, Outbox())
+    refused = decide(sim, request("dvl", "wrong_lock"), 0, Outbox())
     assert "wrong_lock needs a value from -5 to 5" in refused.reason
 
 
@@ -258,7 +258,7 @@ def test_a_dvl_loses_its_lock_or_locks_on_fish() -> None:
     ],
 )
 def test_an_alarm_of_another_sensor_is_refused(part: str, fault: str, words: str) -> None:
-    answer = decide(simulator(), request(part, fault), 0, nearest, Outbox())
+    answer = decide(simulator(), request(part, fault), 0, Outbox())
     assert words in answer.reason
 
 

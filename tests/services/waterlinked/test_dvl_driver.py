@@ -11,8 +11,7 @@ from messages.events import Outbox
 from messages.sensors import DvlSample
 from services.marine.mounting import ALONG, Mount, Mounting, Rotation
 from services.vehicle.mounting import AtOrigin
-from services.waterlinked.core import DvlDriver, Settings
-from services.waterlinked.report import LEAST_STD, LONGEST, DvlReport
+from services.waterlinked.core import LEAST_STD, LONGEST, DvlDriver, DvlReport, Settings
 from tests.support.instruments.dvl import (
     FISH,
     DvlFaults,

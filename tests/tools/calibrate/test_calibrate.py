@@ -25,18 +25,16 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.simulator.sensor_errors import SensorErrors
 from services.simulator.sensors import Sensors
-from services.simulator.settings import Settings
+from services.simulator.settings import SensorErrors, Settings
 from services.vehicle.mounting import AtOrigin, MountedAxes
 from tools.__main__ import main
-from tools.calibrate.accelerometer import AccelerometerGuide
 from tools.calibrate.compass import CompassGuide
 from tools.calibrate.guide import CalibrationGuide, listen
-from tools.calibrate.gyroscope import GyroscopeGuide
+from tools.calibrate.imu import AccelerometerGuide, GyroscopeGuide
 from tools.calibrate.pressure import PressureGuide
-from tools.calibrate.results import CalibrationError, SensorFound
-from tools.calibrate.vehicle_file import read_vehicle, with_settings
+from tools.calibrate.results import CalibrationError, SensorFound, with_settings
+from tools.identify.vehicle_file import read_vehicle
 
 REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 STEP_NS = 10_000_000  # [ns] of the IMU

@@ -20,8 +20,13 @@ from services.simulator.sensors import Sensors
 from services.simulator.settings import Dvl, Settings
 from tools.__main__ import main
 from tools.calibrate.dvl import DvlGuide
-from tools.calibrate.results import CalibrationError, SensorFound, Setting
-from tools.calibrate.vehicle_file import read_vehicle, with_settings
+from tools.calibrate.results import (
+    CalibrationError,
+    SensorFound,
+    Setting,
+    with_settings,
+)
+from tools.identify.vehicle_file import read_vehicle
 from tools.recordings.allan import Floats
 
 DT_NS = 10_000_000  # [ns] of the IMU

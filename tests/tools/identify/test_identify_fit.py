@@ -12,14 +12,21 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.simulator.hull import Hull, in_the_water
-from tools.identify.dive_data import Windows
-from tools.identify.first_guess import first_guess
+from tools.identify.dive_data import FitInput, Windows
 from tools.identify.fit import fit
-from tools.identify.fit_input import FitInput
-from tools.identify.motion_model import Measured, coefficients, predict
-from tools.identify.parameters import AXES, BUOYANCY, LAG, Beginning, start_of
-from tools.identify.search import descended
-from tools.identify.thrust import CommandedThrust, Floats
+from tools.identify.motion_model import (
+    AXES,
+    BUOYANCY,
+    LAG,
+    Beginning,
+    CommandedThrust,
+    Floats,
+    Measured,
+    coefficients,
+    predict,
+    start_of,
+)
+from tools.identify.search import descended, first_guess
 
 FILE = Stack().section("vehicle", Vehicle)
 TRUTH = in_the_water(

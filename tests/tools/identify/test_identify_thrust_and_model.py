@@ -10,8 +10,14 @@ from services.marine.vehicle import Lag, Vehicle, modes_of
 from services.runtime.config.stack import Stack
 from services.simulator.propulsion import SimulatedThrusters
 from services.simulator.vessel import equations_of_motion
-from tools.identify.motion_model import Measured, coefficients, predict
-from tools.identify.thrust import CommandedThrust, Floats, lagged
+from tools.identify.motion_model import (
+    CommandedThrust,
+    Floats,
+    Measured,
+    coefficients,
+    lagged,
+    predict,
+)
 
 ROWS = [0, 1, 2, 5]
 numbers = st.floats(-2.0, 2.0)

@@ -3,8 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tools.importing.board_offset import BoardOffset
-from tools.importing.conversion import LoggerClock
+from tools.importing.clocks import LoggerClock, by_logger, pace
 from tools.importing.oddities import GapWatch
 
 S = 1_000_000_000  # [ns]
@@ -21,33 +20,26 @@ def test_nothing_arrives_before_it_was_measured(
     for step, delay in samples:
         stamp += step
         heard.append((stamp, 10**18 + round(stamp * (1.0 + drift)) + delay))
-    offset = BoardOffset()
-    for one in heard:
-        offset.hear(*one)
-    found = [offset.logger_ns(stamp) for stamp, _ in heard]
+    found = by_logger(*zip(*heard, strict=True))
     assert all(ours <= arrival for ours, (_, arrival) in zip(found, heard, strict=True))
     assert found == sorted(found)
 
 
 @given(st.floats(-1e-4, 1e-4), st.integers(1, 50))
 def test_where_one_in_some_comes_without_delay_the_offset_is_exact(drift: float, late: int) -> None:
-    offset = BoardOffset()
     stamps = [k * S // 100 for k in range(30 * 100)]
     true = [10**18 + round(stamp * (1.0 + drift)) for stamp in stamps]
-    for k, (stamp, at) in enumerate(zip(stamps, true, strict=True)):
-        offset.hear(stamp, at + (0 if k % late == 0 else 5_000_000))
-    worst = max(abs(offset.logger_ns(stamp) - at) for stamp, at in zip(stamps, true, strict=True))
+    arrivals = [at + (0 if k % late == 0 else 5_000_000) for k, at in enumerate(true)]
+    found = by_logger(stamps, arrivals)
+    worst = max(abs(ours - at) for ours, at in zip(found, true, strict=True))
     assert worst < 550_000  # a bin of 5 s at 100 ppm is the last
 
 
 def test_a_board_that_starts_again_has_two_clocks() -> None:
-    offset = BoardOffset()
-    heard = [(k * S, 10**18 + k * S) for k in range(20)]
-    heard += [(k * S, 10**18 + (30 + k) * S) for k in range(20)]
-    for one in heard:
-        offset.hear(*one)
-    assert offset.restarts == 1
-    assert [offset.logger_ns(stamp) for stamp, _ in heard] == [arrival for _, arrival in heard]
+    stamps = [*range(0, 20 * S, S)] * 2
+    arrivals = [10**18 + stamp + (30 * S if k >= 20 else 0) for k, stamp in enumerate(stamps)]
+    assert by_logger(stamps, arrivals) == arrivals
+    assert pace(stamps, arrivals) == 1.0
 
 
 def test_a_logger_s_clock_that_steps_back_goes_on() -> None:

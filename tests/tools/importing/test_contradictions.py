@@ -83,11 +83,7 @@ def taken(
 
 
 def heard(rows: Rows, parts: list[TakenMessage], mounted: Rotation = ALONG) -> Conversion:
-    conversion = Conversion({"log": parts}, mounted=mounted)
-    for row in rows:
-        conversion.hear(row)
-    conversion.heard()
-    return conversion
+    return Conversion(rows, {"log": parts}, mounted=mounted)
 
 
 def refusal(rows: Rows, parts: list[TakenMessage]) -> str:
@@ -99,10 +95,10 @@ def refusal(rows: Rows, parts: list[TakenMessage]) -> str:
 @given(st.floats(0.0, 1.0), st.floats(0.0, 100.0), st.integers(0, 100))
 def test_the_right_map_is_never_refused(swing: float, noise: float, seed: int) -> None:
     conversion = heard(dive(swing, noise=noise, seed=seed), taken())
-    for row in dive(swing, noise=noise, seed=seed)[:10]:
-        estimate = conversion.messages(row)[-1].message
-        assert isinstance(estimate, VehicleEstimate)
-        assert None not in (estimate.roll, estimate.heading, estimate.depth)
+    found = [one.message for one in conversion.messages()]
+    estimates = [one for one in found if isinstance(one, VehicleEstimate)]
+    assert len(estimates) == HZ * SECONDS
+    assert all(None not in (one.roll, one.heading, one.depth) for one in estimates)
 
 
 @pytest.mark.parametrize(
@@ -165,8 +161,7 @@ def test_a_board_that_starts_again_keeps_its_pace() -> None:
 def test_an_estimate_that_contradicts_the_sensors_is_left_out_and_counted() -> None:
     rows = dive(0.2)
     conversion = heard(rows, taken(depth="cm", angle="deg"))
-    found = [one.message for row in rows for one in conversion.messages(row)]
-    assert not any(isinstance(one, VehicleEstimate) for one in found)
+    assert not any(isinstance(one.message, VehicleEstimate) for one in conversion.messages())
     odd = {each.what: each.count for each in conversion.oddities.all()}
     said = {"depth is 0.01 times", "roll is 0.017 times", "heading, as "}
     for words in said:

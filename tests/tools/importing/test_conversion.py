@@ -13,7 +13,7 @@ from messages.pilot import PilotCommand
 from messages.vehicle import Actuation, VehicleEstimate
 from services.marine.attitude import from_euler
 from tools.importing.conversion import Conversion
-from tools.importing.log_file import LogRow
+from tools.importing.log_file import LogRow, cell
 from tools.importing.map_file import TakenMessage
 
 BEGAN_NS = 1_700_000_000_000_000_000  # [ns] UTC
@@ -25,12 +25,12 @@ def converted(
 ) -> tuple[list[object], dict[str, int]]:
     """The messages of rows `x`, and how often each oddity was counted."""
     taken = msgspec.convert({"as": as_, "topic": "log", "fields": fields}, TakenMessage)
-    conversion = Conversion({"log": [taken]})
     rows = [
         LogRow("log", SimpleNamespace(x=x), BEGAN_NS + k * 20_000_000)
         for k, x in enumerate(numbers)
     ]
-    found = [one.message for row in rows for one in conversion.messages(row)]
+    conversion = Conversion(rows, {"log": [taken]})
+    found = [one.message for one in conversion.messages()]
     return [*found], {each.what: each.count for each in conversion.oddities.all()}
 
 
@@ -67,8 +67,8 @@ def test_an_attitude_of_ros_has_our_angles(roll: float, pitch: float, heading: f
         "as": "vehicle/estimate", "topic": "log", "axes": "FLU", "world": "ENU",
         "fields": {"attitude": {"from": ["q.0", "q.1", "q.2", "q.3"]}},
     }  # fmt: skip
-    conversion = Conversion({"log": [msgspec.convert(take, TakenMessage)]})
-    [found] = conversion.messages(LogRow("log", SimpleNamespace(q=q), BEGAN_NS))
+    row = LogRow("log", SimpleNamespace(q=q), BEGAN_NS)
+    [found] = Conversion([row], {"log": [msgspec.convert(take, TakenMessage)]}).messages()
     ours = found.message
     assert isinstance(ours, VehicleEstimate)
     assert ours.roll is not None
@@ -95,14 +95,33 @@ def test_commands_are_armed_as_the_status_says() -> None:
     out = {"as": "control/thrusters", "topic": "out", "fields": {"thrust": thrust}}
     taken = {name: [msgspec.convert(each, TakenMessage)] for name, each in
              (("arm", arm), ("out", out))}  # fmt: skip
-    conversion = Conversion(taken)
-    rows = [("out", 1500.0), ("arm", 1.0), ("out", 1700.0), ("arm", 0.0), ("out", 1500.0)]
-    found = [
-        one.message
-        for k, (source, x) in enumerate(rows)
-        for one in conversion.messages(LogRow(source, SimpleNamespace(x=x), BEGAN_NS + k * 10**7))
+    said = [("out", 1500.0), ("arm", 1.0), ("out", 1700.0), ("arm", 0.0), ("out", 1500.0)]
+    rows = [
+        LogRow(source, SimpleNamespace(x=x), BEGAN_NS + k * 10**7)
+        for k, (source, x) in enumerate(said)
     ]
+    found = [one.message for one in Conversion(rows, taken).messages()]
     commands = [one for one in found if isinstance(one, ThrusterCommand)]
     assert [(one.armed, one.thrust) for one in commands] == [
         (False, (0.0,)), (True, (25.0,)), (False, (0.0,)),
     ]  # fmt: skip
+
+
+def test_the_forces_of_three_thrusters_are_no_vector() -> None:
+    """They are not turned by the axes of the log."""
+    fields = {"thrust": {"from": ["x", "x", "x"], "unit": "N"}}
+    part = {"as": "vehicle/actuation", "topic": "log", "axes": "FLU", "fields": fields}
+    row = LogRow("log", SimpleNamespace(x=3.0), BEGAN_NS)
+    [found] = Conversion([row], {"log": [msgspec.convert(part, TakenMessage)]}).messages()
+    assert isinstance(found.message, Actuation)
+    assert found.message.thrust == (3.0, 3.0, 3.0)
+
+
+def test_a_row_without_what_tells_it_apart_is_of_another_message() -> None:
+    """An empty cell in a column of `only` had ended the import with a traceback."""
+    fields = {"pressure": {"from": ["p"], "unit": "Pa"}}
+    part = {"as": "sensor/pressure", "topic": "log", "only": {"kind": 1.0}, "fields": fields}
+    cells = [{"kind": 1.0, "p": 1e5}, {"kind": None, "p": 1e5}, {"kind": 2.0, "p": 1e5}]
+    rows = [LogRow("log", each, BEGAN_NS + k * 10**7) for k, each in enumerate(cells)]
+    taken = {"log": [msgspec.convert(part, TakenMessage)]}
+    assert len([*Conversion(rows, taken, take=cell).messages()]) == 1

@@ -6,10 +6,8 @@ import pytest
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY
-from tools.importing.choosing import chosen, missing, untaken
-from tools.importing.log_file import LogSource
-from tools.importing.map_file import read_map
-from tools.importing.quantities import TARGETS
+from tools.importing.log_file import LogSource, chosen, missing, untaken
+from tools.importing.map_file import TARGETS, read_map
 
 GOOD = """
 about = "one IMU"

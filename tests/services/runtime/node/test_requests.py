@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.pilot import Course, PilotAnswer, PilotRequest, RequestKind
-from services.piloting.overruling import overrules
+from services.piloting.pilot_intents import overrules
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.answers import KEPT, AnswerBook
 from services.runtime.node.requests import GIVE_UP_NS, REPEAT_NS, Requests

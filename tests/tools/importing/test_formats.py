@@ -1,6 +1,7 @@
-"""Logs of ArduSub and of a ground station become recordings; those of other vehicles do not."""
+"""Logs of each format become recordings; those of other vehicles do not."""
 
 import os
+from collections.abc import Callable
 from math import radians
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from messages.vehicle import VehicleEstimate, VehicleStatus
 from services.marine.vehicle import GRAVITY
 from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
+from tools.recordings.recording import open_recording
+from tools.report.dive import read_dive
 
 from .logs import (
     BEGAN_NS,
@@ -20,10 +23,13 @@ from .logs import (
     SLOW_HZ,
     S,
     dataflash,
+    mcap,
     messages,
     odd,
     report,
+    ros2,
     tlog,
+    ulog,
 )
 from .test_rosbags import imported
 
@@ -85,13 +91,6 @@ def test_a_board_that_starts_again_goes_on_in_time(tmp_path: Path) -> None:
     assert odd(out)["log: the logger's clock stepped back [s]; what follows was moved"] == 1
 
 
-def test_a_log_that_was_cut_off_keeps_its_whole_messages(tmp_path: Path) -> None:
-    whole = dataflash(tmp_path / "whole.bin").read_bytes()
-    (tmp_path / "1.bin").write_bytes(whole[: len(whole) // 2])
-    count = len(messages(imported(tmp_path / "1.bin", tmp_path / "dive"), "sensor/imu"))
-    assert SECONDS * IMU_HZ // 3 < count < SECONDS * IMU_HZ
-
-
 def test_telemetry_has_everything_in_si(tmp_path: Path) -> None:
     out = imported(tlog(tmp_path / "a.tlog"), tmp_path / "dive")
     samples = messages(out, "sensor/imu")
@@ -118,13 +117,6 @@ def test_telemetry_has_everything_in_si(tmp_path: Path) -> None:
     assert [one.armed for one in states if isinstance(one, VehicleStatus)] == [False, *[True] * 3]
 
 
-def test_a_log_is_known_by_its_beginning_where_it_has_the_name_of_the_other(tmp_path: Path) -> None:
-    telemetry = tlog(tmp_path / "a.tlog").rename(tmp_path / "a.bin")
-    board = dataflash(tmp_path / "b.bin").rename(tmp_path / "b.tlog")
-    assert len(messages(imported(telemetry, tmp_path / "a"), "sensor/imu")) == SECONDS * SLOW_HZ
-    assert len(messages(imported(board, tmp_path / "b"), "sensor/imu")) == SECONDS * IMU_HZ
-
-
 def test_damaged_packets_are_left_out(tmp_path: Path) -> None:
     data = bytearray(tlog(tmp_path / "a.tlog").read_bytes())
     data[len(data) // 2 : len(data) // 2 + 200] = bytes(200)
@@ -147,31 +139,6 @@ def test_packets_with_a_wrong_checksum_are_counted(tmp_path: Path) -> None:
     (tmp_path / "a.tlog").write_bytes(data)
     out = imported(tmp_path / "a.tlog", tmp_path / "dive")
     assert "20 packets have a wrong checksum and are left out" in report(out)["remarks"]
-
-
-def test_what_is_no_such_log_is_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    copter = dataflash(tmp_path / "copter.bin", "ArduCopter V4.3.6")
-    foreign, empty = tmp_path / "foreign.bin", tmp_path / "empty.bin"
-    foreign.write_bytes(b"ULog")
-    empty.touch()
-    (tmp_path / "empty.tlog").touch()
-    cases = {
-        copter: "is of ArduCopter V4.3.6; expected a log of ArduSub",
-        foreign: "is not a DataFlash log: it begins with b'UL'",
-        empty: "is not a DataFlash log: it is empty",
-        tmp_path / "empty.tlog": "has no heartbeat of ArduPilot",
-        tlog(tmp_path / "copter.tlog", kind=2): "of MAVLink's type 2; expected 12, a submarine",
-        tlog(tmp_path / "two.tlog", systems=(1, 2)): "is of two boards, systems 1 and 2",
-        tlog(
-            tmp_path / "milli.tlog", milli=0.001
-        ): "write zero = -1013.25 where it counts from the surface",
-    }
-    for log, said in cases.items():
-        out = tmp_path / "dive"
-        assert said in complaint(capsys, "import", str(log), "--out", str(out))
-        assert not out.exists()
 
 
 REAL = {"small.BIN": ("sensor/imu", 594), "small.tlog": ("sensor/pressure", 532)}
@@ -216,3 +183,106 @@ def test_a_message_with_a_damaged_time_is_left_out(tmp_path: Path, bit: int) -> 
     assert "messages with a damaged time, left out: 1" in " ".join(
         report(tmp_path / "dive")["remarks"]
     )
+
+
+def test_a_log_of_px4_has_everything_in_si(tmp_path: Path) -> None:
+    out = imported(ulog(tmp_path / "1.ulg"), tmp_path / "dive")
+    samples = messages(out, "sensor/imu")
+    assert len(samples) == SECONDS * IMU_HZ
+    assert samples[0].publish_ns == BEGAN_NS
+    first = samples[0].message
+    assert isinstance(first, ImuSample)
+    assert first.angular_rate == pytest.approx((0.1, 0.2, 0.3))
+    assert first.specific_force[2] == pytest.approx(-GRAVITY)
+    pressures = [one.message for one in messages(out, "sensor/pressure")]
+    assert len(pressures) == SECONDS * SLOW_HZ
+    assert isinstance(pressures[-1], PressureSample)
+    assert pressures[-1].pressure == pytest.approx(101_325.0 + 39_000.0, abs=1.0)
+    sticks = messages(out, "pilot/command")[0].message
+    assert isinstance(sticks, PilotCommand)
+    assert (sticks.surge, sticks.sway, sticks.heave, sticks.yaw) == (0.5, 0.25, -0.75, -1.0)
+    states = [one.message for one in messages(out, "vehicle/status")]
+    assert [one.armed for one in states if isinstance(one, VehicleStatus)] == [False, *[True] * 3]
+    stamps = [one.stamp_ns for one in states if isinstance(one, VehicleStatus)]
+    seconds = read_dive(open_recording(out)).armed_seconds  # as `lindy log compare` says it
+    assert seconds == pytest.approx((stamps[-1] - stamps[1]) / 1e9)
+    assert seconds > 0.0
+    assert odd(out) == {}
+    assert "sensor/battery" in report(out)["missing"]
+
+
+def test_px4_s_own_estimate_is_there_while_it_is_valid(tmp_path: Path) -> None:
+    out = imported(ulog(tmp_path / "1.ulg"), tmp_path / "dive")
+    found = [one.message for one in messages(out, "vehicle/estimate")]
+    estimates = [one for one in found if isinstance(one, VehicleEstimate)]
+    depths = [one.depth for one in estimates if one.depth is not None]
+    assert depths == pytest.approx([k / SLOW_HZ for k in range(2 * SLOW_HZ)])
+    headings = [one.heading for one in estimates if one.heading is not None]
+    assert headings == pytest.approx([2.0] * SECONDS * SLOW_HZ)
+
+
+@pytest.mark.parametrize("kind", ["ros1", "ros2", "json"])
+def test_an_mcap_file_gives_what_the_bag_gives(tmp_path: Path, kind: str) -> None:
+    ours = messages(imported(mcap(tmp_path / "a.mcap", kind), tmp_path / "a"), "sensor/imu")
+    bag = messages(imported(ros2(tmp_path / "bag"), tmp_path / "b"), "sensor/imu")
+    assert len(ours) == SECONDS * IMU_HZ
+    assert ours == bag
+    first = ours[0].message
+    assert isinstance(first, ImuSample)
+    assert first.specific_force == pytest.approx((0.0, -0.5, -GRAVITY), abs=0.1)
+    assert ours[0].publish_ns == BEGAN_NS
+
+
+def test_a_file_that_was_cut_off_keeps_its_whole_chunks(tmp_path: Path) -> None:
+    whole = mcap(tmp_path / "whole.mcap").read_bytes()
+    (tmp_path / "a.mcap").write_bytes(whole[: len(whole) // 2])
+    out = imported(tmp_path / "a.mcap", tmp_path / "dive")
+    assert SECONDS * IMU_HZ // 4 < len(messages(out, "sensor/imu")) < SECONDS * IMU_HZ
+    assert report(out)["remarks"] == [
+        "a.mcap was not finished: what was recorded last may be missing"
+    ]
+
+
+@pytest.mark.parametrize(("write", "name"), [(dataflash, "1.bin"), (ulog, "1.ulg")])
+def test_a_log_that_was_cut_off_keeps_its_whole_messages(
+    tmp_path: Path, write: Callable[[Path], Path], name: str
+) -> None:
+    whole = write(tmp_path / f"whole{name}").read_bytes()
+    (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+    count = len(messages(imported(tmp_path / name, tmp_path / "dive"), "sensor/imu"))
+    assert SECONDS * IMU_HZ // 3 < count < SECONDS * IMU_HZ
+
+
+def test_what_is_no_such_log_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = imported(mcap(tmp_path / "a.mcap"), tmp_path / "own") / "dive.mcap"
+    capsys.readouterr()
+    kinds = {"bin": "a DataFlash log", "ulg": "a log of PX4", "mcap": "an MCAP file"}
+    cases = {
+        own: "is a recording of Lindy already",
+        mcap(tmp_path / "proto.mcap", "protobuf"): "/imu is encoded as protobuf with protobuf",
+        dataflash(
+            tmp_path / "copter.bin", "ArduCopter V4.3.6"
+        ): "is of ArduCopter V4.3.6; expected a log of ArduSub",
+        ulog(tmp_path / "copter.ulg", kind=2): "of MAVLink's type 2; expected 12, a submarine",
+        tlog(tmp_path / "copter.tlog", kind=2): "of MAVLink's type 2; expected 12, a submarine",
+        tlog(tmp_path / "two.tlog", systems=(1, 2)): "is of two boards, systems 1 and 2",
+        tlog(
+            tmp_path / "milli.tlog", milli=0.001
+        ): "write zero = -1013.25 where it counts from the surface",
+        written(tmp_path / "empty.tlog", b""): "has no heartbeat of ArduPilot",
+    }
+    for ending, kind in kinds.items():
+        foreign, empty = tmp_path / f"foreign.{ending}", tmp_path / f"empty.{ending}"
+        cases[written(foreign, b"PK\x03\x04 no log")] = f"is not {kind}: it begins with b'PK"
+        cases[written(empty, b"")] = f"is not {kind}: it is empty"
+    for log, said in cases.items():
+        out = tmp_path / "dive"
+        assert said in complaint(capsys, "import", str(log), "--out", str(out))
+        assert not out.exists()
+
+
+def written(path: Path, data: bytes) -> Path:
+    path.write_bytes(data)
+    return path

@@ -1,0 +1,233 @@
+"""What a log says, as columns: each of our messages from one of its sources."""
+
+from array import array
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime, timedelta
+from math import asin, atan2, nan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages import topics
+from messages.units import Ns, Quaternion, Vec3
+from services.marine.attitude import to_world
+from services.marine.mounting import ALONG, Rotation
+from services.runtime.config.errors import LindyError
+from tools.importing.clocks import by_logger
+from tools.importing.log_file import BlankError
+from tools.importing.map_file import (
+    QUANTITIES,
+    STAMP_UNITS,
+    TARGETS,
+    VECTOR,
+    WORLDS,
+    FieldMap,
+    TakenMessage,
+)
+
+LONGEST_WORD = 30  # letters of it that are shown where a number was expected
+OTHER_CLOCK_NS = 10_000_000_000  # [ns] between stamp and arrival: they are not by one clock
+UNREADABLE = (AttributeError, IndexError, TypeError, ValueError, OverflowError)
+
+Floats = NDArray[np.float64]
+Take = Callable[[str], Callable[[Any], Any]]  # by the name of a field: what takes it out of a row's
+
+
+class LogStream:
+    """One of our messages from one source of a log. Hear all rows first, then ask."""
+
+    def __init__(self, source: str, taken: TakenMessage, take: Take) -> None:
+        topic = topics.find(taken.as_)
+        assert topic is not None, taken.as_
+        self.source, self.taken, self.topic = source, taken, topic
+        self.known = TARGETS[taken.as_]
+        self.rows = array("q")  # their numbers in the log
+        self.arrivals = array("q")  # [ns] UTC
+        self.stamps = array("q")  # [ns] by the clock that the map says
+        self.words: list[dict[str, str | bool] | str] = []  # of a status, or what is odd there
+        self._take = take
+        self._only = [(take(path), value) for path, value in taken.only.items()]
+        self._stamp = take(taken.stamp) if taken.clock != "arrival" else None
+        self._getters = {
+            name: [take(path) for path in field.from_] if field.value is None else []
+            for name, field in taken.fields.items()
+        }
+        self._numbers = {name: array("d") for name in taken.fields}
+        self._there = {name: bytearray() for name in taken.fields}
+
+    def hear(self, number: int, fields: Any, arrival: Ns, shift: Ns) -> None:
+        """
+        Args:
+            number: of the row in the log.
+            arrival: [ns] UTC.
+            shift: [ns] by which the logger's clock was moved until then.
+
+        Raises:
+            LindyError: the map does not fit: a field that is not there, a wrong clock.
+        """
+        try:
+            if any(take(fields) != value for take, value in self._only):
+                return
+        except BlankError:
+            return
+        except UNREADABLE:
+            raise self._without(list(self.taken.only), fields) from None
+        self.rows.append(number)
+        self.arrivals.append(arrival)
+        self.stamps.append(self._stamp_ns(fields, arrival, shift))
+        if self.topic.key == topics.STATUS.key:
+            self.words.append(self._words(fields))
+        else:
+            self._hear_numbers(fields)
+
+    def _hear_numbers(self, fields: Any) -> None:
+        whole = True
+        for name, getters in self._getters.items():
+            is_there, numbers = whole, [nan] * len(getters)
+            try:
+                if whole:
+                    numbers = [float(take(fields)) for take in getters]
+            except BlankError:
+                is_there, whole = False, not self.known[name].required
+            except UNREADABLE:
+                raise self._without(self.taken.fields[name].from_, fields) from None
+            self._there[name].append(is_there)
+            self._numbers[name].extend(numbers)
+
+    def _words(self, fields: Any) -> dict[str, str | bool] | str:
+        found: dict[str, str | bool] = {}
+        for name, field in self.taken.fields.items():
+            try:
+                found[name] = _word(self._take(field.from_[0])(fields), field)
+            except BlankError:
+                continue
+            except KeyError as unknown:
+                return f"{name} {unknown.args[0]} is not in the map, left out"
+            except UNREADABLE:
+                raise self._without(field.from_, fields) from None
+        return found
+
+    def _stamp_ns(self, fields: Any, arrival: Ns, shift: Ns) -> Ns:
+        if self._stamp is None:
+            return arrival
+        unit = self.taken.stamp_unit
+        try:
+            raw = self._stamp(fields)
+            if unit == "ros":
+                # JSON by Foxglove's schemas has nsec.
+                below = raw.nsec if hasattr(raw, "nsec") else raw.nanosec
+                stamp = int(raw.sec) * 10**9 + int(below)
+            else:
+                scale = STAMP_UNITS[unit]
+                stamp = raw * scale if isinstance(raw, int) else round(float(raw) * scale)
+        except UNREADABLE:
+            raise self._without([self.taken.stamp], fields) from None
+        if self.taken.clock == "board":
+            return stamp
+        stamp += shift
+        if abs(stamp - arrival) > OTHER_CLOCK_NS:
+            raise LindyError(
+                f"{self.source}: {self.taken.stamp} says {_date(stamp)}, and the logger "
+                f'{_date(arrival)}: they are not by one clock; write clock = "board" at '
+                f'{self.taken.where} in the map, or "arrival" where the stamp is never set'
+            )
+        return stamp
+
+    def _without(self, paths: Sequence[str], fields: Any) -> LindyError:
+        words: list[str] = []
+        for path in paths:
+            found: Any = None
+            try:
+                found = self._take(path)(fields)
+                float(found)
+            except ValueError:  # a word
+                words.append(f"{path} is {str(found)[:LONGEST_WORD]!r}")
+            except (BlankError, *UNREADABLE):
+                continue
+        if words:
+            return LindyError(
+                f"{self.source}: {', '.join(words)}, which is no number; mend the log, or leave "
+                f"it out of the map at {self.taken.where}"
+            )
+        return LindyError(
+            f"{self.source} has no number {', '.join(paths)}, which the map names at "
+            f"{self.taken.where}; write there the fields that it has"
+        )
+
+    # Afterwards.
+
+    def stamps_ns(self) -> Sequence[Ns]:
+        """(n,) [ns] UTC by the logger's clock."""
+        board = self.taken.clock == "board"
+        return by_logger(self.stamps, self.arrivals) if board else self.stamps
+
+    def is_there(self, name: str) -> NDArray[np.bool_]:
+        """(n,) Does the row have this field?"""
+        return np.frombuffer(self._there[name], bool)
+
+    def raw(self, name: str) -> Floats:
+        """(n, k) In the log's own numbers."""
+        numbers = np.frombuffer(self._numbers[name], float)
+        return numbers.reshape(len(self.rows), len(self._getters[name]))
+
+    def column(self, name: str) -> Floats:
+        """(n, k) [SI, FRD]"""
+        field = self.taken.fields[name]
+        known = self.known[name]
+        factor = QUANTITIES[known.quantity].units.get(field.unit, 1.0)
+        if field.value is not None:
+            return np.full((len(self.rows), 1), field.value * factor)
+        if field.full is not None:
+            factor = 1.0 / (field.full - field.zero)
+        raw = self.raw(name)
+        if field.curve:
+            return _along(np.array(field.curve), raw) * factor
+        scaled = (raw - field.zero) * factor
+        if known.size != VECTOR or self.taken.rotation == ALONG:
+            return scaled
+        x, y, z = scaled.T
+        return np.column_stack([a * x + b * y + c * z for a, b, c in self.taken.rotation])
+
+    def angles(self, q: Quaternion) -> tuple[float, float, float]:
+        """[rad] Roll, pitch and heading of an attitude in the log's axes of body and world."""
+        # The body's axes (FRD) in the world's (NED): R = world R(q) bodyᵀ, column by column.
+        world = WORLDS[self.taken.world]
+        body = self.taken.rotation
+        forward, starboard, down = (_turned(world, to_world(q, axis)) for axis in body)
+        pitch = -asin(max(-1.0, min(1.0, forward[2])))
+        return atan2(starboard[2], down[2]), pitch, atan2(forward[1], forward[0])
+
+
+def _word(raw: Any, field: FieldMap) -> str | bool:
+    """
+    Raises:
+        KeyError: `values` does not have it.
+    """
+    if field.mask is not None:
+        return int(raw) & field.mask != 0
+    if not field.values:
+        return bool(raw)
+    return field.values[raw if isinstance(raw, str) else f"{float(raw):g}"]
+
+
+def _along(curve: Floats, at: Floats) -> Floats:
+    """Between the points (x, y) of a curve; beyond them as at the last."""
+    x, y = curve.T
+    above = np.clip(np.searchsorted(x, at), 1, len(x) - 1)
+    x0, y0, x1, y1 = x[above - 1], y[above - 1], x[above], y[above]
+    between: Floats = y0 + (y1 - y0) * (np.clip(at, x[0], x[-1]) - x0) / (x1 - x0)
+    return between
+
+
+def _turned(rotation: Rotation, v: Vec3) -> Vec3:
+    x, y, z = (a * v[0] + b * v[1] + c * v[2] for a, b, c in rotation)
+    return x, y, z
+
+
+def _date(utc_ns: Ns) -> str:
+    try:
+        date = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=utc_ns / 1e9)
+        return f"{date:%Y-%m-%d %H:%M:%S}"
+    except OverflowError:
+        return f"{utc_ns / 1e9:g} s"
