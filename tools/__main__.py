@@ -88,7 +88,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "fault": Verb("fault:fault", "Make a part of the simulated vehicle fail, or repair it."),
     },
     "Study": {
-        "sweep": Verb("sweep.command:sweep", "Simulate many dives on all cores, into one table."),
+        "sweep": Verb("sweep.sweep:sweep", "Simulate many dives on all cores, into one table."),
         "path": Verb("path:path", "Print a path (JSON), or the reference along it (CSV)."),
         "profile": Verb("profile:profile", "Print one motion of the reference model."),
         "ramp": Verb("ramp:ramp", "Turn a stick log into a smooth reference (CSV)."),

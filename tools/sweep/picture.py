@@ -1,10 +1,10 @@
 """A picture of a sweep: one panel per main figure, one place on the axis per combination."""
 
 import io
-import tempfile
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import NamedTuple
 
 from services.runtime.config.disk import reason
@@ -47,7 +47,7 @@ def check_picture(picture: Path) -> None:
     refuse_existing(picture, "--picture")
     folder = next(path for path in picture.absolute().parents if path.exists())
     try:
-        with tempfile.TemporaryFile(dir=folder):
+        with TemporaryFile(dir=folder):
             pass  # it can be written to
     except OSError as error:
         raise LindyError(f"cannot write --picture {picture}: {reason(error)}") from None
