@@ -7,6 +7,7 @@ import json
 import math
 import tomllib
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from math import degrees
@@ -36,7 +37,8 @@ class Flown(NamedTuple):
     deepest_m: float | None  # [m]
 
 
-class Column(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Column:
     """A figure of a report. None: not measurable on this dive."""
 
     name: str  # with its unit
