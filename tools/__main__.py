@@ -111,10 +111,8 @@ LOG: dict[str, Verb] = {
     "check": Verb("log.check:check", "Is everything in it that was sent, and what was lost where?"),
     "cut": Verb("log.cut:cut", "Cut a part out, as a recording of its own."),
     "recover": Verb("log.recover:recover", "Save what can be read of a damaged recording."),
-    "csv": Verb("log.csv_table:csv", "Write every topic as a table: one CSV file each."),
-    "parquet": Verb(
-        "log.parquet_table:parquet", "Write every topic as a table: one Parquet file each."
-    ),
+    "csv": Verb("log.export:csv", "Write every topic as a table: one CSV file each."),
+    "parquet": Verb("log.export:parquet", "Write every topic as a table: one Parquet file each."),
     "rosbag": Verb(
         "log.rosbag:rosbag", "As a bag of ROS 2 (rosbag2, MCAP), with standard messages."
     ),

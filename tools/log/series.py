@@ -8,7 +8,6 @@ from hashlib import sha256
 from math import nan
 from typing import Any
 
-import msgspec
 import numpy as np
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
@@ -16,14 +15,12 @@ from numpy.typing import NDArray
 from messages import topics
 from messages.topic import AnyTopic
 from services.recorder.foxglove.channel import is_view
-from tools.log.flatten import Flattening, Row, TableColumn
+from tools.log.flatten import DECODE, Flattening, Row, TableColumn
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 LONGEST = 1000  # letters of a word; a longer one, as a picture is, is kept as its checksum
-Tree = dict[str, Any]
-DECODE = msgspec.json.Decoder(Tree).decode
 # Names of fields that tell messages and processes apart, and are never the same twice by the clock.
 IDENTIFIERS = ("seq", "instance", "pid", "id", "source")
 
@@ -131,9 +128,7 @@ class DiveSeries:
             tree = DECODE(message.data)
             series = self.topics.get(key)
             if series is None:
-                known = {} if schema is None else DECODE(schema.data)
-                name = "" if schema is None else schema.name
-                series = self.topics[key] = TopicSeries(Flattening(known, name, [], tree))
+                series = self.topics[key] = TopicSeries(Flattening.by(schema, [], tree))
             series.add(series.flattening.row(tree), message.log_ns, self.words)
         except (ValueError, TypeError, RecursionError, OverflowError):  # also msgspec's
             self.unread += 1

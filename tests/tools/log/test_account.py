@@ -13,8 +13,7 @@ from mcap.writer import Writer
 from messages.health import Health
 from services.recorder.foxglove.channel import is_view
 from tools.__main__ import main
-from tools.log.account import Accounts, LinkReports, account_for, accounts
-from tools.log.numbering import Numbering
+from tools.log.check import Accounts, LinkReports, Numbering, account_for, accounts
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
 from tools.recordings.recording import open_recording

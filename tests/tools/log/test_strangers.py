@@ -10,7 +10,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import Writer
 
 from tools.__main__ import GROUPS, LOG, main
-from tools.log.account import Account, unrecorded_in
+from tools.log.check import Account, unrecorded_in
 from tools.recordings.mcap_records import StoredMessage, records
 
 from .conftest import ShortDive
