@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
-from tools.log.figures import figures
+from tools.log.compare import figures
 from tools.log.recover import recovered
 from tools.recordings.recording import open_recording
 from tools.replay.command import span_of
@@ -175,7 +175,7 @@ def test_losses_are_counted_by_the_rule_of_the_summary(
     def same(_dive: RecordedDive, _extras: Extras) -> Report:
         return report
 
-    monkeypatch.setattr("tools.log.figures.report_on", same)
+    monkeypatch.setattr("tools.log.compare.report_on", same)
     sides = figures(recording, recording)
     assert [each.a for each in sides if each.name.startswith("losses")] == [5.0]
 
