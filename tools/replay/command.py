@@ -11,12 +11,11 @@ from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.errors import LindyError
 from tools.choices import named
 from tools.keys.credentials import is_local
-from tools.replay.differences import in_words
-from tools.replay.onto_bus import Wish, onto_bus
+from tools.replay.differences import in_words, parsed
+from tools.replay.play import Wish, onto_bus
 from tools.replay.source import ReplaySource, open_source, remarks
 from tools.replay.through import ThroughResult
 from tools.replay.through import through as run_through
-from tools.replay.tolerances import parsed
 
 SLOWEST, FASTEST = 0.01, 1000.0  # [-]
 SHOWN = 20  # differences that are printed

@@ -13,6 +13,11 @@ from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.replay.differences import (
+    A_FEW,
+    DAMAGED,
+    RARELY,
+    REAL_TIME,
+    VIRTUAL,
     Difference,
     FieldComparison,
     Pair,
@@ -25,7 +30,6 @@ from tools.replay.differences import (
 )
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
-from tools.replay.tolerances import A_FEW, DAMAGED, RARELY, REAL_TIME, VIRTUAL
 
 CANNOT = (
     "simulator, gamepad, mavlink, ardusub, tether, recorder and visualizer cannot, because a "

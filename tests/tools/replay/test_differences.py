@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from services.runtime.config.errors import LindyError
 from tools.replay.differences import (
+    REAL_TIME,
     FieldComparison,
     Pair,
     Told,
@@ -16,9 +17,9 @@ from tools.replay.differences import (
     fields,
     in_words,
     more,
+    parsed,
     stood_in,
 )
-from tools.replay.tolerances import REAL_TIME, parsed
 
 NUMBER = st.floats(-1e6, 1e6)
 TREE = st.recursive(
