@@ -22,9 +22,8 @@ from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import OFFICIAL, PREFIX, FoxgloveView
-from services.recorder.foxglove.named import THRUST, VECTORS
 from services.recorder.foxglove.scene import NED_IN_WORLD, along
-from services.recorder.foxglove.views import Views
+from services.recorder.foxglove.views import THRUST, VECTORS, Views
 from services.runtime.config.stack import Stack
 
 SECOND = 1_000_000_000
