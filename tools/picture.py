@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 from cyclopts import Parameter
 
 from messages.text import harmless
-from services.recorder.io.open_chunk import MAGIC as MCAP
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import nearest
@@ -130,27 +129,20 @@ def rrd_of(recording: Path) -> Path:
         rrd = recording.with_suffix(".rrd")
     if not rrd.is_file():
         beside = "" if rrd == recording else f" (for {recording})"
-        raise LindyError(f"there is no recording of the visualizer {rrd}{beside}; {_instead(rrd)}")
+        raise LindyError(
+            f"there is no recording of the visualizer {rrd}{beside}; `lindy simulate --from` flies "
+            f"a recorded dive again and makes one"
+        )
     try:
         with rrd.open("rb") as file:
             beginning = file.read(len(MAGIC))
     except OSError as error:
         raise LindyError(f"cannot read {rrd}: {error.strerror}") from None
-    if MCAP.startswith(beginning) and beginning:
-        raise LindyError(f"{rrd} is a recording of the recorder; {_instead(rrd)}")
     if beginning != MAGIC:
         raise LindyError(
             f"{rrd} shows no dive: it does not begin as a recording of the visualizer ({NAME}) does"
         )
     return rrd
-
-
-def _instead(rrd: Path) -> str:
-    """What to do with a recording of the recorder alone."""
-    here = rrd.with_name(NAME)
-    if here != rrd and here.is_file():
-        return f"that of this dive is {here}"
-    return "`lindy simulate --from` flies a recorded dive again and makes one"
 
 
 def _page(name: str) -> str:
