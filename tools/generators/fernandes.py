@@ -29,8 +29,8 @@ MARGIN = 1e-5  # relative; a limit that is quoted is still feasible after roundi
 
 @dataclass(frozen=True, slots=True)
 class MotionRequest:
-    """One motion along a line (Table 1). Metres or radians; a motion backwards has a negative cruise
-    velocity (as in the paper), a negative length, or both.
+    """One motion along a line (Table 1). Metres or radians; a motion backwards has a negative
+    cruise velocity (as in the paper), a negative length, or both.
 
     Speeds between 0 and `cruise` have its sign.
     """

@@ -30,11 +30,6 @@ class WantedPart(NamedTuple):
     to_s: float = inf  # [s] exclusive
     topics: tuple[str, ...] = ()  # keys or patterns such as sensor/*; empty: all
 
-    def within(self, other: "WantedPart") -> "WantedPart":
-        """What both keep. A pattern within a pattern is kept as both of them."""
-        topics = tuple(dict.fromkeys((*other.topics, *self.topics)))
-        return WantedPart(max(self.from_s, other.from_s), min(self.to_s, other.to_s), topics)
-
 
 def cut(
     recording: Path,
@@ -111,7 +106,13 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
             raise LindyError(
                 f"{recording.files[0]} holds no such message from {wanted.from_s:g} s to {until}"
             )
-        copy.metadata(Metadata(CUT, _noted(wanted, recording.metadata(CUT), origin)))
+        about = {
+            "origin_ns": str(origin),
+            "from_s": repr(float(wanted.from_s)),
+            "to_s": repr(float(wanted.to_s)),
+            "topics": " ".join(wanted.topics),
+        }
+        copy.metadata(Metadata(CUT, about))
     return copy.messages
 
 
@@ -120,19 +121,3 @@ def _is_in(record: StoredMessage | Described, span: Span) -> bool:
     if isinstance(record, StoredMessage):
         return span[0] <= record.log_ns < span[1]
     return not (isinstance(record, Metadata) and record.name in (HASH, CUT))
-
-
-def _noted(wanted: WantedPart, earlier: dict[str, str], origin: int) -> dict[str, str]:
-    """What the part says of itself: the same, however often it was cut."""
-    before = WantedPart(
-        float(earlier.get("from_s", "0")),
-        float(earlier.get("to_s", "inf")),
-        tuple(earlier.get("topics", "").split()),
-    )
-    whole = wanted.within(before)
-    return {
-        "origin_ns": str(origin),
-        "from_s": repr(float(whole.from_s)),
-        "to_s": repr(float(whole.to_s)),
-        "topics": " ".join(whole.topics),
-    }
