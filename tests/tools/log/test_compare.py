@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.records import Channel, Metadata
+from mcap.records import Metadata
 
 from messages import topics
 from tools.__main__ import main
@@ -23,10 +23,10 @@ from tools.log.series import (
     topic_differences,
 )
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
 
-from .conftest import ShortDive
+from .conftest import ShortDive, rewritten
 
 SCHEMA = {"type": "object", "properties": {"x": {"type": "number"}, "word": {"type": "string"}}}
 
@@ -90,23 +90,6 @@ def test_a_tolerance_is_a_share_of_the_largest_value(tolerance: float) -> None:
     assert bool(found_in(a, b, known, tolerance)) == (tolerance * 10.0 < 2.0)
 
 
-def changed(dive: ShortDive, out: Path, key: str, old: bytes, new: bytes) -> Path:
-    """A copy in which one topic says something else from 4 s on."""
-    channels: dict[int, str] = {}
-    with new_mcap(out) as copy:
-        copy.next_file()
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
-            if isinstance(record, Channel):
-                channels[record.id] = record.topic
-            if isinstance(record, StoredMessage) and channels[record.channel_id] == key:
-                late = record.log_ns >= 4_000_000_000
-                data = record.data.replace(old, new) if late else record.data
-                copy.add(record._replace(data=data))
-            else:
-                copy.add(record)
-    return out
-
-
 def test_a_dive_is_the_same_as_itself(dive: ShortDive, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["log", "compare", str(dive.folder), str(dive.folder)]) == 0
     assert "all fields of all messages are the same" in capsys.readouterr().out
@@ -115,7 +98,14 @@ def test_a_dive_is_the_same_as_itself(dive: ShortDive, capsys: pytest.CaptureFix
 def test_a_field_that_was_changed_is_named_with_its_time(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    other = changed(dive, tmp_path / "b.mcap", "state", b'"phase":"running"', b'"phase":"other"')
+
+    def changed(key: str, message: StoredMessage) -> StoredMessage:
+        if key != "state" or message.log_ns < 4_000_000_000:
+            return message
+        data = message.data.replace(b'"phase":"running"', b'"phase":"other"')
+        return message._replace(data=data)
+
+    other = rewritten(dive, tmp_path / "b.mcap", changed)
     assert main(["log", "compare", str(dive.folder), str(other), "--json"]) == 1
     found = msgspec.json.decode(capsys.readouterr().out)
     (field,) = found["fields"]
