@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -14,9 +13,8 @@ from messages import topics
 from messages.text import harmless
 from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from tools.choices import Json, NewPicture
-from tools.fresh import refuse_existing, write_fresh
+from tools.fresh import require_picture, write_fresh
 from tools.log.series import (
     Array,
     Differences,
@@ -88,7 +86,7 @@ def compare(
     if not tolerance >= 0.0:
         raise LindyError(f"--tolerance is {tolerance:g}, expected 0 or more")
     if out is not None:
-        check_picture(out)
+        require_picture(out, "--out")
     left, right = open_recording(a), open_recording(b)
     _require_one_vehicle(left, right)
     with reading("comparing", left.size + right.size) as advance:
@@ -201,21 +199,6 @@ def _row(field: FieldDifference) -> list[str]:
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.6g}"
-
-
-def check_picture(out: Path) -> None:
-    """Check, before anything is read, that it can be drawn and written.
-
-    Raises:
-        LindyError: it cannot.
-    """
-    if out.suffix != ".png":
-        raise LindyError(f"--out {out}: expected a name that ends in .png")
-    if find_spec("matplotlib") is None:
-        raise LindyError(
-            f"a picture needs matplotlib, which is not installed; {how_to_install('figures')}"
-        )
-    refuse_existing(out)
 
 
 def drawn(a: DiveSeries, b: DiveSeries, names: Sequence[str]) -> bytes:
