@@ -9,7 +9,7 @@ pytest.importorskip("rerun", reason="the viewer extra is not installed")
 from tests.services.visualizer.test_visualizer_service import read_back
 from tests.tools.importing.logs import SLOW_HZ, ulog
 from tests.tools.importing.test_rosbags import imported
-from tools.drawn import draw
+from tools.picture import draw
 from tools.replay.source import open_source
 
 

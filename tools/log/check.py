@@ -143,15 +143,6 @@ def as_text(found: Accounts) -> str:
 
 
 @dataclass(slots=True)
-class Gap:
-    """Numbers that are missing between two that are there."""
-
-    missing: int
-    after_ns: int  # [ns] UTC arrival of the one before …
-    before_ns: int  # [ns] … and of the one behind
-
-
-@dataclass(slots=True)
 class Sender:
     """One process that publishes a topic."""
 
@@ -168,9 +159,11 @@ class Numbering:
     recorded: int = 0  # messages, each once
     duplicated: int = 0
     reordered: int = 0
-    gaps: list[Gap] = field(default_factory=list[Gap])
+    # By sender and number: [ns] UTC arrival of the one before the gap, and of the one behind it.
+    lost: dict[tuple[int, int], tuple[int, int]] = field(
+        default_factory=dict[tuple[int, int], tuple[int, int]]
+    )
     _senders: list[Sender] = field(default_factory=list[Sender])
-    _missing: dict[tuple[int, int], int] = field(default_factory=dict[tuple[int, int], int])
 
     def see(self, number: int, publish_ns: int, log_ns: int) -> None:
         if len(self._senders) == 1 and number == (only := self._senders[0]).last + 1:
@@ -184,14 +177,19 @@ class Numbering:
             self.recorded += 1
             return
         sender = self._senders[index]
-        if number <= sender.last:
-            self._again(index, number)
+        if number > sender.last:
+            between = sender.last_ns, log_ns
+            self.lost |= dict.fromkeys(
+                ((index, n) for n in range(sender.last + 1, number)), between
+            )
+            sender.last, sender.last_ns = number, log_ns
+            sender.publish_ns = max(sender.publish_ns, publish_ns)
+        elif self.lost.pop((index, number), None) is None:
+            self.duplicated += 1
             return
-        if number > sender.last + 1:
-            self._open_gap(index, sender, number, log_ns)
+        else:
+            self.reordered += 1
         self.recorded += 1
-        sender.last, sender.last_ns = number, log_ns
-        sender.publish_ns = max(sender.publish_ns, publish_ns)
 
     @property
     def sent(self) -> int:
@@ -200,7 +198,7 @@ class Numbering:
 
     @property
     def missing(self) -> int:
-        return sum(gap.missing for gap in self.gaps)
+        return len(self.lost)
 
     @property
     def before(self) -> int:
@@ -216,20 +214,6 @@ class Numbering:
             if sender.last < number <= sender.last + FARTHEST:
                 ahead.append((number - sender.last, -index))
         return -min(ahead)[1] if ahead else None
-
-    def _again(self, index: int, number: int) -> None:
-        gap = self._missing.pop((index, number), None)
-        if gap is None:
-            self.duplicated += 1
-        else:
-            self.gaps[gap].missing -= 1
-            self.reordered += 1
-            self.recorded += 1
-
-    def _open_gap(self, index: int, sender: Sender, number: int, log_ns: int) -> None:
-        for missing in range(sender.last + 1, number):
-            self._missing[index, missing] = len(self.gaps)
-        self.gaps.append(Gap(number - sender.last - 1, sender.last_ns, log_ns))
 
 
 class LinkReports:
@@ -360,7 +344,6 @@ def _unreported(numbering: Numbering, reports: LinkReports) -> int:
     """Messages that the link may have lost without a report of it in the recording."""
     first, last = reports.first_ns, reports.last_ns
     return sum(
-        gap.missing
-        for gap in numbering.gaps
-        if gap.before_ns > last or (first is not None and gap.after_ns < first)
+        behind > last or (first is not None and before < first)
+        for before, behind in numbering.lost.values()
     )
