@@ -9,11 +9,15 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.__main__ import main
-from tools.picture import IDLE_S, loaded, picture, rrd_of
+from tools.picture import IDLE_S, draw, loaded, picture, rrd_of
+from tools.replay.source import open_source
 
 rr = pytest.importorskip("rerun", reason="the viewer extra is not installed")
 
 from services.visualizer.blueprint import PAGES, blueprint  # noqa: E402 - needs rerun
+from tests.services.visualizer.test_visualizer_service import read_back  # noqa: E402
+from tests.tools.importing.logs import SLOW_HZ, ulog  # noqa: E402
+from tests.tools.importing.test_rosbags import imported  # noqa: E402
 
 DRIVERS = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
 needs_vulkan = pytest.mark.skipif(
@@ -169,3 +173,14 @@ def test_a_viewer_that_has_read_everything_and_has_no_dive_is_not_waited_for(
 def test_a_recording_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(LindyError, match=r"there is no recording .*nothing\.rrd"):
         picture(tmp_path / "nothing.rrd", out=tmp_path / "dive.png")
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_an_imported_recording_is_drawn(tmp_path: Path) -> None:
+    out = imported(ulog(tmp_path / "1.ulg"), tmp_path / "dive")
+    before = sorted(path.name for path in out.iterdir())
+    draw(open_source(out), tmp_path / "dive.rrd")
+    times, depths = read_back(tmp_path / "dive.rrd", "/depth/autopilot")
+    assert depths == pytest.approx([k / SLOW_HZ for k in range(2 * SLOW_HZ)])
+    assert times == pytest.approx(depths)  # it sinks by 1 m/s
+    assert sorted(path.name for path in out.iterdir()) == before
