@@ -149,17 +149,18 @@ def _written(path: Path, new: NewFilm, shown: Iterator[FilmedPicture]) -> str:
     picture = first = next(shown)
     refuse_existing(srt := path.with_suffix(".srt"))
     try:
-        with path.open("xb") as file:
-            try:
+        file = path.open("xb")
+        try:
+            with file:
                 film = new(file, first)
                 for picture in chain([first], shown):
                     is_in = film.add(picture)
                     subtitles.add(max(0, picture.light_ns - first.light_ns), picture.drone.words)
                     count, damaged = count + is_in, damaged + (not is_in)
                 film.close()
-            except BaseException:
-                path.unlink()
-                raise
+        except BaseException:
+            path.unlink()
+            raise
     except FileExistsError:
         raise LindyError(f"cannot write {path}: {EXISTS.format('--out')}") from None
     except OSError as error:
