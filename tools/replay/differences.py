@@ -94,19 +94,15 @@ class Difference:
     worst_ns: int = 0
 
 
-def by_seq(recorded: Sequence[Told], today: Sequence[Told]) -> Iterator[Pair]:
-    """Pair the messages of one key by their sequence numbers, on virtual time."""
-    ours = {told.seq: told for told in today}
-    yield from (Pair(told, ours.get(told.seq)) for told in recorded)
-
-
-def more(
-    recorded: Sequence[Told], today: Sequence[Told], begin_ns: int, end_ns: int
+def by_seq(
+    recorded: Sequence[Told], today: Sequence[Told], begin_ns: int = 0, end_ns: int = 0
 ) -> Iterator[Pair]:
-    """What is published today between two instants, and was not recorded."""
-    expected = {told.seq for told in recorded}
+    """Pair the messages of one key by their sequence numbers, on virtual time. Then comes what is
+    published today between two instants, and was not recorded."""
+    then, now = ({told.seq: told for told in side} for side in (recorded, today))
+    yield from (Pair(told, now.get(told.seq)) for told in recorded)
     for told in today:
-        if begin_ns < told.stamp_ns < end_ns and told.seq not in expected:
+        if begin_ns < told.stamp_ns < end_ns and told.seq not in then:
             yield Pair(None, told)
 
 

@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import NamedTuple
 
 from messages import topics
@@ -25,7 +24,6 @@ from tools.replay.differences import (
     Tolerance,
     by_cause,
     by_seq,
-    more,
     stood_in,
 )
 from tools.replay.on_board import OnBoard
@@ -182,8 +180,7 @@ def _pairs(
     if stands_in:
         return stood_in(recorded, [told for told in today if told.stamp_ns >= window.begin_ns])
     if source.virtual:
-        extra = iter(()) if source.thinned else more(recorded, today, *window)
-        return chain(by_seq(recorded, today), extra)
+        return by_seq(recorded, today) if source.thinned else by_seq(recorded, today, *window)
     topic = topics.find(recorded[0].key) if recorded else None
     period = 1e9 / topic.hz if topic is not None and topic.hz else APART_NS
     return by_cause(recorded, today, min(APART_NS, round(period / 2)))
