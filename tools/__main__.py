@@ -88,7 +88,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "fault": Verb("fault:fault", "Make a part of the simulated vehicle fail, or repair it."),
     },
     "Study": {
-        "sweep": Verb("sweep.command:sweep", "Simulate many dives on all cores, into one table."),
+        "sweep": Verb("sweep.sweep:sweep", "Simulate many dives on all cores, into one table."),
         "path": Verb("path:path", "Print a path (JSON), or the reference along it (CSV)."),
         "profile": Verb("profile:profile", "Print one motion of the reference model."),
         "ramp": Verb("ramp:ramp", "Turn a stick log into a smooth reference (CSV)."),
@@ -111,10 +111,8 @@ LOG: dict[str, Verb] = {
     "check": Verb("log.check:check", "Is everything in it that was sent, and what was lost where?"),
     "cut": Verb("log.cut:cut", "Cut a part out, as a recording of its own."),
     "recover": Verb("log.recover:recover", "Save what can be read of a damaged recording."),
-    "csv": Verb("log.csv_table:csv", "Write every topic as a table: one CSV file each."),
-    "parquet": Verb(
-        "log.parquet_table:parquet", "Write every topic as a table: one Parquet file each."
-    ),
+    "csv": Verb("log.export:csv", "Write every topic as a table: one CSV file each."),
+    "parquet": Verb("log.export:parquet", "Write every topic as a table: one Parquet file each."),
     "rosbag": Verb(
         "log.rosbag:rosbag", "As a bag of ROS 2 (rosbag2, MCAP), with standard messages."
     ),

@@ -1,11 +1,13 @@
 """New files and folders. Nothing that exists is ever deleted or overwritten."""
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import BinaryIO
 
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
 
 EXISTS = "it exists already; choose another {}, or remove it first"
 
@@ -49,6 +51,24 @@ def refuse_existing(path: Path, option: str = "--out") -> None:
     """
     if path.exists():
         raise LindyError(f"cannot write {path}: {EXISTS.format(option)}")
+
+
+def require_picture(path: Path, option: str) -> None:
+    """Check, before the work of a picture begins, that it can be drawn, and is new.
+
+    Args:
+        option: that names it.
+
+    Raises:
+        LindyError: its name is no PNG's, matplotlib is missing, or there is such a file.
+    """
+    if path.suffix != ".png":
+        raise LindyError(f"{option} {path}: expected a name that ends in .png")
+    if find_spec("matplotlib") is None:
+        raise LindyError(
+            f"a picture needs matplotlib, which is not installed; {how_to_install('figures')}"
+        )
+    refuse_existing(path, option)
 
 
 def write_fresh(path: Path, data: bytes, option: str = "--out") -> None:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from math import ceil, exp, isfinite
+from math import exp
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -16,8 +16,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
 from tools.generators.clothoid import TwinClothoids
 from tools.generators.route import MotionLaw, Route, furthest, route, stretch
-
-MOST_ROWS = 10_000_000
+from tools.profile import rows
 
 
 class PlannedPathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -67,7 +66,7 @@ def path(
     if dt is None:
         print(shown(settings, planned_route))
         return 0
-    steps = rows(planned_route, dt)
+    steps = rows(planned_route.duration, dt)
     print(",".join(RoutePoint._fields))
     for line in samples(planned_route, steps, dt):
         print(line)
@@ -97,8 +96,7 @@ def motion(file: PlannedPathFile) -> MotionLaw:
 
     if file.model == "mjvr":
         return bounded
-    from tools.generators.fernandes.model_request import MotionRequest
-    from tools.generators.fernandes.reference_model import plan
+    from tools.generators.fernandes import MotionRequest, plan
 
     def fernandes(length: float, cruise: float, initial: float, final: float) -> MotionProfile:
         return plan(
@@ -155,21 +153,6 @@ def smooth_yaw_deviation(file: PlannedPathFile) -> float | None:
     except ValueError:
         return None
     return furthest(smooth, clothoids)
-
-
-def rows(route: Route, dt: float) -> int:
-    """How many steps of `dt` [s] reach the arrival.
-
-    Raises:
-        LindyError: dt is not possible for this motion.
-    """
-    if not (isfinite(dt) and dt > 0):
-        raise LindyError(f"--dt is {dt}, expected more than 0 s")
-    if route.duration / dt > MOST_ROWS:
-        raise LindyError(
-            f"--dt {dt} gives {route.duration / dt:.3g} rows, expected at most {MOST_ROWS}"
-        )
-    return ceil(route.duration / dt)
 
 
 def samples(route: Route, steps: int, dt: float) -> Iterator[str]:

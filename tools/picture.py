@@ -14,15 +14,18 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
 
+from messages import topics
+from messages.events import Level
 from messages.text import harmless
-from services.recorder.io.open_chunk import MAGIC as MCAP
+from messages.units import Ns
+from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import nearest
+from services.visualizer.core import Collector
 from tools.choices import NewFile
-from tools.drawn import draw
 from tools.fresh import refuse_existing, write_fresh
-from tools.replay.source import open_source
+from tools.replay.source import ReplaySource, open_source
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -42,6 +45,9 @@ NO_VULKAN = (
     "the viewer could not draw: it needs Vulkan, in software at least; on Debian install "
     "mesa-vulkan-drivers and libvulkan1"
 )
+NO_RERUN = f"a picture needs rerun, which is not installed; {how_to_install('viewer')}"
+FRAME_NS = 100_000_000  # [ns] between two places of the vehicle, as in a dive
+BATCH_NS = 12_000_000_000  # [ns] that are written at once
 T = TypeVar("T")
 
 
@@ -109,6 +115,53 @@ def _drawn(recording: Path) -> Generator[Path]:
         yield rrd
 
 
+def draw(source: ReplaySource, rrd: Path) -> None:
+    """The visualizer's recording of a dive, made from the recorder's where the dive has none.
+
+    Args:
+        rrd: a new file.
+
+    Raises:
+        LindyError: rerun is not installed, the vehicle is not in the recording, or the disk fails.
+    """
+    try:
+        from services.visualizer.io.rerun_writer import RerunWriter
+        from services.visualizer.io.rrd_file import RrdFile
+    except ModuleNotFoundError:
+        raise LindyError(NO_RERUN) from None
+    with source.stack() as stack:
+        vehicle = stack.section("vehicle", Vehicle)
+    failed: list[str] = []
+
+    def say(level: Level, text: str) -> None:
+        if level == "warning":
+            failed.append(text)
+
+    collector = Collector(vehicle)
+    writer = RerunWriter(rrd.parent.name, vehicle)
+    writer.save(RrdFile(rrd, lambda _: None, say))
+    framed: Ns = 0
+    written: Ns | None = None
+    now: Ns = 0
+    for raw in source.raw():
+        topic, message = topics.find(raw.key), source.recording.decode(raw)
+        if topic is None or message is None:
+            continue
+        now = raw.log_ns - source.utc_offset_ns
+        written = now if written is None else written
+        if now - framed >= FRAME_NS:
+            collector.keep_frame()
+            framed = now
+        if now - written >= BATCH_NS:
+            writer.write(collector.drain(now))
+            written = now
+        collector.hear(topic, raw.key, message, now)
+    writer.write(collector.drain(now))
+    writer.close()
+    if failed:
+        raise LindyError(failed[0])
+
+
 def shot(client: "ViewerClient", at_s: float, settle_s: float) -> bytes:
     """The viewer with its time cursor at `at_s` [s], as a PNG."""
     client.set_time(TIMELINE, duration=at_s, play_state="paused")
@@ -130,27 +183,20 @@ def rrd_of(recording: Path) -> Path:
         rrd = recording.with_suffix(".rrd")
     if not rrd.is_file():
         beside = "" if rrd == recording else f" (for {recording})"
-        raise LindyError(f"there is no recording of the visualizer {rrd}{beside}; {_instead(rrd)}")
+        raise LindyError(
+            f"there is no recording of the visualizer {rrd}{beside}; `lindy simulate --from` flies "
+            f"a recorded dive again and makes one"
+        )
     try:
         with rrd.open("rb") as file:
             beginning = file.read(len(MAGIC))
     except OSError as error:
         raise LindyError(f"cannot read {rrd}: {error.strerror}") from None
-    if MCAP.startswith(beginning) and beginning:
-        raise LindyError(f"{rrd} is a recording of the recorder; {_instead(rrd)}")
     if beginning != MAGIC:
         raise LindyError(
             f"{rrd} shows no dive: it does not begin as a recording of the visualizer ({NAME}) does"
         )
     return rrd
-
-
-def _instead(rrd: Path) -> str:
-    """What to do with a recording of the recorder alone."""
-    here = rrd.with_name(NAME)
-    if here != rrd and here.is_file():
-        return f"that of this dive is {here}"
-    return "`lindy simulate --from` flies a recorded dive again and makes one"
 
 
 def _page(name: str) -> str:
@@ -198,9 +244,7 @@ def viewer_program() -> Path:
     """The viewer itself; the `rerun` on the path is a wrapper that leaves it running."""
     spec = find_spec("rerun_cli")
     if spec is None or spec.origin is None:
-        raise LindyError(
-            f"a picture needs rerun, which is not installed; {how_to_install('viewer')}"
-        )
+        raise LindyError(NO_RERUN)
     return Path(spec.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from services.runtime.config.errors import LindyError
 
 if TYPE_CHECKING:
-    from tools.generators.fernandes.reference_model import ReferenceModel
+    from tools.generators.fernandes import ReferenceModel
 
 MOST_ROWS = 10_000_000
 
@@ -51,8 +51,7 @@ def profile(
         xi: steepness of the start of both, 10 to 15.
         dt: [s] between samples.
     """
-    from tools.generators.fernandes.model_request import MotionRequest
-    from tools.generators.fernandes.reference_model import plan
+    from tools.generators.fernandes import MotionRequest, plan
 
     request = MotionRequest(
         length=length,
@@ -75,7 +74,7 @@ def profile(
     if dt is None:
         print(numbers(motion))
     else:
-        for line in samples(motion, rows(motion, dt), dt):
+        for line in samples(motion, rows(motion.duration, dt), dt):
             print(line)
     return 0
 
@@ -86,15 +85,15 @@ def numbers(motion: "ReferenceModel") -> str:
     return json.dumps(shown, allow_nan=False)
 
 
-def rows(motion: "ReferenceModel", dt: float) -> int:
-    """How many steps of `dt` [s] reach the arrival.
+def rows(duration: float, dt: float) -> int:
+    """How many steps of `dt` [s] reach the arrival after `duration` [s].
 
     Raises:
         LindyError: dt is no step for this motion.
     """
     if not (isfinite(dt) and dt > 0):
         raise LindyError(f"--dt is {dt}, expected more than 0 s")
-    steps = motion.duration / dt
+    steps = duration / dt
     if steps > MOST_ROWS:
         raise LindyError(f"--dt {dt} gives {steps:.3g} rows, expected at most {MOST_ROWS}")
     return ceil(steps)

@@ -188,17 +188,13 @@ def _planner(rule: Rule, limits: Limits) -> "Planner":
     from tools.generators import thesis_rule
     from tools.generators.baselines import minimum_time
 
-    def thesis(v: float, a: float, target: float) -> list[Segment]:
-        part = thesis_rule.plan(v, a, target, limits.jerk)
-        return [] if part is None else [part]
+    def plan(v: float, a: float, target: float) -> list[Segment]:
+        if rule == "thesis":
+            part = thesis_rule.plan(v, a, target, limits.jerk)
+            return [] if part is None else [part]
+        return (minimum_time if rule == "minimum-time" else solve)(v, a, target, limits)
 
-    def quickest(v: float, a: float, target: float) -> list[Segment]:
-        return minimum_time(v, a, target, limits)
-
-    def bounded(v: float, a: float, target: float) -> list[Segment]:
-        return solve(v, a, target, limits)
-
-    return {"thesis": thesis, "minimum-time": quickest}.get(rule, bounded)
+    return plan
 
 
 def _plan(rule: Rule, generator: "BaselineReference", to: float | None) -> str:

@@ -21,7 +21,7 @@ from tools.keys.roles import Role
 from tools.live.cockpit import with_further_cameras
 from tools.live.dive_folder import dive_files
 from tools.live.viewer import VIEWER
-from tools.replay.viewing import one_bus
+from tools.replay.play import one_bus
 from tools.start import settled
 
 CALLERS: tuple[Role, ...] = ("observer", "pilot")

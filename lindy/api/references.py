@@ -17,8 +17,7 @@ from tools.generators.baselines import (
     minimum_time,
 )
 from tools.generators.emergency_stop import StoppedMotion, stop
-from tools.generators.fernandes.model_request import MotionRequest
-from tools.generators.fernandes.reference_model import ReferenceModel, plan
+from tools.generators.fernandes import MotionRequest, ReferenceModel, plan
 
 __all__ = [
     "BaselineReference",

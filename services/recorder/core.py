@@ -16,13 +16,18 @@ from messages.events import Event, Outbox, Row
 from messages.message import Message
 from messages.payload import MEMBERS, PayloadDecoder
 from messages.topic import AnyTopic
-from services.recorder.foxglove.channel import FoxgloveView, NamedSchema, schema_of
+from services.recorder.foxglove.channel import NamedSchema, schema_of
 from services.recorder.foxglove.views import Views
-from services.recorder.settings import Settings as Settings  # the registry looks for them here
 
 UNKNOWN = 32  # unknown keys that are counted under their own name
 NAME_LENGTH = 80  # characters of an unknown key that are kept in its count
 LATEST_NS = 2**63 - 1  # [ns] MCAP tools read times as signed or unsigned 64 bit; this fits both
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table [recorder] of a vehicle file: what is recorded beside the messages."""
+
+    foxglove: bool = True  # record what Foxglove shows as well
 
 
 class RecordedRow(NamedTuple):
@@ -44,11 +49,6 @@ class CheckedMessage(NamedTuple):
     message: Message
     log_ns: int  # [ns] UTC of arrival
     publish_ns: int  # [ns] UTC of the message's own stamp, or of arrival: see `Intake`
-
-
-def view_row(view: FoxgloveView, of: RecordedRow) -> RecordedRow:
-    """The row of a view, beside that of its message."""
-    return of._replace(key=view.key, schema=view.schema, data=view.data, is_view=True)
 
 
 def _unchanged(_: AnyTopic, stamp_ns: int) -> int | None:
@@ -90,7 +90,9 @@ class Intake:
         row = RecordedRow(key, schema_of(topic.message), data, log_ns, publish_ns, sequence)
         if self._views is None:
             return [row]
-        return [row, *(view_row(v, row) for v in self._views.of(topic, message, publish_ns, key))]
+        views = self._views.of(topic, message, publish_ns, key)
+        of_views = (row._replace(key=k, schema=s, data=d, is_view=True) for k, s, d in views)
+        return [row, *of_views]
 
     def check(self, key: str, encoding: str, payload: bytes, arrival: int) -> CheckedMessage | None:
         """The message, counted into the hash; None: it is not recorded, which is told.

@@ -4,10 +4,9 @@ the file's `losses` metadata."""
 
 from messages import topics
 from services.marine.vehicle import Vehicle
-from services.recorder.core import Intake
+from services.recorder.core import Intake, Settings
 from services.recorder.foxglove.views import Views
 from services.recorder.io.mcap_session import McapSession
-from services.recorder.settings import Settings
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node

@@ -27,7 +27,7 @@ from messages.vehicle import VehicleStatus
 from tests.long.soak import EVERY_S, Life, Sample, growths, sample, show
 from tests.support.fleet_network import TwoRouters, begin_pilot, start_drones
 from tests.support.started_dives import StartedDive
-from tools.log.account import accounts
+from tools.log.check import accounts
 from tools.recordings.recording import open_recording
 
 MINUTES, SEED, DRONES = 30.0, 1, 4

@@ -9,11 +9,15 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.__main__ import main
-from tools.picture import IDLE_S, loaded, picture, rrd_of
+from tools.picture import IDLE_S, draw, loaded, picture, rrd_of
+from tools.replay.source import open_source
 
 rr = pytest.importorskip("rerun", reason="the viewer extra is not installed")
 
 from services.visualizer.blueprint import PAGES, blueprint  # noqa: E402 - needs rerun
+from tests.services.visualizer.test_visualizer_service import read_back  # noqa: E402
+from tests.tools.importing.logs import SLOW_HZ, ulog  # noqa: E402
+from tests.tools.importing.test_rosbags import imported  # noqa: E402
 
 DRIVERS = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
 needs_vulkan = pytest.mark.skipif(
@@ -46,11 +50,8 @@ def test_what_is_no_whole_recording_is_refused_at_once_with_what_to_do(tmp_path:
     with pytest.raises(LindyError, match=r"x\.mcap is not a recording of Lindy, or is cut off"):
         picture(mcap, out=tmp_path / "dive.png")
     renamed = mcap.rename(tmp_path / "x.rrd")
-    with pytest.raises(LindyError, match=r"x\.rrd is a recording of the recorder"):
+    with pytest.raises(LindyError, match=r"x\.rrd shows no dive: it does not begin"):
         picture(renamed, out=tmp_path / "dive.png")
-    recording(tmp_path / "dive.rrd")
-    with pytest.raises(LindyError, match=r"that of this dive is .*dive\.rrd"):
-        picture(tmp_path / "y.mcap", out=tmp_path / "dive.png")
 
 
 @pytest.mark.slow
@@ -172,3 +173,14 @@ def test_a_viewer_that_has_read_everything_and_has_no_dive_is_not_waited_for(
 def test_a_recording_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(LindyError, match=r"there is no recording .*nothing\.rrd"):
         picture(tmp_path / "nothing.rrd", out=tmp_path / "dive.png")
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_an_imported_recording_is_drawn(tmp_path: Path) -> None:
+    out = imported(ulog(tmp_path / "1.ulg"), tmp_path / "dive")
+    before = sorted(path.name for path in out.iterdir())
+    draw(open_source(out), tmp_path / "dive.rrd")
+    times, depths = read_back(tmp_path / "dive.rrd", "/depth/autopilot")
+    assert depths == pytest.approx([k / SLOW_HZ for k in range(2 * SLOW_HZ)])
+    assert times == pytest.approx(depths)  # it sinks by 1 m/s
+    assert sorted(path.name for path in out.iterdir()) == before

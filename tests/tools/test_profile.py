@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from services.runtime.config.errors import LindyError
-from tools.generators.fernandes.model_request import MotionRequest
-from tools.generators.fernandes.reference_model import plan
+from tools.generators.fernandes import MotionRequest, plan
 from tools.profile import profile
 
 SEA_TRIAL = {"length": 50.0, "cruise": 0.3, "accel_time": 20.0, "decel_time": 20.0}

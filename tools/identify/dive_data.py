@@ -22,8 +22,8 @@ from services.runtime.config.errors import LindyError
 from services.vehicle.mounting import AtOrigin
 from tools.identify.motion_model import ROWS, CommandedThrust, Floats
 from tools.recordings.recording import Recording
+from tools.replay.on_board import states_of_today
 from tools.replay.source import IMPORTED
-from tools.replay.states import states_of_today
 
 WINDOW_S = 10.0  # [s] one open-loop prediction of the fit
 REST_S = 2.0  # [s] before arming at least, for the gyroscopes' bias

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from math import inf
-from typing import NamedTuple
 
 import msgspec
 
@@ -67,36 +66,26 @@ class ArmedSpans:
         return self.found
 
 
-class Seconds(NamedTuple):
-    """A time of a recording, as `lindy log cut --from --to` says it."""
-
-    from_s: float  # [s] inclusive
-    to_s: float  # [s] exclusive
-
-
-def around(spans: Sequence[ArmedSpan], number: int, where: str) -> Seconds:
-    """When the dive of that number, from 1, was, with some seconds before and after it, and nothing
-    of another dive.
+def around(spans: Sequence[ArmedSpan], number: int, where: str) -> tuple[float, float]:
+    """[s] When the dive of that number, from 1, was, as `lindy log cut --from --to` says it: with
+    some seconds before and after it, and nothing of another dive.
 
     Raises:
         LindyError: there is no such dive.
     """
+    if not spans:
+        said = f"in {where} no {topics.STATUS.key} says that the drone was armed"
+        raise LindyError(f"--dive {number}: {said}")
     if not 1 <= number <= len(spans):
-        raise LindyError(f"--dive {number}: {_there_are(spans, where)}")
+        many = "is 1 dive" if len(spans) == 1 else f"are {len(spans)} dives"
+        listed = [f"{n}: {span.words}" for n, span in enumerate(spans[:SHOWN], start=1)]
+        listed += [f"and {len(spans) - SHOWN} more"] if len(spans) > SHOWN else []
+        raise LindyError(f"--dive {number}: in {where} there {many} ({', '.join(listed)})")
     span = spans[number - 1]
     earliest = spans[number - 2].to_s if number > 1 else 0.0
     latest = spans[number].from_s if number < len(spans) else inf
     to_s = min(span.to_s + AFTER_S, latest) if span.ended else inf
-    return Seconds(max(span.from_s - BEFORE_S, earliest), to_s)
-
-
-def _there_are(spans: Sequence[ArmedSpan], where: str) -> str:
-    if not spans:
-        return f"in {where} no {topics.STATUS.key} says that the drone was armed"
-    many = "is 1 dive" if len(spans) == 1 else f"are {len(spans)} dives"
-    listed = [f"{number}: {span.words}" for number, span in enumerate(spans[:SHOWN], start=1)]
-    more = [f"and {len(spans) - SHOWN} more"] if len(spans) > SHOWN else []
-    return f"in {where} there {many} ({', '.join([*listed, *more])})"
+    return max(span.from_s - BEFORE_S, earliest), to_s
 
 
 def armed_spans(recording: Recording) -> list[ArmedSpan]:

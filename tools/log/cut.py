@@ -1,6 +1,5 @@
 """`lindy log cut`: a part of a recording as a recording of its own."""
 
-from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -14,8 +13,8 @@ from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
 from tools.log.topic_patterns import Topics, is_chosen, require_known
-from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import HASH, Reading, Span, StoredMessage
+from tools.recordings.mcap_copy import new_mcap
+from tools.recordings.mcap_records import HASH, Described, Reading, Span, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -30,11 +29,6 @@ class WantedPart(NamedTuple):
     from_s: float = 0.0  # [s] since the dive began, inclusive
     to_s: float = inf  # [s] exclusive
     topics: tuple[str, ...] = ()  # keys or patterns such as sensor/*; empty: all
-
-    def within(self, other: "WantedPart") -> "WantedPart":
-        """What both keep. A pattern within a pattern is kept as both of them."""
-        topics = tuple(dict.fromkeys((*other.topics, *self.topics)))
-        return WantedPart(max(self.from_s, other.from_s), min(self.to_s, other.to_s), topics)
 
 
 def cut(
@@ -83,7 +77,7 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
         LindyError: nothing is in that part, or the file cannot be written.
     """
     for option, value in (("--from", wanted.from_s), ("--to", wanted.to_s)):
-        if not value >= 0.0:  # not a number neither
+        if not value >= 0.0:  # NaN neither
             raise LindyError(f"{option} is {value:g}, expected seconds from 0")
     if not wanted.from_s < wanted.to_s:
         raise LindyError(
@@ -95,58 +89,35 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     begin = origin + round(min(wanted.from_s, LONGEST_S) * 1e9)
     end = inf if wanted.to_s > LONGEST_S else origin + round(wanted.to_s * 1e9)
     keys = set[str]()
-    with reading("cutting", recording.size) as recording.advance, new_mcap(out) as copy:
-        for file in recording.files:
-            copy.next_file()
-            _add(recording, file, copy, (begin, end), wanted.topics, keys)
-        _require_some(recording, wanted, copy, keys)
-        earlier = recording.metadata(CUT)
-        copy.metadata(Metadata(CUT, _noted(wanted, earlier, origin)))
-    return copy.messages
-
-
-def _add(
-    recording: Recording,
-    file: Path,
-    copy: McapCopy,
-    span: Span,
-    patterns: Sequence[str],
-    keys: set[str],
-) -> None:
-    begin, end = span
 
     def readings(channel: Channel, _of: Schema | None) -> Reading:
         keys.add(channel.topic)
-        return Reading(is_chosen(channel.topic, patterns))
+        return Reading(is_chosen(channel.topic, wanted.topics))
 
-    for record in recording.records(file, readings, span):
-        if isinstance(record, StoredMessage):
-            if begin <= record.log_ns < end:
-                copy.add(record)
-        elif not (isinstance(record, Metadata) and record.name in (HASH, CUT)):
-            copy.add(record)
+    with reading("cutting", recording.size) as recording.advance, new_mcap(out) as copy:
+        for file in recording.files:
+            copy.next_file()
+            for record in recording.records(file, readings, (begin, end)):
+                if _is_in(record, (begin, end)):
+                    copy.add(record)
+        require_known(wanted.topics, keys, recording.files[0])
+        if not copy.messages:
+            until = "its end" if wanted.to_s == inf else f"{wanted.to_s:g} s"
+            raise LindyError(
+                f"{recording.files[0]} holds no such message from {wanted.from_s:g} s to {until}"
+            )
+        about = {
+            "origin_ns": str(origin),
+            "from_s": repr(float(wanted.from_s)),
+            "to_s": repr(float(wanted.to_s)),
+            "topics": " ".join(wanted.topics),
+        }
+        copy.metadata(Metadata(CUT, about))
+    return copy.messages
 
 
-def _require_some(recording: Recording, wanted: WantedPart, copy: McapCopy, keys: set[str]) -> None:
-    require_known(wanted.topics, keys, recording.files[0])
-    if not copy.messages:
-        until = "its end" if wanted.to_s == inf else f"{wanted.to_s:g} s"
-        raise LindyError(
-            f"{recording.files[0]} holds no such message from {wanted.from_s:g} s to {until}"
-        )
-
-
-def _noted(wanted: WantedPart, earlier: dict[str, str], origin: int) -> dict[str, str]:
-    """What the part says of itself: the same, however often it was cut."""
-    before = WantedPart(
-        float(earlier.get("from_s", "0")),
-        float(earlier.get("to_s", "inf")),
-        tuple(earlier.get("topics", "").split()),
-    )
-    whole = wanted.within(before)
-    return {
-        "origin_ns": str(origin),
-        "from_s": repr(float(whole.from_s)),
-        "to_s": repr(float(whole.to_s)),
-        "topics": " ".join(whole.topics),
-    }
+def _is_in(record: StoredMessage | Described, span: Span) -> bool:
+    """Does it belong into the part? The hash is that of the whole."""
+    if isinstance(record, StoredMessage):
+        return span[0] <= record.log_ns < span[1]
+    return not (isinstance(record, Metadata) and record.name in (HASH, CUT))

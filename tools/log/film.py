@@ -1,32 +1,31 @@
-"""`lindy log film`: the pictures of a recording as a film that any player and editor opens."""
+"""`lindy log film`: the pictures of a recording as a film that any player and editor opens, with
+subtitles in the SubRip format (.srt): what the pilot saw beside the picture."""
 
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import chain, groupby
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import Annotated, BinaryIO, Protocol
 
 from cyclopts import Parameter
 
 from messages import cameras
 from messages.text import harmless
-from services.marine.field_of_view import CameraViews, FieldOfView
+from services.marine.field_of_view import CameraViews
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.choices import NewFile
 from tools.fresh import EXISTS, refuse_existing, write_fresh
-from tools.log.film_cameras import Camera, chosen
-from tools.log.film_scenes import FilmedPicture, filmed_spans, pictures, within
-from tools.log.subtitles import Subtitles
+from tools.log.film_scenes import Camera, FilmedPicture, chosen, filmed_spans, pictures, within
 from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
-if TYPE_CHECKING:
-    from tools.log.film_file import CopiedFilm
-
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
+STEP_NS = 500_000_000  # [ns] between two lines of the subtitles at most
+LAST_NS = 500_000_000  # [ns] that the last one is shown
 Spans = Sequence[tuple[int, float]]  # [ns] UTC from when to when
 
 
@@ -38,6 +37,9 @@ class FilmFile(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+NewFilm = Callable[[BinaryIO, FilmedPicture], FilmFile]  # the first picture is a keyframe
 
 
 def film(
@@ -107,38 +109,32 @@ def filmed(
 
 
 def _filmed(
-    recording: Recording,
-    camera: str,
-    out: Path,
-    spans: Spans,
-    *,
-    overlay: bool,
+    recording: Recording, camera: str, out: Path, spans: Spans, *, overlay: bool
 ) -> list[str]:
-    """The films of one camera."""
-    said, what, left_out = list[str](), None, set[int]()
-    writing: _Writing | None = None
+    """The films of one camera: one for each span, and for each size."""
     views = flown_section(recording, "camera", CameraViews) if overlay else None
     view = None if views is None else views.by_name.get(camera)
     try:
-        for span, picture in within(pictures(recording, left_out, camera), spans):
-            if (span, picture.size) != what:
-                if writing is not None:
-                    said.append(writing.end())
-                what = span, picture.size
-                number = len(said) + 1
-                path = out if number == 1 else out.with_name(f"{out.stem}-{number}.mp4")
-                writing = _Writing(path, picture, view, overlay=overlay)
-            assert writing is not None
-            writing.add(picture)
-        if writing is None:
-            raise LindyError(f"{recording.files[0]} holds no pictures")
-        said.append(writing.end())
-        if overlay and view is None:
-            said.append("no horizon: the recording does not say what the camera sees")
-    except BaseException:
-        if writing is not None:
-            writing.give_up()
-        raise
+        from tools.log.film_file import CopiedFilm
+    except ModuleNotFoundError:
+        raise LindyError(
+            f"a film needs PyAV, which is not installed; {how_to_install('camera')}"
+        ) from None
+    new: NewFilm = CopiedFilm
+    if overlay:
+        from tools.log.film_overlay import DrawnFilm
+
+        new = partial(DrawnFilm, view=view)
+    said, left_out = list[str](), set[int]()
+    scenes = within(pictures(recording, left_out, camera), spans)
+    films = groupby(scenes, key=lambda each: (each[0], each[1].size))
+    for number, (_, shown) in enumerate(films, start=1):
+        path = out if number == 1 else out.with_name(f"{out.stem}-{number}.mp4")
+        said.append(_written(path, new, (picture for _, picture in shown)))
+    if not said:
+        raise LindyError(f"{recording.files[0]} holds no pictures")
+    if overlay and view is None:
+        said.append("no horizon: the recording does not say what the camera sees")
     if left_out:
         said.append(
             f"{len(left_out)} pictures of the recording are left out: parts of them, or of those "
@@ -147,74 +143,61 @@ def _filmed(
     return said
 
 
-class _Writing:
-    """One film and its subtitles."""
-
-    def __init__(
-        self, path: Path, first: FilmedPicture, view: FieldOfView | None, *, overlay: bool
-    ) -> None:
-        try:
-            from tools.log.film_file import CopiedFilm, new_file
-        except ModuleNotFoundError:
-            raise LindyError(
-                f"a film needs PyAV, which is not installed; {how_to_install('camera')}"
-            ) from None
-        self._path, self._srt = path, path.with_suffix(".srt")
-        self._began, self._end, self._pictures = first.light_ns, first.light_ns, 0
-        self._damaged = 0  # pictures
-        self._subtitles = Subtitles()
-        refuse_existing(self._srt)
-        with _said(path):
-            self._file = new_file(path)
-            try:
-                self._film = self._opened(first, view, CopiedFilm, overlay=overlay)
-            except BaseException:
-                self.give_up()
-                raise
-
-    def _opened(
-        self,
-        first: FilmedPicture,
-        view: FieldOfView | None,
-        copied: "type[CopiedFilm]",
-        *,
-        overlay: bool,
-    ) -> FilmFile:
-        if not overlay:
-            return copied(self._file, first)
-        from tools.log.film_overlay import DrawnFilm
-
-        return DrawnFilm(self._file, first, view)
-
-    def add(self, picture: FilmedPicture) -> None:
-        with _said(self._path):
-            shown = self._film.add(picture)
-        self._subtitles.add(max(0, picture.light_ns - self._began), picture.drone.words)
-        self._end, self._pictures = picture.light_ns, self._pictures + shown
-        self._damaged += not shown
-
-    def end(self) -> str:
-        with _said(self._path):
-            self._film.close()
-            self._file.close()
-        write_fresh(self._srt, self._subtitles.text().encode())
-        seconds = (self._end - self._began) / 1e9
-        damaged = f", {self._damaged} damaged ones left out" if self._damaged else ""
-        where = f"in {self._path} and {self._srt}"
-        return f"{self._pictures} pictures, {seconds:.1f} s, {where}{damaged}"
-
-    def give_up(self) -> None:
-        """It is not whole: nothing of it stays."""
-        if not self._file.closed:
-            self._file.close()
-            self._path.unlink(missing_ok=True)
-
-
-@contextmanager
-def _said(path: Path) -> Generator[None]:
+def _written(path: Path, new: NewFilm, shown: Iterator[FilmedPicture]) -> str:
+    """One film and its subtitles, whole or not at all. Returns what it is."""
+    subtitles, count, damaged = Subtitles(), 0, 0
+    picture = first = next(shown)
+    refuse_existing(srt := path.with_suffix(".srt"))
     try:
-        yield
+        file = path.open("xb")
+        try:
+            with file:
+                film = new(file, first)
+                for picture in chain([first], shown):
+                    is_in = film.add(picture)
+                    subtitles.add(max(0, picture.light_ns - first.light_ns), picture.drone.words)
+                    count, damaged = count + is_in, damaged + (not is_in)
+                film.close()
+        except BaseException:
+            path.unlink()
+            raise
     except FileExistsError:
         raise LindyError(f"cannot write {path}: {EXISTS.format('--out')}") from None
     except OSError as error:
         raise LindyError(f"cannot write {path}: {reason(error)}") from None
+    write_fresh(srt, subtitles.text().encode())
+    seconds = (picture.light_ns - first.light_ns) / 1e9
+    without = f", {damaged} damaged ones left out" if damaged else ""
+    return f"{count} pictures, {seconds:.1f} s, in {path} and {srt}{without}"
+
+
+class Subtitles:
+    """Lines with their times since the film began; equal ones that follow each other are one."""
+
+    def __init__(self) -> None:
+        self._lines: list[tuple[int, str]] = []
+        self._due = self._end = 0  # [ns]
+
+    def add(self, at_ns: int, line: str) -> None:
+        """A picture's line, [ns] since the film began."""
+        self._end = at_ns
+        if at_ns < self._due:
+            return
+        self._due = at_ns + STEP_NS
+        if not self._lines or line != self._lines[-1][1]:
+            self._lines.append((at_ns, line))
+
+    def text(self) -> str:
+        """The file."""
+        ends = [at for at, _ in self._lines[1:]] + [self._end + LAST_NS]
+        return "\n".join(
+            f"{number}\n{_time(begin)} --> {_time(end)}\n{line}\n"
+            for number, ((begin, line), end) in enumerate(zip(self._lines, ends, strict=True), 1)
+        )
+
+
+def _time(ns: int) -> str:
+    seconds, ms = divmod(round(ns / 1e6), 1000)
+    minutes, s = divmod(seconds, 60)
+    hours, m = divmod(minutes, 60)
+    return f"{hours:02d}:{m:02d}:{s:02d},{ms:03d}"

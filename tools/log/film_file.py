@@ -2,7 +2,6 @@
 
 import io
 from fractions import Fraction
-from pathlib import Path
 from typing import BinaryIO
 
 import av
@@ -10,14 +9,6 @@ import av
 from tools.log.film_scenes import FilmedPicture
 
 TICKS = 90_000  # [1/s] of a film's time stamps, as editors expect
-
-
-def new_file(path: Path) -> BinaryIO:
-    """
-    Raises:
-        OSError: it exists, or cannot be written.
-    """
-    return path.open("xb")
 
 
 class FilmClock:

@@ -4,7 +4,9 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from math import degrees, inf
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from cyclopts import Parameter
 
 from messages import cameras, topics
 from messages.cameras import FIRST
@@ -14,12 +16,17 @@ from messages.sensors import TemperatureSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
 from messages.video import Assembler, VideoPart
+from services.runtime.config.errors import LindyError
+from services.runtime.config.settings import nearest
 from tools.recordings.recording import Recording
 
 KEYS = {t.key for t in (topics.STATE, topics.STATUS, topics.TEMPERATURE, topics.REFERENCE)}
 DOT = " · "  # between two parts of a line
 VIDEOS = (topics.VIDEO, topics.FURTHER_VIDEO)
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
+Camera = Annotated[
+    str, Parameter(help="of this camera, or `all`; default: the one that was large the longest")
+]
 OLD_NS = 1_000_000_000  # [ns] before a picture: where the drone was then is not where it is
 
 
@@ -115,6 +122,29 @@ def filmed_cameras(recording: Recording) -> list[str]:
             large[raw.key.rpartition("/")[2]] += 1
     longest = max(sorted(seen), key=lambda name: (large[name], name == FIRST), default=FIRST)
     return sorted(seen, key=lambda name: (name != longest, name))
+
+
+def chosen(recording: Recording, camera: str = "") -> list[str]:
+    """The cameras that are meant; the one that was large for the longest first.
+
+    Args:
+        camera: its name, `all`, or empty: the default.
+
+    Raises:
+        LindyError: the recording is empty, has no pictures, or none of this camera.
+    """
+    recording.require_messages()
+    there = filmed_cameras(recording)
+    if not there:
+        raise LindyError(f"{recording.files[0]} holds no pictures")
+    if camera in ("", cameras.ALL):
+        return there
+    if camera not in there:
+        known = sorted(there)
+        raise LindyError(
+            f"{recording.files[0]} holds no pictures of {camera!r}{nearest(camera, known)}"
+        )
+    return [camera]
 
 
 def marks(recording: Recording, camera: str = "") -> list[tuple[FilmKind, int]]:

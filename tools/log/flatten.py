@@ -9,12 +9,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
 import msgspec
+from mcap.records import Schema
 
 from messages.components import COMPONENTS
 
 Kind = str  # of a column, as JSON schemas have it: number, integer, boolean, string
 Row = list[Any]
 Tree = dict[str, Any]
+DECODE = msgspec.json.Decoder(Tree).decode
 Put = Callable[[Any, Row], None]  # appends a value's cells to a row
 PLAIN = ("number", "integer", "boolean", "string")
 PER_THRUSTER = "thrust"  # a field with one number for each thruster
@@ -39,6 +41,12 @@ class Flattening:
         self.columns: list[TableColumn] = []
         self._thrusters = thrusters
         self._put = self._object(schema, COMPONENTS.get(name, {}), "", first)
+
+    @classmethod
+    def by(cls, schema: Schema | None, thrusters: Sequence[str], first: Tree) -> "Flattening":
+        """By the schema that a recording carries; None: it has none."""
+        known = {} if schema is None or not schema.data else DECODE(schema.data)
+        return cls(known, "" if schema is None else schema.name, thrusters, first)
 
     def row(self, message: Tree) -> Row:
         """

@@ -7,7 +7,6 @@ from math import inf
 from pathlib import Path
 
 import msgspec
-from mcap.records import Attachment
 
 from messages import topics
 from messages.events import known, sentence
@@ -103,10 +102,8 @@ class Gathered:
             t = (log_ns - origin_ns) / 1e9
             seen.count += 1
             seen.bytes += len(data)
-            if t < seen.first_s:
-                seen.first_s = t
-            if t > seen.last_s:
-                seen.last_s = t
+            seen.first_s = min(seen.first_s, t)
+            seen.last_s = max(seen.last_s, t)
 
         return see
 
@@ -160,9 +157,8 @@ def info(recording: Path, *, json: Json = False) -> int:
 
 
 def info_of(recording: Recording) -> Info:
-    origin = recording.origin_ns()
-    gathered = Gathered(origin or 0)
-    for raw in recording.raw(_is_read, gathered.noticing):
+    gathered = Gathered(recording.origin_ns() or 0)
+    for raw in recording.raw(lambda key: key in KEYS or key.startswith(LOG), gathered.noticing):
         if (message := recording.decode(raw)) is not None:
             gathered.read(message, (raw.log_ns - gathered.origin_ns) / 1e9)
     damage = recording.damage
@@ -171,24 +167,16 @@ def info_of(recording: Recording) -> Info:
     last = max((topic.last_s for topic in seen.values()), default=0.0)
     armed = gathered.armed.until(last)
     first = min((topic.first_s for topic in seen.values()), default=0.0)
-    about = dict[str, str]()
-    attached = dict[str, Attached]()
-    for record in recording.described():
-        if isinstance(record, Attachment):
-            attached[record.name] = Attached(record.name, len(record.data))
-        elif record.name == "dive":
-            about |= record.metadata
-    real = origin is not None and origin > REAL_NS
+    attached = {a.name: Attached(a.name, len(a.data)) for a in recording.attachments()}
+    began = datetime.fromtimestamp(gathered.origin_ns / 1e9, UTC)
     return Info(
         files=[str(file) for file in recording.files],
         bytes=recording.size,
         finished=all(map(is_whole, recording.files)),
         damage=damage,
-        about=about,
+        about=recording.metadata("dive"),
         dive=flown_dive(recording),
-        utc=f"{datetime.fromtimestamp((origin or 0) / 1e9, UTC):%Y-%m-%dT%H:%M:%SZ}"
-        if real
-        else None,
+        utc=f"{began:%Y-%m-%dT%H:%M:%SZ}" if gathered.origin_ns > REAL_NS else None,
         seconds=last - first,
         armed_seconds=sum(span.seconds for span in armed),
         dives=armed,
@@ -199,10 +187,6 @@ def info_of(recording: Recording) -> Info:
         attachments=[*attached.values()],
         events=gathered.events,
     )
-
-
-def _is_read(key: str) -> bool:
-    return key in KEYS or key.startswith(LOG)
 
 
 def as_text(found: Info) -> str:

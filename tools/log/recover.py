@@ -9,8 +9,8 @@ from messages.text import harmless
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
-from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import HASH, At, Damage, salvaged
+from tools.recordings.mcap_copy import new_mcap
+from tools.recordings.mcap_records import HASH, Damage, salvaged
 from tools.recordings.progress import reading
 from tools.recordings.recording import is_whole, open_recording
 
@@ -18,8 +18,7 @@ from tools.recordings.recording import is_whole, open_recording
 class Recovered(NamedTuple):
     messages: int
     attachments: int
-    whole: bool  # nothing was missing
-    words: str  # what was wrong with the files
+    wrong: list[str]  # what was wrong with the files; empty: nothing was missing
 
 
 def recover(recording: Path, *, out: NewFile) -> int:
@@ -34,8 +33,8 @@ def recover(recording: Path, *, out: NewFile) -> int:
     refuse_existing(out)
     found = recovered(recording, out)
     files = f" and {found.attachments} attached files" if found.attachments else ""
-    said = f"{found.messages} messages{files} written to {out}: {found.words}"
-    print(harmless(said), flush=True)
+    wrong = "; ".join(found.wrong) or "nothing was missing"
+    print(harmless(f"{found.messages} messages{files} written to {out}: {wrong}"), flush=True)
     return 0
 
 
@@ -45,44 +44,35 @@ def recovered(path: Path, out: Path) -> Recovered:
         LindyError: nothing can be read, or the file cannot be written.
     """
     recording = open_recording(path)
-    before, words = 0, list[str]()
+    before, wrong = 0, list[str]()
     with reading("recovering", recording.size) as advance, new_mcap(out) as copy:
         for file in recording.files:
-            words += _add(file, copy, lambda at, before=before: advance(before + at))
+            copy.next_file()
+            damage = Damage()
+            for record in salvaged(file, damage, lambda at, before=before: advance(before + at)):
+                if not (isinstance(record, Metadata) and record.name == HASH):
+                    copy.add(record)
+            wrong += _wrong(file, damage)
             before += file.stat().st_size
         if not copy.messages and not copy.attachments:
             raise LindyError(f"nothing can be recovered from {path}: no message in it is whole")
         if copy.orphans:
-            words.append(f"{copy.orphans} messages of unknown topics are left out")
+            wrong.append(f"{copy.orphans} messages of unknown topics are left out")
         about = {file.name: str(file.stat().st_size) for file in recording.files}
-        copy.metadata(Metadata("recovered", about | {"found": "; ".join(words)}))
-    return Recovered(copy.messages, copy.attachments, not words, _in_words(words))
+        copy.metadata(Metadata("recovered", about | {"found": "; ".join(wrong)}))
+    return Recovered(copy.messages, copy.attachments, wrong)
 
 
-def _add(file: Path, copy: McapCopy, at: At) -> list[str]:
-    """Everything in one file; returns what was wrong with it."""
-    copy.next_file()
-    damage = Damage()
-    for record in salvaged(file, damage, at):
-        if not (isinstance(record, Metadata) and record.name == HASH):
-            copy.add(record)
+def _wrong(file: Path, damage: Damage) -> list[str]:
+    name, count, named = file.name, len(damage.places), damage.index.messages
     if damage.written:
-        return [f"{file.name} was still being written: what was recorded later is not in it"]
-    words = [f"{file.name} was cut off"] if damage.cut_off or not is_whole(file) else []
-    if damage.places:
-        words.append(_of_parts(file.name, damage))
+        return [f"{name} was still being written: what was recorded later is not in it"]
+    words = [f"{name} was cut off"] if damage.cut_off or not is_whole(file) else []
+    if count:
+        lost = "" if named is None else f", with {named - damage.messages} of its {named} messages"
+        words.append(f"{name} had {count} damaged part{'s' if count > 1 else ''}{lost}")
     elif damage.index.damaged_at is not None:
-        words.append(f"{file.name} had a damaged summary")
-    elif not words and damage.in_words(file.name):
-        words.append(damage.in_words(file.name)[-1])
+        words.append(f"{name} had a damaged summary")
+    elif not words and damage.in_words(name):
+        words.append(damage.in_words(name)[-1])
     return words
-
-
-def _of_parts(name: str, damage: Damage) -> str:
-    count, named = len(damage.places), damage.index.messages
-    lost = "" if named is None else f", with {named - damage.messages} of its {named} messages"
-    return f"{name} had {count} damaged part{'s' if count > 1 else ''}{lost}"
-
-
-def _in_words(words: list[str]) -> str:
-    return "; ".join(words) or "nothing was missing"

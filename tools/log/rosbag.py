@@ -1,7 +1,7 @@
 """`lindy log rosbag`: a recording as a bag of ROS 2, by the same table as the service `ros2`."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +23,6 @@ from tools.recordings.recording import Recording, open_recording
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection, Qos
-    from rosbags.rosbag2 import Writer
 
     from services.ros2.mapping import RosMessage, RosMessages, ToJpeg
 
@@ -98,13 +97,25 @@ def _fill(
     """Messages written, by topic, and the keys that have no place in ROS 2."""
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-    left_out = set[str]()
+    from services.ros2.mapping import STORE
+
+    written, left_out = Counter[str](), set[str]()
+    known: dict[str, Connection] = {}
     bag = Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP)
     bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+
+    def write(said: "RosMessage", log_ns: int, qos: "Sequence[Qos]" = ()) -> None:
+        data = said.cdr()
+        if said.topic not in known:
+            known[said.topic] = bag.add_connection(
+                said.topic, said.kind, typestore=STORE, offered_qos_profiles=qos
+            )
+        bag.write(known[said.topic], log_ns, data)
+        written[said.topic] += 1
+
     with bag:
-        topics_of = BagTopics(bag)
         if (static := messages.static(origin_ns)) is not None:
-            topics_of.write(static, origin_ns, latched=True)
+            write(static, origin_ns, [_latched()])
         for key, message, log_ns, publish_ns in recording:
             topic = topics.find(key)
             if topic is None or not messages.has(topic):
@@ -112,42 +123,14 @@ def _fill(
                 continue
             for said in messages.of(topic, key, message, publish_ns):
                 try:
-                    topics_of.write(said, log_ns)
-                except ValueError:
+                    write(said, log_ns)
+                except ValueError:  # a value has no room in its field
                     recording.unreadable[key] += 1
-    return topics_of.written, left_out
-
-
-class BagTopics:
-    """The topics of a bag that is being written, and how many messages each has."""
-
-    def __init__(self, bag: "Writer") -> None:
-        self._bag, self.written = bag, Counter[str]()
-        self._known: dict[str, Connection] = {}
-
-    def write(self, said: "RosMessage", log_ns: int, *, latched: bool = False) -> None:
-        """
-        Args:
-            latched: whoever plays the bag is to say it to those who come later, too.
-
-        Raises:
-            ValueError: a value has no room in its field.
-        """
-        from services.ros2.mapping import STORE
-
-        data = said.cdr()
-        if (connection := self._known.get(said.topic)) is None:
-            connection = self._known[said.topic] = self._bag.add_connection(
-                said.topic,
-                said.kind,
-                typestore=STORE,
-                offered_qos_profiles=[_latched()] if latched else [],
-            )
-        self._bag.write(connection, log_ns, data)
-        self.written[said.topic] += 1
+    return written, left_out
 
 
 def _latched() -> "Qos":
+    """Whoever plays the bag is to say it to those who come later, too."""
     from rosbags import interfaces as bags
 
     never = bags.QosTime(9_223_372_036, 854_775_807)  # as rosbag2 writes an infinite time

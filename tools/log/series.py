@@ -1,11 +1,14 @@
-"""A recording as columns of numbers over time, topic by topic.
+"""Recordings as columns of numbers over time, topic by topic, and where two of them differ: which
+field, when first, and by how much.
 
 Words become numbers of their own: the same word the same number in every recording. None is NaN.
 """
 
 from array import array
+from collections.abc import Iterator
 from hashlib import sha256
 from math import nan
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -16,55 +19,14 @@ from numpy.typing import NDArray
 from messages import topics
 from messages.topic import AnyTopic
 from services.recorder.foxglove.channel import is_view
-from tools.log.flatten import Flattening, Row, TableColumn
+from tools.log.flatten import DECODE, Flattening, Kind, Row
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 LONGEST = 1000  # letters of a word; a longer one, as a picture is, is kept as its checksum
-Tree = dict[str, Any]
-DECODE = msgspec.json.Decoder(Tree).decode
 # Names of fields that tell messages and processes apart, and are never the same twice by the clock.
 IDENTIFIERS = ("seq", "instance", "pid", "id", "source")
-
-
-class TopicSeries:
-    """What one topic says over time."""
-
-    def __init__(self, flattening: Flattening) -> None:
-        self.flattening = flattening
-        self.log_ns = array("q")  # [ns] UTC of arrival
-        columns = enumerate(flattening.columns)
-        self._kept = [(place, column) for place, column in columns if _is_compared(column)]
-        self._values = [array("d") for _ in self._kept]
-
-    def add(self, row: Row, log_ns: int, words: "Words") -> None:
-        """
-        Raises:
-            OverflowError, TypeError: it is no number that a message of ours has.
-        """
-        numbers = [words.number(row[place]) for place, _ in self._kept]
-        self.log_ns.append(log_ns)
-        for number, values in zip(numbers, self._values, strict=True):
-            values.append(number)
-
-    @property
-    def columns(self) -> list[TableColumn]:
-        return [column for _, column in self._kept]
-
-    def times(self, origin_ns: int) -> Array:
-        """[s] since the origin."""
-        return (np.asarray(self.log_ns) - origin_ns) / 1e9
-
-    def __getitem__(self, name: str) -> Array:
-        """
-        Raises:
-            KeyError: it has no such column.
-        """
-        for column, values in zip(self.columns, self._values, strict=True):
-            if column.name == name:
-                return np.asarray(values)
-        raise KeyError(name)
 
 
 class Words:
@@ -89,6 +51,41 @@ class Words:
         return self._words[int(number)]
 
 
+class TopicSeries:
+    """What one topic says over time: the columns that can be compared."""
+
+    def __init__(self, flattening: Flattening) -> None:
+        self.flattening = flattening
+        self.log_ns = array("q")  # [ns] UTC of arrival
+        columns = enumerate(flattening.columns)
+        self._places = {c.name: place for place, c in columns if _is_compared(c.name)}
+        self.kinds: dict[str, Kind] = {
+            name: flattening.columns[place].kind for name, place in self._places.items()
+        }
+        self._values = {name: array("d") for name in self._places}
+
+    def add(self, row: Row, log_ns: int, words: Words) -> None:
+        """
+        Raises:
+            OverflowError, TypeError: it is no number that a message of ours has.
+        """
+        numbers = [words.number(row[place]) for place in self._places.values()]
+        self.log_ns.append(log_ns)
+        for number, values in zip(numbers, self._values.values(), strict=True):
+            values.append(number)
+
+    def times(self, origin_ns: int) -> Array:
+        """[s] since the origin."""
+        return (np.asarray(self.log_ns) - origin_ns) / 1e9
+
+    def __getitem__(self, name: str) -> Array:
+        """
+        Raises:
+            KeyError: it has no such column.
+        """
+        return np.asarray(self._values[name])
+
+
 class DiveSeries:
     """All topics of a recording."""
 
@@ -99,7 +96,9 @@ class DiveSeries:
         for file in recording.files:
             self._read(recording, file)
         self.recording_ns = recording.origin_ns() or 0  # [ns] UTC
-        self.armed_ns = self._first_armed()  # [ns] UTC; None: never
+        self.armed_ns: int | None = None  # [ns] UTC; None: never
+        if (armed := self.of(topics.STATUS, "armed")) is not None and np.any(armed[1] > 0.0):
+            self.armed_ns = int(armed[0][int(np.argmax(armed[1] > 0.0))])
 
     @property
     def unreadable(self) -> list[str]:
@@ -109,11 +108,11 @@ class DiveSeries:
     def of(self, topic: AnyTopic, column: str) -> tuple[Array, Array] | None:
         """(times [ns UTC], values); None: it is not in the recording."""
         series = self.topics.get(topic.key)
-        if series is None or all(each.name != column for each in series.columns):
+        if series is None or column not in series.kinds:
             return None
         return np.asarray(series.log_ns, dtype=np.float64), series[column]
 
-    def _read(self, recording: Recording, file: Any) -> None:
+    def _read(self, recording: Recording, file: Path) -> None:
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         for record in recording.records(file):
@@ -131,18 +130,10 @@ class DiveSeries:
             tree = DECODE(message.data)
             series = self.topics.get(key)
             if series is None:
-                known = {} if schema is None else DECODE(schema.data)
-                name = "" if schema is None else schema.name
-                series = self.topics[key] = TopicSeries(Flattening(known, name, [], tree))
+                series = self.topics[key] = TopicSeries(Flattening.by(schema, [], tree))
             series.add(series.flattening.row(tree), message.log_ns, self.words)
         except (ValueError, TypeError, RecursionError, OverflowError):  # also msgspec's
             self.unread += 1
-
-    def _first_armed(self) -> int | None:
-        armed = self.of(topics.STATUS, "armed")
-        if armed is None or not np.any(armed[1] > 0.0):
-            return None
-        return int(armed[0][int(np.argmax(armed[1] > 0.0))])
 
 
 def _is_read(channel: Channel) -> bool:
@@ -150,6 +141,119 @@ def _is_read(channel: Channel) -> bool:
     return channel.message_encoding == "json" and not is_view(channel.topic)
 
 
-def _is_compared(column: TableColumn) -> bool:
-    field = column.name.rpartition(".")[2]
+def _is_compared(name: str) -> bool:
+    field = name.rpartition(".")[2]
     return field not in IDENTIFIERS and not field.endswith("_ns")
+
+
+class FieldDifference(msgspec.Struct):
+    """A field that is not the same in both."""
+
+    topic: str
+    field: str
+    first_s: float  # [s] when it differs first …
+    a: float | str | None  # … and what it is then in A …
+    b: float | str | None  # … and in B; None: there is no value
+    largest: float | None  # largest difference of two numbers, in the field's own unit
+    largest_s: float | None  # [s] when that was
+    share: float  # [-] of the compared instants
+
+
+class Counted(msgspec.Struct):
+    """A topic with another number of messages."""
+
+    topic: str
+    a: int
+    b: int
+
+
+class Differences(msgspec.Struct):
+    counts: list[Counted]
+    fields: list[FieldDifference]  # the one that differs first is the first
+
+    @property
+    def none(self) -> bool:
+        return not self.counts and not self.fields
+
+
+def zeros(a: DiveSeries, b: DiveSeries) -> tuple[int, int]:
+    """[ns] UTC in each from which seconds count: arming, if both were armed, else the beginning."""
+    if a.armed_ns is not None and b.armed_ns is not None:
+        return a.armed_ns, b.armed_ns
+    return a.recording_ns, b.recording_ns
+
+
+def differences(a: DiveSeries, b: DiveSeries, tolerance: float = 0.0) -> Differences:
+    """
+    Args:
+        tolerance: [-] of the largest absolute value of a field.
+    """
+    counts: list[Counted] = []
+    fields: list[FieldDifference] = []
+    for key in sorted({*a.topics, *b.topics}):
+        left, right = a.topics.get(key), b.topics.get(key)
+        size = [0 if series is None else len(series.log_ns) for series in (left, right)]
+        if size[0] != size[1]:
+            counts.append(Counted(key, size[0], size[1]))
+        if left is not None and right is not None:
+            fields += topic_differences(key, (left, right), zeros(a, b), a.words, tolerance)
+    return Differences(counts, sorted(fields, key=lambda field: (field.first_s, field.topic)))
+
+
+def topic_differences(
+    key: str,
+    both: tuple[TopicSeries, TopicSeries],
+    zero_ns: tuple[int, int],
+    words: Words,
+    tolerance: float,
+) -> Iterator[FieldDifference]:
+    """One topic in A and in B. Where its messages were not recorded at the same instants, B is
+    taken at those of A: numbers between two messages, everything else from the newest one.
+
+    Args:
+        zero_ns: [ns] UTC from which seconds count in each.
+    """
+    a, b = both
+    times_a, times_b = a.times(zero_ns[0]), b.times(zero_ns[1])
+    same_times = np.array_equal(times_a, times_b)
+    inside = (times_a >= times_b[0]) & (times_a <= times_b[-1])
+    times = times_a[inside]
+
+    def at_a(values: Array, kind: Kind) -> Array:
+        if same_times:
+            return values[inside]
+        if kind == "number" and not np.any(np.isnan(values)):
+            return np.interp(times, times_b, values)
+        return values[np.searchsorted(times_b, times, side="right") - 1]
+
+    def shown(value: float, kind: Kind) -> float | str | None:
+        if np.isnan(value):
+            return None
+        if kind == "string":
+            return words.word(value)
+        return str(value > 0.0).lower() if kind == "boolean" else value
+
+    for name, kind in a.kinds.items():
+        if name not in b.kinds or not len(times):
+            continue
+        left, right = a[name][inside], at_a(b[name], kind)
+        by: Array = np.abs(left - right)
+        size = float(np.max(np.abs(np.nan_to_num([left, right]))))
+        within = 0.0 if kind in ("string", "boolean") else tolerance * size
+        one_only = np.isnan(left) != np.isnan(right)
+        differs: NDArray[np.bool_] = one_only | (by > within)
+        if not np.any(differs):
+            continue
+        first = int(np.argmax(differs))
+        number = kind in ("number", "integer") and bool(np.any(~np.isnan(by)))
+        most = int(np.nanargmax(by)) if number else None
+        yield FieldDifference(
+            topic=key,
+            field=name,
+            first_s=float(times[first]),
+            a=shown(float(left[first]), kind),
+            b=shown(float(right[first]), kind),
+            largest=None if most is None else float(by[most]),
+            largest_s=None if most is None else float(times[most]),
+            share=float(np.mean(differs)),
+        )

@@ -14,8 +14,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.choices import named
 from tools.fresh import write_fresh
-from tools.log.film_cameras import Camera, chosen
-from tools.log.film_scenes import FilmedPicture, marks, pictures
+from tools.log.film_scenes import Camera, FilmedPicture, chosen, marks, pictures
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 

@@ -2,7 +2,6 @@
 can be flown again."""
 
 import json
-from collections.abc import Iterator
 from math import degrees, radians
 from pathlib import Path
 from typing import NamedTuple
@@ -164,23 +163,21 @@ class RequestEvents:
 
     def of(self, request: Request) -> str:
         """Empty: a script does this by itself, or cannot."""
-        event = self._event(request)
+        event = ""
+        match request:
+            case PilotRequest():
+                event = self._of_pilot(request)
+            case FaultRequest():
+                value = "" if request.value is None else f" {request.value!r}"
+                event = f"fault {request.part} {request.fault}{value}"
+            case LinkRequest():
+                words = ("link", request.kind, request.profile or "", *request.settings)
+                event = " ".join(filter(None, words))
+            case _:
+                pass
         # A name of a stranger's could hold further rows of the script.
         sayable = event.isprintable() and not {",", "#"} & {*event}
         return event if sayable else self._unsaid(event)
-
-    def _event(self, request: Request) -> str:
-        match request:
-            case PilotRequest():
-                return self._of_pilot(request)
-            case FaultRequest():
-                value = "" if request.value is None else f" {request.value!r}"
-                return f"fault {request.part} {request.fault}{value}"
-            case LinkRequest():
-                words = ("link", request.kind, request.profile or "", *request.settings)
-                return " ".join(word for word in words if word)
-            case _:
-                return ""
 
     def _of_pilot(self, request: PilotRequest) -> str:
         kind = request.kind
@@ -209,8 +206,7 @@ class RequestEvents:
         for name, known in self.paths.items():
             if known == text:
                 return name
-        name = f"{self._prefix}path{len(self.paths) + 1}.toml"
-        self.paths[name] = text
+        self.paths[name := f"{self._prefix}path{len(self.paths) + 1}.toml"] = text
         return name
 
     def _unsaid(self, what: str) -> str:
@@ -230,50 +226,39 @@ def in_degrees(heading: float) -> str:
 def _changes(commands: list[PilotCommand], began: int) -> list[SticksRow]:
     """A row wherever the sticks, or the pilot's presence, change."""
     rows: list[SticksRow] = []
-    for command in commands:
-        c = command
+    for c in commands:
         sticks = Sticks(c.surge, c.sway, c.heave, c.yaw, c.tilt, c.gripper)
-        row = SticksRow(c.stamp_ns - began, sticks, _lost(c))
-        if not rows or (row.sticks, row.event) != (rows[-1].sticks, rows[-1].event):
+        row = SticksRow(c.stamp_ns - began, sticks, "lost" if c.pilot == "lost" else "")
+        if not rows or row[1:] != rows[-1][1:]:
             if rows and rows[-1].at_ns == row.at_ns:
                 rows.pop()
             rows.append(row)
     return rows
 
 
-def _lost(command: PilotCommand) -> str:
-    return "lost" if command.pilot == "lost" else ""
-
-
 def _with_events(rows: list[SticksRow], events: list[tuple[int, str]]) -> list[SticksRow]:
     """The same sticks, with a row for each event."""
     taken = {row.at_ns: row for row in rows}
-    for wanted, event in events:
-        at = wanted
+    for at, event in events:
         while at in taken and taken[at].event:
             at += APART_NS
-        before = max((row for row in taken.values() if row.at_ns <= at), key=_time, default=rows[0])
+        before = taken[max((other for other in taken if other <= at), default=rows[0].at_ns)]
         taken[at] = SticksRow(at, before.sticks, event)
         if before.event == "lost":
             taken[at + APART_NS] = SticksRow(at + APART_NS, CENTRED, "lost")
-    return sorted(taken.values(), key=_time)
+    return [taken[at] for at in sorted(taken)]
 
 
 def _with_end(rows: list[SticksRow], last_ns: int) -> list[SticksRow]:
     """A script ends with its last row, and disarms by itself a while later: where the pilot did the
     same, that row is the end; else the pilot's own disarming is."""
     *before, last = rows
-    quiet = not before or before[-1].at_ns <= last.at_ns - QUIET_NS
-    if last.event == "disarm" and last.sticks == CENTRED and quiet:
-        end = SticksRow(last.at_ns - QUIET_NS, CENTRED)
-        return [*before, end] if not before or before[-1].at_ns < end.at_ns else before
-    if last.event == "disarm":
+    if last.event != "disarm":
+        return rows if last_ns <= last.at_ns else [*rows, SticksRow(last_ns, CENTRED)]
+    end = SticksRow(last.at_ns - QUIET_NS, CENTRED)
+    if last.sticks != CENTRED or (before and before[-1].at_ns > end.at_ns):
         return rows
-    return rows if last_ns <= last.at_ns else [*rows, SticksRow(last_ns, CENTRED)]
-
-
-def _time(row: SticksRow) -> int:
-    return row.at_ns
+    return [*before, end] if not before or before[-1].at_ns < end.at_ns else before
 
 
 def _seconds(ns: int) -> str:
@@ -287,9 +272,5 @@ def _number(value: float) -> str:
 
 def _course_file(course: Course) -> str:
     """As in deploy/paths."""
-    return "".join(_toml(msgspec.to_builtins(course)))
-
-
-def _toml(table: dict[str, object]) -> Iterator[str]:
-    for key, value in table.items():
-        yield f"{key} = {json.dumps(value)}\n"
+    table: dict[str, object] = msgspec.to_builtins(course)
+    return "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())

@@ -11,12 +11,11 @@ from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.errors import LindyError
 from tools.choices import named
 from tools.keys.credentials import is_local
-from tools.replay.differences import in_words
-from tools.replay.onto_bus import Wish, onto_bus
+from tools.replay.differences import in_words, parsed
+from tools.replay.play import Wish, onto_bus
 from tools.replay.source import ReplaySource, open_source, remarks
 from tools.replay.through import ThroughResult
 from tools.replay.through import through as run_through
-from tools.replay.tolerances import parsed
 
 SLOWEST, FASTEST = 0.01, 1000.0  # [-]
 SHOWN = 20  # differences that are printed
@@ -82,7 +81,17 @@ def replay(
     if bool(through) != diff:
         raise LindyError("--through SERVICE and --diff go together: one is missing")
     if through:
-        return _compared(recording, through, (from_, to), tolerance, set_, stack)
+        allowed, source = parsed(tolerance), opened(recording)
+        found = run_through(
+            source,
+            through,
+            stack_file=stack,
+            span=span_of(source, from_, to),
+            tolerances=allowed,
+            overrides=set_,
+        )
+        print(harmless(told(through, source, found)), flush=True)
+        return 1 if found.differences else 0
     if tolerance or set_:
         raise LindyError("--tolerance and --set are for --through SERVICE --diff")
     if not SLOWEST <= speed <= FASTEST:  # not a number is in no range
@@ -98,33 +107,6 @@ def replay(
     source = opened(recording)
     wish = Wish(span_of(source, from_, to), speed, loop, topics)
     return onto_bus(source, wish, connect=connect, listen=listen, headless=headless)
-
-
-def _compared(
-    recording: Path,
-    services: tuple[str, ...],
-    span: tuple[float | None, float | None],  # [s]
-    tolerances: tuple[str, ...],
-    overrides: tuple[str, ...],
-    stack: str,
-) -> int:
-    """Through services. Returns the exit status: 1 where something differs.
-
-    Raises:
-        LindyError: a wrong argument or recording, or a service that cannot be replayed.
-    """
-    allowed = parsed(tolerances)
-    source = opened(recording)
-    found = run_through(
-        source,
-        services,
-        stack_file=stack,
-        span=span_of(source, *span),
-        tolerances=allowed,
-        overrides=overrides,
-    )
-    print(harmless(told(services, source, found)), flush=True)
-    return 1 if found.differences else 0
 
 
 def opened(path: Path) -> ReplaySource:

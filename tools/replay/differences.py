@@ -1,4 +1,5 @@
-"""Compares what was recorded with what today's code publishes, field by field. Pure."""
+"""Compares what was recorded with what today's code publishes, field by field, and says which
+differences are none. Pure."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple, cast
 import msgspec
 
 from messages.payload import UNDECODABLE
+from services.runtime.config.errors import LindyError
 
 LARGEST = int(float_info.max)  # beyond, an integer is compared as a word is
 UNREADABLE = "what cannot be read"
@@ -32,6 +34,33 @@ class Tolerance(NamedTuple):
 
 
 EXACT = Tolerance("*")
+ANY = float("inf")
+# A recording of the real clock does not say when exactly a handler was called: the service is
+# stepped at the stamps of its own recorded messages, but a timer rings at its nominal instant.
+# What follows from the load of that computer is not compared at all.
+REAL_TIME = (
+    Tolerance("health/*", absolute=ANY),
+    Tolerance("identity/*", absolute=ANY),  # version and commit are today's
+    Tolerance("*.seq", absolute=ANY),
+    Tolerance("*.epoch"),  # numbers of leases, large as they are
+    Tolerance("*_ns", absolute=50e6),  # [ns] a timer rang, or a command came, just before or after
+    Tolerance("*_age_ms", absolute=50.0),  # [ms]
+    Tolerance("control/*", absolute=0.1, relative=0.01),  # [N, N m]
+    Tolerance("state.*", absolute=3e-3, relative=3e-3),  # [m, rad, m/s …]
+    Tolerance("reference.*", absolute=1e-3, relative=1e-3),  # [m, rad, m/s …]
+)
+# Share of a topic's messages in which a field of a real-time recording may differ all the same, and
+# how many always may: two messages that arrived together may have been handled in another order.
+RARELY, A_FEW = 0.01, 3
+# Where the link damaged messages, the recorder heard that there were some, and not what they were.
+DAMAGED = (
+    Tolerance("health/*.counts.malformed:*", absolute=ANY),
+    Tolerance("health/*.received", absolute=ANY),
+    Tolerance("health/*.loop_hz", absolute=ANY),
+    Tolerance("health/*.lateness_*", absolute=ANY),
+)
+# The same input is the same output; only the version is today's.
+VIRTUAL = (Tolerance("identity/*.version", absolute=ANY),)
 
 
 class Told(NamedTuple):
@@ -65,19 +94,15 @@ class Difference:
     worst_ns: int = 0
 
 
-def by_seq(recorded: Sequence[Told], today: Sequence[Told]) -> Iterator[Pair]:
-    """Pair the messages of one key by their sequence numbers, on virtual time."""
-    ours = {told.seq: told for told in today}
-    yield from (Pair(told, ours.get(told.seq)) for told in recorded)
-
-
-def more(
-    recorded: Sequence[Told], today: Sequence[Told], begin_ns: int, end_ns: int
+def by_seq(
+    recorded: Sequence[Told], today: Sequence[Told], begin_ns: int = 0, end_ns: int = 0
 ) -> Iterator[Pair]:
-    """What is published today between two instants, and was not recorded."""
-    expected = {told.seq for told in recorded}
+    """Pair the messages of one key by their sequence numbers, on virtual time. Then comes what is
+    published today between two instants, and was not recorded."""
+    then, now = ({told.seq: told for told in side} for side in (recorded, today))
+    yield from (Pair(told, now.get(told.seq)) for told in recorded)
     for told in today:
-        if begin_ns < told.stamp_ns < end_ns and told.seq not in expected:
+        if begin_ns < told.stamp_ns < end_ns and told.seq not in then:
             yield Pair(None, told)
 
 
@@ -163,7 +188,7 @@ class FieldComparison:
 
     def _same(self, key: str, name: str, a: Any, b: Any) -> bool:
         tolerance = self._tolerance(key, name)
-        if tolerance.absolute == float("inf"):
+        if tolerance.absolute == ANY:
             return True
         if a is None or b is None or not (_is_number(a) and _is_number(b)):
             return a == b
@@ -206,17 +231,41 @@ def _is_number(value: Any) -> bool:
 
 def in_words(found: Difference, begin_ns: int) -> str:
     """One line. Times count from `begin_ns`."""
-    at = f"first at {(found.first_ns - begin_ns) / 1e9:.3f} s"
     times = f"in {found.count} messages" if found.count > 1 else "in one message"
-    if not found.field:
-        return f"{found.key}: {at}: recorded {found.recorded}, now {found.today}; {times}"
-    line = f"{found.key}: {found.field}: {at}: recorded {found.recorded}, now {found.today}"
-    if found.worst:
-        worst_at = f"{(found.worst_ns - begin_ns) / 1e9:.3f} s"
-        line += f", {abs(found.recorded - found.today):.3g} apart" if _both(found) else ""
-        return f"{line}; {times}, worst {found.worst:.3g} at {worst_at}"
-    return f"{line}; {times}"
+    field = f"{found.field}: " if found.field else ""
+    line = f"{found.key}: {field}first at {(found.first_ns - begin_ns) / 1e9:.3f} s: "
+    line += f"recorded {found.recorded}, now {found.today}"
+    if not found.worst:
+        return f"{line}; {times}"
+    if _is_number(found.recorded) and _is_number(found.today):
+        line += f", {abs(found.recorded - found.today):.3g} apart"
+    worst_at = f"{(found.worst_ns - begin_ns) / 1e9:.3f} s"
+    return f"{line}; {times}, worst {found.worst:.3g} at {worst_at}"
 
 
-def _both(found: Difference) -> bool:
-    return _is_number(found.recorded) and _is_number(found.today)
+def parsed(texts: Sequence[str]) -> tuple[Tolerance, ...]:
+    """`TOPIC.FIELD=NUMBER` as the user writes it; * for anything in the name, % behind a relative
+    one.
+
+    Raises:
+        LindyError: not of that form, or not a number from 0.
+    """
+    found: list[Tolerance] = []
+    for text in texts:
+        pattern, _, number = text.rpartition("=")
+        try:
+            value = float(number.removesuffix("%"))
+        except ValueError:
+            value = -1.0
+        if not pattern or not value >= 0.0:
+            raise LindyError(
+                f"--tolerance {text}: expected TOPIC.FIELD=NUMBER, such as state.depth.*=1e-6 or "
+                f"control/wrench.*=1%"
+            )
+        is_share = number.endswith("%")
+        found.append(
+            Tolerance(pattern, relative=value / 100.0)
+            if is_share
+            else Tolerance(pattern, absolute=value)
+        )
+    return tuple(found)

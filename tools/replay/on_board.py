@@ -5,20 +5,32 @@ order. A service is stepped where the file shows that it was: before its own nex
 the end of each instant.
 """
 
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
+
+from messages import topics
+from messages.events import Row
+from messages.identity import SideIdentity
+from messages.message import Message
+from messages.payload import UNDECODABLE, PayloadDecoder
+from messages.state import VehicleState
 from messages.topic import Side
+from services.runtime.bus.envelope import Bus, Envelope
 from services.runtime.bus.memory_bus import MemoryBusPort, matches
+from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
+from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import SAME, VirtualHost
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
 from tools.recordings.recording import Raw
 from tools.replay.differences import Told
-from tools.replay.feed import Encoder
-from tools.replay.outputs import Outputs, told_of
-from tools.replay.source import Process, ReplaySource
+from tools.replay.source import Process, ReplaySource, open_source
 
 SIDE: Side = "drone"
 RECORDER = "recorder"
@@ -28,7 +40,19 @@ HELD_NS = 5_000_000
 NAMES_ITS_START = "reference"  # in the epochs it grants
 SLOW_START_NS = 5_000_000_000  # [ns] between its wiring and its first tick, at most
 SAID_AGAIN = ("health/", "identity/")
+OURS = ("version", "commit", "messages", "vehicle_hash")  # what an identity says of the code
 NOT_RECORDED = Process(SIDE, 0, 0, 0)
+
+
+class Head(msgspec.Struct):
+    """What every message has."""
+
+    stamp_ns: int
+    seq: int = 0
+    sensor_ns: int | None = None
+
+
+HEAD = msgspec.json.Decoder(Head)
 
 
 class Waiting(NamedTuple):
@@ -36,6 +60,58 @@ class Waiting(NamedTuple):
 
     at_ns: int  # [ns] by the services' clock
     raw: Raw
+
+
+class ServiceStart(NamedTuple):
+    """When a service was started by the clock on board."""
+
+    at_ns: int  # [ns] when it was wired
+    ticks_ns: int  # [ns] from when its rates count
+    name: str
+    process: Process
+
+
+class Outputs:
+    """What the services of a replay publish on a bus that others use as well, in the form in which
+    it is compared."""
+
+    def __init__(self, port: Bus, is_own: Callable[[str], bool]) -> None:
+        """
+        Args:
+            is_own: does one of these services publish this key?
+        """
+        self._is_own = is_own
+        self._by_key: dict[str, list[Told]] = defaultdict(list)
+        self._decoders: dict[str, PayloadDecoder[Message]] = {}
+        self._encode = msgspec.json.Encoder().encode
+        port.hear("**", self._store)
+
+    @property
+    def keys(self) -> list[str]:
+        return list(self._by_key)
+
+    def of(self, key: str) -> list[Told]:
+        """In the order in which they were published."""
+        return self._by_key[key]
+
+    def has(self, told: Told) -> bool:
+        """Was today's message for this sensor sample published?"""
+        newest = self._by_key[told.key]
+        return bool(newest) and newest[-1].sensor_ns == told.sensor_ns
+
+    def _store(self, envelope: Envelope) -> None:
+        key = envelope.key
+        if not self._is_own(key):
+            return
+        if (decoder := self._decoders.get(key)) is None:
+            topic = topics.find(key)
+            assert topic is not None  # nodes publish rows of the topic table only
+            decoder = self._decoders[key] = PayloadDecoder(topic)
+        message = decoder.read(key, envelope.encoding, envelope.payload)
+        if not isinstance(message, Row):  # a row: damaged on the link
+            sample = getattr(message, "sensor_ns", None)
+            data = self._encode(message)
+            self._by_key[key].append(Told(key, message.seq, message.stamp_ns, data, sample))
 
 
 class OnBoard:
@@ -51,10 +127,11 @@ class OnBoard:
         self.recorded: list[Told] = []
         self.nodes: list[Node] = []
         self._source, self._services, self._stack = source, services, stack
-        self._encoder = Encoder(source, stack)
+        self._encode = msgspec.msgpack.Encoder().encode
+        self._today = identity_of(stack, SIDE, 0)
         self._host = VirtualHost({SIDE: SAME} if source.apart else None)
         self._port = MemoryBusPort(self._host.hub(SIDE))
-        self.outputs = Outputs([self._port], self._is_own)
+        self.outputs = Outputs(self._port, self._is_own)
         self._starts = _starts(source, names)
         self._wanted: dict[str, bool] = {}  # key: does a service subscribe to it?
         self._own: dict[str, bool] = {}  # key: does a service publish it?
@@ -69,11 +146,9 @@ class OnBoard:
             self._first.setdefault(raw.key, raw.sequence)
             self._start(at)
             if self._is_own(raw.key):
-                source = self._source
-                told = told_of(raw, source.utc_offset_ns, source.recording.unreadable)
-                if told is not None:
+                if (told := self._told(raw)) is not None:
                     self.recorded.append(told)
-                    self._reach(told, at if source.virtual else told.stamp_ns)
+                    self._reach(told, at if self._source.virtual else told.stamp_ns)
             elif self._is_wanted(raw.key):
                 self._hold(Waiting(at, raw))
         self._give(self._waiting)
@@ -93,7 +168,33 @@ class OnBoard:
             and not self._is_own(key)
         }
 
-    # When.
+    def _told(self, raw: Raw) -> Told | None:
+        """A recorded message; its stamp by the clock on board. None: it is none, which is
+        counted."""
+        try:
+            head = HEAD.decode(raw.data)
+        except UNDECODABLE:
+            self._source.recording.unreadable[raw.key] += 1
+            return None
+        stamp_ns = raw.publish_ns - self._source.utc_offset_ns
+        return Told(raw.key, head.seq, stamp_ns, raw.data, head.sensor_ns)
+
+    def _envelope(self, raw: Raw) -> Envelope | None:
+        """JSON as recorded → msgpack as sent. None: this version of Lindy cannot read it, which the
+        recording counts.
+
+        A side that had the same Lindy as the drone in the recording has today's in the replay: else
+        today's code would take it for another one, and refuse to arm.
+        """
+        message, topic = self._source.recording.decode(raw), topics.find(raw.key)
+        if message is None or topic is None:
+            return None
+        then = self._source.identity
+        if isinstance(message, SideIdentity) and then is not None:
+            same = [name for name in OURS if getattr(message, name) == getattr(then, name)]
+            today = {name: getattr(self._today, name) for name in same}
+            message = msgspec.structs.replace(message, **today)
+        return Envelope(raw.key, self._encode(message), topic.encoding)
 
     def _hold(self, new: Waiting) -> None:
         """Keep a message until it is known when the services were stepped."""
@@ -109,28 +210,24 @@ class OnBoard:
 
     def _reach(self, told: Told, at: int) -> None:
         """A service published this at `at`: it has handled by then what came before."""
-        if self._source.virtual:
-            if self._waiting or at > self._settled_ns:
-                self._step_for(at)
+        virtual = self._source.virtual
+        if virtual and not self._waiting and at <= self._settled_ns:
             return
-        early = [one for one in self._waiting if one.at_ns < at - HELD_NS]
+        since = at if virtual else at - HELD_NS
+        early = [one for one in self._waiting if one.at_ns < since]
+        held, self._waiting = self._waiting[len(early) :], []
         self._give(early)
-        held = self._waiting[len(early) :]
-        if told.sensor_ns is None:
+        if virtual:
+            self._settle(at, held)
+        elif told.sensor_ns is None:
             now = sum(one.at_ns <= at for one in held)
             self._settle(at, held[:now])
             self._waiting = held[now:]
-            return
-        # Up to the message that it acted on, which may have reached the recorder later than it.
-        while held and not self.outputs.has(told):
-            self._settle(at, [held.pop(0)])
-        self._waiting = held
-
-    def _step_for(self, at: int) -> None:
-        waiting, self._waiting = self._waiting, []
-        earlier = [one for one in waiting if one.at_ns < at]
-        self._give(earlier)
-        self._settle(at, waiting[len(earlier) :])
+        else:
+            # Up to the message that it acted on, which may have reached the recorder later than it.
+            while held and not self.outputs.has(told):
+                self._settle(at, [held.pop(0)])
+            self._waiting = held
 
     def _give(self, waiting: list[Waiting]) -> None:
         """Hand over messages, each at its own time."""
@@ -150,12 +247,10 @@ class OnBoard:
             host.run(at - 1)
             host.now = at
         for one in messages:
-            if (envelope := self._encoder.envelope(one.raw)) is not None:
+            if (envelope := self._envelope(one.raw)) is not None:
                 self._port.forward(envelope)
         host.settle()
         self._settled_ns = host.now
-
-    # Who.
 
     def _start(self, now: int) -> None:
         """Start the services whose time has come, and hand over nothing from before."""
@@ -191,15 +286,6 @@ class OnBoard:
         return self._own[key]
 
 
-class ServiceStart(NamedTuple):
-    """When a service was started by the clock on board."""
-
-    at_ns: int  # [ns] when it was wired
-    ticks_ns: int  # [ns] from when its rates count
-    name: str
-    process: Process
-
-
 def _starts(source: ReplaySource, names: tuple[str, ...]) -> list[ServiceStart]:
     """In the order of their starts."""
     if source.virtual:
@@ -214,3 +300,17 @@ def _starts(source: ReplaySource, names: tuple[str, ...]) -> list[ServiceStart]:
         at = ticks if named is None or not 0 <= ticks - named < SLOW_START_NS else named
         found.append(ServiceStart(at, ticks, name, process))
     return sorted(found)
+
+
+def states_of_today(recording: Path) -> Iterator[VehicleState]:
+    """In the order of their samples, stamps by the services' clock.
+
+    Raises:
+        LindyError: it is no recording, or its vehicle is not in it.
+    """
+    source = open_source(recording)
+    with source.stack() as stack, rare_collections():
+        replay = OnBoard(source, ("estimation",), Registry.read("simulated"), stack)
+        replay.run(source.span[1])
+    decode = msgspec.json.Decoder(VehicleState).decode
+    return (decode(told.data) for told in replay.outputs.of(topics.STATE.key))

@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import msgspec
-from mcap.records import Attachment
 
 from messages import topics
 from messages.events import MALFORMED, row_of
@@ -173,13 +172,12 @@ class ReplaySource:
     def identity(self) -> SideIdentity | None:
         """What the drone said of itself first; else any side; None: nobody said anything."""
         found: SideIdentity | None = None
-        for raw in self.raw():
-            if raw.key.startswith("identity/"):
-                said = self.recording.decode(raw)
-                if isinstance(said, SideIdentity) and said.side == "drone":
-                    return said
-                if isinstance(said, SideIdentity):
-                    found = found or said
+        for raw in self.raw(lambda key: key.startswith("identity/")):
+            said = self.recording.decode(raw)
+            if isinstance(said, SideIdentity) and said.side == "drone":
+                return said
+            if isinstance(said, SideIdentity):
+                found = found or said
         return found
 
     @property
@@ -261,7 +259,6 @@ def open_source(path: Path) -> ReplaySource:
     recording = open_recording(path)
     if not any(file.stat().st_size for file in recording.files):
         raise LindyError(f"{path} is empty: there is nothing to replay")
-    described = list(recording.described())
     about = recording.metadata("dive")
     vehicle = about.get("vehicle", "")
     if not re.fullmatch(r"[a-z0-9_]+", vehicle):
@@ -270,7 +267,7 @@ def open_source(path: Path) -> ReplaySource:
             f"allowed is a dive's folder or its dive.mcap"
         )
     offset = recording.metadata("clock").get("utc_minus_stamp_ns", "0")
-    files = {one.name: one.data for one in described if isinstance(one, Attachment)}
+    files = {one.name: one.data for one in recording.attachments()}
     try:
         return ReplaySource(path, recording, vehicle, about, int(offset), files)
     except ValueError:

@@ -1,9 +1,8 @@
 """`lindy replay FILE --through SERVICE --diff`: today's code on the inputs of a recorded dive."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import chain
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from messages import topics
@@ -13,6 +12,11 @@ from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.replay.differences import (
+    A_FEW,
+    DAMAGED,
+    RARELY,
+    REAL_TIME,
+    VIRTUAL,
     Difference,
     FieldComparison,
     Pair,
@@ -20,12 +24,10 @@ from tools.replay.differences import (
     Tolerance,
     by_cause,
     by_seq,
-    more,
     stood_in,
 )
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
-from tools.replay.tolerances import A_FEW, DAMAGED, RARELY, REAL_TIME, VIRTUAL
 
 CANNOT = (
     "simulator, gamepad, mavlink, ardusub, tether, recorder and visualizer cannot, because a "
@@ -53,7 +55,7 @@ class ThroughResult:
     compared: dict[str, int]  # messages by key
     begin_ns: int  # [ns] by the services' clock, from which times are counted
     seconds: float  # [s] compared
-    remarks: list[str] = field(default_factory=list[str])
+    remarks: list[str]
 
 
 def through(
@@ -93,8 +95,8 @@ def through(
     # Of its last instant a recording that was cut off may have what was published and not why.
     window = Window(max(first, begin) - offset, min(last - 1, until) - offset)
     found = _compared(replay, names, source, window, tolerances)
-    found.begin_ns = source.origin_ns - offset
-    found.remarks += _beginning(replay, source)
+    if missing := _beginning(replay, source):
+        found.remarks.append(missing)
     if source.imported:
         found.remarks.append(_published(replay, end - offset))
     if restart is not None:
@@ -103,15 +105,14 @@ def through(
     return found
 
 
-def _beginning(replay: OnBoard, source: ReplaySource) -> list[str]:
-    """Whether the services had heard something before the recording began. On virtual time what
-    is not at the beginning of a whole one was lost on the link, and they did not hear it."""
-    if source.virtual and not source.cut:
-        return []
+def _beginning(replay: OnBoard, source: ReplaySource) -> str:
+    """Whether the services had heard something before the recording began; empty: they had not. On
+    virtual time what is not at the beginning of a whole one was lost on the link, and they did not
+    hear it."""
     missing = ", ".join(f"{count} of {key}" for key, count in replay.begins_after.items())
-    if not missing:
-        return []
-    return [f"the recording begins after some messages: {missing}; differences may come from that"]
+    if not missing or (source.virtual and not source.cut):
+        return ""
+    return f"the recording begins after some messages: {missing}; differences may come from that"
 
 
 def _published(replay: OnBoard, until_ns: int) -> str:
@@ -144,7 +145,10 @@ def _compared(
         remarks.append(f"{unread} messages could not be read")
     comparison = FieldComparison((*tolerances, *declared), common_only=bool(source.other_messages))
     compared: dict[str, int] = {}
-    inside = _inside(replay.recorded, window)
+    inside: defaultdict[str, list[Told]] = defaultdict(list)
+    for told in replay.recorded:
+        if window.begin_ns <= told.stamp_ns <= window.end_ns:
+            inside[told.key].append(told)
     for key in sorted({*inside, *replay.outputs.keys}):
         before = comparison.compared
         today = [told for told in replay.outputs.of(key) if told.stamp_ns <= window.end_ns]
@@ -161,7 +165,8 @@ def _compared(
                 f"{rare} fields differ in at most {RARELY:.0%} of their messages or in {A_FEW}: on "
                 f"a real clock, what arrives together may be handled in another order"
             )
-    return ThroughResult(found, compared, 0, seconds, remarks)
+    begin_ns = source.origin_ns - source.utc_offset_ns
+    return ThroughResult(found, compared, begin_ns, seconds, remarks)
 
 
 def _pairs(
@@ -175,20 +180,10 @@ def _pairs(
     if stands_in:
         return stood_in(recorded, [told for told in today if told.stamp_ns >= window.begin_ns])
     if source.virtual:
-        extra = iter(()) if source.thinned else more(recorded, today, *window)
-        return chain(by_seq(recorded, today), extra)
+        return by_seq(recorded, today) if source.thinned else by_seq(recorded, today, *window)
     topic = topics.find(recorded[0].key) if recorded else None
     period = 1e9 / topic.hz if topic is not None and topic.hz else APART_NS
     return by_cause(recorded, today, min(APART_NS, round(period / 2)))
-
-
-def _inside(recorded: Iterable[Told], window: Window) -> defaultdict[str, list[Told]]:
-    """Recorded messages in this span of stamps, by key."""
-    found: defaultdict[str, list[Told]] = defaultdict(list)
-    for told in recorded:
-        if window.begin_ns <= told.stamp_ns <= window.end_ns:
-            found[told.key].append(told)
-    return found
 
 
 def _first_restart(recorded: Sequence[Told]) -> int | None:

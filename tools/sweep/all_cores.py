@@ -11,7 +11,6 @@ import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
@@ -23,9 +22,12 @@ from services.runtime.os import system
 J = TypeVar("J")
 R = TypeVar("R")
 POLL_S = 0.2  # [s] between two looks at whether to stop
-ALONE = 2  # times that a job is tried alone: beside others it may not be the one at fault
 SPAWN = get_context("spawn")
 KILLED = "lindy: a worker process was killed; what was at hand is done again, one by one"
+KILLED_ALONE = (
+    "a worker process was killed, and again when its job was the only one, perhaps because the "
+    "memory was full"
+)
 
 _stop: Event | None = None  # in a worker: set when it is to stop
 
@@ -55,7 +57,7 @@ def on_all_cores(
         killed: the result of a job whose worker is killed each time; None: that is an error.
 
     Raises:
-        LindyError: a worker was killed over the same job again and again.
+        LindyError: a worker was killed over the same job again.
         Exception: what `work` raised.
     """
     left = dict(enumerate(jobs))
@@ -68,8 +70,15 @@ def on_all_cores(
                 return
             print(KILLED, file=sys.stderr, flush=True)
             for index, job in begun.items():
-                yield from _alone(work, index, job, stop, killed)
                 left.pop(index, None)
+                try:
+                    yield from _in_one_pool(work, {index: job}, {}, 1, stop)
+                except BrokenProcessPool:
+                    if stop():
+                        return
+                    if killed is None:
+                        raise LindyError(KILLED_ALONE) from None
+                    yield index, killed(job)
 
 
 def _in_one_pool(
@@ -88,82 +97,40 @@ def _in_one_pool(
     Raises:
         BrokenProcessPool: a worker was killed.
     """
-    jobs, pending = iter(list(left.items())), dict[Future[R], int]()
-    with _pool(workers) as (pool, told):
+    jobs, pending, told = iter(list(left.items())), dict[Future[R], int](), SPAWN.Event()
+    pool = ProcessPoolExecutor(workers, SPAWN, _begin, (told,))
+    try:
         while True:
             if stop():
                 told.set()
             else:
-                with _ctrl_c_held_back():  # a submission may start processes
+                # Ctrl-C, which a terminal sends to all of them, never reaches a process that is
+                # started meanwhile.
+                let_go = system.hold_back([signal.SIGINT])
+                try:
                     for index, job in islice(jobs, workers - len(pending)):
                         begun[index] = job
                         pending[pool.submit(work, job)] = index
+                finally:
+                    let_go()
             if not pending:
                 return
             done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
-            for future in sorted(done, key=_failed):  # no result is lost with an error
-                result, index = future.result(), pending.pop(future)
+            for future in sorted(done, key=lambda one: one.exception() is not None):
+                result, index = future.result(), pending.pop(future)  # none is lost with an error
                 del left[index], begun[index]
                 yield index, result
             if not done:
                 yield None
-
-
-def _alone(
-    work: Callable[[J], R],
-    index: int,
-    job: J,
-    stop: Callable[[], bool],
-    killed: Callable[[J], R] | None,
-) -> Generator[tuple[int, R] | None]:
-    """A job whose worker, or another one beside it, was killed; now without any other beside it."""
-    for _ in range(ALONE):
-        if stop():
-            return
-        try:
-            yield from _in_one_pool(work, {index: job}, {}, 1, stop)
-        except BrokenProcessPool:
-            continue
-        return
-    if stop():
-        return
-    if killed is None:
-        raise LindyError(
-            "a worker process was killed, and again when its job was the only one, perhaps "
-            "because the memory was full"
-        )
-    yield index, killed(job)
+    finally:
+        told.set()
+        pool.shutdown(cancel_futures=True)
 
 
 def in_order(work: Callable[[J], R], jobs: Sequence[J], workers: int | None = None) -> list[R]:
     """All results, in the order of the jobs. Arguments and errors as of `on_all_cores`."""
     results = dict(result for result in on_all_cores(work, jobs, workers) if result is not None)
     return [results[index] for index in range(len(jobs))]
-
-
-def _failed(future: Future[R]) -> bool:
-    return future.exception() is not None
-
-
-@contextmanager
-def _ctrl_c_held_back() -> Generator[None]:
-    """Processes that are started meanwhile never get it: a terminal sends it to all of them."""
-    let_go = system.hold_back([signal.SIGINT])
-    try:
-        yield
-    finally:
-        let_go()
-
-
-@contextmanager
-def _pool(workers: int) -> Generator[tuple[ProcessPoolExecutor, Event]]:
-    told = SPAWN.Event()
-    pool = ProcessPoolExecutor(workers, SPAWN, _begin, (told,))
-    try:
-        yield pool, told
-    finally:
-        told.set()
-        pool.shutdown(cancel_futures=True)
 
 
 def _begin(told: Event) -> None:

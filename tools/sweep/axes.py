@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from itertools import product
+from math import prod
 from typing import NamedTuple
 
 import msgspec
@@ -53,7 +54,8 @@ class SweepAxes(msgspec.Struct, frozen=True):
 
     @property
     def count(self) -> int:
-        return len(self.combinations()) * len(self.seed)
+        lengths = map(len, (self.vehicle, self.link, self.pilot, self.seed))
+        return prod(lengths) * prod(map(len, self.settings.values()))
 
     @property
     def varied(self) -> list[str]:
@@ -82,11 +84,8 @@ def axes(
         settings=_settings(settings),
         seed=tuple(_seeds(seed)),
     )
-    dives = len(found.seed)
-    for values in (found.vehicle, found.link, found.pilot, *found.settings.values()):
-        dives *= len(values)
-    if dives > MOST_DIVES:
-        raise LindyError(f"these axes make {dives} dives; the most is {MOST_DIVES}")
+    if found.count > MOST_DIVES:
+        raise LindyError(f"these axes make {found.count} dives; the most is {MOST_DIVES}")
     return found
 
 

@@ -6,8 +6,9 @@ can leave an incomplete last line, which is removed when the sweep goes on.
 
 import json
 import os
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
@@ -52,11 +53,11 @@ class FinishedDives:
             if lock is None:
                 raise LindyError(f"another lindy sweep is at work on {self._path}")
             self._lock = lock
-            self._file = self._path.open("r+b", buffering=0)
+            self._file = self._path.open("r+b")
         except OSError as error:
             raise LindyError(f"cannot write {self._path}: {reason(error)}") from None
         try:
-            self._read(self._file, about)
+            self._read(about)
         except LindyError:
             self.close()
             raise
@@ -66,10 +67,12 @@ class FinishedDives:
         Raises:
             LindyError: the row cannot be written; those before it are.
         """
-        self._append(_line(row))
-        number = row["dive"]
-        assert isinstance(number, int)
-        self.rows[number] = row
+        try:
+            self._file.write(_line(row))
+            self._file.flush()
+        except OSError as error:
+            raise LindyError(f"cannot write {self._path}: {reason(error)}") from None
+        self._keep(row)
 
     def replace_table(self, data: bytes) -> None:
         """Write the table, whole or not at all, in the place of the one before.
@@ -79,45 +82,41 @@ class FinishedDives:
         """
         fresh = self._table.with_name(f".{self._table.name}-{os.getpid()}")
         try:
-            file = fresh.open("xb")
-        except OSError as error:
-            raise self._no_table(error) from None
-        try:
-            with file:
-                file.write(data)
+            fresh.write_bytes(data)
             fresh.replace(self._table)
         except OSError as error:
-            raise self._no_table(error) from None
+            raise LindyError(
+                f"cannot write {self._table}: {reason(error)}; all finished dives are safe in "
+                f"{self._path}, and the same command writes the table"
+            ) from None
         finally:
             fresh.unlink(missing_ok=True)
 
-    def _no_table(self, error: OSError) -> LindyError:
-        return LindyError(
-            f"cannot write {self._table}: {reason(error)}; all finished dives are safe in "
-            f"{self._path}, and the same command writes the table"
-        )
-
     def close(self) -> None:
-        self._file.close()
+        with suppress(OSError):  # of a row that was not written, which was said
+            self._file.close()
         self._lock.release()
 
-    def _read(self, file: BinaryIO, about: About) -> None:
-        data = file.read()
+    def _read(self, about: About) -> None:
+        data = self._file.read()
         whole = data.rfind(b"\n") + 1
         first, *lines = data[:whole].split(b"\n")[:-1] or [b""]
-        self._check(first, about)
-        file.seek(whole)
-        file.truncate()  # what a killed program left of a row
+        self._check(_parsed(first), about)
+        self._file.seek(whole)
+        self._file.truncate()  # what a killed program left of a row
         for number, line in enumerate(lines, 2):
-            entry = _parsed(line)
-            if entry is None:
+            row = _parsed(line)
+            if "dive" not in row:
                 raise LindyError(f"{self._path}:{number}: this is not the row of a dive")
-            if isinstance(entry.get("dive"), int):
-                self.rows[entry["dive"]] = entry
+            self._keep(row)
 
-    def _check(self, line: bytes, about: About) -> None:
-        found = _parsed(line)
-        if found is None or FORMAT not in found:
+    def _keep(self, row: Row) -> None:
+        number = row["dive"]
+        assert isinstance(number, int)
+        self.rows[number] = row
+
+    def _check(self, found: About, about: About) -> None:
+        if FORMAT not in found:
             raise LindyError(f"{self._path} is not the file of a sweep; choose another --out")
         wanted = json.loads(json.dumps({FORMAT: 1, **about}))
         for key in {**wanted, **found}:
@@ -128,27 +127,18 @@ class FinishedDives:
                     f"{_short(here)} here; choose another --out"
                 )
 
-    def _append(self, line: bytes) -> None:
-        before = self._file.tell()
-        try:
-            if self._file.write(line) != len(line):
-                raise OSError(28, os.strerror(28))
-        except OSError as error:
-            self._file.seek(before)
-            self._file.truncate()
-            raise LindyError(f"cannot write {self._path}: {reason(error)}") from None
-
 
 def _line(entry: Row | About) -> bytes:
     return json.dumps(entry, ensure_ascii=False, allow_nan=False).encode() + b"\n"
 
 
-def _parsed(line: bytes) -> dict[str, Any] | None:
+def _parsed(line: bytes) -> dict[str, Any]:
+    """Empty where it is no object."""
     try:
         entry = json.loads(line)
     except ValueError:
-        return None
-    return entry if isinstance(entry, dict) else None  # pyright: ignore[reportUnknownVariableType]
+        return {}
+    return entry if isinstance(entry, dict) else {}  # pyright: ignore[reportUnknownVariableType]
 
 
 def _short(value: object) -> str:

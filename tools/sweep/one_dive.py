@@ -1,27 +1,33 @@
 """One dive of a sweep, in a worker: it ends with a row, whatever happens in it, unless the disk has
-no room for what it leaves."""
+no room for what it leaves: then it is flown again."""
 
 import time
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import msgspec
 
-from services.recorder.io.mcap_session import CannotRecordError
+from messages import events
+from services.recorder.io.mcap_session import RESERVE, CannotRecordError
+from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from tools.checks import pilot_of
 from tools.dive_files import read_besides
+from tools.fresh import fresh_folder, write_fresh
+from tools.live.dive_folder import holds_dive
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import Outcome
 from tools.live.virtual_dive import INTERRUPTED, fly, without_files
+from tools.recordings.recording import log_hash, open_recording
+from tools.report import encode, read_dive
 from tools.sweep.all_cores import asked_to_stop
 from tools.sweep.axes import PlannedDive
-from tools.sweep.recorded import own_folder, read_recorded
 from tools.sweep.rows import CLEAN, Flown, Row, row_of
 
 
@@ -45,9 +51,9 @@ def fly_one(job: Job) -> Row | None:
     began = time.perf_counter()
     flown, end, folder = None, CLEAN, ""
     try:
-        with TemporaryDirectory(prefix="lindy-") as temporary, _kept(job) as kept:
-            folder = str(kept or "")
-            flown = _flown(job, folder or temporary)
+        with _folder(job) as out:
+            folder = str(out) if job.keep else ""
+            flown = _flown(job, out)
         end = flown.report.exit
     except CannotRecordError:
         raise
@@ -66,14 +72,33 @@ def killed_row(job: Job) -> Row | None:
     return row_of(job.dive, None, why, 0.0, "")
 
 
-def _kept(job: Job) -> AbstractContextManager[Path | None]:
-    """The folder that stays, if one does."""
+@contextmanager
+def _folder(job: Job) -> Generator[Path]:
+    """Where the dive is flown: one that goes again, or that of its recording, or, where that holds
+    a dive, such as an interrupted one, a new one beside it.
+
+    Raises:
+        CannotRecordError: it cannot be made.
+    """
     if not job.keep:
-        return nullcontext()
-    return own_folder(Path(job.keep) / f"dive-{job.dive.number:06d}")
+        with TemporaryDirectory(prefix="lindy-") as temporary:
+            yield Path(temporary)
+        return
+    wanted = Path(job.keep) / f"dive-{job.dive.number:06d}"
+    try:
+        folder = fresh_folder(wanted, holds_dive)
+    except OSError as error:
+        raise CannotRecordError(f"cannot make the folder {wanted}: {reason(error)}") from None
+    try:
+        yield folder
+    except CannotRecordError:
+        if folder != wanted:
+            with suppress(OSError):  # it is not empty
+                folder.rmdir()
+        raise
 
 
-def _flown(job: Job, folder: str) -> Flown:
+def _flown(job: Job, folder: Path) -> Flown:
     combination = job.dive.combination
     pilot = pilot_of(combination.pilot)
     services = without_files(Registry.read(job.stack))
@@ -87,7 +112,7 @@ def _flown(job: Job, folder: str) -> Flown:
         running=list(services),
         seconds=job.seconds,
         virtual=True,
-        out=folder,
+        out=str(folder),
     )
     besides = read_besides(stack, pilot.incidents, pilot.courses)
     stack = msgspec.structs.replace(stack, read_besides=besides)
@@ -95,6 +120,30 @@ def _flown(job: Job, folder: str) -> Flown:
     timeline = DiveTimeline(pilot.script_s, job.seconds)
     fly(stack, services, timeline, outcome, stop=asked_to_stop, memory=memory)
     if memory is None:
-        return read_recorded(stack, outcome)
+        return _recorded(folder, outcome)
     dive = memory.dive()
     return Flown(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m)
+
+
+def _recorded(folder: Path, outcome: Outcome) -> Flown:
+    """The figures of a dive that was recorded, and `report.json` in its folder.
+
+    Raises:
+        CannotRecordError: the recording is not whole, or there is no room for the report.
+        LindyError: nothing was recorded, for another reason.
+    """
+    outcome.require_recording()
+    dive, hashed = read_dive(open_recording(folder)), log_hash(folder)
+    if outcome.exit != INTERRUPTED and (hashed is None or events.DISK_ERROR.name in dive.losses):
+        why = "the disk was full or failed"
+        try:
+            require_room(folder, RESERVE)
+        except OSError as error:
+            why = reason(error)
+        raise CannotRecordError(f"the recording in {folder} was cut short: {why}")
+    report = outcome.report_in_memory(dive, hashed or "")
+    try:
+        write_fresh(folder / "report.json", encode(report))
+    except LindyError as error:
+        raise CannotRecordError(str(error)) from None
+    return Flown(report, dive.max_depth_m)

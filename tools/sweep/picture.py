@@ -1,16 +1,14 @@
 """A picture of a sweep: one panel per main figure, one place on the axis per combination."""
 
 import io
-import tempfile
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import NamedTuple
 
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
-from tools.fresh import refuse_existing
+from tools.fresh import require_picture
 from tools.sweep.rows import Row
 
 WIDE, HIGH = 4.0, 1.8  # [in] at least; per panel
@@ -38,16 +36,10 @@ def check_picture(picture: Path) -> None:
     Raises:
         LindyError: it cannot.
     """
-    if picture.suffix != ".png":
-        raise LindyError(f"--picture {picture}: expected a name that ends in .png")
-    if find_spec("matplotlib") is None:
-        raise LindyError(
-            f"--picture needs matplotlib, which is not installed; {how_to_install('figures')}"
-        )
-    refuse_existing(picture, "--picture")
+    require_picture(picture, "--picture")
     folder = next(path for path in picture.absolute().parents if path.exists())
     try:
-        with tempfile.TemporaryFile(dir=folder):
+        with TemporaryFile(dir=folder):
             pass  # it can be written to
     except OSError as error:
         raise LindyError(f"cannot write --picture {picture}: {reason(error)}") from None

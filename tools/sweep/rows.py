@@ -1,16 +1,24 @@
-"""One dive of a sweep as a row of a table: the values of the axes, and the report's figures."""
+"""One dive of a sweep as a row of a table: the values of the axes, and the report's figures. The
+table is CSV or Parquet."""
 
+import csv
+import io
 import json
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from math import degrees
-from typing import Literal, NamedTuple
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from messages import events
+from services.runtime.config.errors import LindyError
+from services.runtime.config.extras import how_to_install
 from tools.report import Report
 from tools.report.stops import StopAxis
 from tools.sweep.axes import PlannedDive
@@ -19,6 +27,7 @@ Cell = str | int | float | None
 Row = dict[str, Cell]  # by column
 Kind = Literal["number", "whole", "text"]
 CLEAN = "clean"
+SUFFIXES = (".csv", ".parquet")
 
 
 class Flown(NamedTuple):
@@ -37,21 +46,23 @@ class Column:
     value: Callable[[Flown], Cell]
 
 
-def _past(axis: StopAxis, share: float) -> Callable[[Flown], Cell]:
-    """[m] or [°] by which the stops ran too far, at this percentile."""
+def _stops(axis: StopAxis, name: str, unit: Literal["m", "deg"]) -> list[Column]:
+    """How many stops there were, and by how much they ran too far, at three percentiles."""
 
-    def value(flown: Flown) -> float | None:
-        past = [stop.overshoot for stop in flown.report.stops if stop.axis == axis]
-        if not past:
-            return None
-        found = float(np.percentile(past, share))
-        return found if axis == "heave" else degrees(found)
+    def past(flown: Flown) -> list[float]:
+        return [stop.overshoot for stop in flown.report.stops if stop.axis == axis]
 
-    return value
+    def column(word: str, share: float) -> Column:
+        def value(flown: Flown) -> float | None:
+            if not (found := past(flown)):
+                return None
+            over = float(np.percentile(found, share))
+            return degrees(over) if unit == "deg" else over
 
+        return Column(f"{name}_overshoot_{word}_{unit}", "number", value)
 
-def _count(axis: StopAxis) -> Callable[[Flown], Cell]:
-    return lambda flown: len([stop for stop in flown.report.stops if stop.axis == axis])
+    count = Column(f"{name}_stops", "whole", lambda flown: len(past(flown)))
+    return [count, column("p50", 50), column("p95", 95), column("max", 100)]
 
 
 def _failsafes(flown: Flown) -> int:
@@ -59,21 +70,11 @@ def _failsafes(flown: Flown) -> int:
     return sum(n for name, n in losses.items() if events.row_of(name).severity is events.FAILSAFE)
 
 
-def _log_hash(flown: Flown) -> str | None:
-    return flown.report.log_hash or None
-
-
-FIGURES = (
+FIGURES: tuple[Column, ...] = (
     Column("seconds", "number", lambda f: f.report.seconds),
     Column("deepest_m", "number", lambda f: f.deepest_m),
-    Column("depth_stops", "whole", _count("heave")),
-    Column("depth_overshoot_p50_m", "number", _past("heave", 50)),
-    Column("depth_overshoot_p95_m", "number", _past("heave", 95)),
-    Column("depth_overshoot_max_m", "number", _past("heave", 100)),
-    Column("turn_stops", "whole", _count("yaw")),
-    Column("turn_overshoot_p50_deg", "number", _past("yaw", 50)),
-    Column("turn_overshoot_p95_deg", "number", _past("yaw", 95)),
-    Column("turn_overshoot_max_deg", "number", _past("yaw", 100)),
+    *_stops("heave", "depth", "m"),
+    *_stops("yaw", "turn", "deg"),
     Column("depth_error_rms_m", "number", lambda f: f.report.depth_error_rms_m),
     Column("heading_error_rms_deg", "number", lambda f: f.report.heading_error_rms_deg),
     Column("peak_jerk_ratio", "number", lambda f: f.report.peak_jerk_ratio),
@@ -87,7 +88,7 @@ FIGURES = (
     Column("thrust_squared_n2s", "number", lambda f: f.report.energy.thrust_squared_n2s),
     Column("failsafes", "whole", _failsafes),
     Column("losses", "text", lambda f: json.dumps(f.report.losses)),
-    Column("log_hash", "text", _log_hash),
+    Column("log_hash", "text", lambda f: f.report.log_hash or None),
 )
 AXES: dict[str, Kind] = {
     "dive": "whole", "vehicle": "text", "link": "text", "pilot": "text", "seed": "whole",
@@ -132,3 +133,53 @@ def _setting(assignment: str) -> tuple[str, Cell]:
 
 def _finite(cell: Cell) -> Cell:
     return None if isinstance(cell, float) and not math.isfinite(cell) else cell
+
+
+def check_table(out: Path) -> None:
+    """
+    Raises:
+        LindyError: this kind of table cannot be written here.
+    """
+    if out.suffix not in SUFFIXES:
+        raise LindyError(f"--out {out}: expected a name that ends in {' or '.join(SUFFIXES)}")
+    if out.suffix == ".parquet" and find_spec("pyarrow") is None:
+        raise LindyError(
+            f"--out {out} needs pyarrow, which is not installed; {how_to_install('tables')}; "
+            "a table .csv needs nothing"
+        )
+
+
+def encoded(rows: Sequence[Row], settings: list[str], suffix: str) -> bytes:
+    """
+    Args:
+        settings: keys of the axes of --set.
+    """
+    return _parquet(rows, settings) if suffix == ".parquet" else _csv(rows, settings)
+
+
+def _csv(rows: Sequence[Row], settings: list[str]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(columns(settings)), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def _parquet(rows: Sequence[Row], settings: list[str]) -> bytes:
+    pyarrow: Any = import_module("pyarrow")  # it has no types
+    parquet: Any = import_module("pyarrow.parquet")
+    kinds = {"number": pyarrow.float64(), "whole": pyarrow.int64(), "text": pyarrow.string()}
+    arrays: dict[str, Any] = {}
+    for name, kind in columns(settings).items():
+        cells = [row.get(name) for row in rows]
+        if kind is None:
+            kind = "number" if all(map(_is_number, cells)) else "text"
+            cells = cells if kind == "number" else [None if c is None else str(c) for c in cells]
+        arrays[name] = pyarrow.array(cells, kinds[kind])
+    buffer = pyarrow.BufferOutputStream()
+    parquet.write_table(pyarrow.table(arrays), buffer)
+    return buffer.getvalue().to_pybytes()
+
+
+def _is_number(cell: Cell) -> bool:
+    return isinstance(cell, int | float)

@@ -3,7 +3,7 @@
 import hashlib
 import sys
 import time
-from collections.abc import Callable, Generator, Sequence, Sized
+from collections.abc import Callable, Generator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
@@ -17,93 +17,129 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.os import system
 from services.tether.io.profile_file import named
 from tools.checks import checked, pilot_of
-from tools.choices import Choices
+from tools.choices import Choices, NewFile, NewPicture, Overrides, StackName, Whole
 from tools.fresh import write_fresh
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import without_files
 from tools.sweep.all_cores import on_all_cores
-from tools.sweep.axes import SweepAxes
+from tools.sweep.axes import SweepAxes, axes
 from tools.sweep.finished import About, FinishedDives, rows_file
 from tools.sweep.one_dive import Job, fly_one, killed_row
 from tools.sweep.picture import check_picture, drawn
-from tools.sweep.rows import CLEAN, Row
-from tools.sweep.tables import check_table, encoded
+from tools.sweep.rows import CLEAN, Row, check_table, encoded
 
 LINE_S = 10.0  # [s] between two lines where there is no terminal
+Values = tuple[str, ...]
 
 
 class Wanted(msgspec.Struct, frozen=True, kw_only=True):
-    """What the command line asks for, beside the axes."""
+    """What the command line asks for."""
 
+    axes: SweepAxes
     out: Path
     stack: str
-    seconds: float | None = None  # [s] after arming
-    workers: int | None = None
-    record: bool = False
-    picture: Path | None = None
+    seconds: float | None  # [s] after arming
+    workers: int | None
+    record: bool
 
 
-def sweep(axes: SweepAxes, wanted: Wanted) -> int:
-    """Returns the exit status.
+def sweep(
+    *,
+    out: NewFile,
+    seed: Values = ("0",),
+    set_: Overrides = (),
+    vehicle: Values = ("pioneer",),
+    link: Values = ("tether",),
+    pilot: Values = ("script:first_dive",),
+    stack: StackName = "simulated",
+    seconds: float | None = None,
+    workers: Whole | None = None,
+    record: bool = False,
+    picture: NewPicture = None,
+) -> int:
+    """Simulate many dives on all cores, into one table.
 
-    Raises:
-        LindyError: a wrong value, nowhere to write, a sweep of another kind there; it was
-            interrupted; or dives ended with an error.
+    One row of figures per dive. The options are those of `lindy simulate`, with several values
+    between commas where wanted. The sweep is their product. A dive has neither files nor a viewer.
+    After an interruption the same command goes on with what is missing.
+
+    Example: lindy sweep --seed 1..100 --set control.depth.kp=20,40 --out kp.csv
+             lindy sweep --vehicle pioneer,minerva --link tether,severe --seed 1..20 --out v.parquet
+
+    Parameters
+    ----------
+    out
+        the table: .csv, or .parquet with the extra `tables`; the finished dives are beside it
+    seed
+        of everything random in simulator and link: 7, 1,2,5 or 1..100
+    set_
+        key.path=value,value into the vehicle file; repeatable
+    vehicle
+        names in deploy/vehicles, or paths of TOML files
+    link
+        names in deploy/links, or paths of TOML files
+    pilot
+        script:FILE (a CSV stick log)
+    stack
+        which services: a name in deploy/stacks, or the path of a TOML file
+    seconds
+        end each dive this long after arming
+    workers
+        processes; default: one for each core
+    record
+        keep a folder with recording and report of each dive, beside the table
+    picture
+        a new PNG: the main figures of each combination of the axes
     """
-    check_table(wanted.out)
-    if wanted.picture is not None:
-        check_picture(wanted.picture)
-    if wanted.workers is not None and wanted.workers < 1:
-        raise LindyError(f"--workers is {wanted.workers}, expected 1 or more")
-    about = _checked(axes, wanted)
-    with closing(FinishedDives(wanted.out, about)) as finished:
+    wanted = Wanted(
+        axes=axes(vehicle, link, pilot, set_, seed),
+        out=out, stack=stack, seconds=seconds, workers=workers, record=record,
+    )  # fmt: skip
+    check_table(out)
+    if picture is not None:
+        check_picture(picture)
+    if workers is not None and workers < 1:
+        raise LindyError(f"--workers is {workers}, expected 1 or more")
+    about = _checked(wanted)
+    with closing(FinishedDives(out, about)) as finished:
         try:
-            stopped = _fly(axes, wanted, finished)
+            stopped = _fly(wanted, finished)
         except LindyError as error:
             if finished.rows:
                 with suppress(LindyError):
-                    _write_table(axes, wanted, finished)
-            raise LindyError(f"{error}; {_kept(len(finished.rows), axes, wanted)}") from error
+                    _write_table(wanted, finished)
+            raise LindyError(f"{error}; {_kept(finished, wanted)}") from error
+        left = len(finished.rows) < wanted.axes.count
+        interrupted = EndedByUserError(f"interrupted; {_kept(finished, wanted)}")
         if stopped and not finished.rows:
-            raise EndedByUserError(_interrupted(finished.rows, axes, wanted))
-        rows = _write_table(axes, wanted, finished)
-    _show(rows, axes, wanted)
-    return _ending(rows, axes, wanted, stopped=stopped)
+            raise interrupted
+        rows = _write_table(wanted, finished)
+    print(f"written {out} ({_counted(len(rows), 'row')})", flush=True)
+    if picture is not None and rows and not left:
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        write_fresh(picture, drawn(rows, wanted.axes.varied), "--picture")
+        print(f"written {picture}", flush=True)
+    if stopped and left:
+        raise interrupted
+    failed = [row for row in rows if row["end"] != CLEAN]
+    if failed:
+        raise LindyError(
+            f"{len(failed)} of {_counted(len(rows), 'dive')} ended with an error; the first, dive "
+            f"{failed[0]['dive']}: {failed[0]['end']}"
+        )
+    return 0
 
 
-def _write_table(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> list[Row]:
-    """Returns its rows, in the order of the dives."""
-    rows = [finished.rows[number] for number in sorted(finished.rows)]
-    finished.replace_table(encoded(rows, list(axes.settings), wanted.out.suffix))
-    return rows
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"
-
-
-def _kept(done: int, axes: SweepAxes, wanted: Wanted) -> str:
-    verb = "is" if axes.count == 1 else "are"
-    return (
-        f"{done} of {_counted(axes.count, 'dive')} {verb} kept in {rows_file(wanted.out)}, and the "
-        "same command goes on with the rest"
-    )
-
-
-def _interrupted(rows: Sized, axes: SweepAxes, wanted: Wanted) -> str:
-    return f"interrupted; {_kept(len(rows), axes, wanted)}"
-
-
-def _checked(axes: SweepAxes, wanted: Wanted) -> About:
-    """Check every combination before the first dive.
+def _checked(wanted: Wanted) -> About:
+    """What the sweep is, once every combination has been checked.
 
     Raises:
         LindyError: the first mistake found.
     """
     services = without_files(Registry.read(wanted.stack))
     services.require_whole()
-    files: dict[str, str] = {str(services.file): _checksum(services.file)}
-    for vehicle, link, pilot, settings in axes.combinations():
+    files = {str(services.file): _checksum(services.file)}
+    for vehicle, link, pilot, settings in wanted.axes.combinations():
         choice = pilot_of(pilot)
         if choice.script_s is None:
             raise LindyError(f"--pilot {pilot} needs real time; a sweep flies script:FILE only")
@@ -119,8 +155,8 @@ def _checked(axes: SweepAxes, wanted: Wanted) -> About:
         "stack": wanted.stack,
         "seconds": wanted.seconds,
         "record": wanted.record,
-        **{f"--{name}": getattr(axes, name) for name in ("vehicle", "link", "pilot", "seed")},
-        "--set": axes.settings,
+        **{f"--{n}": getattr(wanted.axes, n) for n in ("vehicle", "link", "pilot", "seed")},
+        "--set": wanted.axes.settings,
         "files": files,
     }
 
@@ -129,20 +165,20 @@ def _checksum(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
-def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
+def _fly(wanted: Wanted, finished: FinishedDives) -> bool:
     """Fly what is missing. Was it interrupted?"""
     keep = str(wanted.out.with_name(f"{wanted.out.name}.dives")) if wanted.record else ""
     jobs = [
         Job(dive, wanted.stack, wanted.seconds, keep)
-        for dive in axes.dives()
+        for dive in wanted.axes.dives()
         if dive.number not in finished.rows
     ]
     workers = min(wanted.workers or system.cores(), max(1, len(jobs)))
-    before = len(finished.rows)
+    count, before = wanted.axes.count, len(finished.rows)
     there = f", {before} of them done before" if before else ""
-    flown, used = _counted(axes.count, "dive"), _counted(workers, "core")
+    flown, used = _counted(count, "dive"), _counted(workers, "core")
     print(f"{flown}{there}, on {used} → {wanted.out}", flush=True)
-    with StopSignals() as stop, _progress(axes.count, before) as advance:
+    with StopSignals() as stop, _progress(count, before) as advance:
         for result in on_all_cores(fly_one, jobs, workers, lambda: stop.asked, killed_row):
             if result is not None and (row := result[1]) is not None:
                 finished.add(row)
@@ -153,16 +189,12 @@ def _fly(axes: SweepAxes, wanted: Wanted, finished: FinishedDives) -> bool:
 @contextmanager
 def _progress(total: int, before: int) -> Generator[Callable[[int], None]]:
     """A progress bar on a terminal, otherwise a line every `LINE_S`."""
-    if not sys.stdout.isatty():
-        yield _lines(total, before)
+    if sys.stdout.isatty():
+        columns = TextColumn("diving"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+        with Progress(*columns, transient=True) as bar:
+            task = bar.add_task("diving", total=total, completed=before)
+            yield lambda done: bar.update(task, completed=done)
         return
-    columns = TextColumn("diving"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, transient=True) as bar:
-        task = bar.add_task("diving", total=total, completed=before)
-        yield lambda done: bar.update(task, completed=done)
-
-
-def _lines(total: int, before: int) -> Callable[[int], None]:
     last = began = time.monotonic()
 
     def advance(done: int) -> None:
@@ -175,24 +207,23 @@ def _lines(total: int, before: int) -> Callable[[int], None]:
         rest = "" if left is None else f", about {left:.0f} s to go"
         print(f"{done} of {_counted(total, 'dive')}{rest}", flush=True)
 
-    return advance
+    yield advance
 
 
-def _show(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted) -> None:
-    print(f"written {wanted.out} ({_counted(len(rows), 'row')})", flush=True)
-    if wanted.picture is not None and rows and len(rows) == axes.count:
-        wanted.picture.parent.mkdir(parents=True, exist_ok=True)
-        write_fresh(wanted.picture, drawn(rows, axes.varied), "--picture")
-        print(f"written {wanted.picture}", flush=True)
+def _write_table(wanted: Wanted, finished: FinishedDives) -> list[Row]:
+    """Returns its rows, in the order of the dives."""
+    rows = [finished.rows[number] for number in sorted(finished.rows)]
+    finished.replace_table(encoded(rows, list(wanted.axes.settings), wanted.out.suffix))
+    return rows
 
 
-def _ending(rows: Sequence[Row], axes: SweepAxes, wanted: Wanted, *, stopped: bool) -> int:
-    if stopped and len(rows) < axes.count:
-        raise EndedByUserError(_interrupted(rows, axes, wanted))
-    failed = [row for row in rows if row["end"] != CLEAN]
-    if failed:
-        raise LindyError(
-            f"{len(failed)} of {_counted(len(rows), 'dive')} ended with an error; the first, dive "
-            f"{failed[0]['dive']}: {failed[0]['end']}"
-        )
-    return 0
+def _kept(finished: FinishedDives, wanted: Wanted) -> str:
+    verb = "is" if wanted.axes.count == 1 else "are"
+    return (
+        f"{len(finished.rows)} of {_counted(wanted.axes.count, 'dive')} {verb} kept in "
+        f"{rows_file(wanted.out)}, and the same command goes on with the rest"
+    )
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"

@@ -4,12 +4,12 @@ For comparison with the paper's figures and tables only: the printed times leave
 `reference_model.plan` does not have.
 """
 
-from tools.generators.fernandes.model_cruise import cruise_speed
-from tools.generators.fernandes.model_phases import SpeedChange
-from tools.generators.fernandes.model_request import MotionRequest
-from tools.generators.fernandes.reference_model import (
+from tools.generators.fernandes import (
+    MotionRequest,
     ReferenceModel,
+    SpeedChange,
     assembled,
+    cruise_speed,
     model,
     speed_change,
     speed_changes,

@@ -32,7 +32,7 @@ from lindy_research.papers.setups import (
 from lindy_research.papers.unwrapped import accumulate
 from services.reference.paths.path import Path
 from tools.generators.clothoid import TwinClothoids
-from tools.generators.fernandes.reference_model import ReferenceModel, plan
+from tools.generators.fernandes import ReferenceModel, plan
 from tools.generators.route import ProfileSequence, Route, sequence
 
 PAPER = "Fernandes et al. 2015"

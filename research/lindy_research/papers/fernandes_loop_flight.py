@@ -33,7 +33,7 @@ from services.runtime.hosts.service_module import Wire, wire_of
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from services.simulator.core import Settings, at_the_surface
-from tools.generators.fernandes.reference_model import plan
+from tools.generators.fernandes import plan
 from tools.generators.route import Route, sequence, stretch
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from lindy_research.papers.curves import sampled, show
 from lindy_research.papers.setups import SEA_TRIAL, TABLE_2_BEGIN, XI, table_2
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.position import PositionMove, pair
-from tools.generators.fernandes.reference_model import ReferenceModel, plan
+from tools.generators.fernandes import ReferenceModel, plan
 
 
 def peak_limits(model: ReferenceModel) -> Limits:

@@ -19,7 +19,7 @@ from lindy_research.papers.setups import (
     table_3,
 )
 from services.reference.trajectory.minimum_jerk import MotionProfile
-from tools.generators.fernandes.reference_model import plan
+from tools.generators.fernandes import plan
 from tools.generators.route import ProfileSequence, Route, furthest, sequence, stretch
 
 PARTS = ("1st", "2nd", "3rd", "4th", "5th")

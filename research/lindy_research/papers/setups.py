@@ -9,8 +9,7 @@ from services.reference.paths.path import Path
 from services.reference.paths.turn import SmoothTurn
 from services.reference.trajectory.minimum_jerk import Limits
 from tools.generators.clothoid import TwinClothoids
-from tools.generators.fernandes.model_request import MotionRequest
-from tools.generators.fernandes.reference_model import plan
+from tools.generators.fernandes import MotionRequest, plan
 from tools.generators.route import ProfileSequence, Route, sequence
 
 # Andrén 2023, figures 4.2 and 4.3.

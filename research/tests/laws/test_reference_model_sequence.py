@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tools.generators.fernandes.model_request import MotionRequest
-from tools.generators.fernandes.reference_model import plan
+from tools.generators.fernandes import MotionRequest, plan
 from tools.generators.route import sequence
 
 many = settings(max_examples=60, deadline=None)

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from services.foxglove.handshake import refusal
+from services.foxglove.core import refusal
 
 LONGEST_HEAD = 16_384  # [bytes]
 HEAD_S = 5.0  # [s] for the head of a request

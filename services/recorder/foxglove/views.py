@@ -1,11 +1,15 @@
-"""Which views each message of the bus gives."""
+"""Which views each message of the bus gives: a scene, a log, pictures, and vectors with a name for
+each component, `wanted.heave` instead of `wanted[2]`."""
 
+import json
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
 
-from messages import cameras
+from messages import cameras, topics
+from messages.components import COMPONENTS, QUATERNION
 from messages.health import LogLine
 from messages.message import Message
 from messages.reference import Reference
@@ -15,15 +19,51 @@ from messages.vehicle import Actuation, Truth
 from messages.video import Assembler, VideoPart
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove import scene
-from services.recorder.foxglove.channel import PREFIX, FoxgloveView, official
-from services.recorder.foxglove.named import named_vectors
+from services.recorder.foxglove.channel import PREFIX, FoxgloveView, NamedSchema, official
 
 # All this is for the eye, so it has fewer messages than the bus has.
 POSE_NS = 40_000_000  # [ns] between two poses
 PLOT_NS = 40_000_000  # [ns] between two named vectors; the message itself has every sample
 THRUST_NS = 100_000_000  # [ns] between two sets of arrows
 HULL_NS = 1_000_000_000  # [ns] it never changes, but somebody may begin to watch
+Names = Mapping[str, Sequence[str]]  # field of a message → names of its components
+VECTORS: dict[AnyTopic, Names] = {
+    topic: {
+        f: names for f, names in COMPONENTS[topic.message.__name__].items() if names != QUATERNION
+    }
+    for topic in (topics.IMU, topics.MAGNETOMETER, topics.DVL, topics.WRENCH, topics.TRUTH)
+}
+THRUST = (topics.THRUSTERS, topics.ACTUATION)  # their `thrust` is in the order of the vehicle file
 LEVELS = {"info": 2, "warning": 3, "error": 4}  # of `foxglove.Log`
+
+
+class NamedVectors:
+    """The named fields of one topic."""
+
+    def __init__(self, topic: AnyTopic, names: Names) -> None:
+        self.key = f"{PREFIX}plot/{topic.key}"
+        self.schema = NamedSchema(f"Named{topic.message.__name__}", _schema(names))
+        self._names = names
+
+    def of(self, message: Message) -> dict[str, dict[str, float]] | None:
+        """The same numbers under their names; None for a message with too many, too few or none."""
+        named: dict[str, dict[str, float]] = {}
+        for field, names in self._names.items():
+            values: Sequence[float] | None = getattr(message, field)
+            if values is None or len(values) != len(names):
+                return None
+            named[field] = dict(zip(names, values, strict=True))
+        return named
+
+
+def named_vectors(thrusters: Sequence[str]) -> dict[str, NamedVectors]:
+    """By key of the topic.
+
+    Args:
+        thrusters: their names, in the order of the vehicle file.
+    """
+    vectors = VECTORS | {topic: {"thrust": thrusters} for topic in THRUST}
+    return {topic.key: NamedVectors(topic, names) for topic, names in vectors.items()}
 
 
 class Views:
@@ -129,3 +169,11 @@ def _log(line: LogLine, utc_ns: int) -> dict[str, Any]:
         "file": "",  # the type has these two; nobody needs to know where in the code
         "line": 0,
     }
+
+
+def _schema(names: Names) -> bytes:
+    def vector(components: Sequence[str]) -> dict[str, Any]:
+        return {"type": "object", "properties": {name: {"type": "number"} for name in components}}
+
+    properties = {field: vector(components) for field, components in names.items()}
+    return json.dumps({"type": "object", "properties": properties}).encode()

@@ -128,7 +128,10 @@ class McapSession:
         if self._file is None:
             if now >= self._retry_at:
                 self._retry_at = now + RETRY_NS
-                self._try_again()
+                try:
+                    self._open()
+                except OSError:
+                    self._node.outbox.tell(events.DISK_ERROR())
             return
         try:
             require_room(self._stack.out_dir, RESERVE)
@@ -146,21 +149,17 @@ class McapSession:
         if self._file is None:
             return
         try:
-            self._describe_losses(self._file)
+            self._file.flush()
+            counts = self._node.outbox.counts  # of what this part lost
+            losses = {name: str(counts[name]) for name in sorted(counts) if counts[name]}
+            self._file.metadata("losses", losses)
+            if self._clock:
+                self._file.metadata("clock_offset", _clock_offset(self._clock))
             if not self._gaps:  # it is the hash of everything that was heard
                 self._file.metadata("hash", {"sha256": log_hash})
             self._file.finish()
         except OSError as error:
             self._fail(self._file, error)
-
-    def _describe_losses(self, file: McapFile) -> None:
-        """What this part lost, and what was known of the other machine's clock."""
-        file.flush()
-        counts = self._node.outbox.counts
-        losses = {name: str(counts[name]) for name in sorted(counts) if counts[name]}
-        file.metadata("losses", losses)
-        if self._clock:
-            file.metadata("clock_offset", _clock_offset(self._clock))
 
     def _open(self) -> None:
         require_room(self._stack.out_dir, RESERVE)
@@ -212,12 +211,6 @@ class McapSession:
                 f"recording stopped: cannot write {path}: {reason(error)}; "
                 f"trying again every {RETRY_NS // 10**9} s",
             )
-
-    def _try_again(self) -> None:
-        try:
-            self._open()
-        except OSError:
-            self._node.outbox.tell(events.DISK_ERROR())
 
 
 def about(stack: Stack) -> dict[str, str]:

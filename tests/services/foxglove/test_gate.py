@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.foxglove.core import parameters
-from services.foxglove.handshake import refusal
+from services.foxglove.core import parameters, refusal
 from services.foxglove.io import gate
 from tests.support.patience import PATIENCE_S, until
 

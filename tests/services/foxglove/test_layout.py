@@ -12,7 +12,7 @@ from messages.sensors import DvlSample
 from services.estimation.core import AID_SOURCES
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import PREFIX, official, schema_of
-from services.recorder.foxglove.named import named_vectors
+from services.recorder.foxglove.views import named_vectors
 from services.runtime.config.settings import DEPLOY
 from services.runtime.config.stack import Stack
 

@@ -14,7 +14,7 @@ from services.marine.summation import plain_sum
 COUNTING = {
     "messages/events.py",
     "services/link_monitor/core.py",
-    "services/recorder/io/mcap_summary.py",
+    "services/recorder/io/mcap_file.py",
     "services/runtime/hosts/registry.py",
     "services/runtime/launch/child.py",
     "services/runtime/node/node.py",

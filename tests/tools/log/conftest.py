@@ -1,13 +1,17 @@
 """A short dive with files of its own: vehicle, link with a trace, script with a path and a link."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from mcap.records import Attachment, Channel
 
 from services.runtime.config.settings import DEPLOY
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
+from tools.recordings.mcap_copy import new_mcap
+from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
 from tools.simulate import simulated
 
 SCRIPT = """t,surge,sway,heave,yaw,tilt,event
@@ -74,3 +78,30 @@ def flown(tmp_path_factory: pytest.TempPathFactory, link: str) -> ShortDive:
     assert done.folder is not None
     assert done.log_hash is not None
     return ShortDive(done.folder, done.log_hash, own["script.csv"])
+
+
+Alter = Callable[[str, StoredMessage], StoredMessage | None]
+
+
+def rewritten(
+    dive: ShortDive,
+    out: Path,
+    alter: Alter = lambda _, message: message,
+    attached: Callable[[str, bytes], bytes] = lambda _, data: data,
+) -> Path:
+    """A copy with what `alter` makes of each message of a key, None: nothing; and with other
+    attached files."""
+    keys: dict[int, str] = {}
+    with new_mcap(out) as copy:
+        copy.next_file()
+        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+            if isinstance(record, Channel):
+                keys[record.id] = record.topic
+            elif isinstance(record, Attachment):
+                record.data = attached(record.name, record.data)
+            if isinstance(record, StoredMessage):
+                if (other := alter(keys[record.channel_id], record)) is not None:
+                    copy.add(other)
+            else:
+                copy.add(record)
+    return out

@@ -7,19 +7,16 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.records import Channel, Metadata
 from mcap.writer import Writer
 
 from messages.health import Health
 from services.recorder.foxglove.channel import is_view
 from tools.__main__ import main
-from tools.log.account import Accounts, LinkReports, account_for, accounts
-from tools.log.numbering import Numbering
-from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.log.check import Accounts, LinkReports, Numbering, account_for, accounts
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
 
-from .conftest import ShortDive
+from .conftest import ShortDive, rewritten
 
 KEY = "pilot/command"
 numbers = st.integers(0, 300)
@@ -155,20 +152,14 @@ def test_a_dive_over_a_bad_link_is_accounted_for(dive: ShortDive) -> None:
 
 def without(dive: ShortDive, out: Path, dropped: set[int]) -> Path:
     """A copy without the messages that have these places among those of the bus in the file."""
-    place, views = 0, set[int]()
-    with new_mcap(out) as copy:
-        copy.next_file()
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
-            if isinstance(record, Channel) and is_view(record.topic):
-                views.add(record.id)
-            if isinstance(record, StoredMessage) and record.channel_id not in views:
-                place += 1
-                if place in dropped:
-                    continue
-            if isinstance(record, Metadata) and record.name == "recovered":
-                continue
-            copy.add(record)
-    return out
+    place = 0
+
+    def kept(key: str, message: StoredMessage) -> StoredMessage | None:
+        nonlocal place
+        place += not is_view(key)
+        return message if is_view(key) or place not in dropped else None
+
+    return rewritten(dive, out, kept)
 
 
 @given(st.sets(st.integers(2000, 2500), min_size=1, max_size=20))
@@ -216,15 +207,14 @@ def test_a_recording_without_an_end_is_not_whole(
 def test_a_clock_that_runs_backwards_is_said(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path, back = tmp_path / "dive.mcap", 0
-    with new_mcap(path) as copy:
-        copy.next_file()
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
-            if isinstance(record, StoredMessage):
-                back = 3_000_000_000 if record.log_ns > 3_500_000_000 else back
-                copy.add(record._replace(log_ns=record.log_ns - back))
-            else:
-                copy.add(record)
+    back = 0
+
+    def set_back(_: str, message: StoredMessage) -> StoredMessage:
+        nonlocal back
+        back = 3_000_000_000 if message.log_ns > 3_500_000_000 else back
+        return message._replace(log_ns=message.log_ns - back)
+
+    path = rewritten(dive, tmp_path / "dive.mcap", set_back)
     assert main(["log", "check", str(path)]) == 0
     assert "the recorder's clock ran backwards once" in capsys.readouterr().out
 

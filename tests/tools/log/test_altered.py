@@ -1,59 +1,20 @@
 """Recordings in which somebody has altered messages: taken or refused by a sentence, and said."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from mcap.records import Attachment, Channel, Metadata, Schema
-from mcap.writer import Writer
 
 from tools.__main__ import main
-from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.mcap_records import StoredMessage
 
-from .conftest import ShortDive
+from .conftest import Alter, ShortDive, rewritten
 
-Alter = Callable[[StoredMessage], StoredMessage]
 # What no message of ours holds, as JSON.
 STRANGE = ["1e309", "-1e308", "NaN", "9" * 400, '"x"', "null", "[]", "{}", "[[[1]]]", "-0.5"]
 
 
-def altered(
-    dive: ShortDive,
-    out: Path,
-    alter: Alter,
-    attached: Callable[[str, bytes], bytes] = lambda _, data: data,
-) -> Path:
-    """By the library of MCAP."""
-    numbers: dict[int, int] = {}  # of channels and schemas in the copy
-    with out.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start(profile="", library="")
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
-            match record:
-                case StoredMessage():
-                    _, sequence, log_ns, publish_ns, data = alter(record)
-                    number = numbers[record.channel_id]
-                    writer.add_message(number, log_ns, data, publish_ns, sequence)
-                case Schema():
-                    numbers[-record.id] = writer.register_schema(
-                        record.name, record.encoding, record.data
-                    )
-                case Channel():
-                    numbers[record.id] = writer.register_channel(
-                        record.topic, record.message_encoding, numbers[-record.schema_id]
-                    )
-                case Attachment():
-                    times = record.create_time, record.log_time
-                    data = attached(record.name, record.data)
-                    writer.add_attachment(*times, record.name, record.media_type, data)
-                case Metadata():
-                    writer.add_metadata(record.name, record.metadata)
-        writer.finish()
-    return out
-
-
-def with_strange_fields(message: StoredMessage) -> StoredMessage:
+def with_strange_fields(_: str, message: StoredMessage) -> StoredMessage:
     """Every third message: all fields but stamp and number."""
     if message.sequence % 3:
         return message
@@ -68,18 +29,18 @@ def with_strange_fields(message: StoredMessage) -> StoredMessage:
     return message._replace(data=f"{{{said}}}".encode())
 
 
-def years_later(message: StoredMessage) -> StoredMessage:
+def years_later(_: str, message: StoredMessage) -> StoredMessage:
     return message._replace(log_ns=message.log_ns + message.sequence % 2 * 10**18)
 
 
-def at_no_time(message: StoredMessage) -> StoredMessage:
+def at_no_time(_: str, message: StoredMessage) -> StoredMessage:
     return message._replace(log_ns=2**64 - 1) if message.sequence % 100 == 7 else message
 
 
 def test_it_is_compared_as_far_as_it_can_be_read_and_the_rest_is_counted(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    strange = altered(dive, tmp_path / "strange.mcap", with_strange_fields)
+    strange = rewritten(dive, tmp_path / "strange.mcap", with_strange_fields)
     assert main(["log", "compare", str(strange), str(dive.folder)]) == 3
     assert "messages could not be read" in capsys.readouterr().out
     assert main(["replay", str(strange), "--through", "control", "--diff"]) == 1
@@ -99,7 +60,7 @@ def test_nobody_walks_through_the_years_between_two_messages(
     alter: Alter,
     words: tuple[str, ...],
 ) -> None:
-    path = altered(dive, tmp_path / "far.mcap", alter)
+    path = rewritten(dive, tmp_path / "far.mcap", alter)
     assert main([words[0], str(path), *words[1:]]) == 1
     assert f"{path}: its messages are" in (said := capsys.readouterr().err)
     assert said.endswith("some have a wrong time\n")
@@ -114,7 +75,7 @@ def test_what_is_wrong_in_its_vehicle_file_is_said_of_the_recording(
     def no_mass(name: str, data: bytes) -> bytes:
         return data.replace(b"\nmass = ", b"\nmass = nan # ") if name.endswith(".toml") else data
 
-    path = altered(dive, tmp_path / "wrong.mcap", lambda message: message, no_mass)
+    path = rewritten(dive, tmp_path / "wrong.mcap", attached=no_mass)
     assert main([words[0], str(path), *words[1:]]) == 1
     assert f"lindy: {path}: my_drone.toml:" in capsys.readouterr().err
 

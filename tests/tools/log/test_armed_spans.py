@@ -13,11 +13,10 @@ from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
 from tools.log.armed_spans import ArmedSpan, ArmedSpans, armed_spans, around
-from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
 
-from .conftest import ShortDive
+from .conftest import ShortDive, rewritten
 
 Heard = list[tuple[float, VehicleStatus]]
 
@@ -80,18 +79,14 @@ def two_dives(dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> Path
     (whole,) = armed_spans(open_recording(dive.folder))
     origin = open_recording(dive.folder).origin_ns() or 0
     third = whole.seconds / 3.0
-    path = tmp_path_factory.mktemp("two") / "dive.mcap"
-    with new_mcap(path) as copy:
-        copy.next_file()
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
-            if isinstance(record, StoredMessage):
-                t = (record.log_ns - origin) / 1e9 - whole.from_s
-                if third < t < 2.0 * third:
-                    record = record._replace(
-                        data=record.data.replace(b'"armed":true', b'"armed":false')
-                    )
-            copy.add(record)
-    return path
+
+    def disarmed(_: str, message: StoredMessage) -> StoredMessage:
+        t = (message.log_ns - origin) / 1e9 - whole.from_s
+        if not third < t < 2.0 * third:
+            return message
+        return message._replace(data=message.data.replace(b'"armed":true', b'"armed":false'))
+
+    return rewritten(dive, tmp_path_factory.mktemp("two") / "dive.mcap", disarmed)
 
 
 @pytest.mark.parametrize("number", [1, 2])

@@ -8,19 +8,25 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.records import Channel, Metadata
+from mcap.records import Metadata
 
 from messages import topics
 from tools.__main__ import main
 from tools.log.cut import WantedPart, cut_out
-from tools.log.differences import TopicPair, differences
 from tools.log.flatten import Flattening
-from tools.log.series import DiveSeries, TopicSeries, Words
+from tools.log.series import (
+    DiveSeries,
+    FieldDifference,
+    TopicSeries,
+    Words,
+    differences,
+    topic_differences,
+)
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
 
-from .conftest import ShortDive
+from .conftest import ShortDive, rewritten
 
 SCHEMA = {"type": "object", "properties": {"x": {"type": "number"}, "word": {"type": "string"}}}
 
@@ -32,8 +38,10 @@ def series(values: list[float], words: list[str], known: Words, step_ns: int = 1
     return found
 
 
-def pair(a: TopicSeries, b: TopicSeries, known: Words) -> TopicPair:
-    return TopicPair("topic", a, b, 0, 0, known)
+def found_in(
+    a: TopicSeries, b: TopicSeries, known: Words, tolerance: float
+) -> list[FieldDifference]:
+    return list(topic_differences("topic", (a, b), (0, 0), known, tolerance))
 
 
 @given(
@@ -47,9 +55,7 @@ def test_the_first_and_the_largest_difference_are_found(
     by = data.draw(st.lists(added, min_size=len(values), max_size=len(values)))
     other = [value + more for value, more in zip(values, by, strict=True)]
     known, words = Words(), ["a"] * len(values)
-    found = list(
-        pair(series(values, words, known), series(other, words, known), known).differences(0.0)
-    )
+    found = found_in(series(values, words, known), series(other, words, known), known, 0.0)
     moved = [n for n, (a, b) in enumerate(zip(values, other, strict=True)) if a != b]
     if not moved:
         assert not found
@@ -64,7 +70,7 @@ def test_words_and_what_is_not_there_differ_too() -> None:
     known = Words()
     a = series([1.0, 2.0], ["here", "here"], known)
     b = series([1.0, float("nan")], ["here", "gone"], known)
-    found = {field.field: field for field in pair(a, b, known).differences(0.5)}
+    found = {field.field: field for field in found_in(a, b, known, 0.5)}
     assert (found["word"].a, found["word"].b) == ("here", "gone")
     assert (found["x"].a, found["x"].b) == (2.0, None)
 
@@ -73,7 +79,7 @@ def test_a_line_sampled_at_other_instants_is_the_same_line() -> None:
     known = Words()
     a = series([2.0 * n for n in range(60)], ["w"] * 60, known, step_ns=10)
     b = series([7.0 * 0.2 * n for n in range(60)], ["w"] * 60, known, step_ns=7)
-    assert not list(pair(a, b, known).differences(1e-12))
+    assert not found_in(a, b, known, 1e-12)
 
 
 @settings(max_examples=20)
@@ -81,24 +87,7 @@ def test_a_line_sampled_at_other_instants_is_the_same_line() -> None:
 def test_a_tolerance_is_a_share_of_the_largest_value(tolerance: float) -> None:
     known = Words()
     a, b = series([10.0, 0.0], ["", ""], known), series([10.0, 2.0], ["", ""], known)
-    assert bool(list(pair(a, b, known).differences(tolerance))) == (tolerance * 10.0 < 2.0)
-
-
-def changed(dive: ShortDive, out: Path, key: str, old: bytes, new: bytes) -> Path:
-    """A copy in which one topic says something else from 4 s on."""
-    channels: dict[int, str] = {}
-    with new_mcap(out) as copy:
-        copy.next_file()
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
-            if isinstance(record, Channel):
-                channels[record.id] = record.topic
-            if isinstance(record, StoredMessage) and channels[record.channel_id] == key:
-                late = record.log_ns >= 4_000_000_000
-                data = record.data.replace(old, new) if late else record.data
-                copy.add(record._replace(data=data))
-            else:
-                copy.add(record)
-    return out
+    assert bool(found_in(a, b, known, tolerance)) == (tolerance * 10.0 < 2.0)
 
 
 def test_a_dive_is_the_same_as_itself(dive: ShortDive, capsys: pytest.CaptureFixture[str]) -> None:
@@ -109,7 +98,14 @@ def test_a_dive_is_the_same_as_itself(dive: ShortDive, capsys: pytest.CaptureFix
 def test_a_field_that_was_changed_is_named_with_its_time(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    other = changed(dive, tmp_path / "b.mcap", "state", b'"phase":"running"', b'"phase":"other"')
+
+    def changed(key: str, message: StoredMessage) -> StoredMessage:
+        if key != "state" or message.log_ns < 4_000_000_000:
+            return message
+        data = message.data.replace(b'"phase":"running"', b'"phase":"other"')
+        return message._replace(data=data)
+
+    other = rewritten(dive, tmp_path / "b.mcap", changed)
     assert main(["log", "compare", str(dive.folder), str(other), "--json"]) == 1
     found = msgspec.json.decode(capsys.readouterr().out)
     (field,) = found["fields"]

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
-from tools.log.figures import figures
+from tools.log.compare import figures
 from tools.log.recover import recovered
 from tools.recordings.recording import open_recording
 from tools.replay.command import span_of
@@ -87,7 +87,7 @@ def test_a_damaged_attachment_is_said(
     path = flipped(whole, tmp_path / "broken.mcap", at)
     assert main(arguments(verb, path, tmp_path)) == 3
     assert "broken.mcap is damaged at byte " in capsys.readouterr().out
-    assert not recovered(path, tmp_path / "mended.mcap").whole
+    assert recovered(path, tmp_path / "mended.mcap").wrong
     assert any("is damaged" in remark for remark in remarks(open_source(path)))
 
 
@@ -118,7 +118,7 @@ def test_what_follows_a_chunk_with_a_damaged_length_is_recovered(tmp_path: Path,
     path.write_bytes(whole_file()[0])
     flipped(path, tmp_path / "broken.mcap", chunks_of(path)[1] + byte)
     found = recovered(tmp_path / "broken.mcap", out)
-    assert not found.whole
+    assert found.wrong
     assert foreign(out) == recorded()[:PER_CHUNK] + recorded()[2 * PER_CHUNK :]
 
 
@@ -131,7 +131,8 @@ def test_a_chunk_with_a_damaged_length_in_a_file_without_an_end(tmp_path: Path, 
     flipped(path, tmp_path / "broken.mcap", begin[0] + byte)
     assert CHUNKS == 3
     # Its channel was described in the first chunk, and there is no summary.
-    assert "40 messages of unknown topics" in recovered(tmp_path / "broken.mcap", out).words
+    wrong = recovered(tmp_path / "broken.mcap", out).wrong
+    assert any("40 messages of unknown topics" in said for said in wrong)
 
 
 @pytest.mark.parametrize("at", range(9, 17))
@@ -139,7 +140,7 @@ def test_a_damaged_length_of_the_header_costs_no_message(tmp_path: Path, at: int
     path, out = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
     path.write_bytes(whole_file()[0])
     flipped(path, tmp_path / "broken.mcap", at)
-    assert not recovered(tmp_path / "broken.mcap", out).whole
+    assert recovered(tmp_path / "broken.mcap", out).wrong
     assert foreign(out) == recorded()
 
 
@@ -174,7 +175,7 @@ def test_losses_are_counted_by_the_rule_of_the_summary(
     def same(_dive: RecordedDive, _extras: Extras) -> Report:
         return report
 
-    monkeypatch.setattr("tools.log.figures.report_on", same)
+    monkeypatch.setattr("tools.log.compare.report_on", same)
     sides = figures(recording, recording)
     assert [each.a for each in sides if each.name.startswith("losses")] == [5.0]
 

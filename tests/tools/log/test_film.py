@@ -30,7 +30,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
 from tools.log import film_file
-from tools.log.film import filmed
+from tools.log.film import STEP_NS, Subtitles, filmed
 from tools.log.film_scenes import (
     FilmedPicture,
     FilmPlace,
@@ -39,7 +39,6 @@ from tools.log.film_scenes import (
     pictures,
     within,
 )
-from tools.log.subtitles import STEP_NS, Subtitles
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import simulated
 
@@ -214,8 +213,14 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(
     class Full:
         """The file of a disk with room for 100 kB."""
 
-        def __init__(self, path: Path) -> None:
-            self._file = path.open("xb")
+        def __init__(self, file: Any) -> None:
+            self._file = file
+
+        def __enter__(self) -> Any:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            self._file.close()
 
         def write(self, data: bytes) -> int:
             if self._file.tell() + len(data) > 100_000:
@@ -225,7 +230,13 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(
         def __getattr__(self, name: str) -> Any:
             return getattr(self._file, name)
 
-    monkeypatch.setattr(film_file, "new_file", Full)
+    opened: Any = Path.open
+
+    def on_a_full_disk(path: Path, *words: Any, **more: Any) -> Any:
+        file = opened(path, *words, **more)
+        return Full(file) if path.suffix == ".mp4" else file
+
+    monkeypatch.setattr(Path, "open", on_a_full_disk)
     with pytest.raises(LindyError, match="the disk is full"):
         filmed(open_recording(dive), tmp_path / "dive.mp4")
     assert list(tmp_path.iterdir()) == []

@@ -9,10 +9,10 @@ from mcap.reader import make_reader
 from services.recorder.foxglove.channel import is_view
 from tools.__main__ import main
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
 
-from .conftest import ShortDive
+from .conftest import ShortDive, rewritten
 
 
 def test_topics_and_attachments_are_counted(
@@ -101,13 +101,11 @@ def test_a_message_of_an_older_lindy_is_counted_without_its_new_field(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """What this version cannot read as its own type is still in tables, numbers and sizes."""
-    path = tmp_path / "older.mcap"
-    with new_mcap(path) as copy:
-        copy.next_file()
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
-            if isinstance(record, StoredMessage):
-                record = record._replace(data=record.data.replace(b'"armed":', b'"was_armed":'))
-            copy.add(record)
+
+    def older(_: str, message: StoredMessage) -> StoredMessage:
+        return message._replace(data=message.data.replace(b'"armed":', b'"was_armed":'))
+
+    path = rewritten(dive, tmp_path / "older.mcap", older)
     assert main(["log", "check", str(path)]) == 0
     assert main(["log", "csv", str(path)]) == 0
     assert main(["log", "info", str(path), "--json"]) == 0

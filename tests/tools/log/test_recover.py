@@ -139,7 +139,9 @@ def test_what_follows_a_damaged_chunk_is_recovered(tmp_path: Path) -> None:
     broken[ends[0] - 20] ^= 0xFF
     path, out = tmp_path / "dive.mcap", tmp_path / "mended.mcap"
     path.write_bytes(broken)
-    assert recovered(path, out).words == "dive.mcap had 1 damaged part, with 40 of its 120 messages"
+    assert recovered(path, out).wrong == [
+        "dive.mcap had 1 damaged part, with 40 of its 120 messages"
+    ]
     # The channel was described in that chunk; the summary describes it once more.
     assert foreign(out) == recorded()[PER_CHUNK:]
 
@@ -198,9 +200,9 @@ def test_a_recording_that_is_still_written_is_not_called_damaged(
     monkeypatch.setattr(recover, "salvaged", beside_its_recorder)
     found = recovered(path, tmp_path / "mended.mcap")
     assert found.messages > 0
-    assert found.words == (
+    assert found.wrong == [
         "dive.mcap was still being written: what was recorded later is not in it"
-    )
+    ]
 
 
 def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path: Path) -> None:
@@ -211,7 +213,7 @@ def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path:
     cut = folder / "dive.part2.mcap"
     cut.write_bytes(cut.read_bytes()[:-100])
     out = tmp_path / "mended.mcap"
-    assert recovered(folder, out).words == "dive.part2.mcap was cut off"
+    assert recovered(folder, out).wrong == ["dive.part2.mcap was cut off"]
     assert len(foreign(out)) == 2 * CHUNKS * PER_CHUNK
     with out.open("rb") as stream:
         reader = make_reader(stream)
@@ -236,7 +238,7 @@ def test_nothing_to_recover_is_one_sentence(
 
 def test_a_whole_dive_is_copied_message_by_message(dive: ShortDive, tmp_path: Path) -> None:
     out = tmp_path / "copy.mcap"
-    assert recovered(dive.folder, out).whole
+    assert not recovered(dive.folder, out).wrong
     assert foreign(out) == foreign(dive.folder / "dive.mcap")
 
 

@@ -10,13 +10,14 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import Writer
 
 from tools.__main__ import GROUPS, LOG, main
-from tools.log.account import Account, unrecorded_in
+from tools.log.check import Account, unrecorded_in
+from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import StoredMessage, records
 
 from .conftest import ShortDive
 
 Tree = dict[str, Any]
-Edit = Callable[[str, Tree], Tree | None]  # a message of a key; None: it is left out
+Edit = Callable[[str, Tree], Tree]  # a message of a key
 CLEAR = "\x1b[2J\x1b]0;owned\x07"  # an order to a terminal
 
 
@@ -30,49 +31,32 @@ def forged(
     edit: Edit = as_it_is,
     *,
     metadata: dict[str, Tree] | None = None,
-    leave: tuple[str, ...] = (),
     named: str = "",
 ) -> Path:
-    """A copy by the library for such files, with the metadata of the recording.
-
+    """
     Args:
         metadata: more of it, by the name.
-        leave: metadata that is left out.
         named: stands behind the names of attachments and in that of one more topic.
     """
-    schemas, channels, keys = dict[int, int](), dict[int, int](), dict[int, str]()
-    with out.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start(profile="", library="lindy")
+    keys = dict[int, str]()
+    with new_mcap(out) as copy:
+        copy.next_file()
         for record in records(source):
-            if isinstance(record, Schema):
-                encoding = record.encoding
-                schemas[record.id] = writer.register_schema(record.name, encoding, record.data)
-            elif isinstance(record, Channel):
+            if isinstance(record, Channel):
                 keys[record.id] = record.topic
-                channels[record.id] = writer.register_channel(
-                    record.topic, "json", schemas[record.schema_id]
-                )
+            elif isinstance(record, Attachment):
+                record.name += named
             elif isinstance(record, StoredMessage):
                 tree = edit(keys[record.channel_id], json.loads(record.data))
-                if tree is not None:
-                    writer.add_message(
-                        channels[record.channel_id], record.log_ns,
-                        json.dumps(tree, separators=(",", ":")).encode(),
-                        record.publish_ns, record.sequence,
-                    )  # fmt: skip
-            elif isinstance(record, Metadata) and record.name not in leave:
-                writer.add_metadata(record.name, record.metadata)
-            elif isinstance(record, Attachment):
-                times = record.create_time, record.log_time
-                name = f"{record.name}{named}"
-                writer.add_attachment(*times, name, record.media_type, record.data)
+                data = json.dumps(tree, separators=(",", ":")).encode()
+                record = record._replace(data=data)
+            copy.add(record)
         for name, entries in (metadata or {}).items():
-            writer.add_metadata(name, entries)
+            copy.metadata(Metadata(name, entries))
         if named:
-            schema = writer.register_schema(named, "jsonschema", b"{}")
-            writer.add_message(writer.register_channel(named, "json", schema), 1, b"{}", 1)
-        writer.finish()
+            copy.add(Schema(id=9999, data=b"{}", encoding="jsonschema", name=named))
+            copy.add(Channel(9999, named, "json", {}, 9999))
+            copy.add(StoredMessage(9999, 0, 1, 1, b"{}"))
     return out
 
 

@@ -21,9 +21,8 @@ from services.recorder.foxglove.channel import is_view
 from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.config.settings import DEPLOY
 from tools.__main__ import main
-from tools.log.csv_table import csv_table, line_of
+from tools.log.export import CsvTable, RowTable, line_of, thruster_names, write_tables
 from tools.log.flatten import TableColumn
-from tools.log.tables import RowTable, thruster_names, write_tables
 from tools.recordings.recording import open_recording
 
 from .conftest import ShortDive
@@ -207,7 +206,7 @@ def test_tables_that_ctrl_c_ended_are_said_not_to_be_whole(dive: ShortDive, tmp_
         made.append(path)
         if len(made) == 3:
             raise KeyboardInterrupt
-        return csv_table(path, columns)
+        return CsvTable(path, columns)
 
     with pytest.raises(EndedByUserError, match=r"interrupted; the tables in .* are not whole"):
         write_tables(dive.folder, tmp_path / "tables", "csv", new)
@@ -220,7 +219,7 @@ def test_tables_on_a_full_disk_are_said_not_to_be_whole(dive: ShortDive, tmp_pat
         made.append(path)
         if len(made) == 3:
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
-        return csv_table(path, columns)
+        return CsvTable(path, columns)
 
     with pytest.raises(LindyError, match=r"the disk is full; the tables in .* are not whole"):
         write_tables(dive.folder, tmp_path / "tables", "csv", new)

@@ -3,7 +3,7 @@
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from tests.golden.dives import golden
-from tools.replay.onto_bus import Replay, Wish
+from tools.replay.play import Replay, Wish
 from tools.replay.source import open_source
 
 SECOND = 1_000_000_000

@@ -25,7 +25,7 @@ from services.runtime.node.gate import Gate
 from tests.golden.dives import OVERRIDES, SCRIPT, golden
 from tests.support.patience import until
 from tools.recordings.recording import Raw
-from tools.replay.publishing import Republisher, require_heard
+from tools.replay.play import Republisher, require_heard
 from tools.replay.source import open_source
 
 CHAIN = ("simulator", "estimation", "reference", "control", "tether", "gamepad")

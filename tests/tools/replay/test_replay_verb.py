@@ -19,7 +19,7 @@ from services.runtime.node.node import Node
 from services.visualizer.service import wire
 from tests.golden.dives import golden
 from tools.__main__ import main
-from tools.replay.publishing import Republisher
+from tools.replay.play import Republisher
 from tools.replay.source import open_source
 
 GOLDEN = str(golden("pioneer"))

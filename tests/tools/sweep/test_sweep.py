@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+import tools.sweep.sweep as module
 from tools.__main__ import main
 from tools.report import Report
-from tools.sweep import sweep as module
-from tools.sweep.axes import Combination, PlannedDive, SweepAxes, axes
+from tools.sweep.axes import Combination, PlannedDive, axes
 from tools.sweep.finished import rows_file
 from tools.sweep.one_dive import Job, fly_one, killed_row
 from tools.sweep.rows import Row, columns
@@ -128,7 +128,7 @@ def test_a_dive_in_memory_reports_what_its_recording_would(script: str, tmp_path
 
 def test_parquet_has_the_same_rows_with_types(tmp_path: Path):
     parquet = pytest.importorskip("pyarrow.parquet")
-    from tools.sweep.tables import encoded
+    from tools.sweep.rows import encoded
 
     names = columns(["control.depth.kp", "simulator.model"])
     row: Row = dict.fromkeys(names)
@@ -197,7 +197,7 @@ def test_without_pyarrow_parquet_is_refused_with_what_installs_it(
     def absent(_name: str) -> None:
         return None
 
-    monkeypatch.setattr("tools.sweep.tables.find_spec", absent)
+    monkeypatch.setattr("tools.sweep.rows.find_spec", absent)
     assert main(["sweep", "--out", str(tmp_path / "x.parquet")]) == 1
     assert "uv sync --extra tables" in capsys.readouterr().err
 
@@ -208,8 +208,8 @@ def test_ctrl_c_keeps_what_is_finished(
 ):
     out = tmp_path / "x.csv"
 
-    def interrupted(axes: SweepAxes, wanted: module.Wanted, finished: module.FinishedDives) -> bool:
-        dive = next(iter(axes.dives()))
+    def interrupted(wanted: module.Wanted, finished: module.FinishedDives) -> bool:
+        dive = next(iter(wanted.axes.dives()))
         row = fly_one(Job(dive, wanted.stack, wanted.seconds, ""))
         assert row is not None
         finished.add(row)
@@ -225,7 +225,7 @@ def test_ctrl_c_keeps_what_is_finished(
 def test_ctrl_c_before_the_first_row_is_one_sentence(
     tmp_path: Path, script: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    def interrupted(_axes: SweepAxes, _wanted: module.Wanted, _finished: object) -> bool:
+    def interrupted(_wanted: module.Wanted, _finished: object) -> bool:
         return True
 
     monkeypatch.setattr(module, "_fly", interrupted)

@@ -6,6 +6,7 @@ from math import cos, hypot, pi, sin
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,9 +23,8 @@ from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import OFFICIAL, PREFIX, FoxgloveView
-from services.recorder.foxglove.named import THRUST, VECTORS
 from services.recorder.foxglove.scene import NED_IN_WORLD, along
-from services.recorder.foxglove.views import Views
+from services.recorder.foxglove.views import THRUST, VECTORS, Views
 from services.runtime.config.stack import Stack
 
 SECOND = 1_000_000_000
@@ -48,21 +48,10 @@ def attitudes(draw: st.DrawFn) -> Quaternion:
 def turned(q: Quaternion, v: Vec3) -> Vec3:
     """v + 2 w (u × v) + 2 u × (u × v) with q = (w, u)."""
 
-    def cross(a: Vec3, b: Vec3) -> Vec3:
-        return (
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        )
-
-    w, u = q[0], (q[1], q[2], q[3])
-    once = cross(u, v)
-    twice = cross(u, once)
-    return (
-        v[0] + 2 * (w * once[0] + twice[0]),
-        v[1] + 2 * (w * once[1] + twice[1]),
-        v[2] + 2 * (w * once[2] + twice[2]),
-    )
+    u = np.array(q[1:])
+    once = np.cross(u, v)
+    x, y, z = np.array(v) + 2 * (q[0] * once + np.cross(u, once))
+    return float(x), float(y), float(z)
 
 
 def state(now: int, place: Vec3 = (0.0, 0.0, 1.0), q: Quaternion = (1.0, 0, 0, 0)) -> VehicleState:

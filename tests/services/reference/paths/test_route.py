@@ -12,8 +12,7 @@ from services.reference.paths.turn import SmoothTurn
 from services.reference.trajectory.minimum_jerk import Limits, MotionProfile, solve
 from services.reference.trajectory.position import pair
 from tools.generators.clothoid import TwinClothoids
-from tools.generators.fernandes.model_request import MotionRequest
-from tools.generators.fernandes.reference_model import plan
+from tools.generators.fernandes import MotionRequest, plan
 from tools.generators.route import MotionLaw, Route, route, stretch
 
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
-from tools.generators.fernandes.model_request import MotionRequest
-from tools.generators.fernandes.reference_model import plan
+from tools.generators.fernandes import MotionRequest, plan
 
 many = settings(max_examples=80, deadline=None)
 limits = st.builds(Limits, st.floats(0.1, 5.0), st.one_of(st.just(inf), st.floats(0.1, 2.0)))
