@@ -50,7 +50,7 @@ def _picture() -> list[Curve]:
         return None if m.total is None else (m.total.p50_ms, m.total.p99_ms)
 
     return [
-        Curve("picture/stages", age, names, AXES[:4], stages),
+        Curve("picture/stages", age, names, AXES[:3], stages),
         Curve("picture/total", age, ("light to picture p50", "p99"), (UP, TRUTH), total, 2.0),
         Curve("picture/now", age, ("age now",), (STICK,), lambda m: number(m.age_ms)),
         Curve("picture_rate/pictures", age, ("pictures",), (UP,), lambda m: (m.per_second,)),
