@@ -15,20 +15,24 @@ from messages.events import Outbox
 from messages.pilot import PilotRequest
 from messages.units import Ns, Outputs
 from messages.vehicle import Actuation, VehicleStatus
-from services.ardusub import parameters, readings
+from services.ardusub import board_check, telemetry
 from services.ardusub.authority import BoardAuthority, TakenCheckpoint
-from services.ardusub.board_clock import BoardClock
-from services.ardusub.introduction import BoardIntroduction, Stage
-from services.ardusub.measurements import LEAK, BoardMeasurements
-from services.ardusub.mixer import MixedSticks
-from services.ardusub.outbox import DriverOutbox, DriverOutput
-from services.ardusub.servos import BoardServos
+from services.ardusub.board_check import BoardIntroduction, Stage
+from services.ardusub.commands import BoardServos, ThrustPath
+from services.ardusub.mixing import MixedSticks
+from services.ardusub.settings import DriverOutbox, DriverOutput
 from services.ardusub.settings import Settings as Settings
-from services.ardusub.thrust_path import ThrustPath
+from services.ardusub.telemetry import LEAK, BoardClock, BoardMeasurements
 from services.marine.outputs import LIGHT, driven
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.numbers import AUTOPILOT, MavCommand, MavModeFlag
-from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
+from services.mavlink_io.packet import (
+    AUTOPILOT,
+    MavCommand,
+    MavlinkPacket,
+    MavModeFlag,
+    command,
+    heartbeat,
+)
 
 S = 1_000_000_000  # [ns]
 HEARTBEAT_NS = S
@@ -39,7 +43,7 @@ PATIENCE_NS = 3 * S  # [ns] before the silence of a board is said
 STRANGER_NS = 5 * S  # [ns] for which a stranger is remembered
 # All that is looked at of what a board says.
 HEARD = ("HEARTBEAT", "AUTOPILOT_VERSION", "PARAM_VALUE", "TIMESYNC", "COMMAND_ACK", "STATUSTEXT",
-         *readings.MESSAGES)  # fmt: skip
+         *telemetry.MESSAGES)  # fmt: skip
 
 
 class ArdusubDriver:
@@ -77,7 +81,7 @@ class ArdusubDriver:
         self._now: Ns = 0
         self._due: dict[str, Ns] = {}
         self._stranger: Ns | None = None
-        self._text = readings.LongText()
+        self._text = telemetry.LongText()
         self._silence = ""  # what is said of it
         self._handlers: dict[str, Callable[[dict[str, Any], Ns], None]] = {
             "HEARTBEAT": self._on_heartbeat,
@@ -131,7 +135,7 @@ class ArdusubDriver:
 
     def _set_servos(self, now: Ns) -> None:
         if self.stage == "accepted":
-            lights = not parameters.is_new(self._introduction.version)
+            lights = not board_check.is_new(self._introduction.version)
             self._servos.due(self._values(now), now, lights=lights)
 
     def _wish(self, armed: bool | None, now: Ns) -> None:
@@ -309,7 +313,7 @@ class ArdusubDriver:
         if self.stage != "accepted" or not self.authority.sends_sticks:
             return
         self._due["sticks"] = now + STICKS_NS
-        lights = not parameters.is_new(self._introduction.version)
+        lights = not board_check.is_new(self._introduction.version)
         self._outbox.send(self._path.sticks(lights=lights))
 
     def disarm(self) -> None:

@@ -18,8 +18,7 @@ from messages.topic import AnyTopic
 from services.ardusub.authority import TakenCheckpoint
 from services.ardusub.core import HEARD, ArdusubDriver, Settings
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.io.codec import HeardMessages
-from services.mavlink_io.io.endpoint import MavlinkEndpoint
+from services.mavlink_io.io.endpoint import HeardMessages, MavlinkEndpoint
 from services.mavlink_io.io.links import ByteLinks, FarEndLimits, Links
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack

@@ -154,7 +154,7 @@ class Cockpit:
         # Here, and not on a page's lines yet: level, text, the event's name.
         self._said: list[tuple[Level, str, str]] = []
         self._outbox.also = self._overhear
-        self._pilot = CockpitPilot(pilot, settings.pilot)
+        self._pilot = CockpitPilot.named(pilot, settings.pilot)
         self.filming = Filming(settings.pilot, pilot.progress.filming_ns)
         self._limits, self._chart = limits, chart
         self._pages: dict[int, Page] = {}
@@ -196,7 +196,7 @@ class Cockpit:
             return Effects()
         match message:
             case PageSticks():
-                out = self._pilot.steer(page, message, read_ns, waiting, now)
+                out = self._pilot.moved(page, message, read_ns, waiting, now)
             case PageWish():
                 sender.stops += message.what == "stop"
                 out = self._wished(page, message, read_ns, waiting, now)
@@ -374,7 +374,7 @@ class Cockpit:
         page, holder, pilot = self._pages[number], self._pilot.holder, self._pilot.pilot
         given = None if newest.status is None else newest.status.epoch
         in_control = pilot.in_control and pilot.progress.epoch == given
-        has_sticks, taken = holder.page == number, not holder.may_take(number, now)
+        has_sticks, taken = holder.sender == number, not holder.may_take(number, now)
         told = Personal(
             watcher=page.watcher,
             has_sticks=has_sticks,
@@ -383,7 +383,7 @@ class Cockpit:
             who=self._who(view, in_control=in_control, has_sticks=has_sticks, taken=taken),
             lost=self._pilot.lost,
             wants_rest=has_sticks and holder.wants_rest(now),
-            device=holder.device,
+            device=self._pilot.device,
             delay_ms=None if page.delay_ns is None else round(page.delay_ns / 1e6, 1),
             pages=len(self._pages),
             stops=page.stops,

@@ -1,11 +1,22 @@
-"""COMMAND_LONG and COMMAND_INT: what each asks for. Every command is acknowledged."""
+"""What ground stations ask: COMMAND_LONG and COMMAND_INT, each of which is acknowledged, and what
+they ask of any vehicle when they connect, answered from what is known."""
 
 from collections.abc import Mapping
 from math import isfinite
 from typing import Any, NamedTuple
 
-from services.mavlink.modes import CHOSEN, choosable
-from services.mavlink_io.numbers import FORCE, MESSAGE_IDS, MavCommand, MavResult
+from messages.units import Ns
+from services.mavlink.pilot import ReceivedPacket
+from services.mavlink.telemetry import CHOSEN, choosable
+from services.mavlink_io.packet import (
+    FORCE,
+    MESSAGE_IDS,
+    MavCapability,
+    MavCommand,
+    MavlinkPacket,
+    MavMissionResult,
+    MavResult,
+)
 from services.piloting.pilot_intents import Intent, ModeIntent
 
 MESSAGE_NAMES = {number: name for name, number in MESSAGE_IDS.items()}
@@ -115,3 +126,81 @@ def mode(base: int, custom: float) -> Meaning:
 def _message(number: float) -> str | None:
     """Name of a message that can be sent by request."""
     return MESSAGE_NAMES.get(int(number)) if isfinite(number) else None
+
+
+# [-] Major, minor, patch, 255 for a release: ground stations choose names and pages by it. The
+# parameters have the names of ArduSub 4.5.
+VERSION = 4 << 24 | 5 << 16 | 0 << 8 | 255
+FTP_NAK, FTP_UNKNOWN_COMMAND = 128 + 1, 7
+FTP_PAYLOAD = 251  # [B]
+# Heard, and nothing is to be done about it.
+EXPECTED = frozenset({"HEARTBEAT", "SYSTEM_TIME", "COMMAND_ACK", "STATUSTEXT", "MISSION_ACK"})
+# There are no missions, fences and rally points.
+MISSION_RESULTS = {
+    "MISSION_REQUEST": MavMissionResult.INVALID_SEQUENCE,
+    "MISSION_REQUEST_INT": MavMissionResult.INVALID_SEQUENCE,
+    "MISSION_COUNT": MavMissionResult.UNSUPPORTED,
+    "MISSION_CLEAR_ALL": MavMissionResult.ACCEPTED,
+}
+
+
+def autopilot_version() -> MavlinkPacket:
+    capabilities = (
+        MavCapability.COMMAND_INT | MavCapability.MAVLINK2 | MavCapability.PARAM_ENCODE_C_CAST
+    )
+    zeros = ("middleware_sw_version", "os_sw_version", "board_version")
+    fields: dict[str, Any] = dict.fromkeys((*zeros, "vendor_id", "product_id", "uid"), 0) | {
+        "capabilities": int(capabilities),
+        "flight_sw_version": VERSION,
+        "flight_custom_version": list(b"lindy\0\0\0"),
+        "middleware_custom_version": [0] * 8,
+        "os_custom_version": [0] * 8,
+    }
+    return MavlinkPacket("AUTOPILOT_VERSION", fields)
+
+
+ASKED_FOR = {"AUTOPILOT_VERSION": autopilot_version}  # sent by request only
+
+
+def answer(packet: ReceivedPacket, now: Ns) -> MavlinkPacket | None:
+    """What this message, one of `ANSWERED`, is answered by; None: nothing."""
+    fields, name = packet.fields, packet.name
+    to = {
+        "target_system": packet.sender.system,
+        "target_component": packet.sender.component,
+    }
+    mission = {"mission_type": fields.get("mission_type", 0)}
+    match name:
+        case "TIMESYNC":  # tc1 of 0 asks for our clock; else it answers a question never asked
+            same = {"tc1": now, "ts1": fields["ts1"]}
+            return None if fields["tc1"] != 0 else MavlinkPacket(name, same)
+        case "PING":
+            return MavlinkPacket(name, to | {key: fields[key] for key in ("time_usec", "seq")})
+        case "AUTOPILOT_VERSION_REQUEST":
+            return autopilot_version()
+        case "MISSION_REQUEST_LIST":
+            return MavlinkPacket("MISSION_COUNT", to | mission | {"count": 0})
+        case "LOG_REQUEST_LIST":
+            none = ("id", "num_logs", "last_log_num", "time_utc", "size")
+            return MavlinkPacket("LOG_ENTRY", dict.fromkeys(none, 0))
+        case "FILE_TRANSFER_PROTOCOL":
+            return MavlinkPacket(name, to | {"target_network": 0, "payload": _no_file(fields)})
+        case _:
+            result = int(MISSION_RESULTS[name])
+            return MavlinkPacket("MISSION_ACK", to | mission | {"type": result})
+
+
+ANSWERED = frozenset(
+    {
+        *("TIMESYNC", "PING", "AUTOPILOT_VERSION_REQUEST", "MISSION_REQUEST_LIST"),
+        *("LOG_REQUEST_LIST", "FILE_TRANSFER_PROTOCOL", *MISSION_RESULTS),
+    }
+)
+
+
+def _no_file(fields: Mapping[str, Any]) -> list[int]:
+    """MAVLink FTP: refused, so that nobody waits for a time-out."""
+    asked = bytes(fields["payload"]).ljust(12, b"\0")
+    number = (int.from_bytes(asked[:2], "little") + 1) % 2**16
+    head = number.to_bytes(2, "little") + bytes([asked[2], FTP_NAK, 1, asked[3], 0, 0])
+    return list((head + bytes(4) + bytes([FTP_UNKNOWN_COMMAND])).ljust(FTP_PAYLOAD, b"\0"))

@@ -13,27 +13,37 @@ from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.units import Ns
 from messages.vehicle import Failsafe, VehicleStatus
-from services.mavlink import commands, identity
-from services.mavlink.buttons import ButtonReader
+from services.mavlink import commands
 from services.mavlink.commands import Ask, Meaning, Refusal, SetStream, Show, TellInterval
-from services.mavlink.ground_pilot import GroundPilot
-from services.mavlink.packets import Addressed, GroundStation, ReceivedPacket
-from services.mavlink.parameter_protocol import ParameterProtocol
-from services.mavlink.parameters import Parameters
-from services.mavlink.reaction import Reaction, Texts
-from services.mavlink.stick_input import StickInput
-from services.mavlink.streams import DEFAULT_HZ, OFF, STREAMS, LinkStreams, period_ns
-from services.mavlink.telemetry import MADE, Snapshot
-from services.mavlink_io.numbers import (
+from services.mavlink.parameters import ParameterProtocol, Parameters
+from services.mavlink.pilot import (
+    Addressed,
+    GroundPilot,
+    GroundStation,
+    Reaction,
+    ReceivedPacket,
+    Texts,
+)
+from services.mavlink.sticks import ButtonReader, StickInput
+from services.mavlink.telemetry import (
+    DEFAULT_HZ,
+    OFF,
+    STREAMS,
+    LinkStreams,
+    Snapshot,
+    made,
+    period_ns,
+)
+from services.mavlink_io.packet import (
     AUTOPILOT,
     FORCE,
     MESSAGE_IDS,
     SET_MODE,
     MavCommand,
+    MavlinkPacket,
     MavResult,
     MavSeverity,
 )
-from services.mavlink_io.packet import MavlinkPacket
 from services.piloting.pilot import Pilot, Waiting
 
 Url = Annotated[str, msgspec.Meta(pattern=r"^(udpout|udpin|tcpin):[^:/\s]+:[0-9]{1,5}$")]
@@ -110,10 +120,10 @@ class Submarine:
             self._outbox.tell(events.WRONG_TARGET("mavlink"))
         elif handler := self._handlers.get(packet.name):
             handler(packet, waiting, now, out)
-        elif answer := identity.ANSWERS.get(packet.name):
-            if (answered := answer(packet, self._known._replace(now=now))) is not None:
-                out.packets.append(Addressed(packet.sender.link, answered))
-        elif packet.name not in identity.EXPECTED:
+        elif packet.name in commands.ANSWERED:
+            if (answer := commands.answer(packet, now)) is not None:
+                out.packets.append(Addressed(packet.sender.link, answer))
+        elif packet.name not in commands.EXPECTED:
             self._outbox.tell(events.IGNORED("mavlink"))
         return self._finished(out, now)
 
@@ -161,9 +171,9 @@ class Submarine:
                 if text:
                     out.say(link, MavSeverity.WARNING, text)
             case Show(name):
-                made = self._made(name)
-                out.packets += [Addressed(link, packet) for packet in made]
-                result = MavResult.ACCEPTED if made else MavResult.FAILED
+                packets = self._made(name)
+                out.packets += [Addressed(link, packet) for packet in packets]
+                result = MavResult.ACCEPTED if packets else MavResult.FAILED
             case SetStream(name, period_us):
                 result = self._stream(streams, name, period_us, now)
             case TellInterval(name):
@@ -238,25 +248,25 @@ class Submarine:
         self._sticks.status = known.status
         self._pilot.tick(waiting, now, out)
         self._parameters.tick(out)
-        made: dict[str, list[MavlinkPacket]] = {}
+        known_of: dict[str, list[MavlinkPacket]] = {}  # packets, by the message's name
         present = set(links)
         for gone in self._streams.keys() - present:
             del self._streams[gone]
             self._parameters.forget(gone)
         for link in present:
             for name in self._streams_of(link).due(now):
-                if name not in made:
-                    made[name] = MADE[name](known)
-                out.packets += [Addressed(link, packet) for packet in made[name]]
+                if name not in known_of:
+                    known_of[name] = made(name, known)
+                out.packets += [Addressed(link, packet) for packet in known_of[name]]
         return self._finished(out, now)
 
     def _streams_of(self, link: str) -> LinkStreams:
         return self._streams.setdefault(link, LinkStreams())
 
     def _made(self, name: str) -> list[MavlinkPacket]:
-        if name in identity.ASKED_FOR:
-            return [identity.ASKED_FOR[name](self._known)]
-        return MADE[name](self._known)
+        if name in commands.ASKED_FOR:
+            return [commands.ASKED_FOR[name]()]
+        return made(name, self._known)
 
     def _finished(self, out: Reaction, now: Ns) -> Reaction:
         while self._said:

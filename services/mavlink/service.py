@@ -8,13 +8,11 @@ from messages.vehicle import VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.vehicle import Vehicle
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.packets import received
-from services.mavlink.reaction import Reaction
+from services.mavlink.pilot import Reaction, received
 from services.mavlink.telemetry import Snapshot
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import FarEndLimits, Links
-from services.mavlink_io.numbers import AUTOPILOT
-from services.mavlink_io.packet import MavlinkPacket
+from services.mavlink_io.packet import AUTOPILOT, MavlinkPacket
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
 from services.runtime.config.errors import NeedsRealTimeError

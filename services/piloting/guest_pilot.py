@@ -1,5 +1,5 @@
-"""A pilot whose sticks come from outside of Lindy, as from a ground station or a node of ROS 2: the
-lease, the sticks and their time-to-live by the rules of every pilot.
+"""A pilot whose sticks come from outside of Lindy, as from a ground station, a node of ROS 2 or a
+page in a browser: the lease, the sticks and their time-to-live by the rules of every pilot.
 
 It asks for control only while sticks arrive, and publishes commands only while it has it: another
 pilot on this side is not disturbed.
@@ -20,14 +20,22 @@ from services.piloting.pilot_intents import Intent
 from services.piloting.stick_holder import F, StickHolder
 from services.piloting.sticks import Sticks
 
+ONCE_NS = 1  # [ns] at the instant at which the loss is noticed
+NEVER_NS = -(2**62)  # [ns]
+
 
 @dataclass(slots=True)
 class GuestPilot(Generic[F]):
     pilot: Pilot
-    lost: Row  # told when the sticks fall silent
+    silent: Row  # told when the sticks fall silent
     not_the_holder: Event  # told of sticks of anybody else
     holder: StickHolder[F] = field(default_factory=StickHolder[F])
+    say_lost_ns: Ns = ONCE_NS  # so long `lost` is published; then silence, so that the lease ends
+    repeat_ns: Ns = 0  # [ns] after the newest command: sticks that are late for once
+    lost: str = ""  # why the pilot is lost, in words; empty: not lost
     _was_fresh: bool = False
+    _lost_ns: Ns = NEVER_NS
+    _said_ns: Ns = NEVER_NS
 
     @property
     def name(self) -> str:
@@ -39,17 +47,20 @@ class GuestPilot(Generic[F]):
         if not self.holder.take(sender, sticks, now):
             self.pilot.outbox.tell(self.not_the_holder)
             return False
-        self._say_command(waiting, now, out)
+        self.read((), waiting, now, out)
         return True
 
     def press(self, intents: Iterable[Intent], waiting: Waiting, now: Ns, out: Effects) -> None:
         """What the holder asks for with buttons, or by a command."""
         for intent in intents:
-            self._read((intent,), waiting, now, out)
+            self.read((intent,), waiting, now, out)
 
     def repeat(self, waiting: Waiting, now: Ns, out: Effects) -> None:
-        """Repeat the newest sticks for as long as they are fresh: a lost command costs nothing."""
-        self._say_command(waiting, now, out)
+        """Repeat the newest sticks for as long as they are fresh, where a lost command costs
+        nothing; and say so when they no longer are."""
+        self._notice(now)
+        if self._speaks(now) and now >= self._said_ns + self.repeat_ns:
+            self.read((), waiting, now, out)
 
     def follow(self, status: VehicleStatus, waiting: Waiting, now: Ns, out: Effects) -> None:
         """Ask for control only while sticks arrive."""
@@ -60,22 +71,32 @@ class GuestPilot(Generic[F]):
         """The drone's answer; it arms only with sticks of this epoch."""
         out.add(self.pilot.answered(request, answer, now))
         if answer.epoch is not None and self.holder.fresh(now):
-            self._read((), frozenset(), now, out)
+            self.read((), frozenset(), now, out)
 
-    def _say_command(self, waiting: Waiting, now: Ns, out: Effects) -> None:
-        """While the sticks are fresh, and once when they no longer are."""
-        fresh = self.holder.fresh(now)
-        if fresh or self._was_fresh:
-            self._read((), waiting, now, out)
-        if self._was_fresh and not fresh and self.pilot.in_control:
-            self.pilot.outbox.tell(self.lost(detail=f"{self.name}, for {TTL_MS:.0f} ms"))
-        self._was_fresh = fresh
-
-    def _read(self, presses: tuple[Intent, ...], waiting: Waiting, now: Ns, out: Effects) -> None:
-        fresh = self.holder.fresh(now)
+    def read(self, presses: tuple[Intent, ...], waiting: Waiting, now: Ns, out: Effects) -> None:
+        """Read the sticks, and publish them while this pilot has control."""
+        self._notice(now)
         effects = self.pilot.read(self.holder.reading(now, presses), self.name, 0, waiting, now)
         command, effects.command = effects.command, None
         out.add(effects)
-        if command is not None and self.pilot.in_control and (fresh or self._was_fresh):
-            left = TTL_MS - self.holder.age_ns(now) / 1e6 if fresh else TTL_MS
-            out.command = replace(command, ttl_ms=left)
+        if command is not None and self.pilot.in_control and self._speaks(now):
+            left = TTL_MS - self.holder.age_ns(now) / 1e6 if self._was_fresh else TTL_MS
+            out.command, self._said_ns = replace(command, ttl_ms=left), now
+
+    def _speaks(self, now: Ns) -> bool:
+        return self._was_fresh or now < self._lost_ns + self.say_lost_ns
+
+    def _notice(self, now: Ns) -> None:
+        """Whether the pilot was lost or is there again."""
+        fresh = self.holder.fresh(now)
+        if self._was_fresh and not fresh:
+            why = self.holder.lost or self.silent
+            self.lost, self._lost_ns = why.sentence, now
+            self._tell_lost(why)
+        elif fresh:
+            self.lost = ""
+        self._was_fresh = fresh
+
+    def _tell_lost(self, why: Row) -> None:
+        if self.pilot.in_control:
+            self.pilot.outbox.tell(why(detail=f"{self.name}, for {TTL_MS:.0f} ms"))

@@ -13,8 +13,7 @@ from services.marine.field_of_view import CameraViews
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
-from services.ros2.core import RosPilot, RosSticks, Settings
-from services.ros2.names import namespace_of, ros_name
+from services.ros2.core import RosPilot, RosSticks, Settings, namespace_of, ros_name
 from services.ros2.rmw_zenoh import LATCHED, QOS, Attachment, Kind, RosNode, id_of, key_of
 from services.runtime.bus.other_network import OtherNetwork, OtherPublisher
 from services.runtime.config.errors import LindyError, NeedsRealTimeError

@@ -26,8 +26,7 @@ from services.ardusub.service import ONE_BOARD
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import Links
-from services.mavlink_io.numbers import MavCommand
-from services.mavlink_io.packet import MavlinkPacket, command
+from services.mavlink_io.packet import MavCommand, MavlinkPacket, command
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from tests.support.patience import PATIENCE_S, until

@@ -5,8 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.ardusub.measurements import FIELD_SAME_NS
-from services.ardusub.readings import PERIOD_NS, BoardUpdates
+from services.ardusub.telemetry import FIELD_SAME_NS, PERIOD_NS, BoardUpdates
 
 MS = 1_000_000  # [ns]
 AGE_NS, SAME_NS = 40 * MS, 250 * MS

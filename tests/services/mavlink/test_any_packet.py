@@ -10,9 +10,9 @@ from messages.events import Outbox
 from messages.pilot import PilotAnswer, RequestKind
 from messages.vehicle import VehicleStatus
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.packets import GroundStation, ReceivedPacket, received
+from services.mavlink.pilot import GroundStation, ReceivedPacket, received
 from services.mavlink.telemetry import Snapshot
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
+from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
 from services.piloting.pilot import Pilot, Progress
 
 CODEC = MavlinkCodec(1, 1, "ardupilotmega")

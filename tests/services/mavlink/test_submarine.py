@@ -16,13 +16,10 @@ from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.modes import CHOSEN
-from services.mavlink.packets import GroundStation, ReceivedPacket
 from services.mavlink.parameters import NAMES, TABLE
-from services.mavlink.reaction import Reaction
-from services.mavlink.streams import DEFAULT_HZ, STREAMS
-from services.mavlink.telemetry import Snapshot
-from services.mavlink_io.numbers import FORCE, MESSAGE_IDS, MavCommand, MavResult
+from services.mavlink.pilot import GroundStation, Reaction, ReceivedPacket
+from services.mavlink.telemetry import CHOSEN, DEFAULT_HZ, STREAMS, Snapshot
+from services.mavlink_io.packet import FORCE, MESSAGE_IDS, MavCommand, MavResult
 from services.piloting.pilot import Pilot, Progress
 from tests.support.told import told
 

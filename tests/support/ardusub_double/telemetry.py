@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.sensors import MagnetometerSample, PressureSample
-from services.ardusub.frames import FRAMES, senses
+from services.ardusub.mixing import FRAMES, senses
 from services.marine.thrust_curve import CURVES
 from services.marine.vehicle import Thruster, Vehicle
 from services.mavlink_io.packet import MavlinkPacket
