@@ -1,4 +1,4 @@
-"""Which sender outside of Lindy has the sticks, such as a ground station or a page: one at a time."""
+"""Which sender outside of Lindy has the sticks: one at a time, as a ground station or a page."""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar
