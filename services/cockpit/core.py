@@ -10,7 +10,7 @@ import msgspec
 from msgspec.structs import replace
 
 from messages import events, topics
-from messages.control import ThrusterCommand, Wrench
+from messages.control import ThrusterCommand
 from messages.events import Level
 from messages.film import FilmAnswer, FilmRequest
 from messages.health import LogLine
@@ -296,7 +296,6 @@ class Cockpit:
         thrusters: ThrusterCommand | None,
         now: Ns,
         temperature: TemperatureSample | None = None,
-        wrench: Wrench | None = None,
         waiting: Waiting = frozenset(),
     ) -> dict[int, str]:
         """What each page is sent now. A page that has not seen the
@@ -304,7 +303,6 @@ class Cockpit:
 
         Args:
             temperature: in the enclosure and of the water; None: never said.
-            wrench: control's newest.
             waiting: kinds of requests that the drone has not answered yet.
         """
         self._picture += 1
@@ -314,10 +312,7 @@ class Cockpit:
         battery = ages.shown(topics.BATTERY, newest.battery, now)
         self._endurance.heard(battery)
         state, status = ages.shown(topics.STATE, newest.state, now), newest.status
-        self._chart.step(
-            *(state, ages.shown(topics.WRENCH, wrench, now), now),
-            armed=status is not None and status.armed,
-        )
+        self._chart.step(state, now, armed=status is not None and status.armed)
         if not self._pages:
             return {}
         seen = vehicle_view(newest, now)

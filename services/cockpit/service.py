@@ -78,11 +78,10 @@ class CockpitPages:
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         limits = [thruster.limits for thruster in vehicle.thruster]
         began = pilot.progress.began_ns is not None
-        chart = Chart(vehicle, began)
+        chart = Chart(began)
         self._cockpit = Cockpit(settings, pilot, chart, limits, drone, cameras, vehicle.output)
         self._vehicle = VehiclePorts(node)
         self._temperature = node.latest(topics.TEMPERATURE)
-        self._wrench = node.latest(topics.WRENCH)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
         self._filming = node.request(
             topics.FILM_REQUEST,
@@ -118,9 +117,8 @@ class CockpitPages:
     def _show(self, now: int) -> None:
         newest, thrusters = self._vehicle.newest(now), self._vehicle.thrusters(now)
         inside = self._temperature.newest(now)
-        wrench = self._wrench.newest(now)
         waiting = self._ports.waiting
-        shown = self._cockpit.pictures(newest, thrusters, now, inside, wrench, waiting)
+        shown = self._cockpit.pictures(newest, thrusters, now, inside, waiting)
         self._pages.show(shown)
 
     def _order(self, effects: Effects, now: int) -> None:
