@@ -254,7 +254,7 @@ class BatteryMeter:
 
     def __init__(self) -> None:
         self.power = 0.0  # [W]
-        self._used_wh = 0.0
+        self._used_wh: float | None = None  # None: no current was ever measured
         self._at: Ns | None = None
 
     def sample(self, fields: dict[str, Any], now: Ns) -> BatterySample | None:
@@ -262,10 +262,12 @@ class BatteryMeter:
         voltage = fields["voltage_battery"] / 1000.0
         if not 0.0 < voltage < 65.0:
             return None
-        current = max(0.0, fields["current_battery"] / 100.0)  # -1: not measured
-        self.power = voltage * current
-        if self._at is not None:
-            self._used_wh += self.power * min(10.0, (now - self._at) / 1e9) / 3600.0
+        raw = fields["current_battery"]
+        current = None if raw == -1 else max(0.0, raw / 100.0)
+        self.power = voltage * (current or 0.0)
+        if current is not None:
+            seconds = 0.0 if self._at is None else min(10.0, (now - self._at) / 1e9)
+            self._used_wh = (self._used_wh or 0.0) + self.power * seconds / 3600.0
         self._at = now
         return BatterySample(stamp_ns=now, voltage=voltage, current=current, used_wh=self._used_wh)
 

@@ -121,14 +121,6 @@ def position(state: VehicleState) -> Position | None:
     return Position(north.value, east.value, max(north.std, east.std), origin, measured)
 
 
-def from_north(state: VehicleState) -> float | None:
-    """[rad] Heading clockwise from north, as far as it is known."""
-    compass = state.heading_navigation
-    if compass is not None and compass.valid:
-        return compass.value
-    return state.heading.value if state.heading.valid else None
-
-
 def current(state: VehicleState | None) -> Pair | None:
     """[m/s] Of the water over the ground, north and east; None: not known."""
     if state is None or state.current_north is None or state.current_east is None:

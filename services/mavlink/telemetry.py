@@ -155,6 +155,7 @@ def home_position(known: Snapshot) -> Fields | None:
 def battery_status(known: Snapshot) -> Fields | None:
     if (battery := known.battery) is None:
         return None
+    used = battery.used_wh
     return {
         "id": 0,
         "battery_function": 1,  # for everything
@@ -163,7 +164,7 @@ def battery_status(known: Snapshot) -> Fields | None:
         "voltages": [_millivolts(battery, UINT16 - 1)] + [UINT16] * 9,
         "current_battery": _centiamperes(battery),
         "current_consumed": -1,  # not known
-        "energy_consumed": _fitting(battery.used_wh * WATT_HOUR, INT32),
+        "energy_consumed": -1 if used is None else _fitting(used * WATT_HOUR, INT32),
         "battery_remaining": _remaining(battery),
     }
 
@@ -315,7 +316,9 @@ def _millivolts(battery: BatterySample | None, most: int) -> int:
 
 
 def _centiamperes(battery: BatterySample | None) -> int:
-    return -1 if battery is None else _fitting(battery.current * 100.0, INT16)
+    """[cA] -1: not known."""
+    current = None if battery is None else battery.current
+    return -1 if current is None else _fitting(current * 100.0, INT16)
 
 
 def _remaining(battery: BatterySample | None) -> int:

@@ -126,7 +126,7 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "words": status.words,
         "pilot": status.pilot,
         "depth_m": _known(status.depth),
-        "heading_deg": None if status.heading is UNSET else _compass(status.heading),
+        "heading_deg": None if status.heading is UNSET else bearing(status.heading),
     }
     if ages.old(ages.STATUS, status.stamp_ns, now):
         return known | {"silent_s": round((now - status.stamp_ns) / 1e9, 1)}
@@ -161,7 +161,7 @@ def _motion(newest: Newest, now: Ns) -> dict[str, Any]:
         found = {
             "depth_m": _value(state.depth),
             "depth_rate": _value(state.depth_rate),
-            "heading_deg": _compass(state.heading.value) if state.heading.valid else None,
+            "heading_deg": bearing(state.heading.value) if state.heading.valid else None,
             "roll_deg": _degrees(state.roll),
             "pitch_deg": _degrees(state.pitch),
             "age_ms": max(0.0, round((now - state.sensor_ns) / 1e6, 1)),
@@ -169,7 +169,7 @@ def _motion(newest: Newest, now: Ns) -> dict[str, Any]:
     if reference is not None:
         found |= {
             "depth_wanted_m": round(reference.depth.position, 3),
-            "heading_wanted_deg": _compass(reference.heading.position),
+            "heading_wanted_deg": bearing(reference.heading.position),
             "tilt_deg": round(math.degrees(reference.tilt.position), 1),
         }
     return found
@@ -180,7 +180,7 @@ def _battery(battery: BatterySample | None) -> dict[str, Any]:
         return {}
     return {
         "battery_v": round(battery.voltage, 2),
-        "used_wh": round(battery.used_wh, 1),
+        "used_wh": None if battery.used_wh is None else round(battery.used_wh, 1),
         "capacity_wh": battery.capacity_wh,
         "charge": None if battery.charge is None else round(max(0.0, battery.charge), 3),
     }
@@ -221,7 +221,7 @@ def _degrees(estimate: Estimate) -> float | None:
     return round(math.degrees(estimate.value), 1) if estimate.valid else None
 
 
-def _compass(heading: float) -> float:
+def bearing(heading: float) -> float:
     """[deg] From a heading in radians that accumulates, as it is shown: 0.0 … 359.9."""
     return round(math.degrees(heading), 1) % 360.0  # rounded first: 359.96 is 0.0, not 360.0
 

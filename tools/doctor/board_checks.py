@@ -194,7 +194,8 @@ def _battery(visit: BoardVisit) -> Iterator[VehicleFinding]:
     fields = visit.newest.get(telemetry.BATTERY_MESSAGE)
     sample = None if fields is None else telemetry.BatteryMeter().sample(fields, 0)
     if sample is not None:
-        told = f"{sample.voltage:.1f} V, {sample.current:.1f} A"
+        ampere = "no current" if sample.current is None else f"{sample.current:.1f} A"
+        told = f"{sample.voltage:.1f} V, {ampere}"
         yield VehicleFinding("ok", "battery", told)
     elif fields is not None:
         monitor = visit.optional.values.get("BATT_MONITOR")

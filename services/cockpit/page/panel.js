@@ -175,6 +175,7 @@ export function aids(view, limit, delay) {
     ["speed", limit < 100 ? `${units.number(limit)} %` : undefined],
     ["turns", view.turns || undefined],
     ["page", delay === undefined ? undefined : ms(delay), "wide"],
+    ["compass", view.compass_deg === undefined ? undefined : `${units.number(Math.round(view.compass_deg) % 360)}°`, "wide"],
     ["pitch", degrees(view.pitch_deg), "wide"],
     ["roll", degrees(view.roll_deg), "wide"],
     ["camera", degrees(view.tilt_deg === undefined ? undefined : (view.looks_deg ?? [view.tilt_deg])[0]), "wide"],

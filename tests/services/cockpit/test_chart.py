@@ -1,6 +1,7 @@
 """What the map is told: where the drone is and how surely, its home, its track."""
 
 import msgspec
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
@@ -166,3 +167,14 @@ def test_the_page_is_told_the_goal_or_the_way_points_ahead() -> None:
     assert shown["goal"] is None
     view = msgspec.json.decode(msgspec.json.encode(PageView(**shown)))
     assert view["waypoints"] == [[0.33, 2.0], [30.0, -4.0]]
+
+
+@pytest.mark.parametrize(
+    ("compass", "shown"),
+    [(None, None), (Estimate(1.0, 0.1, valid=False), None), (Estimate(-0.1, 0.1), 354.3)],
+)
+def test_the_compass_is_shown_beside_the_heading_of_the_tape_and_nothing_passes_for_it(
+    compass: Estimate | None, shown: float | None
+) -> None:
+    state = replace(seen(heading=2.0), heading_navigation=compass)
+    assert chart_view(Chart(), state, None)["compass_deg"] == shown

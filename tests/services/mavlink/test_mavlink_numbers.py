@@ -110,8 +110,8 @@ batteries = st.builds(
     BatterySample,
     stamp_ns=st.just(0),
     voltage=st.floats(0.0, 1e9),
-    current=finite,
-    used_wh=st.floats(0.0, 1e9),
+    current=st.none() | finite,
+    used_wh=st.none() | st.floats(0.0, 1e9),
     capacity_wh=st.none() | st.floats(0.0, 1e9),
 )
 
