@@ -12,7 +12,7 @@ from messages.events import Outbox
 from messages.units import Ns
 from messages.video import UnitStream, VideoPart
 
-VERSION, KEYFRAME, EXACT = 1, 1, 2  # first byte of a message; flags of its second
+VERSION, KEYFRAME, EXACT, STRIPE = 1, 1, 2, 4  # first byte of a message; flags of its second
 # Version, flags, two bytes of nothing, number, and when the light arrived (unless EXACT, then or
 # earlier) [ms] by the service's clock; the access unit follows (H.264, Annex B). Little-endian.
 HEADER = struct.Struct("<BBxxId")
@@ -42,7 +42,7 @@ class PictureStream:
         if unit is None:
             return None
         self._number += 1
-        flags = KEYFRAME * part.keyframe | EXACT * part.exact
+        flags = KEYFRAME * part.keyframe | EXACT * part.exact | STRIPE * part.stripe
         head = HEADER.pack(VERSION, flags, self._number, part.stamp_ns / 1e6)
         return PageUnit(self._number, part.keyframe, head + unit.data)
 

@@ -8,7 +8,7 @@ from msgspec import UNSET, UnsetType
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.events import UNMOVED
+from messages.events import LEAK, UNMOVED
 from messages.link import Clock, LatencyBudget, LinkStatus
 from messages.message import Estimate
 from messages.reference import Reference
@@ -65,6 +65,7 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     returns: Returns | None = None  # what gives the sticks back; None: he has them, or not known
     words: str = ""  # what is lost, what the drone does, and what ends it
     note: str = ""
+    wet: bool = False  # water inside is among what the note says
     pilot: str = ""  # who has control; empty: nobody
     light: float | None = None  # [-] 0 … 1
     outputs: dict[str, float] = {}  # [-] by name; of a gripper -1 … 1
@@ -139,6 +140,7 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "resumable": status.resumable,
         "returns": status.returns,
         "note": status.note,
+        "wet": LEAK.name in status.conditions and status.failsafe != LEAK.name,
         "altitude_m": _known(status.altitude),
         "altitude_wanted_m": _known(status.altitude_wanted),
     }

@@ -112,7 +112,7 @@ export function showPicture(video) {
   const known = age !== undefined && silence < Infinity;
   const what = name ? `${cameraName(name)} ${units.number(video.kbit)} kbit/s` : words.t("picture"); // where there are several
   put("picture-age", `${what} ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && wrong ? "old" : "");
-  put("no-picture", words.t(wrong), wrong && known ? "old" : "");
+  put("no-picture", wrong, wrong && known ? "old" : "");
 }
 
 const rows = new Map(); // what a list shows, by its id
