@@ -11,7 +11,7 @@ from messages.vehicle import VehicleStatus
 from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
 from services.marine.outputs import LIGHT
 from services.piloting.guest_pilot import GuestPilot
-from services.piloting.pilot import Effects, Pilot, Waiting
+from services.piloting.pilot import Effects, Pilot
 from services.piloting.pilot_intents import (
     Intent,
     ModeIntent,
@@ -59,9 +59,7 @@ class CockpitPilot(GuestPilot[int]):
 
     # From pages.
 
-    def moved(
-        self, page: int, message: PageSticks, read_ns: Ns, waiting: Waiting, now: Ns
-    ) -> Effects:
+    def moved(self, page: int, message: PageSticks, read_ns: Ns, now: Ns) -> Effects:
         out, m = Effects(), message
         if self.holder.sender != page:
             self.pilot.outbox.count(self.not_the_holder)
@@ -71,32 +69,32 @@ class CockpitPilot(GuestPilot[int]):
         if m.device_ms > PAD_PATIENCE_MS and not sticks.at_rest:
             self.holder.lose(events.LOST_PAGE_FROZEN)
         self.device = m.device
-        self.read((), waiting, now, out)
+        self.read((), now, out)
         return out
 
-    def absent(self, page: int, why: Absence, waiting: Waiting, now: Ns) -> Effects:
+    def absent(self, page: int, why: Absence, now: Ns) -> Effects:
         """The pilot cannot steer from this page now."""
         out = Effects()
         if self.holder.sender == page:
             self.holder.lose(LOST[why])
-            self.read((), waiting, now, out)
+            self.read((), now, out)
         return out
 
-    def closed(self, page: int, waiting: Waiting, now: Ns) -> Effects:
-        out = self.absent(page, "closed", waiting, now)
+    def closed(self, page: int, now: Ns) -> Effects:
+        out = self.absent(page, "closed", now)
         if self.holder.sender == page:
             self._lay_down()
         return out
 
-    def wish(self, page: int, message: PageWish, read_ns: Ns, waiting: Waiting, now: Ns) -> Effects:
+    def wish(self, page: int, message: PageWish, read_ns: Ns, now: Ns) -> Effects:
         out, what = Effects(), message.what
         if what not in ALWAYS and now > read_ns + WISH_PATIENCE_NS:
             self.pilot.outbox.tell(events.EXPIRED_WISH(detail=_named(what)))
         elif what in ("take", "force"):
-            self._take(page, what, waiting, now, out)
+            self._take(page, what, now, out)
         elif what != "stop" and self.holder.sender != page:
             self._refuse(what)
-        elif what not in ASKED_ANEW and KINDS.get(what, what) in waiting:
+        elif what not in ASKED_ANEW and KINDS.get(what, what) in self.waiting:
             pass  # it is being repeated until the drone answers
         elif what == "give_back":
             self._give_back(out)
@@ -109,7 +107,7 @@ class CockpitPilot(GuestPilot[int]):
         elif (intent := _intent(message)) is None:
             self.pilot.outbox.tell(events.MALFORMED_PAGE())
         else:
-            self.read((intent,), waiting, now, out)
+            self.read((intent,), now, out)
         return out
 
     def may_choose(self, page: int, camera: str, read_ns: Ns, now: Ns) -> bool:
@@ -124,17 +122,17 @@ class CockpitPilot(GuestPilot[int]):
 
     # From the drone, and from the clock.
 
-    def tick(self, waiting: Waiting, now: Ns) -> Effects:
+    def tick(self, now: Ns) -> Effects:
         """Repeat the newest sticks while they are fresh, and say so when they no longer are."""
         out = Effects()
-        self.repeat(waiting, now, out)
+        self.repeat(now, out)
         return out
 
-    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
+    def status(self, status: VehicleStatus, now: Ns) -> Effects:
         """Ask for control only while a page sends sticks."""
         out = Effects()
         self.pilot.notice_failsafe(status, now)
-        self.follow(status, waiting, now, out)
+        self.follow(status, now, out)
         return out
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
@@ -144,10 +142,10 @@ class CockpitPilot(GuestPilot[int]):
 
     # Within.
 
-    def _take(self, page: int, what: Wish, waiting: Waiting, now: Ns, out: Effects) -> None:
+    def _take(self, page: int, what: Wish, now: Ns, out: Effects) -> None:
         if not self.holder.claim(page, now):
             self._refuse(f"{_named(what)}: another page must give them back")
-        elif KINDS[what] not in waiting:
+        elif KINDS[what] not in self.waiting:
             out.requests.append(self._request(KINDS[what]))
 
     def _give_back(self, out: Effects) -> None:

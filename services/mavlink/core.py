@@ -44,10 +44,10 @@ from services.mavlink_io.packet import (
     MavResult,
     MavSeverity,
 )
-from services.piloting.pilot import Pilot, Waiting
+from services.piloting.pilot import Pilot
 
 Url = Annotated[str, msgspec.Meta(pattern=r"^(udpout|udpin|tcpin):[^:/\s]+:[0-9]{1,5}$")]
-Handler = Callable[[ReceivedPacket, Waiting, Ns, Reaction], None]
+Handler = Callable[[ReceivedPacket, Ns, Reaction], None]
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -80,7 +80,7 @@ SEVERITIES: dict[Level, MavSeverity] = {
 
 
 class Submarine:
-    """The state machine. `waiting`: kinds of the requests that the drone has not answered yet."""
+    """The state machine."""
 
     def __init__(self, settings: Settings, pilot: Pilot, boot_ns: Ns) -> None:
         self._system = settings.system_id
@@ -102,8 +102,8 @@ class Submarine:
             "COMMAND_INT": self._command,
             "SET_MODE": self._set_mode,
             "REQUEST_DATA_STREAM": self._data_stream,
-            "PARAM_REQUEST_LIST": lambda p, _w, _n, _o: self._parameters.begin_list(p),
-            "PARAM_REQUEST_READ": lambda p, _w, _n, out: self._parameters.read(p, out),
+            "PARAM_REQUEST_LIST": lambda p, _n, _o: self._parameters.begin_list(p),
+            "PARAM_REQUEST_READ": lambda p, _n, out: self._parameters.read(p, out),
             "PARAM_SET": self._set_parameter,
         }
 
@@ -114,12 +114,12 @@ class Submarine:
 
     # From ground stations.
 
-    def received(self, packet: ReceivedPacket, waiting: Waiting, now: Ns) -> Reaction:
+    def received(self, packet: ReceivedPacket, now: Ns) -> Reaction:
         out = Reaction()
         if not self._is_for_us(packet):
             self._outbox.tell(events.WRONG_TARGET("mavlink"))
         elif handler := self._handlers.get(packet.name):
-            handler(packet, waiting, now, out)
+            handler(packet, now, out)
         elif packet.name in commands.ANSWERED:
             if (answer := commands.answer(packet, now)) is not None:
                 out.packets.append(Addressed(packet.sender.link, answer))
@@ -137,13 +137,13 @@ class Submarine:
         here = fields.get("target_system", 0) in (0, self._system)
         return here and fields.get("target_component", 0) in (0, AUTOPILOT)
 
-    def _command(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
+    def _command(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         fields, what = packet.fields, commands.meaning(packet.fields)
         number: int = fields["command"]
         forced = number == MavCommand.COMPONENT_ARM_DISARM and fields["param2"] == FORCE
         if forced and what == Ask("disarm"):
             what = self._emergency_stop(packet.sender, now, out)
-        self._do(packet.sender, number, what, waiting, now, out)
+        self._do(packet.sender, number, what, now, out)
 
     def _emergency_stop(self, sender: GroundStation, now: Ns, out: Reaction) -> Ask:
         """A forced disarm disarms for who has the sticks. Anybody else may only stop the drone."""
@@ -157,14 +157,13 @@ class Submarine:
         sender: GroundStation,
         number: int,
         what: Meaning,
-        waiting: Waiting,
         now: Ns,
         out: Reaction,
     ) -> None:
         streams, link = self._streams_of(sender.link), sender.link
         match what:
             case Ask(intent):
-                self._pilot.ask(sender, number, intent, waiting, now, out)
+                self._pilot.ask(sender, number, intent, now, out)
                 return
             case Refusal(result, text):
                 self._outbox.tell(events.REFUSED_COMMAND())
@@ -194,11 +193,11 @@ class Submarine:
         streams.every(name, period_ns(DEFAULT_HZ[name]) if period_us == 0.0 else period, now)
         return MavResult.ACCEPTED
 
-    def _set_mode(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
+    def _set_mode(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         what = commands.mode(packet.fields["base_mode"], packet.fields["custom_mode"])
-        self._do(packet.sender, SET_MODE, what, waiting, now, out)
+        self._do(packet.sender, SET_MODE, what, now, out)
 
-    def _data_stream(self, packet: ReceivedPacket, _: Waiting, now: Ns, _out: Reaction) -> None:
+    def _data_stream(self, packet: ReceivedPacket, now: Ns, _out: Reaction) -> None:
         fields = packet.fields
         hz = float(fields["req_message_rate"]) if fields["start_stop"] else 0.0
         names = STREAMS.get(fields["req_stream_id"], ())
@@ -207,20 +206,20 @@ class Submarine:
         for name in names:
             self._streams_of(packet.sender.link).every(name, period_ns(hz), now)
 
-    def _set_parameter(self, packet: ReceivedPacket, _: Waiting, now: Ns, out: Reaction) -> None:
+    def _set_parameter(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         """Buttons and gain belong to who has the sticks."""
         self._parameters.set(packet, out, is_holder=self._pilot.holder.may_take(packet.sender, now))
 
     # From the drone.
 
-    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Reaction:
+    def status(self, status: VehicleStatus, now: Ns) -> Reaction:
         out = Reaction()
         self._sticks.status = status
         if status.failsafe not in (self._failsafe, "none"):
             name = events.FAILSAFE_ACTED(status.failsafe).name
             out.say(None, MavSeverity.CRITICAL, f"failsafe: {events.short(name)}")
         self._failsafe = status.failsafe
-        self._pilot.follow(status, waiting, now, out)
+        self._pilot.follow(status, now, out)
         return self._finished(out, now)
 
     def log(self, line: LogLine, now: Ns) -> Reaction:
@@ -242,11 +241,11 @@ class Submarine:
 
     # Regularly.
 
-    def tick(self, links: Iterable[str], known: Snapshot, waiting: Waiting, now: Ns) -> Reaction:
+    def tick(self, links: Iterable[str], known: Snapshot, now: Ns) -> Reaction:
         """What is due on each link."""
         out, self._known = Reaction(), known
         self._sticks.status = known.status
-        self._pilot.tick(waiting, now, out)
+        self._pilot.tick(now, out)
         self._parameters.tick(out)
         known_of: dict[str, list[MavlinkPacket]] = {}  # packets, by the message's name
         present = set(links)

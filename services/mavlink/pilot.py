@@ -15,7 +15,7 @@ from messages.units import Ns
 from services.mavlink_io.packet import MavlinkPacket, MavResult, MavSeverity
 from services.piloting.guest_pilot import GuestPilot
 from services.piloting.overruling import OVERRULES
-from services.piloting.pilot import Effects, Waiting
+from services.piloting.pilot import Effects
 from services.piloting.pilot_intents import Intent, ModeIntent
 
 
@@ -152,7 +152,6 @@ class GroundPilot(GuestPilot[GroundStation]):
         station: GroundStation,
         command: int,
         intent: Intent,
-        waiting: Waiting,
         now: Ns,
         out: Reaction,
     ) -> None:
@@ -180,8 +179,8 @@ class GroundPilot(GuestPilot[GroundStation]):
             refused, counts = events.REFUSED_HERE(kind).name, self.pilot.outbox.counts
             before = counts[refused]
             if kind == "mode" and self.pilot.in_failsafe:  # a deliberate act: it ends the failsafe
-                self.read(("resume",), waiting, now, out)
-            self.read((intent,), waiting, now, out)
+                self.read(("resume",), now, out)
+            self.read((intent,), now, out)
             if counts[refused] > before:
                 self._close((kind,), MavResult.FAILED, out)
 
@@ -197,8 +196,8 @@ class GroundPilot(GuestPilot[GroundStation]):
             )
         )
 
-    def tick(self, waiting: Waiting, now: Ns, out: Reaction) -> None:
-        self.repeat(waiting, now, out)
+    def tick(self, now: Ns, out: Reaction) -> None:
+        self.repeat(now, out)
         late = [o for o in self._open if now > o.since_ns + PATIENCE_NS]
         for one in late:
             self._open.remove(one)

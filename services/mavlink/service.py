@@ -73,14 +73,14 @@ class GroundStations:
         """Something has arrived from a ground station."""
         for packet in self._endpoint.receive():
             heard = received(packet)
-            self._ports.do(self._submarine.received(heard, self._ports.waiting, now), now)
+            self._ports.do(self._submarine.received(heard, now), now)
 
     def _tick(self, now: int) -> None:
-        names, waiting = self._endpoint.names, self._ports.waiting
-        self._ports.do(self._submarine.tick(names, self._snapshot(now), waiting, now), now)
+        names = self._endpoint.names
+        self._ports.do(self._submarine.tick(names, self._snapshot(now), now), now)
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._submarine.status(status, self._ports.waiting, now), now)
+        self._ports.do(self._submarine.status(status, now), now)
 
     def _on_log(self, line: LogLine, now: int) -> None:
         self._ports.do(self._submarine.log(line, now), now)

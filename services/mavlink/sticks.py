@@ -12,7 +12,6 @@ from services.marine.outputs import OUTPUTS, Output, meant
 from services.mavlink.parameters import BUTTONS, Parameters
 from services.mavlink.pilot import GroundPilot, GroundStation, Reaction, ReceivedPacket
 from services.mavlink_io.packet import NO_AXIS, NO_CHANNEL, MavSeverity
-from services.piloting.pilot import Waiting
 from services.piloting.pilot_intents import Intent, ModeIntent, OutputIntent
 from services.piloting.stick_holder import TTL_NS
 from services.piloting.sticks import Sticks
@@ -229,9 +228,7 @@ class StickInput:
     _lamp: float | None = None  # [-] as RC channel 9 last said
     _warned_ns: Ns | None = None
 
-    def manual_control(
-        self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction
-    ) -> None:
+    def manual_control(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         holder, gain = self.pilot.holder, self.buttons.gain
         down = int(packet.fields["buttons"]) | int(packet.fields.get("buttons2") or 0) << 16
         if packet.sender != holder.sender:
@@ -240,19 +237,19 @@ class StickInput:
         said = manual_control(packet.fields, gain)
         tilted = said.sticks._replace(tilt=self._channels.tilt(now))
         said = said._replace(sticks=tilted)
-        if not self._steer(packet.sender, said, waiting, now, out):
+        if not self._steer(packet.sender, said, now, out):
             return
         armed = self.status is not None and self.status.armed
         outputs = {} if self.status is None else self.status.outputs
         pressed = self.buttons.read(down, armed=armed, light=self._light, outputs=outputs)
         holder.tilt, holder.gripper = pressed.tilt, pressed.gripper
-        self.pilot.press(pressed.intents, waiting, now, out)
+        self.pilot.press(pressed.intents, now, out)
         if pressed.gain != gain:
             out.say(None, MavSeverity.INFO, f"#Gain is {100 * pressed.gain:.0f}%")
-        if pressed.light is not None and "light" not in waiting:
+        if pressed.light is not None and "light" not in self.pilot.waiting:
             self.pilot.light(pressed.light, out)
 
-    def rc_override(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
+    def rc_override(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         holder = self.pilot.holder
         has_them = packet.sender == holder.sender
         if not has_them:
@@ -264,10 +261,14 @@ class StickInput:
         if said is None:
             return
         if said.moves or not (has_them and holder.fresh(now)):
-            if not self._steer(packet.sender, said, waiting, now, out):
+            if not self._steer(packet.sender, said, now, out):
                 return
             holder.tilt = holder.gripper = 0.0
-        if said.light is not None and said.light != self._lamp and "light" not in waiting:
+        if (
+            said.light is not None
+            and said.light != self._lamp
+            and "light" not in self.pilot.waiting
+        ):
             self._lamp = said.light
             self.pilot.light(said.light, out)
 
@@ -276,12 +277,10 @@ class StickInput:
         """[-] 0 … 1"""
         return 0.0 if self.status is None else max(0.0, self.status.light)
 
-    def _steer(
-        self, station: GroundStation, said: StickPacket, waiting: Waiting, now: Ns, out: Reaction
-    ) -> bool:
+    def _steer(self, station: GroundStation, said: StickPacket, now: Ns, out: Reaction) -> bool:
         if said.clipped:
             self.pilot.pilot.outbox.tell(events.CLAMPED("sticks"))
-        if self.pilot.steer(station, said.sticks, waiting, now, out):
+        if self.pilot.steer(station, said.sticks, now, out):
             return True
         if self._warned_ns is None or now >= self._warned_ns + SAME_TEXT_NS:
             self._warned_ns = now

@@ -42,41 +42,48 @@ class GuestPilot(Generic[F]):
         """As the pilot's name."""
         return self.pilot.source
 
-    def steer(self, sender: F, sticks: Sticks, waiting: Waiting, now: Ns, out: Effects) -> bool:
+    @property
+    def waiting(self) -> Waiting:
+        """Kinds of the requests that the drone has not answered yet."""
+        return self.pilot.asked()
+
+    def steer(self, sender: F, sticks: Sticks, now: Ns, out: Effects) -> bool:
         """Stick positions. False: another sender has the sticks."""
         if not self.holder.take(sender, sticks, now):
             self.pilot.outbox.tell(self.not_the_holder)
             return False
-        self.read((), waiting, now, out)
+        self.read((), now, out)
         return True
 
-    def press(self, intents: Iterable[Intent], waiting: Waiting, now: Ns, out: Effects) -> None:
+    def press(self, intents: Iterable[Intent], now: Ns, out: Effects) -> None:
         """What the holder asks for with buttons, or by a command."""
         for intent in intents:
-            self.read((intent,), waiting, now, out)
+            self.read((intent,), now, out)
 
-    def repeat(self, waiting: Waiting, now: Ns, out: Effects) -> None:
+    def repeat(self, now: Ns, out: Effects) -> None:
         """Repeat the newest sticks for as long as they are fresh, where a lost command costs
         nothing; and say so when they no longer are."""
         self._notice(now)
         if self._speaks(now) and now >= self._said_ns + self.repeat_ns:
-            self.read((), waiting, now, out)
+            self.read((), now, out)
 
-    def follow(self, status: VehicleStatus, waiting: Waiting, now: Ns, out: Effects) -> None:
+    def follow(self, status: VehicleStatus, now: Ns, out: Effects) -> None:
         """Ask for control only while sticks arrive."""
         if self.holder.fresh(now):
-            out.add(self.pilot.status(status, waiting, now))
+            out.add(self.pilot.status(status, self.waiting, now))
 
     def learn(self, request: PilotRequest, answer: PilotAnswer, now: Ns, out: Effects) -> None:
         """The drone's answer; it arms only with sticks of this epoch."""
         out.add(self.pilot.answered(request, answer, now))
         if answer.epoch is not None and self.holder.fresh(now):
-            self.read((), frozenset(), now, out)
+            self.read((), now, out)
 
-    def read(self, presses: tuple[Intent, ...], waiting: Waiting, now: Ns, out: Effects) -> None:
+    def read(self, presses: tuple[Intent, ...], now: Ns, out: Effects) -> None:
         """Read the sticks, and publish them while this pilot has control."""
         self._notice(now)
-        effects = self.pilot.read(self.holder.reading(now, presses), self.name, 0, waiting, now)
+        effects = self.pilot.read(
+            self.holder.reading(now, presses), self.name, 0, self.waiting, now
+        )
         command, effects.command = effects.command, None
         out.add(effects)
         if command is not None and self.pilot.in_control and self._speaks(now):

@@ -12,7 +12,7 @@ from messages.pilot import TTL_MS, PilotAnswer, PilotRequest
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.piloting.guest_pilot import GuestPilot
-from services.piloting.pilot import Effects, Pilot, Waiting
+from services.piloting.pilot import Effects, Pilot
 from services.piloting.pilot_intents import Press
 from services.piloting.stick_holder import KEPT_NS
 from services.piloting.sticks import Sticks
@@ -66,7 +66,7 @@ class RosPilot:
     def outbox(self) -> Outbox:
         return self.pilot.outbox
 
-    def heard(self, said: RosSticks, waiting: Waiting, now: Ns) -> Effects:
+    def heard(self, said: RosSticks, now: Ns) -> Effects:
         """Sticks have arrived. What a button asks for happens once, when it goes down; one that was
         down when a node took the sticks was not pressed."""
         out, lag = Effects(), now - said.sent_ns
@@ -79,20 +79,20 @@ class RosPilot:
             if lag - self._fastest_ns > TTL_NS:
                 self.outbox.tell(events.STALE("ros"))
                 return out
-        if not self.guest.steer(said.sender, said.sticks, waiting, now, out):
+        if not self.guest.steer(said.sender, said.sticks, now, out):
             return out
         pressed, self._held = said.buttons - self._held, said.buttons
-        self.guest.press(sorted(pressed), waiting, now, out)
+        self.guest.press(sorted(pressed), now, out)
         return out
 
-    def tick(self, waiting: Waiting, now: Ns) -> Effects:
+    def tick(self, now: Ns) -> Effects:
         out = Effects()
-        self.guest.repeat(waiting, now, out)
+        self.guest.repeat(now, out)
         return out
 
-    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
+    def status(self, status: VehicleStatus, now: Ns) -> Effects:
         out = Effects()
-        self.guest.follow(status, waiting, now, out)
+        self.guest.follow(status, now, out)
         return out
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:

@@ -207,7 +207,7 @@ class SticksFromRos:
         """Something has arrived from ROS 2."""
         while self._arrived:
             if (heard := self._read(self._arrived.popleft())) is not None:
-                self._ports.do(self._pilot.heard(heard, self._ports.waiting, now), now)
+                self._ports.do(self._pilot.heard(heard, now), now)
 
     def _read(self, arrived: Arrived) -> RosSticks | None:
         """Rubbish is counted and moves nothing."""
@@ -228,7 +228,7 @@ class SticksFromRos:
         more = self._drone.network.too_long - self._too_long
         self._too_long += more
         self._node.tell(events.OVERSIZED("ros"), more)
-        self._ports.do(self._pilot.tick(self._ports.waiting, now), now)
+        self._ports.do(self._pilot.tick(now), now)
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._pilot.status(status, self._ports.waiting, now), now)
+        self._ports.do(self._pilot.status(status, now), now)
