@@ -72,7 +72,7 @@ class CameraChoice(Message, frozen=True, kw_only=True):
 
 
 class CameraShares(Message, frozen=True, kw_only=True):
-    """What each camera may send, by `services.camera.sharing`. From the large camera, which alone
+    """What each camera may send, by `services.camera.pacing`. From the large camera, which alone
     measures the link; with one camera nobody says it."""
 
     large: Name

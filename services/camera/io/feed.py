@@ -25,8 +25,7 @@ from av.video.stream import VideoStream
 from messages import events
 from messages.events import Event
 from messages.units import Ns
-from services.camera.backlog import Backlog
-from services.camera.capture_time import BEHIND_NS, CaptureTime, Light
+from services.camera.capture_time import BEHIND_NS, Backlog, CaptureTime, Light
 from services.camera.core import STALE_NS
 from services.camera.sea import Bytes, Picture
 from services.runtime.config.passwords import without_passwords
