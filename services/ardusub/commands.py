@@ -31,7 +31,7 @@ class ThrustPath:
 
     def __init__(self, vehicle: Vehicle, settings: Settings, outbox: DriverOutbox) -> None:
         self._settings, self._outbox = settings, outbox
-        self._gate = ActuatorGate(vehicle.thruster, outbox.events)
+        self.gate = ActuatorGate(vehicle.thruster, outbox.events)
         self._believed = OpenLoopThrust(vehicle.thruster)
         self._rest = at_rest(len(vehicle.thruster))
         self.mixed = self._rest
@@ -42,23 +42,14 @@ class ThrustPath:
     # Commands. Each returns whether to be armed is wished, or None where nobody says so.
 
     def obey(self, asked: ThrusterCommand, now: Ns) -> bool | None:
-        self._gate.obey(asked, now)
-        return self._gate.armed(now) if self._gate.command is asked else None
+        self.gate.obey(asked, now)
+        return self.gate.armed(now) if self.gate.command is asked else None
 
     def hear(self, request: PilotRequest, now: Ns) -> bool | None:
         """A disarm by the pilot."""
-        self._gate.hear(request, now)
-        commanded = self._gate.command is not None and self._gate.ends_ns is not None
-        return self._gate.armed(now) if commanded else None
-
-    def lapse(self, now: Ns) -> None:
-        """The very instant after the last command has ended."""
-        self._gate.lapse(now)
-
-    @property
-    def ends_ns(self) -> Ns | None:
-        """[ns] Last instant of the command in force."""
-        return self._gate.ends_ns
+        self.gate.hear(request, now)
+        commanded = self.gate.command is not None and self.gate.ends_ns is not None
+        return self.gate.armed(now) if commanded else None
 
     def show(self, light: float, tilt: float) -> None:
         """Brightness 0 … 1 and camera tilt [rad], upwards."""
@@ -75,7 +66,7 @@ class ThrustPath:
             mixer: of the board; None where it must rest.
             spooled: the motors follow the sticks by now.
         """
-        thrust = self._gate.output(now)
+        thrust = self.gate.output(now)
         if (mixer, thrust) != self._mixed_for:
             self._mixed_for = mixer, thrust
             self.mixed = self._rest if mixer is None else mixer.mix(thrust)
@@ -110,22 +101,18 @@ class ThrustPath:
             power: [W] of the battery.
             outputs: [-] as driven now.
         """
-        cause = self._gate.command
+        cause = self.gate.command
         return Actuation(
             stamp_ns=now,
             thrust=self._believed.believed(now),
             measured=False,
-            actuated_ns=self._gate.obeyed_ns,
+            actuated_ns=self.gate.obeyed_ns,
             sensor_ns=cause.sensor_ns if cause else None,
             pilot_ns=cause.pilot_ns if cause else None,
-            stale=self._gate.ends_ns is None,
+            stale=self.gate.ends_ns is None,
             power=power,
             outputs=outputs,
         )
-
-    def gripper(self, now: Ns) -> float:
-        """[-] As it may move now, + opens."""
-        return self._gate.gripper(now)
 
     def _tilt_pulse(self) -> int:
         limit = self._settings.tilt_range

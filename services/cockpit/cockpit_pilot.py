@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 from messages import events
 from messages.events import Row
-from messages.pilot import PilotAnswer, PilotRequest, RequestKind
+from messages.pilot import PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
 from services.marine.outputs import LIGHT
-from services.piloting.guest_pilot import GuestPilot
+from services.piloting.guest_pilot import PlainGuest
 from services.piloting.pilot import Effects, Pilot
 from services.piloting.pilot_intents import (
     Intent,
@@ -42,7 +42,7 @@ LOST: dict[Absence, Row] = {
 
 
 @dataclass(slots=True)
-class CockpitPilot(GuestPilot[int]):
+class CockpitPilot(PlainGuest[int]):
     device: str = ""  # touch, keyboard or the name of a pad
 
     @classmethod
@@ -122,22 +122,11 @@ class CockpitPilot(GuestPilot[int]):
 
     # From the drone, and from the clock.
 
-    def tick(self, now: Ns) -> Effects:
-        """Repeat the newest sticks while they are fresh, and say so when they no longer are."""
-        out = Effects()
-        self.repeat(now, out)
-        return out
-
     def status(self, status: VehicleStatus, now: Ns) -> Effects:
         """Ask for control only while a page sends sticks."""
         out = Effects()
         self.pilot.notice_failsafe(status, now)
         self.follow(status, now, out)
-        return out
-
-    def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
-        out = Effects()
-        self.learn(request, answer, now, out)
         return out
 
     # Within.

@@ -15,7 +15,7 @@ from messages.units import Ns
 from messages.vehicle import Failsafe, VehicleStatus
 from services.mavlink import commands
 from services.mavlink.commands import Ask, Meaning, Refusal, SetStream, Show, TellInterval
-from services.mavlink.parameters import ParameterProtocol, Parameters
+from services.mavlink.parameters import Parameters
 from services.mavlink.pilot import (
     Addressed,
     GroundPilot,
@@ -86,13 +86,12 @@ class Submarine:
         self._system = settings.system_id
         self._known = Snapshot(boot_ns, boot_ns, 0)
         self._streams: dict[str, LinkStreams] = {}  # by link
-        parameters = Parameters(settings.system_id)
         self._outbox = pilot.outbox
         self._outbox.also = self._overhear
         self._said: deque[tuple[Level, str]] = deque()  # to the log; for all ground stations too
-        self._parameters = ParameterProtocol(parameters, self._outbox)
+        self._parameters = Parameters(settings.system_id, self._outbox)
         self._pilot = GroundPilot(pilot, events.LOST_STICKS, events.NOT_THE_HOLDER("sticks"))
-        self._sticks = StickInput(self._pilot, ButtonReader(parameters, pilot.has))
+        self._sticks = StickInput(self._pilot, ButtonReader(self._parameters, pilot.has))
         self._texts = Texts()
         self._failsafe: Failsafe = "none"
         self._handlers: Mapping[str, Handler] = {
@@ -103,7 +102,7 @@ class Submarine:
             "SET_MODE": self._set_mode,
             "REQUEST_DATA_STREAM": self._data_stream,
             "PARAM_REQUEST_LIST": lambda p, _n, _o: self._parameters.begin_list(p),
-            "PARAM_REQUEST_READ": lambda p, _n, out: self._parameters.read(p, out),
+            "PARAM_REQUEST_READ": lambda p, _n, out: self._parameters.answer(p, out),
             "PARAM_SET": self._set_parameter,
         }
 

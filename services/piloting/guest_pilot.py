@@ -107,3 +107,27 @@ class GuestPilot(Generic[F]):
     def _tell_lost(self, why: Row) -> None:
         if self.pilot.in_control:
             self.pilot.outbox.tell(why(detail=f"{self.name}, for {TTL_MS:.0f} ms"))
+
+
+class PlainGuest(GuestPilot[F]):
+    """A guest that causes nothing but what every pilot does."""
+
+    __slots__ = ()
+
+    def tick(self, now: Ns) -> Effects:
+        out = Effects()
+        self.repeat(now, out)
+        return out
+
+    def status(self, status: VehicleStatus, now: Ns) -> Effects:
+        out = Effects()
+        self.follow(status, now, out)
+        return out
+
+    def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Effects:
+        out = Effects()
+        self.learn(request, answer, now, out)
+        return out
+
+    def given_up(self, request: PilotRequest, now: Ns) -> Effects:
+        return self.pilot.given_up(request, now)

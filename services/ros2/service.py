@@ -82,7 +82,7 @@ def connected(node: Node, stack: Stack, settings: Settings, network: RosNetwork)
     drone = DroneInRos(node, settings, network, namespace, messages, of_cameras)
     if settings.sticks:
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
-        SticksFromRos(node, drone, RosPilot(pilot))
+        SticksFromRos(node, drone, RosPilot.of(pilot))
     return drone
 
 

@@ -143,7 +143,7 @@ class HullDouble:
         return MavlinkPacket("SYS_STATUS", {
             **dict.fromkeys(zeros, 0),
             "voltage_battery": round(1000.0 * sample.voltage),
-            "current_battery": round(100.0 * sample.current),
+            "current_battery": -1 if sample.current is None else round(100.0 * sample.current),
             "battery_remaining": -1,
         })  # fmt: skip
 
