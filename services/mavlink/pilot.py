@@ -148,41 +148,36 @@ class GroundPilot(GuestPilot[GroundStation]):
         return self.holder.sender.pilot if self.holder.sender else self.pilot.source
 
     def ask(
-        self,
-        station: GroundStation,
-        command: int,
-        intent: Intent,
-        now: Ns,
-        out: Reaction,
-    ) -> None:
-        """A command that the drone answers; it is acknowledged then."""
+        self, station: GroundStation, command: int, intent: Intent, now: Ns, out: Reaction
+    ) -> MavResult | None:
+        """A command that the drone answers, by which it is acknowledged then: None. Else what it is
+        acknowledged by now."""
         kind: RequestKind = "mode" if isinstance(intent, ModeIntent) else _kind(intent)
         if kind != "stop" and not self.holder.may_take(station, now):
             assert self.holder.sender is not None
             self.pilot.outbox.tell(events.NOT_THE_HOLDER(kind))
             whose = self.holder.sender.pilot
             out.say(station.link, MavSeverity.WARNING, f"{whose} has the sticks: {kind} refused")
-            out.acknowledge(station, command, MavResult.DENIED)
-        elif kind == "arm" and not self.holder.fresh(now):
+            return MavResult.DENIED
+        if kind == "arm" and not self.holder.fresh(now):
             refusal = events.REFUSED_HERE(kind, detail=NO_STICKS)
             self.pilot.outbox.count(refusal)
             out.say(station.link, MavSeverity.WARNING, refusal.sentence)
-            out.acknowledge(station, command, MavResult.FAILED)
-        else:
-            self._close(OVERRULES.get(kind, ()), MavResult.FAILED, out)
-            if len(self._open) >= OPEN:
-                out.acknowledge(station, command, MavResult.FAILED)
-                return
-            if self.holder.sender is None:
-                self.pilot.source = station.pilot  # in whose name it is asked
-            self._open.append(OpenCommand(station, command, kind, now))
-            refused, counts = events.REFUSED_HERE(kind).name, self.pilot.outbox.counts
-            before = counts[refused]
-            if kind == "mode" and self.pilot.in_failsafe:  # a deliberate act: it ends the failsafe
-                self.read(("resume",), now, out)
-            self.read((intent,), now, out)
-            if counts[refused] > before:
-                self._close((kind,), MavResult.FAILED, out)
+            return MavResult.FAILED
+        self._close(OVERRULES.get(kind, ()), MavResult.FAILED, out)
+        if len(self._open) >= OPEN:
+            return MavResult.FAILED
+        if self.holder.sender is None:
+            self.pilot.source = station.pilot  # in whose name it is asked
+        self._open.append(OpenCommand(station, command, kind, now))
+        refused, counts = events.REFUSED_HERE(kind).name, self.pilot.outbox.counts
+        before = counts[refused]
+        if kind == "mode" and self.pilot.in_failsafe:  # a deliberate act: it ends the failsafe
+            self.read(("resume",), now, out)
+        self.read((intent,), now, out)
+        if counts[refused] > before:
+            self._close((kind,), MavResult.FAILED, out)
+        return None
 
     def light(self, value: float, out: Reaction) -> None:
         out.requests.append(
