@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from messages import events
 from messages.events import Row
-from messages.pilot import PilotRequest, RequestKind
+from messages.pilot import RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
@@ -99,7 +99,7 @@ class CockpitPilot(PlainGuest[int]):
         elif what == "give_back":
             self._give_back(out)
         elif what == "offer":
-            out.requests.append(self._request("offer"))
+            out.requests.append(self.request("offer"))
         elif what in ("arm", "resume") and not self.holder.fresh(now):
             self.pilot.outbox.tell(events.REFUSED_HERE(what, detail="no stick positions arrive"))
         elif what in ("arm", "resume") and (what == "resume") != self.pilot.in_failsafe:
@@ -135,14 +135,14 @@ class CockpitPilot(PlainGuest[int]):
         if not self.holder.claim(page, now):
             self._refuse(f"{_named(what)}: another page must give them back")
         elif KINDS[what] not in self.waiting:
-            out.requests.append(self._request(KINDS[what]))
+            out.requests.append(self.request(KINDS[what]))
 
     def _give_back(self, out: Effects) -> None:
         """Deliberately: no pilot is lost by it."""
         self._lay_down()
         self._was_fresh, self.lost = False, ""
         if self.pilot.in_control:
-            out.requests.append(self._request("release"))
+            out.requests.append(self.request("release"))
 
     def _lay_down(self) -> None:
         self.holder.release()
@@ -156,10 +156,6 @@ class CockpitPilot(PlainGuest[int]):
     def _refuse(self, what: str) -> None:
         """A page without the sticks asked for something."""
         self.pilot.outbox.tell(events.NOT_THE_HOLDER_PAGE(detail=_named(what)))
-
-    def _request(self, kind: RequestKind) -> PilotRequest:
-        epoch = self.pilot.progress.epoch or 0
-        return PilotRequest(stamp_ns=0, id="", kind=kind, source=self.name, epoch=epoch)
 
 
 def _intent(message: PageWish) -> Intent | None:

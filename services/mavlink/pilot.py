@@ -179,18 +179,6 @@ class GroundPilot(GuestPilot[GroundStation]):
             self._close((kind,), MavResult.FAILED, out)
         return None
 
-    def light(self, value: float, out: Reaction) -> None:
-        out.requests.append(
-            PilotRequest(
-                stamp_ns=0,
-                id="",
-                kind="light",
-                value=value,
-                source=self.name[:128],
-                epoch=self.pilot.progress.epoch or 0,
-            )
-        )
-
     def tick(self, now: Ns, out: Reaction) -> None:
         self.repeat(now, out)
         late = [o for o in self._open if now > o.since_ns + PATIENCE_NS]

@@ -247,7 +247,7 @@ class StickInput:
         if pressed.gain != gain:
             out.say(None, MavSeverity.INFO, f"#Gain is {100 * pressed.gain:.0f}%")
         if pressed.light is not None and "light" not in self.pilot.waiting:
-            self.pilot.light(pressed.light, out)
+            out.requests.append(self.pilot.request("light", pressed.light))
 
     def rc_override(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         holder = self.pilot.holder
@@ -270,7 +270,7 @@ class StickInput:
             and "light" not in self.pilot.waiting
         ):
             self._lamp = said.light
-            self.pilot.light(said.light, out)
+            out.requests.append(self.pilot.request("light", said.light))
 
     @property
     def _light(self) -> float:

@@ -12,7 +12,7 @@ from typing import Generic
 from msgspec.structs import replace
 
 from messages.events import Event, Row
-from messages.pilot import TTL_MS, PilotAnswer, PilotRequest
+from messages.pilot import TTL_MS, PilotAnswer, PilotRequest, RequestKind
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.piloting.pilot import Effects, Pilot, Waiting
@@ -46,6 +46,11 @@ class GuestPilot(Generic[F]):
     def waiting(self) -> Waiting:
         """Kinds of the requests that the drone has not answered yet."""
         return self.pilot.asked()
+
+    def request(self, kind: RequestKind, value: float | None = None) -> PilotRequest:
+        """In the pilot's name; without stamp and id, which the sender fills in."""
+        name, epoch = self.name[:128], self.pilot.progress.epoch or 0
+        return PilotRequest(stamp_ns=0, id="", kind=kind, value=value, source=name, epoch=epoch)
 
     def steer(self, sender: F, sticks: Sticks, now: Ns, out: Effects) -> bool:
         """Stick positions. False: another sender has the sticks."""
