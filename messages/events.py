@@ -414,7 +414,6 @@ NOT_NEWER = row("not_newer", SENSOR, "a sample was not newer than the previous o
 PREDICTED = row("predicted", DANGER, "the drone's state is predicted because its IMU is silent")
 NOT_FINITE = row("not_finite", DANGER, "a calculation gave no finite number and was restarted")
 RESTING = row("resting", ROUTINE, "the gyroscope was calibrated at rest")
-WRONG_STAMP = row("wrong_stamp", SENSOR, "the time in a picture was not that of its stamp")
 
 # Of instruments on board: a DVL, an echo sounder, a receiver of GNSS, an acoustic position.
 SILENT_INSTRUMENT = row("silent_instrument", SENSOR, "an instrument on board does not answer", "check its power, cable and url", said="warning")

@@ -56,15 +56,17 @@ class BatterySample(Message, frozen=True, kw_only=True):
     """Battery voltage, current and energy used."""
 
     voltage: NotNegative  # [V]
-    current: Finite  # [A] + out of the battery
-    used_wh: NotNegative  # [Wh] since power-on
+    current: Finite | None  # [A] + out of the battery; None: not measured
+    used_wh: NotNegative | None  # [Wh] since power-on; None: not measured
     capacity_wh: NotNegative | None = None  # [Wh] when full; None: unknown to the driver
 
     @property
     def charge(self) -> float | None:
         """[-] What is left: 1 when full, below 0 where more was used than it should hold; None: the
         driver does not know the capacity."""
-        return None if not self.capacity_wh else 1.0 - self.used_wh / self.capacity_wh
+        if not self.capacity_wh or self.used_wh is None:
+            return None
+        return 1.0 - self.used_wh / self.capacity_wh
 
 
 class LeakSample(Message, frozen=True, kw_only=True):

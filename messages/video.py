@@ -18,9 +18,9 @@ Parts = Annotated[int, msgspec.Meta(ge=1, le=MOST_PARTS)]
 Pixels = Annotated[int, msgspec.Meta(ge=0, le=16_384)]
 Data = Annotated[bytes, msgspec.Meta(max_length=LONGEST_PART)]
 
-# The stages of a picture, from the light to the decoded picture topside. Each is a difference of
-# two stamps.
-PICTURE_STAGES = ("captured", "encoded", "crossed", "decoded")
+# The stages of a picture, from the light to the whole picture topside. Each is a difference of two
+# stamps.
+PICTURE_STAGES = ("captured", "encoded", "crossed")
 
 
 class VideoPart(Message, frozen=True, kw_only=True):
@@ -49,13 +49,12 @@ class PictureAge(Message, frozen=True, kw_only=True):
     """How old the picture is where it is seen, and what the link let through, over the last report
     period. From `camera_monitor`; the camera's bitrate follows it. None: not known now."""
 
-    picture_ns: Stamp | None = None  # [ns] stamp of the newest picture that was decoded
+    picture_ns: Stamp | None = None  # [ns] stamp of the newest picture that can be decoded
     age_ms: NotNegative | None = None  # [ms] of that picture now; it grows while none arrives
     exact: bool = False  # that is its age; False: at least that
     stages: Stages | None = None  # PICTURE_STAGES, in their order
     total: Stage | None = None  # "light to picture", measured end to end
-    checked: bool = False  # the simulated camera's time stripe in the picture says the same
-    per_second: NotNegative = 0.0  # [1/s] pictures decoded
+    per_second: NotNegative = 0.0  # [1/s] pictures that can be decoded
     heard_kbit: NotNegative = 0.0  # [kbit/s] that arrived, without headers
     room_kbit: NotNegative | None = None  # [kbit/s] at which its parts arrive, with headers
     lost: Share = 0.0  # [-] of the period's pictures that did not arrive whole
@@ -73,7 +72,7 @@ class CameraChoice(Message, frozen=True, kw_only=True):
 
 
 class CameraShares(Message, frozen=True, kw_only=True):
-    """What each camera may send, by `services.camera.sharing`. From the large camera, which alone
+    """What each camera may send, by `services.camera.pacing`. From the large camera, which alone
     measures the link; with one camera nobody says it."""
 
     large: Name
@@ -114,6 +113,35 @@ class Assembler:
         data = b"".join(self._data[number] for number in range(part.parts))
         self._data = {}
         return AccessUnit(msgspec.structs.replace(part, part=0, data=b""), data)
+
+
+class UnitStream:
+    """The access units of one camera that can be decoded: each builds on those before it."""
+
+    def __init__(self) -> None:
+        self.broken = True  # nothing can be decoded before the next keyframe
+        self.breaks = 0  # times that a part was missing in a stream that could be decoded
+        self.undecodable = 0  # whole access units that build on one that is missing
+        self._assembler = Assembler()
+        self._seq: int | None = None
+
+    @property
+    def dropped(self) -> int:
+        """Pictures of which only some parts arrived."""
+        return self._assembler.dropped
+
+    def take(self, part: VideoPart) -> AccessUnit | None:
+        """The access unit that this part completes, unless one that it builds on is missing."""
+        if self._seq is not None and part.seq != self._seq + 1:
+            self.breaks += not self.broken
+            self.broken = True
+        self._seq = part.seq
+        unit = self._assembler.take(part)
+        if unit is not None and self.broken and not part.keyframe:
+            self.undecodable += 1
+            return None
+        self.broken = self.broken and unit is None
+        return unit
 
 
 def _same(one: VideoPart, other: VideoPart) -> bool:

@@ -14,7 +14,6 @@ PACKAGES = {
     "foxglove": ("foxglove", "foxglove"),
     "ros2": ("rosbags", "ros2"),
     "camera": ("av", "camera"),
-    "camera_monitor": ("av", "camera"),
 }  # service → what it imports, and the extra that installs it
 HANDS = ("gamepad", "keyboard")  # pilots whose sticks pygame reads
 SCRIPT = "or use --pilot script:FILE"

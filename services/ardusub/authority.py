@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import msgspec
 
 from messages.units import Ns
-from services.mavlink_io.numbers import MavCommand, MavResult
-from services.mavlink_io.packet import MavlinkPacket, command
+from services.mavlink_io.packet import MavCommand, MavlinkPacket, MavResult, command
 
 MANUAL, SURFACE = 19, 9
 MODES = {0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 7: "CIRCLE",

@@ -15,20 +15,23 @@ from messages.events import Outbox
 from messages.pilot import PilotRequest
 from messages.units import Ns, Outputs
 from messages.vehicle import Actuation, VehicleStatus
-from services.ardusub import parameters, readings
+from services.ardusub import board_check, telemetry
 from services.ardusub.authority import BoardAuthority, TakenCheckpoint
-from services.ardusub.board_clock import BoardClock
-from services.ardusub.introduction import BoardIntroduction, Stage
-from services.ardusub.measurements import LEAK, BoardMeasurements
-from services.ardusub.mixer import MixedSticks
-from services.ardusub.outbox import DriverOutbox, DriverOutput
-from services.ardusub.servos import BoardServos
+from services.ardusub.board_check import BoardIntroduction, Stage
+from services.ardusub.commands import BoardServos, ThrustPath
+from services.ardusub.settings import DriverOutbox, DriverOutput
 from services.ardusub.settings import Settings as Settings
-from services.ardusub.thrust_path import ThrustPath
+from services.ardusub.telemetry import LEAK, BoardClock, BoardMeasurements
 from services.marine.outputs import LIGHT, driven
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.numbers import AUTOPILOT, MavCommand, MavModeFlag
-from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
+from services.mavlink_io.packet import (
+    AUTOPILOT,
+    MavCommand,
+    MavlinkPacket,
+    MavModeFlag,
+    command,
+    heartbeat,
+)
 
 S = 1_000_000_000  # [ns]
 HEARTBEAT_NS = S
@@ -39,7 +42,7 @@ PATIENCE_NS = 3 * S  # [ns] before the silence of a board is said
 STRANGER_NS = 5 * S  # [ns] for which a stranger is remembered
 # All that is looked at of what a board says.
 HEARD = ("HEARTBEAT", "AUTOPILOT_VERSION", "PARAM_VALUE", "TIMESYNC", "COMMAND_ACK", "STATUSTEXT",
-         *readings.MESSAGES)  # fmt: skip
+         *telemetry.MESSAGES)  # fmt: skip
 
 
 class ArdusubDriver:
@@ -62,11 +65,9 @@ class ArdusubDriver:
         """
         self._settings, self._outbox, clock = settings, DriverOutbox(outbox), BoardClock()
         self._clock = clock
-        self._measurements = BoardMeasurements(settings, clock, self._outbox)
-        self._introduction = BoardIntroduction(
-            vehicle, settings, clock, self._outbox, self._give_up
-        )
-        self._path = ThrustPath(vehicle, settings, self._outbox)
+        self.measurements = BoardMeasurements(settings, clock, self._outbox)
+        self.introduction = BoardIntroduction(vehicle, settings, clock, self._outbox, self._give_up)
+        self.path = ThrustPath(vehicle, settings, self._outbox)
         self._outputs = vehicle.output
         self._servos = BoardServos(vehicle.output, settings, len(vehicle.thruster), self._outbox)
         self._status: VehicleStatus | None = None  # newest heard
@@ -77,12 +78,12 @@ class ArdusubDriver:
         self._now: Ns = 0
         self._due: dict[str, Ns] = {}
         self._stranger: Ns | None = None
-        self._text = readings.LongText()
+        self._text = telemetry.LongText()
         self._silence = ""  # what is said of it
         self._handlers: dict[str, Callable[[dict[str, Any], Ns], None]] = {
             "HEARTBEAT": self._on_heartbeat,
-            "AUTOPILOT_VERSION": lambda fields, _: self._introduction.heard_version(fields),
-            "PARAM_VALUE": lambda fields, _: self._introduction.heard_parameter(fields),
+            "AUTOPILOT_VERSION": lambda fields, _: self.introduction.heard_version(fields),
+            "PARAM_VALUE": lambda fields, _: self.introduction.heard_parameter(fields),
             "TIMESYNC": self._on_timesync,
             "COMMAND_ACK": self._on_ack,
             "STATUSTEXT": self._on_text,
@@ -95,43 +96,33 @@ class ArdusubDriver:
 
     @property
     def stage(self) -> Stage:
-        return self._introduction.stage
-
-    @property
-    def mixed(self) -> MixedSticks:
-        """The sticks that are sent at present."""
-        return self._path.mixed
+        return self.introduction.stage
 
     # Commands from above.
 
     def obey(self, asked: ThrusterCommand, now: Ns) -> None:
-        self._wish(self._path.obey(asked, now), now)
+        self._wish(self.path.obey(asked, now), now)
 
     def hear_pilot(self, request: PilotRequest, now: Ns) -> None:
         """A disarm by the pilot is obeyed here too, whatever becomes of the services above."""
-        self._wish(self._path.hear(request, now), now)
+        self._wish(self.path.hear(request, now), now)
 
     def lapse(self, now: Ns) -> None:
         """The very instant after the last command has ended."""
-        self._path.lapse(now)
+        self.path.gate.lapse(now)
         self._wish(None, now)
-
-    @property
-    def ends_ns(self) -> Ns | None:
-        """[ns] Last instant of the command in force."""
-        return self._path.ends_ns
 
     def show(self, status: VehicleStatus | None, tilt: float) -> None:
         """The newest status, for lights and switches, and camera tilt [rad], upwards."""
         self._status = status
-        self._path.show(self._values(self._now).get(LIGHT, 0.0), tilt)
+        self.path.show(self._values(self._now).get(LIGHT, 0.0), tilt)
 
     def _values(self, now: Ns) -> Outputs:
-        return driven(self._outputs, self._status, self._path.gripper(now), now)
+        return driven(self._outputs, self._status, self.path.gate.gripper(now), now)
 
     def _set_servos(self, now: Ns) -> None:
         if self.stage == "accepted":
-            lights = not parameters.is_new(self._introduction.version)
+            lights = not board_check.is_new(self.introduction.version)
             self._servos.due(self._values(now), now, lights=lights)
 
     def _wish(self, armed: bool | None, now: Ns) -> None:
@@ -152,7 +143,7 @@ class ArdusubDriver:
         shifts = self._clock.shifts
         if packet.name in self._handlers:
             self._handlers[packet.name](packet.fields, now)
-        elif self.stage == "accepted" and not self._measurements.heard(
+        elif self.stage == "accepted" and not self.measurements.heard(
             packet.name, packet.fields, now
         ):
             self._jumped(now)
@@ -160,7 +151,7 @@ class ArdusubDriver:
             self._outbox.tell(events.SHIFTED_BOARD_CLOCK())
 
     def _on_heartbeat(self, fields: dict[str, Any], now: Ns) -> None:
-        self._introduction.heard_heartbeat(fields)
+        self.introduction.heard_heartbeat(fields)
         armed = bool(fields["base_mode"] & MavModeFlag.SAFETY_ARMED)
         self.authority.heartbeat(armed, int(fields["custom_mode"]), now)
 
@@ -171,7 +162,7 @@ class ArdusubDriver:
         self._questions.remove(sent)
         if not self._clock.answered(sent, board, now):
             self._jumped(now)
-        self._introduction.heard_clock(now)
+        self.introduction.heard_clock(now)
 
     def _on_ack(self, fields: dict[str, Any], now: Ns) -> None:
         # Behind one router, the board's answers to other ground stations arrive here as well.
@@ -180,7 +171,7 @@ class ArdusubDriver:
             return
         number, result = int(fields["command"]), int(fields["result"])
         if number == MavCommand.SET_MESSAGE_INTERVAL:
-            self._measurements.heard_ack(result)
+            self.measurements.heard_ack(result)
         elif number == MavCommand.DO_SET_SERVO:
             self._servos.acknowledged(result, now)
         elif not self.authority.acknowledged(number, result, now):
@@ -192,7 +183,7 @@ class ArdusubDriver:
         if text is None:
             return
         if text == LEAK:
-            self._measurements.heard_leak(now)
+            self.measurements.heard_leak(now)
         if int(fields["severity"]) <= 4:
             level = "error" if text == LEAK else "warning"
             self._outbox.say(level, f"the board says: {text}")
@@ -217,12 +208,12 @@ class ArdusubDriver:
         self.disarm()
         self.authority.rebooted()
         self._forget_board()
-        self._path.rest()
+        self.path.rest()
         self._began = now
 
     def _forget_board(self) -> None:
-        self._introduction.forget()
-        self._measurements.forget()
+        self.introduction.forget()
+        self.measurements.forget()
         self._servos.forget()
 
     def _give_up(self) -> None:
@@ -233,24 +224,14 @@ class ArdusubDriver:
 
     # What it knows.
 
-    @property
-    def enclosure(self) -> float | None:
-        """[°C] Inside, newest."""
-        return self._measurements.enclosure
-
-    @property
-    def water(self) -> float | None:
-        """[°C] As the depth sensor measured it last."""
-        return self._measurements.water
-
     def wet(self, now: Ns) -> bool | None:
         """Was a leak said lately? None: nobody is there to say it."""
         if self.stage != "accepted" or not self.authority.heard(now):
             return None
-        return self._measurements.leaked(now)
+        return self.measurements.leaked(now)
 
     def actuation(self, now: Ns) -> Actuation:
-        return self._path.actuation(now, self._measurements.power, self._values(now))
+        return self.path.actuation(now, self.measurements.power, self._values(now))
 
     # Time.
 
@@ -259,7 +240,7 @@ class ArdusubDriver:
         self._now = now
         if self._began is None:
             self._began = now
-        if self._introduction.may_begin_again(now):
+        if self.introduction.may_begin_again(now):
             self._forget_board()
         if self._is_due("heartbeat", HEARTBEAT_NS, now):
             self._outbox.send(heartbeat())
@@ -267,15 +248,15 @@ class ArdusubDriver:
         if self.stage in ("clock", "accepted") and self._is_due("timesync", TIMESYNC_NS, now):
             self._questions.append(now)
             self._outbox.send(MavlinkPacket("TIMESYNC", {"tc1": 0, "ts1": now}))
-        self._introduction.ask(now)
+        self.introduction.ask(now)
         if self.stage == "accepted":
             self._work(now)
         if said := self.authority.to_say(now):
             self._outbox.tell(events.OUTDONE_ARDUSUB(detail=said))
 
     def _work(self, now: Ns) -> None:
-        self._measurements.ask(now, there=self.authority.heard(now))
-        accepted = self._introduction.accepted_ns
+        self.measurements.ask(now, there=self.authority.heard(now))
+        accepted = self.introduction.accepted_ns
         waited = accepted is not None and now - accepted >= NEUTRAL_FIRST_NS
         alone = self._stranger is None or now - self._stranger > STRANGER_NS
         self._outbox.packets += self.authority.due(now, may_arm=waited and alone)
@@ -302,20 +283,20 @@ class ArdusubDriver:
 
     def _mix(self, now: Ns) -> None:
         """From the permitted thrust to the sticks."""
-        mixer = self._introduction.mixer if self.authority.flies(now) else None
-        self._path.mix(mixer, now, spooled=self.authority.spooled(now))
+        mixer = self.introduction.mixer if self.authority.flies(now) else None
+        self.path.mix(mixer, now, spooled=self.authority.spooled(now))
 
     def _send_sticks(self, now: Ns) -> None:
         if self.stage != "accepted" or not self.authority.sends_sticks:
             return
         self._due["sticks"] = now + STICKS_NS
-        lights = not parameters.is_new(self._introduction.version)
-        self._outbox.send(self._path.sticks(lights=lights))
+        lights = not board_check.is_new(self.introduction.version)
+        self._outbox.send(self.path.sticks(lights=lights))
 
     def disarm(self) -> None:
         """The service ends in order: neutral, and disarmed if it was armed by Lindy."""
         if self.authority.ours and not self.authority.taken:
-            self._path.rest()
+            self.path.rest()
             self._send_sticks(self._now)
             self._servos.rest(self._now)
             self._outbox.send(command(self._settings.board, MavCommand.COMPONENT_ARM_DISARM, 0))

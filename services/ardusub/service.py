@@ -18,8 +18,7 @@ from messages.topic import AnyTopic
 from services.ardusub.authority import TakenCheckpoint
 from services.ardusub.core import HEARD, ArdusubDriver, Settings
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.io.codec import HeardMessages
-from services.mavlink_io.io.endpoint import MavlinkEndpoint
+from services.mavlink_io.io.endpoint import HeardMessages, MavlinkEndpoint
 from services.mavlink_io.io.links import ByteLinks, FarEndLimits, Links
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
@@ -67,7 +66,8 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     def obey(command: ThrusterCommand, now: int) -> None:
         driver.obey(command, now)
         pass_on()
-        end.set(None if driver.ends_ns is None else driver.ends_ns + 1)
+        ends_ns = driver.path.gate.ends_ns
+        end.set(None if ends_ns is None else ends_ns + 1)
         look(now)
         ticking.start(now + TICK_NS)  # the next command comes before
 
@@ -116,10 +116,9 @@ def _report_the_enclosure(node: Node, driver: ArdusubDriver) -> None:
 
     def look_inside(now: int) -> None:
         leak.put(LeakSample(stamp_ns=now, wet=driver.wet(now)))
-        if driver.enclosure is not None:
-            temperature.put(
-                TemperatureSample(stamp_ns=now, temperature=driver.enclosure, water=driver.water)
-            )
+        inside, water = driver.measurements.enclosure, driver.measurements.water
+        if inside is not None:
+            temperature.put(TemperatureSample(stamp_ns=now, temperature=inside, water=water))
 
     node.every(topics.LEAK.hz, look_inside)
 

@@ -3,12 +3,11 @@
 A pure state machine on the reports of `camera_monitor`, five a second. The parts of a picture leave
 together and arrive as fast as the link carries them behind everything more urgent, so the pace of
 their arrival is the capacity less the telemetry (packet trains: Dovrolis et al. 2001, *What do
-packet dispersion techniques measure?*). A way that has become longer, and stays so, is a queue,
-whatever the pace says.
+packet dispersion techniques measure?*). The bitrate stays where it is until it does not fit, or
+until more would for a while: each pace has bursts of telemetry in it.
 
-Each pace is a measurement of a short moment, with bursts of telemetry in it. So the bitrate does
-not follow it: it stays where it is until it does not fit, or until much more would, and a bitrate
-that has made a queue is not tried again soon. On a link that does not change it settles.
+A way that has become longer, and stays so, is a queue, whatever the pace says. What made one is
+halved, approached again with headroom, and tried again after a while.
 """
 
 from collections import deque
@@ -19,26 +18,21 @@ from messages.video import PictureAge
 from services.marine.summation import plain_sum
 
 FIRST_KBIT = 300.0  # [kbit/s] before anything is known
-SHARE = 0.85  # [-] of the room that is used: the rest is headroom
+SHARE = 0.85  # [-] of the room, or of what made a queue, that is used: the rest is headroom
 FULL = 0.95  # [-] of the room that has lasted, or all of that of now: more is reduced to SHARE
-WORTHWHILE = 1.1  # [-] more bitrate that is worth a change …
-LASTING_NS = 2_000_000_000  # [ns] … once there has been room for it as long …
-TRIAL = 1.25  # [-] step of a bitrate that is tried again
-CLEAR = 2.5  # [-] … or at once, if there is room for so much more
+WORTHWHILE = 1.1  # [-] more bitrate that is worth a change, once there is room for it so long:
+LASTING_NS = 2_000_000_000  # [ns]
+CLEAR = 2.5  # [-] so much more room is used at once, and is that of another link
 GROWTH, BLIND_GROWTH = 2.0, 1.3  # [-] at most, from one report to the next, if the room is measured
-LONG_WAIT_MS = 80.0  # [ms] longer on the way than at best: too much was sent …
-WAITS = 5  # … if so many reports in a row say so: a single one may be a burst of telemetry
-CUT = 0.5  # [-] of the bitrate that is left then …
-SILENT_CUT = 0.25  # [-] … and where nothing arrives
+LONG_WAIT_MS, WAITS = 80.0, 5  # [ms] longer than at best in so many reports in a row: a queue
+CUT, SILENT_CUT = 0.5, 0.25  # [-] of the bitrate that is left then, and where nothing arrives
 MANY_LOST = 0.5  # [-] of the messages; radio loses single ones, whatever the bitrate
 ROOMS = 8  # paces that are averaged
 BEST_NS = 6_000_000_000  # [ns] how long the best way is remembered
-DOUBT_NS = 20_000_000_000  # [ns] how long a bitrate that made a queue is not tried again …
-MOST_DOUBT_NS = 160_000_000_000  # [ns] … after it did so again and again …
-TRIAL_NS = 3_000_000_000  # [ns] … and then step by step, if the room looks as it did
+DOUBT_NS = 30_000_000_000  # [ns] how long a bitrate that made a queue is not tried again …
+TRIAL_NS = 9_000_000_000  # [ns] … and then in how long twice as much is
 UNANSWERED_NS = 1_000_000_000  # [ns] of reports in which nothing arrived, although it was sent
-SILENCE_NS = 1_500_000_000  # [ns] without a report
-FADE_NS = 500_000_000  # [ns] without a report the bitrate is halved as often
+SILENCE_NS, FADE_NS = 1_500_000_000, 500_000_000  # [ns] without a report; and until each halving
 
 
 @dataclass(slots=True)
@@ -55,12 +49,9 @@ class BitrateLaw:
     _waits: int = 0  # reports in a row of a way that is too long
     _fades_at: Ns | None = None
     _unanswered_at: Ns | None = None  # [ns] of the first picture sent since one arrived
-    _too_much: float | None = None  # [kbit/s] that made a queue …
-    _doubted_room: float = 0.0  # [kbit/s] … while so much was measured …
-    _trusted_at: Ns = 0  # [ns] … and is not tried before
-    _doubt_ns: Ns = DOUBT_NS
-    _on_trial: bool = False
-    _lost_at: Ns = 0  # [ns] when it was reduced last because most was lost
+    _too_much: tuple[float, float] | None = None  # [kbit/s] that made a queue, and the room then
+    _cut_at: Ns = 0  # [ns] when it was cut last
+    _raised: bool = True  # since then
 
     def __post_init__(self) -> None:
         self._kbit = self._limited(self.first_kbit)
@@ -88,19 +79,19 @@ class BitrateLaw:
         self._unanswered_at = None
         if report.room_kbit is not None:
             self._paces.append(report.room_kbit)
-        self._remember_room(now)
+        self._rooms.append((now, self.room_kbit))
+        while self._rooms[0][0] < now - LASTING_NS:
+            self._rooms.popleft()
         self._count_waits(report, now)
         if self._waits >= WAITS:
-            self._waits = 0
-            self._doubt(now)
-            self._reduce(CUT * self._kbit)
-        elif report.lost > MANY_LOST:
-            # What is lost so soon after a cut was sent before it.
-            if now >= self._lost_at + UNANSWERED_NS:
-                self._lost_at = now
-                self._reduce(CUT * self._kbit)
-        else:
+            # Not raised since the last cut, the queue may be the one of before, which drains.
+            too_much = self._kbit if self._raised else self._kbit / CUT
+            self._too_much = too_much, self.room_kbit
+            self._cut(now)
+        elif report.lost <= MANY_LOST:
             self._follow(BLIND_GROWTH if report.room_kbit is None else GROWTH, now)
+        elif now >= self._cut_at + UNANSWERED_NS:  # else it was sent before the cut
+            self._cut(now)
 
     def budget(self, now: Ns) -> float:
         """[kbit/s] Without reports it fades away to the least."""
@@ -113,57 +104,32 @@ class BitrateLaw:
 
     def _follow(self, growth: float, now: Ns) -> None:
         """Down when there is no room for it, up when it is worth it."""
-        greatest = max(room for _, room in self._rooms)
-        if self._kbit > min(self.room_kbit, FULL * greatest):
-            self._reduce(SHARE * self.room_kbit)
+        room, rooms = self.room_kbit, [each for _, each in self._rooms]
+        if self._kbit > min(room, FULL * max(rooms)):
+            self._reduce(SHARE * room)
             return
-        clear = SHARE * self.room_kbit > CLEAR * self._kbit
-        least = min(room for _, room in self._rooms)
-        wanted = SHARE * (self.room_kbit if clear else least)
-        wanted = self._limited(min(wanted, self._trusted(now)))
+        wanted = SHARE * (room if SHARE * room > CLEAR * self._kbit else min(rooms))
+        if self._too_much is not None:
+            too_much, room_then = self._too_much
+            if room > CLEAR * room_then:  # another link
+                self._too_much = None
+            else:
+                trial = max(0.0, (now - self._cut_at - DOUBT_NS) / TRIAL_NS)
+                wanted = min(wanted, SHARE * too_much * 2.0 ** min(trial, 20.0))
+        wanted = self._limited(wanted)
         worth_it = wanted > WORTHWHILE * self._kbit or wanted == self.most_kbit
         if worth_it and self._waits == 0:
-            self._kbit = min(growth * self._kbit, wanted)
+            self._kbit, self._raised = min(growth * self._kbit, wanted), True
+
+    def _cut(self, now: Ns) -> None:
+        self._waits, self._raised, self._cut_at = 0, False, now
+        self._reduce(CUT * self._kbit)
 
     def _reduce(self, kbit: float) -> None:
         if self._kbit == self.least_kbit:  # not longer because of us: it is another way
             self._ways.clear()
-            self._forgive()
+            self._too_much = None
         self._kbit = self._limited(min(kbit, self._kbit))
-
-    def _doubt(self, now: Ns) -> None:
-        """This bitrate has made a queue; or it is still that of a much higher one before."""
-        recent = now < self._trusted_at - self._doubt_ns + TRIAL_NS
-        if self._too_much is not None and recent:
-            # One cut is enough where the measured room is like it: the queue has to drain.
-            once, alike = CUT * self._too_much, self.room_kbit < CLEAR * self._too_much
-            if self._kbit < once or (self._kbit == once and alike):
-                return
-        self._doubt_ns = min(2 * self._doubt_ns, MOST_DOUBT_NS) if self._on_trial else DOUBT_NS
-        self._on_trial = False
-        self._too_much, self._doubted_room = self._kbit, self.room_kbit
-        self._trusted_at = now + self._doubt_ns
-
-    def _trusted(self, now: Ns) -> float:
-        """[kbit/s] That may be tried, after what has made a queue."""
-        if self._too_much is None:
-            return self.most_kbit
-        if self.room_kbit > CLEAR * self._doubted_room or SHARE * self._too_much > self.most_kbit:
-            self._forgive()  # another link, or far from it
-            return self.most_kbit
-        if now >= self._trusted_at:
-            self._on_trial = True
-            self._too_much *= TRIAL
-            self._trusted_at = now + TRIAL_NS
-        return SHARE * self._too_much
-
-    def _forgive(self) -> None:
-        self._too_much, self._on_trial = None, False
-
-    def _remember_room(self, now: Ns) -> None:
-        self._rooms.append((now, self.room_kbit))
-        while self._rooms[0][0] < now - LASTING_NS:
-            self._rooms.popleft()
 
     def _count_waits(self, report: PictureAge, now: Ns) -> None:
         """Is the way longer than the best one lately, and than pictures of this size take?"""
@@ -172,11 +138,10 @@ class BitrateLaw:
             return
         while self._waits == 0 and self._ways and self._ways[0][0] < now - BEST_NS:
             self._ways.popleft()
-        while self._ways and self._ways[-1][1] >= way:  # never the best again
-            self._ways.pop()
         self._ways.append((now, way))
         picture = report.heard_kbit / max(report.per_second, 1.0)  # [kbit]
-        longest = self._ways[0][1] + LONG_WAIT_MS + 1e3 * picture / self.room_kbit
+        best = min(each for _, each in self._ways)
+        longest = best + LONG_WAIT_MS + 1e3 * picture / self.room_kbit
         self._waits = self._waits + 1 if way > longest else 0
 
     def _limited(self, kbit: float) -> float:

@@ -19,9 +19,8 @@ from messages.video import (
 )
 from services.camera.bitrate import FIRST_KBIT, BitrateLaw
 from services.camera.capture_time import Light
-from services.camera.pacing import Pacer, encoder_kbit, pictures_per_second, split
+from services.camera.pacing import Pacer, Range, encoder_kbit, pictures_per_second, shares, split
 from services.camera.sea import WaterLight
-from services.camera.sharing import Range, shares
 from services.marine.field_of_view import FieldOfView
 from services.marine.summation import plain_sum
 

@@ -1,2 +1,2 @@
-"""Topside: how old the drone's picture is when it is decoded, stage by stage, and what the link
+"""Topside: how old the drone's picture is when it is whole, stage by stage, and what the link
 lets through of it."""

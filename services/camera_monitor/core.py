@@ -1,4 +1,4 @@
-"""The account of the pictures that arrive. Pure: decoding is elsewhere, time is an argument."""
+"""The account of the pictures that arrive. Pure: time is an argument."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -7,11 +7,10 @@ from messages import events
 from messages.events import Outbox
 from messages.link import Stage
 from messages.units import Ns
-from messages.video import HEADERS, PICTURE_STAGES, AccessUnit, Assembler, PictureAge, VideoPart
+from messages.video import HEADERS, PICTURE_STAGES, PictureAge, UnitStream, VideoPart
 from services.vehicle_view import ages
 
 TOTAL = "light to picture"
-STRIPE_NS = 1_000_000  # [ns] the stripe and the stamp may differ by, after clocks were converted
 OLD_MS = ages.STATE.grey_ns / 1e6  # [ms] an older picture is said to be old, as on the page
 SMALL_OLD_MS = ages.PICTURE.gone_ns / 1e6  # [ms] … of a small one
 MOST_KBIT = 1e6  # [kbit/s] parts that arrive at one instant
@@ -31,7 +30,6 @@ class _Period:
 
     stages: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])  # [ms]
     totals: list[float] = field(default_factory=list[float])  # [ms]
-    stripes: list[bool] = field(default_factory=list[bool])  # did it say the same as the stamp?
     heard: int = 0  # messages
     missing: int = 0  # messages
     bytes: int = 0
@@ -51,57 +49,32 @@ class PictureAccount:
         self._outbox = outbox
         self._carried = Carried() if carried is None else carried
         self._called = called
-        self._assembler = Assembler()
+        self._units = UnitStream()
         self._period = _Period()
         self._began_ns: Ns = 0  # [ns] of the period
         self._train: tuple[Ns, Ns, int] | None = None  # stamp, arrival of the first part, carried
         self._seq: int | None = None
         self._newest: int | None = None
-        self._picture_ns: Ns | None = None  # stamp of the newest decoded picture …
-        self._exact = False  # … and whether its light arrived no earlier
-        self._broken = True  # nothing can be decoded before the next keyframe
+        self._picture: VideoPart | None = None  # newest picture that can be decoded
 
     @property
     def broken(self) -> bool:
-        return self._broken
+        return self._units.broken
 
-    def take(self, part: VideoPart, now: Ns) -> AccessUnit | None:
-        """A part has arrived. Returns an access unit to decode, if it completes one."""
+    def take(self, part: VideoPart, now: Ns) -> None:
+        """A part has arrived."""
         self._measure(part, now)
-        dropped = self._assembler.dropped
-        unit = self._assembler.take(part)
-        if self._assembler.dropped > dropped:
-            self._outbox.tell(events.DROPPED_PICTURE())
+        units = self._units
+        dropped, undecodable = units.dropped, units.undecodable
+        unit = units.take(part)
+        self._outbox.tell(events.DROPPED_PICTURE(), units.dropped - dropped)
+        self._outbox.tell(events.UNDECODABLE("picture"), units.undecodable - undecodable)
         if unit is None:
-            return None
-        if self._broken and not part.keyframe:
-            self._outbox.tell(events.UNDECODABLE("picture"))
-            return None
-        return unit
-
-    def decoded(self, unit: AccessUnit, stripe_ns: Ns | None, arrived: Ns, now: Ns) -> None:
-        """An access unit was decoded at `now` [ns].
-
-        Args:
-            stripe_ns: the time in the picture itself, by this clock; None: it has none.
-            arrived: [ns] of its last part.
-        """
-        about, self._broken = unit.about, False
-        light = about.stamp_ns if stripe_ns is None else stripe_ns
-        self._picture_ns, self._exact = light, about.exact or stripe_ns is not None
-        times = light, about.captured_ns, about.encoded_ns, arrived, now
+            return
+        self._picture = about = unit.about
+        times = about.stamp_ns, about.captured_ns, about.encoded_ns, now
         self._period.stages.append(tuple(_ms(begin, end) for begin, end in pairwise(times)))
-        self._period.totals.append(_ms(light, now))
-        if stripe_ns is not None:
-            agrees = abs(stripe_ns - about.stamp_ns) <= STRIPE_NS
-            self._period.stripes.append(agrees)
-            if not agrees:
-                self._outbox.tell(events.WRONG_STAMP("picture"))
-
-    def failed(self) -> None:
-        """An access unit could not be decoded."""
-        self._outbox.tell(events.UNDECODABLE("picture"))
-        self._broken = True
+        self._period.totals.append(_ms(about.stamp_ns, now))
 
     def report(self, now: Ns, *, small: bool = False, roomless: bool = False) -> PictureAge:
         """What happened since the last report; a new period begins.
@@ -114,23 +87,23 @@ class PictureAccount:
         seconds = max((now - self._began_ns) / 1e9, 1e-3)
         self._began_ns = now
         expected = period.heard + period.missing
-        age = None if self._picture_ns is None else _ms(self._picture_ns, now)
+        shown = self._picture
+        age = None if shown is None else _ms(shown.stamp_ns, now)
         columns = zip(*period.stages, strict=True)
         stages = tuple(_stage(*each) for each in zip(PICTURE_STAGES, columns, strict=False))
         return PictureAge(
             stamp_ns=now,
-            picture_ns=self._picture_ns,
+            picture_ns=None if shown is None else shown.stamp_ns,
             age_ms=age,
-            exact=self._exact,
+            exact=shown is not None and shown.exact,
             stages=stages or None,
             total=_stage(TOTAL, tuple(period.totals)) if period.totals else None,
-            checked=bool(period.stripes) and all(period.stripes),
             per_second=len(period.totals) / seconds,
             heard_kbit=period.bytes * 8e-3 / seconds,
             room_kbit=_room(period),
             lost=period.missing / expected if expected else 0.0,
             newest=self._newest,
-            keyframe_wanted=self._broken,
+            keyframe_wanted=self.broken,
             words=self._words(age, small=small, roomless=roomless),
         )
 
@@ -140,7 +113,8 @@ class PictureAccount:
         elif small and age is not None and age <= SMALL_OLD_MS:
             words = ""
         else:
-            words = _words(age, self._broken, self._newest, exact=self._exact)
+            exact = self._picture is not None and self._picture.exact
+            words = _words(age, self.broken, self._newest, exact=exact)
         return f"{self._called}: {words}" if words and self._called else words
 
     def _measure(self, part: VideoPart, now: Ns) -> None:
@@ -150,9 +124,6 @@ class PictureAccount:
         self._carried.bytes += len(part.data) + HEADERS
         if self._seq is not None and 0 < part.seq - self._seq - 1 < MOST_MISSING:
             period.missing += part.seq - self._seq - 1
-            self._broken = True
-        if self._seq is not None and part.seq <= self._seq and part.part == 0:
-            self._broken = True  # a camera that began anew
         self._seq, self._newest = part.seq, part.picture
         if self._train is None or self._train[0] != part.stamp_ns:
             self._train = part.stamp_ns, now, self._carried.bytes

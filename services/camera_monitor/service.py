@@ -1,19 +1,13 @@
-"""Camera monitor service, topside: decodes every picture, reads the time in it, and reports."""
+"""Camera monitor service, topside: how old each picture is when it is whole, and what the link lets
+through of it."""
 
 from dataclasses import dataclass
-from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
 
 from messages import cameras, topics
 from messages.units import Ns
-from messages.video import AccessUnit, CameraShares, VideoPart
+from messages.video import CameraShares, VideoPart
 from services.camera_monitor.core import Carried, PictureAccount
-from services.marine import time_stripe
 from services.marine.field_of_view import CameraViews
-from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -31,19 +25,7 @@ class Shares:
         return self.newest if now < self.heard_ns + SAID_NS else None
 
 
-class Decoder(Protocol):
-    """Of the pictures of one camera."""
-
-    def luma(self, data: bytes, *, keyframe: bool) -> NDArray[np.uint8] | None: ...
-
-
 def wire(node: Node, stack: Stack) -> None:
-    try:
-        from services.camera_monitor.io.decoder import VideoDecoder
-    except ImportError:
-        raise LindyError(
-            f"camera_monitor needs PyAV, which is not installed; {how_to_install('camera')}"
-        ) from None
     views = stack.section("camera", CameraViews).by_name
     shares = Shares()
 
@@ -55,19 +37,11 @@ def wire(node: Node, stack: Stack) -> None:
     carried = Carried()
     for name in views:
         called = cameras.called(name, several=True) if len(views) > 1 else ""
-        account = PictureAccount(node.outbox, carried, called)
-        _watch(node, name, account, VideoDecoder(), shares)
+        _watch(node, name, PictureAccount(node.outbox, carried, called), shares)
 
 
-def _watch(
-    node: Node,
-    name: str,
-    account: PictureAccount,
-    decoder: Decoder,
-    shares: Shares,
-) -> None:
+def _watch(node: Node, name: str, account: PictureAccount, shares: Shares) -> None:
     """Measure the picture of one camera."""
-    video = cameras.video(name)
     age = node.publisher(cameras.age(name))
 
     def report(now: Ns) -> None:
@@ -78,21 +52,9 @@ def _watch(
 
     def hear(part: VideoPart, now: Ns) -> None:
         was_whole = not account.broken
-        if (unit := account.take(part, now)) is not None:
-            look(unit, now)
+        account.take(part, now)
         if account.broken and was_whole:
             report(now)  # at once: it asks for a keyframe
 
-    def look(unit: AccessUnit, arrived: Ns) -> None:
-        about = unit.about
-        luma = decoder.luma(unit.data, keyframe=about.keyframe)
-        if luma is None:
-            account.failed()
-            return
-        # A film of another dive shows that dive's time: only the camera that drew it is believed.
-        said = time_stripe.read(luma, about.stamp_ns) if about.stripe else None
-        stripe = None if said is None else node.local_ns(video, said)
-        account.decoded(unit, stripe, arrived, node.now())
-
-    node.each(video, hear)
+    node.each(cameras.video(name), hear)
     node.every(topics.PICTURE_AGE.hz, report)

@@ -37,7 +37,9 @@ class Endurance:
     def heard(self, battery: BatterySample | None) -> None:
         """The newest sample, as often as anybody likes."""
         used = self._used
-        if battery is None or (used and battery.stamp_ns == used[-1][0]):
+        if battery is None or battery.used_wh is None:
+            return
+        if used and battery.stamp_ns == used[-1][0]:
             return
         if used and (battery.stamp_ns < used[-1][0] or battery.used_wh < used[-1][1]):
             used.clear()  # another battery, or another clock

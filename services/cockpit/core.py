@@ -10,7 +10,7 @@ import msgspec
 from msgspec.structs import replace
 
 from messages import events, topics
-from messages.control import ThrusterCommand, Wrench
+from messages.control import ThrusterCommand
 from messages.events import Level
 from messages.film import FilmAnswer, FilmRequest
 from messages.health import LogLine
@@ -44,7 +44,7 @@ from services.cockpit.page_view import (
     turns,
 )
 from services.marine.outputs import OUTPUTS, Output
-from services.piloting.pilot import Effects, Pilot, Waiting
+from services.piloting.pilot import Effects, Pilot
 from services.vehicle_view import ages, words
 from services.vehicle_view.log_lines import LogLines
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
@@ -128,7 +128,7 @@ class PageEffects(Effects):
 
 
 class Cockpit:
-    """The state machine. `waiting`: kinds of the requests that the drone has not answered yet."""
+    """The state machine."""
 
     def __init__(
         self,
@@ -154,7 +154,7 @@ class Cockpit:
         # Here, and not on a page's lines yet: level, text, the event's name.
         self._said: list[tuple[Level, str, str]] = []
         self._outbox.also = self._overhear
-        self._pilot = CockpitPilot(pilot, settings.pilot)
+        self._pilot = CockpitPilot.named(pilot, settings.pilot)
         self.filming = Filming(settings.pilot, pilot.progress.filming_ns)
         self._limits, self._chart = limits, chart
         self._pages: dict[int, Page] = {}
@@ -174,13 +174,11 @@ class Cockpit:
     def opened(self, page: int, *, watcher: bool) -> None:
         self._pages[page] = Page(watcher, self._picture, self._picture)
 
-    def closed(self, page: int, waiting: Waiting, now: Ns) -> Effects:
+    def closed(self, page: int, now: Ns) -> Effects:
         self._pages.pop(page, None)
-        return self._kept(self._pilot.closed(page, waiting, now), now)
+        return self._kept(self._pilot.closed(page, now), now)
 
-    def received(
-        self, page: int, message: AnyPageMessage | None, waiting: Waiting, now: Ns
-    ) -> Effects:
+    def received(self, page: int, message: AnyPageMessage | None, now: Ns) -> Effects:
         """`message`: None for one that could not be read."""
         sender = self._pages.get(page)
         if sender is None:
@@ -196,22 +194,22 @@ class Cockpit:
             return Effects()
         match message:
             case PageSticks():
-                out = self._pilot.steer(page, message, read_ns, waiting, now)
+                out = self._pilot.moved(page, message, read_ns, now)
             case PageWish():
                 sender.stops += message.what == "stop"
-                out = self._wished(page, message, read_ns, waiting, now)
+                out = self._wished(page, message, read_ns, now)
             case PageAbsence():
-                out = self._pilot.absent(page, message.why, waiting, now)
+                out = self._pilot.absent(page, message.why, now)
         return self._kept(out, now)
 
-    def _wished(self, page: int, wish: PageWish, read_ns: Ns, waiting: Waiting, now: Ns) -> Effects:
+    def _wished(self, page: int, wish: PageWish, read_ns: Ns, now: Ns) -> Effects:
         match wish.what:
             case "film" | "snapshot":
                 return self._film(wish, read_ns, now)
             case "camera":
                 return self._choose(page, wish.camera, read_ns, now)
             case _:
-                return self._pilot.wish(page, wish, read_ns, waiting, now)
+                return self._pilot.wish(page, wish, read_ns, now)
 
     def _film(self, wish: PageWish, read_ns: Ns, now: Ns) -> Effects:
         """Any page that may fly may film, without the sticks."""
@@ -243,16 +241,16 @@ class Cockpit:
 
     # From the drone, and from the clock.
 
-    def tick(self, waiting: Waiting, now: Ns) -> Effects:
-        return self._kept(self._pilot.tick(waiting, now), now)
+    def tick(self, now: Ns) -> Effects:
+        return self._kept(self._pilot.tick(now), now)
 
     def repeated_choice(self, now: Ns) -> CameraChoice | None:
         """Which camera is large, where that is to be said again."""
         return self.cameras.repeated(now, in_control=self._pilot.pilot.in_control)
 
-    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
+    def status(self, status: VehicleStatus, now: Ns) -> Effects:
         self._timer.heard(status, now)
-        return self._kept(self._pilot.status(status, waiting, now), now)
+        return self._kept(self._pilot.status(status, now), now)
 
     def shares(self, said: CameraShares, now: Ns) -> None:
         """The large camera says what each may send."""
@@ -296,16 +294,12 @@ class Cockpit:
         thrusters: ThrusterCommand | None,
         now: Ns,
         temperature: TemperatureSample | None = None,
-        wrench: Wrench | None = None,
-        waiting: Waiting = frozenset(),
     ) -> dict[int, str]:
         """What each page is sent now. A page that has not seen the
         newest pictures gets none, so that none of them waits anywhere.
 
         Args:
             temperature: in the enclosure and of the water; None: never said.
-            wrench: control's newest.
-            waiting: kinds of requests that the drone has not answered yet.
         """
         self._picture += 1
         self._sent_ns[self._picture] = now
@@ -314,10 +308,7 @@ class Cockpit:
         battery = ages.shown(topics.BATTERY, newest.battery, now)
         self._endurance.heard(battery)
         state, status = ages.shown(topics.STATE, newest.state, now), newest.status
-        self._chart.step(
-            *(state, ages.shown(topics.WRENCH, wrench, now), now),
-            armed=status is not None and status.armed,
-        )
+        self._chart.step(state, now, armed=status is not None and status.armed)
         if not self._pages:
             return {}
         seen = vehicle_view(newest, now)
@@ -351,10 +342,7 @@ class Cockpit:
             head = f'{{"log":{every.decode()},"track":{self._chart.track()},{head[1:]}'
             self._listed = True
         self._outbox.tell(events.DROPPED_PAGE(), len(self._pages) - len(ready))
-        return {
-            n: f'{head}{self._personal(n, seen, newest, waiting, now)},"view":{shared}}}'
-            for n in ready
-        }
+        return {n: f'{head}{self._personal(n, seen, newest, now)},"view":{shared}}}' for n in ready}
 
     def _looks(self, seen: VehicleView, now: Ns) -> dict[str, Any]:
         """What a page has to know of the cameras."""
@@ -368,13 +356,11 @@ class Cockpit:
             found |= {"large": cameras.large, "cameras": listed}
         return found
 
-    def _personal(
-        self, number: int, view: VehicleView, newest: Newest, waiting: Waiting, now: Ns
-    ) -> str:
+    def _personal(self, number: int, view: VehicleView, newest: Newest, now: Ns) -> str:
         page, holder, pilot = self._pages[number], self._pilot.holder, self._pilot.pilot
         given = None if newest.status is None else newest.status.epoch
         in_control = pilot.in_control and pilot.progress.epoch == given
-        has_sticks, taken = holder.page == number, not holder.may_take(number, now)
+        has_sticks, taken = holder.sender == number, not holder.may_take(number, now)
         told = Personal(
             watcher=page.watcher,
             has_sticks=has_sticks,
@@ -383,11 +369,11 @@ class Cockpit:
             who=self._who(view, in_control=in_control, has_sticks=has_sticks, taken=taken),
             lost=self._pilot.lost,
             wants_rest=has_sticks and holder.wants_rest(now),
-            device=holder.device,
+            device=self._pilot.device,
             delay_ms=None if page.delay_ns is None else round(page.delay_ns / 1e6, 1),
             pages=len(self._pages),
             stops=page.stops,
-            stop_waits="stop" in waiting,
+            stop_waits="stop" in self._pilot.waiting,
         )
         return self._encode(told).decode()
 

@@ -1,6 +1,5 @@
 """What every page is shown: the vehicle, and what only a page shows of it."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,12 +13,12 @@ from messages.pilot import PilotCommand
 from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.chart import Chart, Pair, ShownPlace, current, from_north
+from services.cockpit.chart import Chart, Pair, ShownPlace, current
 from services.marine.attitude import whole_turns
 from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages
 from services.vehicle_view.log_lines import LogEntry, printable
-from services.vehicle_view.view import VehicleView
+from services.vehicle_view.view import VehicleView, bearing
 from services.vehicle_view.words import Tone
 
 # [ms] of its age table: old from when on, and not shown from when on. The page ages what it has
@@ -77,7 +76,7 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     inside_c: float | None = None  # [°C] in the enclosure
     water_c: float | None = None  # [°C] as the depth sensor measures it
     place: ShownPlace | None = None  # of the drone
-    compass_deg: float | None = None  # heading from north, by the compass where there is one
+    compass_deg: float | None = None  # [deg] heading by the compass; that of the tape is another
     home: Pair | None = None  # [m] north, east of where it was first armed
     goal: Pair | None = None  # [m] north, east of where it goes
     waypoints: tuple[Pair, ...] = ()  # [m] of the path that it follows: the next ones
@@ -125,12 +124,12 @@ def chart_view(
     chart: Chart, state: VehicleState | None, status: VehicleStatus | None
 ) -> dict[str, Any]:
     """The fields of the map, from the newest state and status that are shown."""
-    heading = None if state is None else from_north(state)
+    compass = None if state is None else state.heading_navigation
     goal = None if status is None or status.goal is UNSET else status.goal
     ahead = () if status is None or status.waypoints is UNSET else status.waypoints
     return {
         "place": chart.place(),
-        "compass_deg": None if heading is None else round(math.degrees(heading), 1) % 360.0,
+        "compass_deg": bearing(compass.value) if compass is not None and compass.valid else None,
         "home": chart.home(),
         "goal": goal,
         "waypoints": tuple((round(each.north, 2), round(each.east, 2)) for each in ahead),

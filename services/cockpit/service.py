@@ -78,11 +78,10 @@ class CockpitPages:
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
         limits = [thruster.limits for thruster in vehicle.thruster]
         began = pilot.progress.began_ns is not None
-        chart = Chart(vehicle, began)
+        chart = Chart(began)
         self._cockpit = Cockpit(settings, pilot, chart, limits, drone, cameras, vehicle.output)
         self._vehicle = VehiclePorts(node)
         self._temperature = node.latest(topics.TEMPERATURE)
-        self._wrench = node.latest(topics.WRENCH)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
         self._filming = node.request(
             topics.FILM_REQUEST,
@@ -106,21 +105,19 @@ class CockpitPages:
                 case PageOpened(page, watcher):
                     cockpit.opened(page, watcher=watcher)
                 case PageClosed(page):
-                    ports.do(cockpit.closed(page, ports.waiting, now), now)
+                    ports.do(cockpit.closed(page, now), now)
                 case PageSaid(page, message):
-                    ports.do(cockpit.received(page, message, ports.waiting, now), now)
+                    ports.do(cockpit.received(page, message, now), now)
 
     def _tick(self, now: int) -> None:
-        self._ports.do(self._cockpit.tick(self._ports.waiting, now), now)
+        self._ports.do(self._cockpit.tick(now), now)
         if (choice := self._cockpit.repeated_choice(now)) is not None:
             self._choice.put(choice)
 
     def _show(self, now: int) -> None:
         newest, thrusters = self._vehicle.newest(now), self._vehicle.thrusters(now)
         inside = self._temperature.newest(now)
-        wrench = self._wrench.newest(now)
-        waiting = self._ports.waiting
-        shown = self._cockpit.pictures(newest, thrusters, now, inside, wrench, waiting)
+        shown = self._cockpit.pictures(newest, thrusters, now, inside)
         self._pages.show(shown)
 
     def _order(self, effects: Effects, now: int) -> None:
@@ -135,7 +132,7 @@ class CockpitPages:
         self._cockpit.sent_picture(camera, light_ns)
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._cockpit.status(status, self._ports.waiting, now), now)
+        self._ports.do(self._cockpit.status(status, now), now)
 
     def _on_log(self, line: LogLine, now: int) -> None:
         self._cockpit.log(line, now)

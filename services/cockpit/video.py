@@ -10,9 +10,9 @@ from typing import NamedTuple
 from messages import events
 from messages.events import Outbox
 from messages.units import Ns
-from messages.video import Assembler, VideoPart
+from messages.video import UnitStream, VideoPart
 
-VERSION, KEYFRAME, EXACT = 1, 1, 2  # first byte of a message; flags of its second
+VERSION, KEYFRAME, EXACT, STRIPE = 1, 1, 2, 4  # first byte of a message; flags of its second
 # Version, flags, two bytes of nothing, number, and when the light arrived (unless EXACT, then or
 # earlier) [ms] by the service's clock; the access unit follows (H.264, Annex B). Little-endian.
 HEADER = struct.Struct("<BBxxId")
@@ -29,27 +29,20 @@ class PageUnit(NamedTuple):
 
 
 class PictureStream:
-    """Puts access units together, and lets through what can be decoded."""
+    """The pictures of a camera that can be decoded, with their numbers."""
 
     def __init__(self, outbox: Outbox) -> None:
-        self._outbox = outbox
-        self._assembler = Assembler()
-        self._seq: int | None = None
-        self._broken = True  # nothing can be decoded before the next keyframe
-        self._number = 0
+        self._outbox, self._units, self._number = outbox, UnitStream(), 0
 
     def take(self, part: VideoPart) -> PageUnit | None:
         """The picture that this part completes, unless one that it builds on is missing."""
-        if self._seq is not None and part.seq != self._seq + 1 and not self._broken:
-            self._broken = True
-            self._outbox.tell(events.BROKEN_PAGE_VIDEO())
-        self._seq = part.seq
-        unit = self._assembler.take(part)
-        if unit is None or (self._broken and not part.keyframe):
+        breaks = self._units.breaks
+        unit = self._units.take(part)
+        self._outbox.tell(events.BROKEN_PAGE_VIDEO(), self._units.breaks - breaks)
+        if unit is None:
             return None
-        self._broken = False
         self._number += 1
-        flags = KEYFRAME * part.keyframe | EXACT * part.exact
+        flags = KEYFRAME * part.keyframe | EXACT * part.exact | STRIPE * part.stripe
         head = HEADER.pack(VERSION, flags, self._number, part.stamp_ns / 1e6)
         return PageUnit(self._number, part.keyframe, head + unit.data)
 

@@ -3,6 +3,7 @@
 import ipaddress
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from math import isfinite
 from typing import Annotated
 
 import msgspec
@@ -13,31 +14,42 @@ from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.units import Ns
 from messages.vehicle import Failsafe, VehicleStatus
-from services.mavlink import commands, identity
-from services.mavlink.buttons import ButtonReader
-from services.mavlink.commands import Ask, Meaning, Refusal, SetStream, Show, TellInterval
-from services.mavlink.ground_pilot import GroundPilot
-from services.mavlink.packets import Addressed, GroundStation, ReceivedPacket
-from services.mavlink.parameter_protocol import ParameterProtocol
+from services.mavlink import commands
 from services.mavlink.parameters import Parameters
-from services.mavlink.reaction import Reaction, Texts
-from services.mavlink.stick_input import StickInput
-from services.mavlink.streams import DEFAULT_HZ, OFF, STREAMS, LinkStreams, period_ns
-from services.mavlink.telemetry import MADE, Snapshot
-from services.mavlink_io.numbers import (
+from services.mavlink.pilot import (
+    Addressed,
+    GroundPilot,
+    GroundStation,
+    Reaction,
+    ReceivedPacket,
+    Texts,
+)
+from services.mavlink.sticks import ButtonReader, StickInput
+from services.mavlink.telemetry import (
+    DEFAULT_HZ,
+    OFF,
+    STREAMS,
+    LinkStreams,
+    Snapshot,
+    choosable,
+    made,
+    period_ns,
+)
+from services.mavlink_io.packet import (
     AUTOPILOT,
     FORCE,
     MESSAGE_IDS,
     SET_MODE,
     MavCommand,
+    MavlinkPacket,
     MavResult,
     MavSeverity,
 )
-from services.mavlink_io.packet import MavlinkPacket
-from services.piloting.pilot import Pilot, Waiting
+from services.piloting.pilot import Pilot
+from services.piloting.pilot_intents import ModeIntent
 
 Url = Annotated[str, msgspec.Meta(pattern=r"^(udpout|udpin|tcpin):[^:/\s]+:[0-9]{1,5}$")]
-Handler = Callable[[ReceivedPacket, Waiting, Ns, Reaction], None]
+Handler = Callable[[ReceivedPacket, Ns, Reaction], None]
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -62,6 +74,10 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 )
 
 
+ABOUT_MESSAGES = (
+    *(MavCommand.REQUEST_AUTOPILOT_CAPABILITIES, MavCommand.GET_HOME_POSITION),
+    *(MavCommand.REQUEST_MESSAGE, MavCommand.GET_MESSAGE_INTERVAL, MavCommand.SET_MESSAGE_INTERVAL),
+)
 SEVERITIES: dict[Level, MavSeverity] = {
     "info": MavSeverity.INFO,
     "warning": MavSeverity.WARNING,
@@ -70,19 +86,18 @@ SEVERITIES: dict[Level, MavSeverity] = {
 
 
 class Submarine:
-    """The state machine. `waiting`: kinds of the requests that the drone has not answered yet."""
+    """The state machine."""
 
     def __init__(self, settings: Settings, pilot: Pilot, boot_ns: Ns) -> None:
         self._system = settings.system_id
         self._known = Snapshot(boot_ns, boot_ns, 0)
         self._streams: dict[str, LinkStreams] = {}  # by link
-        parameters = Parameters(settings.system_id)
         self._outbox = pilot.outbox
         self._outbox.also = self._overhear
         self._said: deque[tuple[Level, str]] = deque()  # to the log; for all ground stations too
-        self._parameters = ParameterProtocol(parameters, self._outbox)
+        self._parameters = Parameters(settings.system_id, self._outbox)
         self._pilot = GroundPilot(pilot, events.LOST_STICKS, events.NOT_THE_HOLDER("sticks"))
-        self._sticks = StickInput(self._pilot, ButtonReader(parameters, pilot.has))
+        self._sticks = StickInput(self._pilot, ButtonReader(self._parameters, pilot.has))
         self._texts = Texts()
         self._failsafe: Failsafe = "none"
         self._handlers: Mapping[str, Handler] = {
@@ -92,8 +107,8 @@ class Submarine:
             "COMMAND_INT": self._command,
             "SET_MODE": self._set_mode,
             "REQUEST_DATA_STREAM": self._data_stream,
-            "PARAM_REQUEST_LIST": lambda p, _w, _n, _o: self._parameters.begin_list(p),
-            "PARAM_REQUEST_READ": lambda p, _w, _n, out: self._parameters.read(p, out),
+            "PARAM_REQUEST_LIST": lambda p, _n, _o: self._parameters.begin_list(p),
+            "PARAM_REQUEST_READ": lambda p, _n, out: self._parameters.answer(p, out),
             "PARAM_SET": self._set_parameter,
         }
 
@@ -104,16 +119,16 @@ class Submarine:
 
     # From ground stations.
 
-    def received(self, packet: ReceivedPacket, waiting: Waiting, now: Ns) -> Reaction:
+    def received(self, packet: ReceivedPacket, now: Ns) -> Reaction:
         out = Reaction()
         if not self._is_for_us(packet):
             self._outbox.tell(events.WRONG_TARGET("mavlink"))
         elif handler := self._handlers.get(packet.name):
-            handler(packet, waiting, now, out)
-        elif answer := identity.ANSWERS.get(packet.name):
-            if (answered := answer(packet, self._known._replace(now=now))) is not None:
-                out.packets.append(Addressed(packet.sender.link, answered))
-        elif packet.name not in identity.EXPECTED:
+            handler(packet, now, out)
+        elif packet.name in commands.ANSWERED:
+            if (answer := commands.answer(packet, now)) is not None:
+                out.packets.append(Addressed(packet.sender.link, answer))
+        elif packet.name not in commands.EXPECTED:
             self._outbox.tell(events.IGNORED("mavlink"))
         return self._finished(out, now)
 
@@ -127,68 +142,127 @@ class Submarine:
         here = fields.get("target_system", 0) in (0, self._system)
         return here and fields.get("target_component", 0) in (0, AUTOPILOT)
 
-    def _command(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
-        fields, what = packet.fields, commands.meaning(packet.fields)
-        number: int = fields["command"]
-        forced = number == MavCommand.COMPONENT_ARM_DISARM and fields["param2"] == FORCE
-        if forced and what == Ask("disarm"):
-            what = self._emergency_stop(packet.sender, now, out)
-        self._do(packet.sender, number, what, waiting, now, out)
+    def _command(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
+        """COMMAND_LONG or COMMAND_INT: acknowledged at once, or once the drone has answered."""
+        result = self._obeyed(packet, now, out)
+        if result is not None:
+            out.acknowledge(packet.sender, int(packet.fields["command"]), result)
 
-    def _emergency_stop(self, sender: GroundStation, now: Ns, out: Reaction) -> Ask:
-        """A forced disarm disarms for who has the sticks. Anybody else may only stop the drone."""
-        if self._pilot.holder.may_take(sender, now):
-            return Ask("disarm")
-        out.say(sender.link, MavSeverity.WARNING, "stopping: only who has the sticks disarms")
-        return Ask("stop")
+    def _obeyed(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> MavResult | None:
+        """None: the drone decides."""
+        sender, number = packet.sender, int(packet.fields["command"])
+        first, second = float(packet.fields["param1"]), float(packet.fields["param2"])
+        match number:
+            case MavCommand.COMPONENT_ARM_DISARM:
+                return self._arm(sender, first, second, now, out)
+            case MavCommand.DO_SET_MODE:
+                base = int(first) if isfinite(first) else 0
+                return self._choose_mode(sender, number, base, second, now, out)
+            case MavCommand.DO_PAUSE_CONTINUE if first == 0.0:
+                return self._pilot.ask(sender, number, "stop", now, out)
+            case MavCommand.DO_PAUSE_CONTINUE:
+                why = "nothing to continue: steer, or choose a mode"
+                return self._refuse(sender, MavResult.DENIED, out, why)
+            case MavCommand.NAV_RETURN_TO_LAUNCH:
+                return self._pilot.ask(sender, number, "home", now, out)
+            case _ if number in ABOUT_MESSAGES:
+                return self._about_message(sender, number, first, second, now, out)
+            case _ if why := commands.REFUSED.get(number):  # type: ignore[call-overload]
+                return self._refuse(sender, MavResult.DENIED, out, why)
+            case _:
+                return self._refuse(sender, MavResult.UNSUPPORTED, out)
 
-    def _do(
+    def _refuse(
+        self, sender: GroundStation, result: MavResult, out: Reaction, why: str = ""
+    ) -> MavResult:
+        """`why`: for people."""
+        self._outbox.tell(events.REFUSED_COMMAND())
+        if why:
+            out.say(sender.link, MavSeverity.WARNING, why)
+        return result
+
+    def _arm(
+        self, sender: GroundStation, arm: float, force: float, now: Ns, out: Reaction
+    ) -> MavResult | None:
+        """What forbids arming cannot be forced, and disarming needs no force: a forced disarm
+        disarms for who has the sticks. Anybody else may only stop the drone."""
+        number = MavCommand.COMPONENT_ARM_DISARM
+        if arm == 1.0 and force == FORCE:
+            why = "arming cannot be forced: see why it is refused"
+            return self._refuse(sender, MavResult.DENIED, out, why)
+        if arm not in (0.0, 1.0):
+            return self._refuse(sender, MavResult.DENIED, out, "arm with 1, disarm with 0")
+        if arm == 0.0 and force == FORCE and not self._pilot.holder.may_take(sender, now):
+            out.say(sender.link, MavSeverity.WARNING, "stopping: only who has the sticks disarms")
+            return self._pilot.ask(sender, number, "stop", now, out)
+        return self._pilot.ask(sender, number, "arm" if arm else "disarm", now, out)
+
+    def _choose_mode(
+        self, sender: GroundStation, number: int, base: int, custom: float, now: Ns, out: Reaction
+    ) -> MavResult | None:
+        """DO_SET_MODE, and the message SET_MODE."""
+        if (mode := commands.flight_mode(base, custom)) is not None:
+            return self._pilot.ask(sender, number, ModeIntent(mode), now, out)
+        why = f"no such mode here; there are {choosable()}"
+        return self._refuse(sender, MavResult.FAILED, out, why)
+
+    def _set_mode(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
+        base, custom = packet.fields["base_mode"], packet.fields["custom_mode"]
+        result = self._choose_mode(packet.sender, SET_MODE, base, custom, now, out)
+        if result is not None:
+            out.acknowledge(packet.sender, SET_MODE, result)
+
+    def _about_message(
         self,
         sender: GroundStation,
         number: int,
-        what: Meaning,
-        waiting: Waiting,
+        first: float,
+        second: float,
         now: Ns,
         out: Reaction,
-    ) -> None:
-        streams, link = self._streams_of(sender.link), sender.link
-        match what:
-            case Ask(intent):
-                self._pilot.ask(sender, number, intent, waiting, now, out)
-                return
-            case Refusal(result, text):
-                self._outbox.tell(events.REFUSED_COMMAND())
-                if text:
-                    out.say(link, MavSeverity.WARNING, text)
-            case Show(name):
-                made = self._made(name)
-                out.packets += [Addressed(link, packet) for packet in made]
-                result = MavResult.ACCEPTED if made else MavResult.FAILED
-            case SetStream(name, period_us):
-                result = self._stream(streams, name, period_us, now)
-            case TellInterval(name):
-                result = MavResult.ACCEPTED
-                period = streams.period(name) if name in DEFAULT_HZ else OFF
-                out.send(
-                    link,
-                    "MESSAGE_INTERVAL",
-                    message_id=MESSAGE_IDS[name],
-                    interval_us=-1 if period == OFF else period // 1000,
-                )
-        out.acknowledge(sender, number, result)
+    ) -> MavResult:
+        """Send one, or say or set how often it is sent."""
+        if number == MavCommand.REQUEST_AUTOPILOT_CAPABILITIES:
+            return self._show(sender, "AUTOPILOT_VERSION", out)
+        if number == MavCommand.GET_HOME_POSITION:
+            return self._show(sender, "HOME_POSITION", out)
+        if (name := commands.message_named(first)) is None:
+            return self._refuse(sender, MavResult.UNSUPPORTED, out)
+        if number == MavCommand.REQUEST_MESSAGE:
+            return self._show(sender, name, out)
+        if number == MavCommand.GET_MESSAGE_INTERVAL:
+            return self._tell_interval(sender, name, out)
+        return self._set_interval(sender, name, second, now, out)
 
-    def _stream(self, streams: LinkStreams, name: str, period_us: float, now: Ns) -> MavResult:
-        if name not in DEFAULT_HZ:
-            return MavResult.UNSUPPORTED  # by request only
-        period = round(min(period_us, 1e9) * 1e3) if period_us > 0.0 else OFF
-        streams.every(name, period_ns(DEFAULT_HZ[name]) if period_us == 0.0 else period, now)
+    def _show(self, sender: GroundStation, name: str, out: Reaction) -> MavResult:
+        """Send a message once."""
+        asked = commands.ASKED_FOR.get(name)
+        packets = made(name, self._known) if asked is None else [asked()]
+        out.packets += [Addressed(sender.link, packet) for packet in packets]
+        return MavResult.ACCEPTED if packets else MavResult.FAILED
+
+    def _tell_interval(self, sender: GroundStation, name: str, out: Reaction) -> MavResult:
+        period = self._streams_of(sender.link).period(name) if name in DEFAULT_HZ else OFF
+        us = -1 if period == OFF else period // 1000
+        number = MESSAGE_IDS[name]
+        out.send(sender.link, "MESSAGE_INTERVAL", message_id=number, interval_us=us)
         return MavResult.ACCEPTED
 
-    def _set_mode(self, packet: ReceivedPacket, waiting: Waiting, now: Ns, out: Reaction) -> None:
-        what = commands.mode(packet.fields["base_mode"], packet.fields["custom_mode"])
-        self._do(packet.sender, SET_MODE, what, waiting, now, out)
+    def _set_interval(
+        self, sender: GroundStation, name: str, us: float, now: Ns, out: Reaction
+    ) -> MavResult:
+        """Send a message every so many µs; 0: as by default; negative: never."""
+        if not (isfinite(us) and (us >= 0.0 or us == commands.NEVER)):
+            why = "an interval is in µs: 0 as by default, -1 never"
+            return self._refuse(sender, MavResult.DENIED, out, why)
+        if name not in DEFAULT_HZ:
+            return MavResult.UNSUPPORTED  # by request only
+        period = round(min(us, 1e9) * 1e3) if us > 0.0 else OFF
+        period = period_ns(DEFAULT_HZ[name]) if us == 0.0 else period
+        self._streams_of(sender.link).every(name, period, now)
+        return MavResult.ACCEPTED
 
-    def _data_stream(self, packet: ReceivedPacket, _: Waiting, now: Ns, _out: Reaction) -> None:
+    def _data_stream(self, packet: ReceivedPacket, now: Ns, _out: Reaction) -> None:
         fields = packet.fields
         hz = float(fields["req_message_rate"]) if fields["start_stop"] else 0.0
         names = STREAMS.get(fields["req_stream_id"], ())
@@ -197,20 +271,20 @@ class Submarine:
         for name in names:
             self._streams_of(packet.sender.link).every(name, period_ns(hz), now)
 
-    def _set_parameter(self, packet: ReceivedPacket, _: Waiting, now: Ns, out: Reaction) -> None:
+    def _set_parameter(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         """Buttons and gain belong to who has the sticks."""
         self._parameters.set(packet, out, is_holder=self._pilot.holder.may_take(packet.sender, now))
 
     # From the drone.
 
-    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Reaction:
+    def status(self, status: VehicleStatus, now: Ns) -> Reaction:
         out = Reaction()
         self._sticks.status = status
         if status.failsafe not in (self._failsafe, "none"):
             name = events.FAILSAFE_ACTED(status.failsafe).name
             out.say(None, MavSeverity.CRITICAL, f"failsafe: {events.short(name)}")
         self._failsafe = status.failsafe
-        self._pilot.follow(status, waiting, now, out)
+        self._pilot.follow(status, now, out)
         return self._finished(out, now)
 
     def log(self, line: LogLine, now: Ns) -> Reaction:
@@ -232,31 +306,26 @@ class Submarine:
 
     # Regularly.
 
-    def tick(self, links: Iterable[str], known: Snapshot, waiting: Waiting, now: Ns) -> Reaction:
+    def tick(self, links: Iterable[str], known: Snapshot, now: Ns) -> Reaction:
         """What is due on each link."""
         out, self._known = Reaction(), known
         self._sticks.status = known.status
-        self._pilot.tick(waiting, now, out)
+        self._pilot.tick(now, out)
         self._parameters.tick(out)
-        made: dict[str, list[MavlinkPacket]] = {}
+        known_of: dict[str, list[MavlinkPacket]] = {}  # packets, by the message's name
         present = set(links)
         for gone in self._streams.keys() - present:
             del self._streams[gone]
             self._parameters.forget(gone)
         for link in present:
             for name in self._streams_of(link).due(now):
-                if name not in made:
-                    made[name] = MADE[name](known)
-                out.packets += [Addressed(link, packet) for packet in made[name]]
+                if name not in known_of:
+                    known_of[name] = made(name, known)
+                out.packets += [Addressed(link, packet) for packet in known_of[name]]
         return self._finished(out, now)
 
     def _streams_of(self, link: str) -> LinkStreams:
         return self._streams.setdefault(link, LinkStreams())
-
-    def _made(self, name: str) -> list[MavlinkPacket]:
-        if name in identity.ASKED_FOR:
-            return [identity.ASKED_FOR[name](self._known)]
-        return MADE[name](self._known)
 
     def _finished(self, out: Reaction, now: Ns) -> Reaction:
         while self._said:

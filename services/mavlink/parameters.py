@@ -1,19 +1,22 @@
-"""The parameters that ground stations of a submarine ask for, under ArduSub's names.
+"""The parameters that ground stations of a submarine ask for, under ArduSub's names, by
+PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
 
 Those of the pilot's gamepad can be changed, until the service ends. The others say how the drone
-behaves, in ArduSub's terms; to change one is refused, and the answer is the value in force.
-"""
+behaves, in ArduSub's terms; to change one is refused, and the answer is the value in force."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from math import isfinite
 from typing import NamedTuple
 
+from messages import events
+from messages.events import Outbox
 from messages.pilot import TTL_MS
-from services.mavlink_io.packet import MavlinkPacket
+from services.mavlink.pilot import Addressed, Reaction, ReceivedPacket
+from services.mavlink_io.packet import MavlinkPacket, MavSeverity
 
 INT8, INT16, INT32, REAL32 = 2, 4, 6, 9  # MAV_PARAM_TYPE
 NO_INDEX = -1  # PARAM_REQUEST_READ: by name
+AT_ONCE = 10  # of a list, in one tick
 BUTTONS = 32  # of MANUAL_CONTROL: `buttons` and `buttons2`
 
 
@@ -59,42 +62,74 @@ TABLE: Mapping[str, Parameter] = {
 NAMES = tuple(sorted(TABLE))
 
 
-@dataclass(slots=True)
 class Parameters:
-    """Their values."""
+    """Their values, and the answers about them."""
 
-    system: int = 1  # our system id
-    _values: dict[str, float] = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, system: int, outbox: Outbox) -> None:
+        """`system`: our system id."""
+        self._outbox = outbox
         self._values = {name: parameter.value for name, parameter in TABLE.items()}
-        self._values["SYSID_THISMAV"] = float(self.system)
+        self._values["SYSID_THISMAV"] = float(system)
+        self._next = dict[str, int]()  # link → next of its list
 
     def __getitem__(self, name: str) -> float:
         return self._values[name]
 
-    def packet(self, index: int) -> MavlinkPacket:
+    def begin_list(self, packet: ReceivedPacket) -> None:
+        """Begin the list on this link, or begin it again."""
+        self._next[packet.sender.link] = 0
+
+    def forget(self, link: str) -> None:
+        self._next.pop(link, None)
+
+    def answer(self, packet: ReceivedPacket, out: Reaction) -> None:
+        index: int | None = packet.fields["param_index"]
+        if index == NO_INDEX:
+            index = _index(packet.fields["param_id"])
+        if index is None or not 0 <= index < len(NAMES):
+            self._outbox.tell(events.UNKNOWN_PARAMETER("mavlink"))
+        else:
+            out.packets.append(Addressed(packet.sender.link, self._packet(index)))
+
+    def set(self, packet: ReceivedPacket, out: Reaction, *, is_holder: bool) -> None:
+        """The answer is the value in force, on all links."""
+        name: str = packet.fields["param_id"]
+        index = _index(name)
+        if index is None:
+            self._outbox.tell(events.UNKNOWN_PARAMETER("mavlink"))
+            return
+        if not is_holder:
+            self._outbox.tell(events.NOT_THE_HOLDER("parameter"))
+            refusal = f"{events.NOT_THE_HOLDER.sentence}: {name} is not changed"
+            out.say(packet.sender.link, MavSeverity.WARNING, refusal)
+        elif refusal := self._change(name, packet.fields["param_value"]):
+            self._outbox.tell(events.REFUSED_PARAMETER())
+            out.say(packet.sender.link, MavSeverity.WARNING, refusal)
+        out.packets.append(Addressed(None, self._packet(index)))
+
+    def tick(self, out: Reaction) -> None:
+        """The next of each list."""
+        for link, begin in list(self._next.items()):
+            end = min(begin + AT_ONCE, len(NAMES))
+            out.packets += [Addressed(link, self._packet(index)) for index in range(begin, end)]
+            self._next[link] = end
+            if end == len(NAMES):
+                del self._next[link]
+
+    def _packet(self, index: int) -> MavlinkPacket:
         """PARAM_VALUE: a float, whatever the type."""
         name = NAMES[index]
-        return MavlinkPacket(
-            "PARAM_VALUE",
-            {
-                "param_id": name.encode(),
-                "param_value": self._values[name],
-                "param_type": TABLE[name].kind,
-                "param_count": len(NAMES),
-                "param_index": index,
-            },
-        )
+        fields = {
+            "param_id": name.encode(),
+            "param_value": self._values[name],
+            "param_type": TABLE[name].kind,
+            "param_count": len(NAMES),
+            "param_index": index,
+        }
+        return MavlinkPacket("PARAM_VALUE", fields)
 
-    def index(self, name: str, index: int = NO_INDEX) -> int | None:
-        """Which one is asked for, by index or else by name; None: there is no such parameter."""
-        if index == NO_INDEX:
-            return NAMES.index(name) if name in TABLE else None
-        return index if 0 <= index < len(NAMES) else None
-
-    def change(self, name: str, value: float) -> str:
-        """Change one. Returns why not, or nothing."""
+    def _change(self, name: str, value: float) -> str:
+        """Returns why not, or nothing."""
         limits = TABLE[name].limits
         if limits is None:
             return f"{name} cannot be changed from a ground station"
@@ -103,3 +138,8 @@ class Parameters:
             return f"{name}: {value:g} is not between {low:g} and {high:g}"
         self._values[name] = value if TABLE[name].kind == REAL32 else float(round(value))
         return ""
+
+
+def _index(name: str) -> int | None:
+    """None: there is no such parameter."""
+    return NAMES.index(name) if name in TABLE else None

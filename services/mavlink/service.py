@@ -8,13 +8,11 @@ from messages.vehicle import VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.vehicle import Vehicle
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.packets import received
-from services.mavlink.reaction import Reaction
+from services.mavlink.pilot import Reaction, received
 from services.mavlink.telemetry import Snapshot
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import FarEndLimits, Links
-from services.mavlink_io.numbers import AUTOPILOT
-from services.mavlink_io.packet import MavlinkPacket
+from services.mavlink_io.packet import AUTOPILOT, MavlinkPacket
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
 from services.runtime.config.errors import NeedsRealTimeError
@@ -75,14 +73,14 @@ class GroundStations:
         """Something has arrived from a ground station."""
         for packet in self._endpoint.receive():
             heard = received(packet)
-            self._ports.do(self._submarine.received(heard, self._ports.waiting, now), now)
+            self._ports.do(self._submarine.received(heard, now), now)
 
     def _tick(self, now: int) -> None:
-        names, waiting = self._endpoint.names, self._ports.waiting
-        self._ports.do(self._submarine.tick(names, self._snapshot(now), waiting, now), now)
+        names = self._endpoint.names
+        self._ports.do(self._submarine.tick(names, self._snapshot(now), now), now)
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._submarine.status(status, self._ports.waiting, now), now)
+        self._ports.do(self._submarine.status(status, now), now)
 
     def _on_log(self, line: LogLine, now: int) -> None:
         self._ports.do(self._submarine.log(line, now), now)

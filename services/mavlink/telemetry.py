@@ -1,31 +1,65 @@
-"""The drone's messages as MAVLink telemetry. Pure; a packet is None while its content is not known.
+"""The drone's messages as MAVLink telemetry, and how often each link gets them. Pure; a packet
+is None while its content is not known.
 
 Every number fits its field, whatever a message says: MAVLink's fields are narrower than ours.
-There is no latitude and longitude: both are 0 in every packet that has them.
-"""
+There is no latitude and longitude: both are 0 in every packet that has them. A flight mode has the
+name of the ArduSub mode that behaves like it: ArduSub's ALT_HOLD holds depth and heading, its
+SURFTRAK height and heading, its STABILIZE the heading alone. Depth alone is held by none of them;
+it is shown as ALT_HOLD and cannot be chosen from a ground station."""
 
 from collections.abc import Callable, Mapping
-from math import atan2, cos, degrees, pi, sin, tau
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from math import atan2, cos, degrees, hypot, pi, sin, tau
+from typing import Any, NamedTuple
 
-from messages.message import Estimate
+from messages.pilot import FlightMode
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.units import Ns
-from messages.vehicle import VehicleStatus
+from messages.vehicle import OWN_WAY, VehicleStatus
 from services.marine.attitude import level_velocity
-from services.mavlink.modes import custom_mode
-from services.mavlink_io.numbers import (
+from services.mavlink_io.packet import (
     ARDUPILOT,
     SUBMARINE,
+    MavDataStream,
     MavLandedState,
+    MavlinkPacket,
     MavModeFlag,
     MavSensor,
     MavState,
 )
-from services.mavlink_io.packet import MavlinkPacket
+
+NAMES = {0: "STABILIZE", 2: "ALT_HOLD", 4: "GUIDED", 16: "POSHOLD", 19: "MANUAL", 21: "SURFTRAK"}
+GUIDED = 4  # the drone goes to a place or follows a path by itself
+
+SHOWN: dict[FlightMode, int] = {
+    "manual": 19,
+    "heading_hold": 0,
+    "depth_hold": 2,
+    "stabilised": 2,
+    "station_keeping": 16,
+    "altitude_hold": 21,
+}
+CHOSEN: dict[int, FlightMode] = {
+    19: "manual",
+    0: "heading_hold",
+    2: "stabilised",
+    16: "station_keeping",
+    21: "altitude_hold",
+}
+
+
+def custom_mode(status: VehicleStatus) -> int:
+    return GUIDED if status.activity in OWN_WAY else SHOWN[status.flight_mode]
+
+
+def choosable() -> str:
+    """`STABILIZE (0), ALT_HOLD (2), …`"""
+    return ", ".join(f"{NAMES[number]} ({number})" for number in sorted(CHOSEN))
+
 
 INT16, INT32, UINT16 = 2**15 - 1, 2**31 - 1, 2**16 - 1
+Fields = dict[str, Any]
 WATT_HOUR = 36.0  # [hJ], the unit of BATTERY_STATUS
 
 
@@ -46,7 +80,10 @@ class Snapshot(NamedTuple):
         return ((self.now - self.boot_ns) // 1_000_000) % 2**32
 
 
-def heartbeat(known: Snapshot) -> MavlinkPacket | None:
+# What makes the fields of a message; None or nothing: their content is not known.
+
+
+def heartbeat(known: Snapshot) -> Fields | None:
     """The drone's sign of life: none without its status, so that ground stations notice."""
     if (status := known.status) is None:
         return None
@@ -55,17 +92,14 @@ def heartbeat(known: Snapshot) -> MavlinkPacket | None:
         base |= MavModeFlag.STABILIZE_ENABLED
     if status.armed:
         base |= MavModeFlag.SAFETY_ARMED
-    return MavlinkPacket(
-        "HEARTBEAT",
-        {
-            "type": SUBMARINE,
-            "autopilot": ARDUPILOT,
-            "base_mode": int(base),
-            "custom_mode": custom_mode(status),
-            "system_status": int(_system_status(status)),
-            "mavlink_version": 3,
-        },
-    )
+    return {
+        "type": SUBMARINE,
+        "autopilot": ARDUPILOT,
+        "base_mode": int(base),
+        "custom_mode": custom_mode(status),
+        "system_status": int(_system_status(status)),
+        "mavlink_version": 3,
+    }
 
 
 def _system_status(status: VehicleStatus) -> MavState:
@@ -76,7 +110,7 @@ def _system_status(status: VehicleStatus) -> MavState:
     return MavState.ACTIVE if status.armed else MavState.STANDBY
 
 
-def sys_status(known: Snapshot) -> MavlinkPacket | None:
+def sys_status(known: Snapshot) -> Fields | None:
     if (status := known.status) is None:
         return None
     here = MavSensor.ABSOLUTE_PRESSURE | MavSensor.AHRS | MavSensor.MOTOR_OUTPUTS
@@ -87,163 +121,55 @@ def sys_status(known: Snapshot) -> MavlinkPacket | None:
         well |= MavSensor.AHRS if state.heading.valid else MavSensor(0)
     well |= MavSensor.PREARM_CHECK if status.activity != "starting" else MavSensor(0)
     well |= MavSensor.BATTERY if known.battery is not None else MavSensor(0)
-    return MavlinkPacket(
-        "SYS_STATUS",
-        {
-            "onboard_control_sensors_present": int(here),
-            "onboard_control_sensors_enabled": int(here),
-            "onboard_control_sensors_health": int(well),
-            "load": 0,
-            "voltage_battery": _millivolts(known.battery, UINT16),
-            "current_battery": _centiamperes(known.battery),
-            "battery_remaining": _remaining(known.battery),
-            "drop_rate_comm": 0,
-            "errors_comm": 0,
-            "errors_count1": 0,
-            "errors_count2": 0,
-            "errors_count3": 0,
-            "errors_count4": 0,
-        },
-    )
+    nothing = ("load", "drop_rate_comm", "errors_comm", *(f"errors_count{n}" for n in range(1, 5)))
+    return dict.fromkeys(nothing, 0) | {
+        "onboard_control_sensors_present": int(here),
+        "onboard_control_sensors_enabled": int(here),
+        "onboard_control_sensors_health": int(well),
+        "voltage_battery": _millivolts(known.battery, UINT16),
+        "current_battery": _centiamperes(known.battery),
+        "battery_remaining": _remaining(known.battery),
+    }
 
 
-def attitude(known: Snapshot) -> MavlinkPacket | None:
-    if (state := known.state) is None:
-        return None
-    return MavlinkPacket(
-        "ATTITUDE",
-        {
-            "time_boot_ms": known.boot_ms,
-            "roll": state.roll.value,
-            "pitch": state.pitch.value,
-            "yaw": _wrapped(_heading(state)),
-            "rollspeed": 0.0,  # the state has none
-            "pitchspeed": 0.0,
-            "yawspeed": state.yaw_rate.value,
-        },
-    )
+def system_time(known: Snapshot) -> Fields:
+    return {"time_unix_usec": max(0, known.utc_ns // 1000), "time_boot_ms": known.boot_ms}
 
 
-def ahrs2(known: Snapshot) -> MavlinkPacket | None:
-    """Cockpit takes the depth from its altitude."""
-    if (state := known.state) is None:
-        return None
-    return MavlinkPacket(
-        "AHRS2",
-        {
-            "roll": state.roll.value,
-            "pitch": state.pitch.value,
-            "yaw": _wrapped(_heading(state)),
-            "altitude": -state.depth.value,
-            "lat": 0,
-            "lng": 0,
-        },
-    )
-
-
-def vfr_hud(known: Snapshot) -> MavlinkPacket | None:
-    if (state := known.state) is None:
-        return None
-    return MavlinkPacket(
-        "VFR_HUD",
-        {
-            "airspeed": 0.0,
-            "groundspeed": _speed(state),
-            "heading": int(degrees(_heading(state)) % 360.0) % 360,
-            "throttle": 0,
-            "alt": -state.depth.value,
-            "climb": -state.depth_rate.value,
-        },
-    )
-
-
-def global_position_int(known: Snapshot) -> MavlinkPacket | None:
-    """`relative_alt` is the depth, negative down."""
-    if (state := known.state) is None:
-        return None
-    height = _fitting(-state.depth.value * 1e3, INT32)
-    north, east, down = _velocity(state)
-    heading = _heading(state)
-    return MavlinkPacket(
-        "GLOBAL_POSITION_INT",
-        {
-            "time_boot_ms": known.boot_ms,
-            "lat": 0,
-            "lon": 0,
-            "alt": height,
-            "relative_alt": height,
-            "vx": _fitting(north * 100.0, INT16),
-            "vy": _fitting(east * 100.0, INT16),
-            "vz": _fitting(down * 100.0, INT16),
-            "hdg": int(degrees(heading) % 360.0 * 100.0) % 36000,
-        },
-    )
-
-
-def local_position_ned(known: Snapshot) -> MavlinkPacket | None:
-    """Only of a drone that measures its position."""
-    state = known.state
-    if state is None or not (_valid(state.north) and _valid(state.east)):
-        return None
-    assert state.north is not None
-    assert state.east is not None
-    north, east, down = _velocity(state)
-    return MavlinkPacket(
-        "LOCAL_POSITION_NED",
-        {
-            "time_boot_ms": known.boot_ms,
-            "x": state.north.value,
-            "y": state.east.value,
-            "z": state.depth.value,
-            "vx": north,
-            "vy": east,
-            "vz": down,
-        },
-    )
-
-
-def battery_status(known: Snapshot) -> MavlinkPacket | None:
-    if (battery := known.battery) is None:
-        return None
-    return MavlinkPacket(
-        "BATTERY_STATUS",
-        {
-            "id": 0,
-            "battery_function": 1,  # for everything
-            "type": 0,  # not known
-            "temperature": INT16,  # not known
-            "voltages": [_millivolts(battery, UINT16 - 1)] + [UINT16] * 9,
-            "current_battery": _centiamperes(battery),
-            "current_consumed": -1,  # not known
-            "energy_consumed": _fitting(battery.used_wh * WATT_HOUR, INT32),
-            "battery_remaining": _remaining(battery),
-        },
-    )
-
-
-def extended_sys_state(known: Snapshot) -> MavlinkPacket | None:
+def extended_sys_state(known: Snapshot) -> Fields | None:
     if known.status is None:
         return None
     landed = MavLandedState.IN_AIR if known.status.armed else MavLandedState.ON_GROUND
-    return MavlinkPacket("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": int(landed)})
+    return {"vtol_state": 0, "landed_state": int(landed)}
 
 
-def home_position(known: Snapshot) -> MavlinkPacket | None:
+def home_position(known: Snapshot) -> Fields | None:
     """At the surface, where the drone began; ground stations ask until they have one."""
     if known.status is None:
         return None
     zeros = ("latitude", "longitude", "altitude", "x", "y", "z")
     approach = {"approach_x": 0.0, "approach_y": 0.0, "approach_z": 0.0}
-    fields = dict.fromkeys(zeros, 0) | approach | {"q": [1.0, 0.0, 0.0, 0.0]}
-    return MavlinkPacket("HOME_POSITION", fields)
+    return dict.fromkeys(zeros, 0) | approach | {"q": [1.0, 0.0, 0.0, 0.0]}
 
 
-def system_time(known: Snapshot) -> MavlinkPacket:
-    usec = max(0, known.utc_ns // 1000)
-    return MavlinkPacket("SYSTEM_TIME", {"time_unix_usec": usec, "time_boot_ms": known.boot_ms})
+def battery_status(known: Snapshot) -> Fields | None:
+    if (battery := known.battery) is None:
+        return None
+    used = battery.used_wh
+    return {
+        "id": 0,
+        "battery_function": 1,  # for everything
+        "type": 0,  # not known
+        "temperature": INT16,  # not known
+        "voltages": [_millivolts(battery, UINT16 - 1)] + [UINT16] * 9,
+        "current_battery": _centiamperes(battery),
+        "current_consumed": -1,  # not known
+        "energy_consumed": -1 if used is None else _fitting(used * WATT_HOUR, INT32),
+        "battery_remaining": _remaining(battery),
+    }
 
 
-def named_values(known: Snapshot) -> list[MavlinkPacket]:
+def named_values(known: Snapshot) -> list[Fields]:
     """What QGroundControl's panel of a submarine shows; names as ArduSub's."""
     if (status := known.status) is None:
         return []
@@ -254,42 +180,112 @@ def named_values(known: Snapshot) -> list[MavlinkPacket]:
     if known.state is not None:
         values["TetherTrn"] = float(_fitting(known.state.heading.value / tau, INT32))
     return [
-        MavlinkPacket(
-            "NAMED_VALUE_FLOAT",
-            {"time_boot_ms": known.boot_ms, "name": name.encode(), "value": value},
-        )
+        {"time_boot_ms": known.boot_ms, "name": name.encode(), "value": value}
         for name, value in values.items()
     ]
 
 
-def _one(
-    make: Callable[[Snapshot], MavlinkPacket | None],
-) -> Callable[[Snapshot], list[MavlinkPacket]]:
-    def packets(known: Snapshot) -> list[MavlinkPacket]:
-        packet = make(known)
-        return [] if packet is None else [packet]
-
-    return packets
+# The same of the state, which is known then.
 
 
-MADE: Mapping[str, Callable[[Snapshot], list[MavlinkPacket]]] = {
-    "HEARTBEAT": _one(heartbeat),
-    "SYS_STATUS": _one(sys_status),
-    "SYSTEM_TIME": _one(system_time),
-    "ATTITUDE": _one(attitude),
-    "LOCAL_POSITION_NED": _one(local_position_ned),
-    "GLOBAL_POSITION_INT": _one(global_position_int),
-    "VFR_HUD": _one(vfr_hud),
-    "BATTERY_STATUS": _one(battery_status),
-    "AHRS2": _one(ahrs2),
-    "HOME_POSITION": _one(home_position),
-    "EXTENDED_SYS_STATE": _one(extended_sys_state),
-    "NAMED_VALUE_FLOAT": named_values,
-}  # name of a message → what makes it; each can be streamed at a rate of its own
+def attitude(known: Snapshot, state: VehicleState) -> Fields:
+    return {
+        "time_boot_ms": known.boot_ms,
+        "roll": state.roll.value,
+        "pitch": state.pitch.value,
+        "yaw": _wrapped(_heading(state)),
+        "rollspeed": 0.0,  # the state has none
+        "pitchspeed": 0.0,
+        "yawspeed": state.yaw_rate.value,
+    }
 
 
-def _valid(estimate: Estimate | None) -> bool:
-    return estimate is not None and estimate.valid
+def ahrs2(_: Snapshot, state: VehicleState) -> Fields:
+    """Cockpit takes the depth from its altitude."""
+    return {
+        "roll": state.roll.value,
+        "pitch": state.pitch.value,
+        "yaw": _wrapped(_heading(state)),
+        "altitude": -state.depth.value,
+        "lat": 0,
+        "lng": 0,
+    }
+
+
+def vfr_hud(_: Snapshot, state: VehicleState) -> Fields:
+    return {
+        "airspeed": 0.0,
+        "groundspeed": hypot(*_horizontal(state)),
+        "heading": int(degrees(_heading(state)) % 360.0) % 360,
+        "throttle": 0,
+        "alt": -state.depth.value,
+        "climb": -state.depth_rate.value,
+    }
+
+
+def global_position_int(known: Snapshot, state: VehicleState) -> Fields:
+    """`relative_alt` is the depth, negative down."""
+    height = _fitting(-state.depth.value * 1e3, INT32)
+    north, east, down = _velocity(state)
+    return {
+        "time_boot_ms": known.boot_ms,
+        "lat": 0,
+        "lon": 0,
+        "alt": height,
+        "relative_alt": height,
+        "vx": _fitting(north * 100.0, INT16),
+        "vy": _fitting(east * 100.0, INT16),
+        "vz": _fitting(down * 100.0, INT16),
+        "hdg": int(degrees(_heading(state)) % 360.0 * 100.0) % 36000,
+    }
+
+
+def local_position_ned(known: Snapshot, state: VehicleState) -> Fields | None:
+    """Only of a drone that measures its position."""
+    if state.north is None or state.east is None or not (state.north.valid and state.east.valid):
+        return None
+    north, east, down = _velocity(state)
+    return {
+        "time_boot_ms": known.boot_ms,
+        "x": state.north.value,
+        "y": state.east.value,
+        "z": state.depth.value,
+        "vx": north,
+        "vy": east,
+        "vz": down,
+    }
+
+
+def _of_state(
+    make: Callable[[Snapshot, VehicleState], Fields | None],
+) -> Callable[[Snapshot], Fields | None]:
+    return lambda known: None if known.state is None else make(known, known.state)
+
+
+# Name of a message → how often it is sent by default [1/s], and what makes its fields. Each can be
+# streamed at a rate of its own.
+TABLE: Mapping[str, tuple[float, Callable[[Snapshot], Fields | list[Fields] | None]]] = {
+    "HEARTBEAT": (1.0, heartbeat),
+    "SYS_STATUS": (2.0, sys_status),
+    "SYSTEM_TIME": (1.0, system_time),
+    "ATTITUDE": (20.0, _of_state(attitude)),
+    "LOCAL_POSITION_NED": (5.0, _of_state(local_position_ned)),
+    "GLOBAL_POSITION_INT": (5.0, _of_state(global_position_int)),
+    "VFR_HUD": (10.0, _of_state(vfr_hud)),
+    "BATTERY_STATUS": (1.0, battery_status),
+    "AHRS2": (5.0, _of_state(ahrs2)),
+    "HOME_POSITION": (0.0, home_position),
+    "EXTENDED_SYS_STATE": (1.0, extended_sys_state),
+    "NAMED_VALUE_FLOAT": (2.0, named_values),
+}
+DEFAULT_HZ = {name: hz for name, (hz, _) in TABLE.items()}
+
+
+def made(name: str, known: Snapshot) -> list[MavlinkPacket]:
+    """The packets of a message of the table."""
+    fields = TABLE[name][1](known)
+    every = fields if isinstance(fields, list) else [fields]
+    return [MavlinkPacket(name, each) for each in every if each is not None]
 
 
 def _heading(state: VehicleState) -> float:
@@ -303,11 +299,6 @@ def _velocity(state: VehicleState) -> tuple[float, float, float]:
     forward, starboard = _horizontal(state)
     c, s = cos(_heading(state)), sin(_heading(state))
     return c * forward - s * starboard, s * forward + c * starboard, state.depth_rate.value
-
-
-def _speed(state: VehicleState) -> float:
-    forward, starboard = _horizontal(state)
-    return (forward * forward + starboard * starboard) ** 0.5
 
 
 def _horizontal(state: VehicleState) -> tuple[float, float]:
@@ -325,7 +316,9 @@ def _millivolts(battery: BatterySample | None, most: int) -> int:
 
 
 def _centiamperes(battery: BatterySample | None) -> int:
-    return -1 if battery is None else _fitting(battery.current * 100.0, INT16)
+    """[cA] -1: not known."""
+    current = None if battery is None else battery.current
+    return -1 if current is None else _fitting(current * 100.0, INT16)
 
 
 def _remaining(battery: BatterySample | None) -> int:
@@ -337,3 +330,50 @@ def _remaining(battery: BatterySample | None) -> int:
 def _fitting(value: float, most: int) -> int:
     """Rounded, and within ± `most`."""
     return round(min(float(most), max(-float(most), value)))
+
+
+HIGHEST_HZ = 50.0  # nothing is sent more often
+OFF: Ns = 0
+# What a stream of REQUEST_DATA_STREAM consists of. The others are of nothing that is sent here.
+STREAMS: dict[int, tuple[str, ...]] = {
+    MavDataStream.EXTENDED_STATUS: ("SYS_STATUS", "NAMED_VALUE_FLOAT"),
+    MavDataStream.POSITION: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    MavDataStream.EXTRA1: ("ATTITUDE", "AHRS2"),
+    MavDataStream.EXTRA2: ("VFR_HUD",),
+    MavDataStream.EXTRA3: ("BATTERY_STATUS", "SYSTEM_TIME"),
+}
+STREAMS[MavDataStream.ALL] = tuple(name for names in STREAMS.values() for name in names)
+
+
+def period_ns(hz: float) -> Ns:
+    """[ns] 0: never."""
+    return OFF if not hz > 0.0 else round(1e9 / min(hz, HIGHEST_HZ))
+
+
+@dataclass(slots=True)
+class LinkStreams:
+    """Of one link."""
+
+    _periods: dict[str, Ns] = field(
+        default_factory=lambda: {name: period_ns(hz) for name, hz in DEFAULT_HZ.items()}
+    )
+    _due: dict[str, Ns] = field(default_factory=lambda: dict.fromkeys(DEFAULT_HZ, 0))
+
+    def due(self, now: Ns) -> list[str]:
+        """Names of the messages to send now. What is late is not sent twice."""
+        names = [n for n, p in self._periods.items() if p != OFF and self._due[n] <= now]
+        for name in names:
+            period = self._periods[name]
+            self._due[name] = max(self._due[name] + period, now + period // 2)
+        return names
+
+    def every(self, name: str, period: Ns, now: Ns) -> None:
+        """Send it this often from now on; `OFF`: never. A heartbeat is never off."""
+        if name == "HEARTBEAT" and period == OFF:
+            return
+        shortest = period_ns(HIGHEST_HZ)
+        self._periods[name] = OFF if period == OFF else max(shortest, period)
+        self._due[name] = now
+
+    def period(self, name: str) -> Ns:
+        return self._periods[name]

@@ -3,7 +3,7 @@
 Pure: stick readings and the drone's messages go in, commands and requests come out.
 """
 
-from collections.abc import Set
+from collections.abc import Callable, Set
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -78,6 +78,7 @@ class Pilot:
     source: str = ""  # name of the pilot, else of the pad, keyboard or script
     resumes: bool = False  # automatically, once a failsafe's conditions have ended: a script
     has: tuple[Output, ...] = OUTPUTS  # outputs of the vehicle
+    asked: Callable[[], Waiting] = frozenset  # kinds of the requests that are not answered yet
     _arm_after: Ns = 0  # [ns]
     _arms_next: bool = False  # as soon as this pilot is in control
     _arms_soon: bool = False  # with the next command

@@ -203,7 +203,7 @@ def battery(frame: RosFrames, sample: BatterySample, utc_ns: int) -> Any:
         header=_header(utc_ns, frame.base),
         voltage=sample.voltage,
         temperature=nan,
-        current=-sample.current,
+        current=nan if sample.current is None else -sample.current,
         charge=nan,
         capacity=nan,
         design_capacity=nan,

@@ -13,8 +13,7 @@ from services.marine.field_of_view import CameraViews
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
-from services.ros2.core import RosPilot, RosSticks, Settings
-from services.ros2.names import namespace_of, ros_name
+from services.ros2.core import RosPilot, RosSticks, Settings, namespace_of, ros_name
 from services.ros2.rmw_zenoh import LATCHED, QOS, Attachment, Kind, RosNode, id_of, key_of
 from services.runtime.bus.other_network import OtherNetwork, OtherPublisher
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
@@ -83,7 +82,7 @@ def connected(node: Node, stack: Stack, settings: Settings, network: RosNetwork)
     drone = DroneInRos(node, settings, network, namespace, messages, of_cameras)
     if settings.sticks:
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
-        SticksFromRos(node, drone, RosPilot(pilot))
+        SticksFromRos(node, drone, RosPilot.of(pilot))
     return drone
 
 
@@ -208,7 +207,7 @@ class SticksFromRos:
         """Something has arrived from ROS 2."""
         while self._arrived:
             if (heard := self._read(self._arrived.popleft())) is not None:
-                self._ports.do(self._pilot.heard(heard, self._ports.waiting, now), now)
+                self._ports.do(self._pilot.heard(heard, now), now)
 
     def _read(self, arrived: Arrived) -> RosSticks | None:
         """Rubbish is counted and moves nothing."""
@@ -229,7 +228,7 @@ class SticksFromRos:
         more = self._drone.network.too_long - self._too_long
         self._too_long += more
         self._node.tell(events.OVERSIZED("ros"), more)
-        self._ports.do(self._pilot.tick(self._ports.waiting, now), now)
+        self._ports.do(self._pilot.tick(now), now)
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._pilot.status(status, self._ports.waiting, now), now)
+        self._ports.do(self._pilot.status(status, now), now)

@@ -8,7 +8,7 @@ from msgspec import UNSET, UnsetType
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.events import UNMOVED
+from messages.events import LEAK, UNMOVED
 from messages.link import Clock, LatencyBudget, LinkStatus
 from messages.message import Estimate
 from messages.reference import Reference
@@ -65,6 +65,7 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     returns: Returns | None = None  # what gives the sticks back; None: he has them, or not known
     words: str = ""  # what is lost, what the drone does, and what ends it
     note: str = ""
+    wet: bool = False  # water inside is among what the note says
     pilot: str = ""  # who has control; empty: nobody
     light: float | None = None  # [-] 0 … 1
     outputs: dict[str, float] = {}  # [-] by name; of a gripper -1 … 1
@@ -126,7 +127,7 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "words": status.words,
         "pilot": status.pilot,
         "depth_m": _known(status.depth),
-        "heading_deg": None if status.heading is UNSET else _compass(status.heading),
+        "heading_deg": None if status.heading is UNSET else bearing(status.heading),
     }
     if ages.old(ages.STATUS, status.stamp_ns, now):
         return known | {"silent_s": round((now - status.stamp_ns) / 1e9, 1)}
@@ -139,6 +140,7 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "resumable": status.resumable,
         "returns": status.returns,
         "note": status.note,
+        "wet": LEAK.name in status.conditions and status.failsafe != LEAK.name,
         "altitude_m": _known(status.altitude),
         "altitude_wanted_m": _known(status.altitude_wanted),
     }
@@ -161,7 +163,7 @@ def _motion(newest: Newest, now: Ns) -> dict[str, Any]:
         found = {
             "depth_m": _value(state.depth),
             "depth_rate": _value(state.depth_rate),
-            "heading_deg": _compass(state.heading.value) if state.heading.valid else None,
+            "heading_deg": bearing(state.heading.value) if state.heading.valid else None,
             "roll_deg": _degrees(state.roll),
             "pitch_deg": _degrees(state.pitch),
             "age_ms": max(0.0, round((now - state.sensor_ns) / 1e6, 1)),
@@ -169,7 +171,7 @@ def _motion(newest: Newest, now: Ns) -> dict[str, Any]:
     if reference is not None:
         found |= {
             "depth_wanted_m": round(reference.depth.position, 3),
-            "heading_wanted_deg": _compass(reference.heading.position),
+            "heading_wanted_deg": bearing(reference.heading.position),
             "tilt_deg": round(math.degrees(reference.tilt.position), 1),
         }
     return found
@@ -180,7 +182,7 @@ def _battery(battery: BatterySample | None) -> dict[str, Any]:
         return {}
     return {
         "battery_v": round(battery.voltage, 2),
-        "used_wh": round(battery.used_wh, 1),
+        "used_wh": None if battery.used_wh is None else round(battery.used_wh, 1),
         "capacity_wh": battery.capacity_wh,
         "charge": None if battery.charge is None else round(max(0.0, battery.charge), 3),
     }
@@ -221,7 +223,7 @@ def _degrees(estimate: Estimate) -> float | None:
     return round(math.degrees(estimate.value), 1) if estimate.valid else None
 
 
-def _compass(heading: float) -> float:
+def bearing(heading: float) -> float:
     """[deg] From a heading in radians that accumulates, as it is shown: 0.0 … 359.9."""
     return round(math.degrees(heading), 1) % 360.0  # rounded first: 359.96 is 0.0, not 360.0
 

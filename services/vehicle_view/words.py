@@ -2,7 +2,7 @@
 
 from typing import Literal, NamedTuple
 
-from messages.events import FAILSAFE_ACTED, LEAK, short
+from messages.events import FAILSAFE_ACTED, short
 from services.marine.outputs import LIGHT
 from services.vehicle_view.view import VehicleView
 
@@ -31,12 +31,9 @@ def said(view: VehicleView) -> list[Said]:
 def others(view: VehicleView) -> list[Said]:
     """What is wrong beside what makes the drone act by itself."""
     link = [Said(f"LINK {view.alarm}")] if view.alarm else []
-    return [*link, *(Said(note, _tone(note)) for note in notes(view))]
-
-
-def _tone(note: str) -> Tone:
-    """Water inside does not become a small matter because the pilot flies on."""
-    return "alarm" if LEAK.sentence in note else "warning"
+    # Water inside does not become a small matter because the pilot flies on.
+    grave = view.note if view.wet else ""
+    return [*link, *(Said(note, "alarm" if note == grave else "warning") for note in notes(view))]
 
 
 def acting(view: VehicleView) -> str:

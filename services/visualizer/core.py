@@ -19,12 +19,10 @@ from messages.vehicle import Actuation
 from messages.video import Assembler, VideoPart
 from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch, CurveColumns, Frame, VideoSample
-from services.visualizer.curve import CurveRow
-from services.visualizer.curves import Curve, curves
-from services.visualizer.felt_jerk import JerkLines
+from services.visualizer.computed import JerkLines, ThrusterChanges
+from services.visualizer.curves import Curve, CurveRow, curves
 from services.visualizer.scene import Scene
 from services.visualizer.status import NOTED, Status, part_of_path
-from services.visualizer.thruster_changes import ThrusterChanges
 
 WITH_THRUST = (Actuation, ThrusterCommand)
 SPACING_NS = 22_000_000  # [ns] between two points of a fast curve: of 100 Hz every third is drawn
@@ -141,8 +139,7 @@ class Collector:
     ) -> list[CurveColumns]:
         """Curves that need every message, not only those that become points."""
         if topic is topics.THRUSTERS:
-            changes = self._changes.hear(messages, times)
-            return [] if changes is None else [changes]
+            return self._changes.hear(messages, times)
         return self._jerk.hear(topic, messages, times)
 
     def _points(

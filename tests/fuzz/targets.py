@@ -26,8 +26,7 @@ from services.cockpit.page_messages import PageEvent, PageOpened, PageSaid, pars
 from services.cockpit.service import CockpitPages
 from services.gamepad.core import PadProfile
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.framing import header_of
-from services.mavlink_io.io.codec import FrameReader
+from services.mavlink_io.io.endpoint import FrameReader, header_of
 from services.recorder.core import Intake
 from services.recorder.foxglove.views import Views
 from services.recorder.io.mcap_file import McapFile

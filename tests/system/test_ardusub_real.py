@@ -26,8 +26,7 @@ from services.ardusub.service import ONE_BOARD
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import Links
-from services.mavlink_io.numbers import MavCommand
-from services.mavlink_io.packet import MavlinkPacket, command
+from services.mavlink_io.packet import MavCommand, MavlinkPacket, command
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from tests.support.patience import PATIENCE_S, until
@@ -129,7 +128,7 @@ class Wire:
             if self.alive and self.thrust is not None and now >= next_command:
                 next_command = now + 10_000_000
                 self.driver.obey(self._command(self.thrust, now), now)
-            if self.driver.ends_ns is not None and now > self.driver.ends_ns:
+            if self.driver.path.gate.ends_ns is not None and now > self.driver.path.gate.ends_ns:
                 self.driver.lapse(now)
             if self.alive:
                 self.driver.tick(now)
@@ -208,7 +207,7 @@ def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> N
         wire.texts.clear()  # a board may say "Lost manual control" of the time before any sticks
         assert wire.until(lambda: bool(wire.servo) and wire.servo != NEUTRAL) < 5.0, wire.said
         wire.run(0.5)
-        expected = 1500 - (wire.driver.mixed.pulses[2] - 1500)
+        expected = 1500 - (wire.driver.path.mixed.pulses[2] - 1500)
         assert wire.servo == [1500] * 4 + [expected] * 4
         wire.thrust = None
         assert wire.until(lambda: wire.servo == NEUTRAL) < 1.5

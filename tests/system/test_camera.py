@@ -81,9 +81,9 @@ def kbit(parts: list[tuple[int, VideoPart]], begin: int, end: int) -> float:
 
 
 @pytest.mark.slow
-def test_the_age_is_read_from_the_picture_itself(flown: Flown) -> None:
+def test_the_age_is_said_stage_by_stage(flown: Flown) -> None:
     good = [age for at, age in flown.ages if S < at < WORSE]
-    assert all(age.checked and not age.words for age in good)
+    assert all(age.exact and not age.words for age in good)
     assert np.mean([age.per_second for age in good]) > 23.0
     for age in good:
         assert age.stages is not None

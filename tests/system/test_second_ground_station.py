@@ -127,7 +127,7 @@ def free_port() -> int:
 
 def dives(wire: Wire) -> bool:
     """By Lindy's sticks: the verticals of the board as it was told to, the others at rest."""
-    told = 1500 - (wire.driver.mixed.pulses[2] - 1500)
+    told = 1500 - (wire.driver.path.mixed.pulses[2] - 1500)
     flies = wire.driver.authority.flies(time.monotonic_ns())
     return flies and wire.servo == pytest.approx([1500] * 4 + [told] * 4, abs=2) and told > 1550
 

@@ -195,7 +195,6 @@ def test_the_report_says_how_old_the_picture_of_each_is(dive: Path) -> None:
     (down,) = report.further_pictures.values()
     assert list(report.further_pictures) == ["down"]
     assert 0.0 < down.per_second <= 12.5
-    assert down.checked == 1.0
     assert b'"further_pictures":{"down":' in encode(report).replace(b" ", b"").replace(b"\n", b"")
     rows = [row for row in summary(report).splitlines() if row.startswith("light to picture")]
     assert [row.split()[3] for row in rows] == ["front:", "down:"]

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 
-from services.ardusub import parameters, readings
+from services.ardusub import board_check, telemetry
 from services.ardusub.authority import MODES
-from services.ardusub.streams import ENOUGH
+from services.ardusub.telemetry import ENOUGH
 from services.estimation.settings import WatchSettings
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.numbers import ARDUPILOT, GROUND_STATION
+from services.mavlink_io.packet import ARDUPILOT, GROUND_STATION
 from tools.doctor.finding import VehicleFinding, Verdict
 from tools.doctor.parameter_checks import number, of_parameters
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
@@ -105,7 +105,7 @@ def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
         )
         return
     yield _version(visit)
-    if visit.release < parameters.OLDEST:
+    if visit.release < board_check.OLDEST:
         return
     yield from of_parameters(visit, vehicle)
     yield _clock(visit)
@@ -132,7 +132,7 @@ def _version(visit: BoardVisit) -> VehicleFinding:
     major, minor = visit.release
     stage = STAGES.get(packed & 0xFF, "")
     told = f"ArduSub {major}.{minor}.{packed >> 8 & 0xFF} {stage}".rstrip()
-    if visit.release < parameters.OLDEST:
+    if visit.release < board_check.OLDEST:
         return VehicleFinding(CHANGE, "version", f"{told}; allowed: 4.5 and newer")
     return VehicleFinding("ok", "version", told)
 
@@ -181,20 +181,21 @@ def _reading(visit: BoardVisit, name: str) -> str:
     fields = visit.newest.get(name)
     if fields is None:
         return ""
-    if name in readings.IMU_MESSAGES and (sample := readings.imu(name, fields, 0)) is not None:
+    if name in telemetry.IMU_MESSAGES and (sample := telemetry.imu(name, fields, 0)) is not None:
         force = sum(part**2 for part in sample.specific_force) ** 0.5
         at_rest = "" if USUAL_FORCE[0] < force < USUAL_FORCE[1] else ", expected 9.8 at rest"
         return f"; {force:.2f} m/s²{at_rest}"
-    if name == readings.PRESSURE_MESSAGE:
+    if name == telemetry.PRESSURE_MESSAGE:
         return f"; {fields['press_abs']:.0f} hPa"
     return ""
 
 
 def _battery(visit: BoardVisit) -> Iterator[VehicleFinding]:
-    fields = visit.newest.get(readings.BATTERY_MESSAGE)
-    sample = None if fields is None else readings.BatteryMeter().sample(fields, 0)
+    fields = visit.newest.get(telemetry.BATTERY_MESSAGE)
+    sample = None if fields is None else telemetry.BatteryMeter().sample(fields, 0)
     if sample is not None:
-        told = f"{sample.voltage:.1f} V, {sample.current:.1f} A"
+        ampere = "no current" if sample.current is None else f"{sample.current:.1f} A"
+        told = f"{sample.voltage:.1f} V, {ampere}"
         yield VehicleFinding("ok", "battery", told)
     elif fields is not None:
         monitor = visit.optional.values.get("BATT_MONITOR")

@@ -8,14 +8,13 @@ from cyclopts import Parameter
 
 from messages.text import harmless
 from messages.units import Ns
+from services.ardusub.commands import servos_of
 from services.ardusub.core import HEARD
 from services.ardusub.service import ONE_BOARD
-from services.ardusub.servos import servos_of
 from services.ardusub.settings import Settings
 from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.io.codec import HeardMessages
-from services.mavlink_io.io.endpoint import MavlinkEndpoint
+from services.mavlink_io.io.endpoint import HeardMessages, MavlinkEndpoint
 from services.mavlink_io.io.links import ByteLinks, Links
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import override, read_toml

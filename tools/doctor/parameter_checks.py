@@ -1,10 +1,10 @@
-"""Findings about a board's parameters. What they may be is decided where it is flown:
-services/ardusub/parameters.py."""
+"""Findings about a board's board_check. What they may be is decided where it is flown:
+services/ardusub/board_check.py."""
 
 from collections.abc import Iterator
 
-from services.ardusub import parameters
-from services.ardusub.frames import FRAMES
+from services.ardusub import board_check
+from services.ardusub.mixing import FRAMES
 from services.marine.vehicle import Vehicle
 from tools.doctor.finding import VehicleFinding
 from tools.doctor.remedies import remedy
@@ -25,9 +25,9 @@ def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFindin
         yield VehicleFinding("missing", name, "is not answered")
     if absent:
         return
-    wrong = parameters.problems(values, release, visit.settings, vehicle)
-    wrong += parameters.moved_motors(values, visit.servos)
-    new = parameters.is_new(release)
+    wrong = board_check.problems(values, release, visit.settings, vehicle)
+    wrong += board_check.moved_motors(values, visit.servos)
+    new = board_check.is_new(release)
     for sentence in wrong:
         name, _, told = sentence.partition(" ")
         value = remedy(name, values, visit.settings, vehicle, new=new)
@@ -41,7 +41,7 @@ def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFindin
 
 
 def _advised(visit: BoardVisit) -> list[str]:
-    return parameters.advice({**visit.optional.values, **visit.reader.values})
+    return board_check.advice({**visit.optional.values, **visit.reader.values})
 
 
 def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:

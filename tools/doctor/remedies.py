@@ -2,9 +2,8 @@
 
 from contextlib import suppress
 
-from services.ardusub.frames import FRAMES, senses
-from services.ardusub.mixer import NEUTRAL
-from services.ardusub.parameters import CHANNELS, RECOMMENDED_S, Values
+from services.ardusub.board_check import CHANNELS, RECOMMENDED_S, Values
+from services.ardusub.mixing import FRAMES, NEUTRAL, senses
 from services.ardusub.settings import Settings
 from services.marine.vehicle import Vehicle
 

@@ -14,20 +14,20 @@ from typing import Any, Literal
 from messages import events, topics
 from messages.events import Outbox
 from messages.units import Ns
-from services.ardusub import parameters, readings
-from services.ardusub.board_clock import BoardClock
+from services.ardusub import board_check, telemetry
 from services.ardusub.core import LEAK
 from services.ardusub.settings import Settings
-from services.ardusub.streams import NUMBERS, TelemetryStream, TelemetryStreams
-from services.mavlink_io.numbers import (
+from services.ardusub.telemetry import NUMBERS, BoardClock, TelemetryStream, TelemetryStreams
+from services.mavlink_io.packet import (
     ARDUPILOT,
     AUTOPILOT,
     MESSAGE_IDS,
     SUBMARINE,
     MavCommand,
+    MavlinkPacket,
     MavModeFlag,
+    command,
 )
-from services.mavlink_io.packet import MavlinkPacket, command
 
 S = 1_000_000_000  # [ns]
 NO_BOARD_NS = 4 * S  # [ns] heartbeats come once a second
@@ -61,8 +61,8 @@ class BoardVisit:
     lost: Outbox = field(default_factory=Outbox)  # is told of what could not be used
     unknown: int = 0  # frames of messages that nobody knows, whose check sum says nothing
     streams: TelemetryStreams = field(init=False)
-    reader: parameters.ParameterReader = field(init=False)
-    optional: parameters.ParameterReader = field(init=False)
+    reader: board_check.ParameterReader = field(init=False)
+    optional: board_check.ParameterReader = field(init=False)
     _imu: tuple[float, ...] = ()  # its newest value, …
     _imu_since: Ns = 0  # [ns] … and since when it has said so
     _since: Ns | None = None  # begin of the stage
@@ -73,8 +73,8 @@ class BoardVisit:
 
     def __post_init__(self) -> None:
         board = self.settings.board
-        self.reader = parameters.ParameterReader(board, [])
-        self.optional = parameters.ParameterReader(board, OPTIONAL)
+        self.reader = board_check.ParameterReader(board, [])
+        self.optional = board_check.ParameterReader(board, OPTIONAL)
         self.streams = TelemetryStreams(board, _wanted(self.settings))
 
     @property
@@ -119,7 +119,7 @@ class BoardVisit:
             return
         self.newest[packet.name] = packet.fields
         self._arrived[packet.name] += 1
-        if packet.name in readings.IMU_MESSAGES:
+        if packet.name in telemetry.IMU_MESSAGES:
             self._on_imu(packet.fields, now)
         else:
             self._on_answer(packet.name, packet.fields, now)
@@ -182,11 +182,11 @@ class BoardVisit:
             if passed > NO_VERSION_NS:
                 self._enter("done", now)
             return self._version_request(now)
-        old = self.release < parameters.OLDEST
+        old = self.release < board_check.OLDEST
         self._enter("done" if old else "parameters", now)
-        self.reader.wanted = parameters.names(self.release, self.motors)
+        self.reader.wanted = board_check.names(self.release, self.motors)
         functions = (f"SERVO{number}_FUNCTION" for number in self.servos.values())
-        self.reader.optional = (*parameters.optional(self.release), *functions)
+        self.reader.optional = (*board_check.optional(self.release), *functions)
         return []
 
     def _version_request(self, now: Ns) -> list[MavlinkPacket]:
@@ -238,8 +238,8 @@ class BoardVisit:
 def _wanted(settings: Settings) -> list[TelemetryStream]:
     """What the service asks for."""
     return [
-        TelemetryStream(readings.IMU_MESSAGES, topics.IMU.hz),
-        TelemetryStream((readings.PRESSURE_MESSAGE,), settings.pressure_rate),
-        TelemetryStream((readings.BATTERY_MESSAGE,), topics.BATTERY.hz),
-        TelemetryStream((readings.ENCLOSURE_MESSAGE,), readings.ENCLOSURE_HZ),
+        TelemetryStream(telemetry.IMU_MESSAGES, topics.IMU.hz),
+        TelemetryStream((telemetry.PRESSURE_MESSAGE,), settings.pressure_rate),
+        TelemetryStream((telemetry.BATTERY_MESSAGE,), topics.BATTERY.hz),
+        TelemetryStream((telemetry.ENCLOSURE_MESSAGE,), telemetry.ENCLOSURE_HZ),
     ]

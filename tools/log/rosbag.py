@@ -10,8 +10,7 @@ from cyclopts import Parameter
 from messages import topics
 from messages.text import harmless
 from services.marine.vehicle import Vehicle
-from services.ros2.core import Settings
-from services.ros2.names import namespace_of, ros_name
+from services.ros2.core import Settings, namespace_of, ros_name
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install

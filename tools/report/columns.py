@@ -88,7 +88,7 @@ def _medians(stages: tuple[Stage, ...] | None, count: int) -> Figures:
 def _picture(m: PictureAge) -> Figures:
     stages = _medians(m.stages, len(PICTURE_STAGES))
     total = (None, None) if m.total is None else (m.total.p50_ms, m.total.p99_ms)
-    return m.stamp_ns, *stages, *total, m.per_second, m.checked
+    return m.stamp_ns, *stages, *total, m.per_second
 
 
 def _clock(m: Clock) -> Figures:
@@ -103,7 +103,7 @@ LATENCY = (
 )
 
 
-PICTURE = ("stamp", *PICTURE_STAGES, "p50", "worst", "rate", "checked")  # [ns, ms …, 1/s, -]
+PICTURE = ("stamp", *PICTURE_STAGES, "p50", "worst", "rate")  # [ns, ms …, 1/s, -]
 
 
 def _battery(m: BatterySample) -> Figures:

@@ -39,7 +39,7 @@ def _battery(dive: RecordedDive) -> tuple[float | None, float | None]:
     """[Wh] used and [h] of endurance, where the battery reports them, what it reports was used in
     this dive, and it can be true."""
     battery = dive[topics.BATTERY]
-    if battery.count < 2 or _jumped(battery):
+    if battery.count < 2 or not np.isfinite(battery["used"]).all() or _jumped(battery):
         return None, None
     used = float(battery["used"][-1] - battery["used"][0])
     hours = float(battery["stamp"][-1] - battery["stamp"][0]) / 3.6e12

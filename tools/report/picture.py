@@ -1,4 +1,4 @@
-"""How old each camera's picture was once decoded topside, as `camera_monitor` measured it."""
+"""How old each camera's picture was once it was whole topside, as `camera_monitor` measured it."""
 
 import msgspec
 import numpy as np
@@ -10,13 +10,12 @@ from tools.report.dive import RecordedDive
 
 
 class PictureReport(msgspec.Struct, frozen=True):
-    """Of the whole dive. None: no picture was decoded."""
+    """Of the whole dive. None: no picture could be decoded."""
 
     p50_ms: float | None  # [ms] light to picture
     p99_ms: float | None  # [ms]
     stages_ms: dict[str, float | None]  # [ms] medians, by stage
-    per_second: float  # [1/s] pictures decoded
-    checked: float  # [-] of the reports with pictures, those whose time stripes agreed
+    per_second: float  # [1/s] pictures that can be decoded
 
 
 def picture(dive: RecordedDive) -> PictureReport | msgspec.UnsetType:
@@ -42,7 +41,6 @@ def _of(measured: StreamColumns) -> PictureReport:
         p99_ms=_percentile(measured["worst"], 100.0 * 0.99 ** max(1.0, pictures)),
         stages_ms={stage: _percentile(measured[stage], 50.0) for stage in PICTURE_STAGES},
         per_second=round(float(np.mean(rate)), 2),
-        checked=round(float(np.mean(measured["checked"][seen])), 3) if seen.any() else 0.0,
     )
 
 

@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from lindy_research.ardusub_comparison.releases import TrueMotion
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
-from services.mavlink_io.numbers import MavCommand
-from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
+from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
+from services.mavlink_io.packet import MavCommand, MavlinkPacket, command, heartbeat
 
 # No RC receiver, as on every tethered ROV, and a depth sensor without the noise that no water has.
 PARAMETERS = """FRAME_CONFIG 2

@@ -4,9 +4,8 @@ import socket
 import time
 
 from lindy_research.ardusub_comparison.sticks import StickMove
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
-from services.mavlink_io.numbers import MavCommand, MavModeFlag
-from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
+from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
+from services.mavlink_io.packet import MavCommand, MavlinkPacket, MavModeFlag, command, heartbeat
 
 ALT_HOLD = 2
 # [-] of its full sticks, for the speeds that Lindy flies at its own: 1 m/s and 1.05 rad/s.

@@ -19,8 +19,7 @@ from lindy_research.ardusub_comparison.releases import (
 )
 from lindy_research.ardusub_comparison.sea import CurrentChange, Sea
 from lindy_research.ardusub_comparison.sticks import StickMove, sticks_at
-from services.mavlink_io.numbers import MavCommand
-from services.mavlink_io.packet import MavlinkPacket, command
+from services.mavlink_io.packet import MavCommand, MavlinkPacket, command
 
 POSHOLD = 16
 HOLD_S, PLAN_S = 16.0, 22.0  # [s] of the sticks: the place is held from then on, the plan begins

@@ -17,8 +17,7 @@ from messages.events import Outbox
 from services.ardusub.service import ONE_BOARD
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import Links
-from services.mavlink_io.numbers import MavCommand
-from services.mavlink_io.packet import MavlinkPacket, command
+from services.mavlink_io.packet import MavCommand, MavlinkPacket, command
 from services.runtime.config.running import RUNNING, Running
 
 SERVICES = ("gamepad", "hub_topside", "tether", "hub_drone", "reference", "estimation", "control",

@@ -24,8 +24,7 @@ from lindy_research.ardusub_kills.dive import (
     dive_on,
     goes,
 )
-from services.mavlink_io.numbers import MavCommand
-from services.mavlink_io.packet import command
+from services.mavlink_io.packet import MavCommand, command
 from services.runtime.config.running import RUNNING, Running
 
 FAULTS = ("killed", "hung", "pulled", "rebooted")

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from lindy_research.bench.table import Figure
 from messages import topics
 from messages.sensors import ImuSample, PressureSample
-from services.ardusub.frames import FRAMES
-from services.ardusub.mixer import MixedSticks, Mixer, RcChannel
+from services.ardusub.mixing import FRAMES, MixedSticks, Mixer, RcChannel
 from services.control.allocation.allocation import Allocation
 from services.marine.vehicle import total_wrench, wrench_per_newton
 from tests.support.ardusub_double.cable import DOWN, MS, VEHICLE, Cable, S

@@ -1,7 +1,7 @@
 """What the camera costs, how old its picture is topside, and that it holds nothing else up.
 
 Costs are processor times of one thread. The age is from dives with real processes: from the
-simulator's truth, which is the light, to the decoded picture, as `camera_monitor` measures it. What
+simulator's truth, which is the light, to the whole picture, as `camera_monitor` measures it. What
 crosses the link beside the picture is measured on virtual time, the same dive with and without a
 camera.
 """
@@ -59,7 +59,6 @@ def _costs() -> Iterator[Figure]:
     from services.camera.core import Order
     from services.camera.io.encoder import VideoEncoder
     from services.camera.sea import CameraView, SimulatedSea, WaterLight
-    from services.camera_monitor.io.decoder import VideoDecoder
     from services.marine.attitude import from_euler
 
     for width, height in SIZES:
@@ -75,14 +74,12 @@ def _costs() -> Iterator[Figure]:
             f"draw, {size}", "ms", drawn, note=_share(drawn),
             **({**goal, "goal": 1.0} if width == SIZES[0][0] else {}),
         )  # fmt: skip
-        encoder, decoder = VideoEncoder(width, height), VideoDecoder()
+        encoder = VideoEncoder(width, height)
         orders = [Order(1500.0, HZ, k == 0) for k in range(PICTURES)]
-        encoded, data = _timed(
+        encoded, _ = _timed(
             partial(_encode, encoder), list(zip(pictures, orders, range(PICTURES), strict=True))
         )
-        decoded, _ = _timed(partial(_decode, decoder), list(enumerate(data)))
         yield _figure(f"encode, {size}", "ms", encoded, note=_share(encoded))
-        yield _figure(f"decode, {size}", "ms", decoded, note=_share(decoded))
 
 
 def _share(ms: float) -> str:
@@ -92,11 +89,6 @@ def _share(ms: float) -> str:
 def _encode(encoder: Any, what: tuple[Any, Any, int]) -> bytes:
     picture, order, number = what
     return encoder.encode(picture, round(number * S / HZ), order)
-
-
-def _decode(decoder: Any, what: tuple[int, bytes]) -> Any:
-    number, data = what
-    return decoder.luma(data, keyframe=number == 0)
 
 
 def _timed(call: Callable[[Any], Any], inputs: Iterable[Any]) -> tuple[float, list[Any]]:
@@ -172,20 +164,20 @@ def _p99(values: list[float]) -> float:
 
 
 def _ages() -> Iterator[Figure]:
-    """Light to picture in dives with processes; the goal is the encoder, the link, the decoder
-    and one picture's time. And what these processes cost."""
+    """Light to picture in dives with processes; the goal is the encoder, the link and one
+    picture's time. And what these processes cost."""
     for link in DIVES:
         with TemporaryDirectory(prefix="lindy-bench-") as folder:
             found, spent = _flown(Path(folder), link)
         stages = {name: ms or 0.0 for name, ms in found.stages_ms.items()}
         parts = ", ".join(f"{name} {ms:.1f}" for name, ms in stages.items())
-        least = sum(stages.get(name, 0.0) for name in ("encoded", "crossed", "decoded")) + 1e3 / HZ
+        least = sum(stages.get(name, 0.0) for name in ("encoded", "crossed")) + 1e3 / HZ
         for name, ms in (("p50", found.p50_ms), ("p99", found.p99_ms)):
             yield _figure(
                 f"{link}, light to picture {name}", "ms", ms,
-                baseline_name="encode, link, decode, one picture", baseline=least,
+                baseline_name="encode, link, one picture", baseline=least,
                 goal=1.0 if name == "p50" else None,
-                note=f"{parts}; {found.per_second:.1f} a second, {found.checked:.0%} checked",
+                note=f"{parts}; {found.per_second:.1f} a second",
             )  # fmt: skip
         for name in PROCESSES:
             yield _figure(

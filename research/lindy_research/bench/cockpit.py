@@ -164,7 +164,7 @@ def _flown(program: str) -> Iterator[Figure]:
         shown = _per_second(browser, page)
         ages = json.loads(page.look("JSON.stringify(ages)"))
         page.look("video.close()")
-        bare = browser.open(f"{url}stripe.js", Size(1280, 800), COUNTERS)
+        bare = browser.open(f"{url}shape.js", Size(1280, 800), COUNTERS)
         bare.look(PICTURE_ALONE)
         bare.wait("window.video && video.light !== null")
         alone_shown = _per_second(browser, bare)

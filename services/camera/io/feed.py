@@ -25,8 +25,7 @@ from av.video.stream import VideoStream
 from messages import events
 from messages.events import Event
 from messages.units import Ns
-from services.camera.backlog import Backlog
-from services.camera.capture_time import BEHIND_NS, CaptureTime, Light
+from services.camera.capture_time import BEHIND_NS, Backlog, CaptureTime, Light
 from services.camera.core import STALE_NS
 from services.camera.sea import Bytes, Picture
 from services.runtime.config.passwords import without_passwords
@@ -39,6 +38,7 @@ MOST_GARBAGE = 100  # packets in a row of which nothing can be decoded
 # Formats whose time stamps are the sender's. Others have none, and FFmpeg counts pictures instead.
 STAMPED = {"rtsp", "sdp", "rtp", "mpegts", "flv", "video4linux2,v4l2"}
 V4L2 = "video4linux2,v4l2"  # its stamps are the kernel's, by the monotonic clock, as ours
+BY_TCP = "rtspt://"  # RTSP whose pictures come by TCP too, as GStreamer writes it
 WALLCLOCK = struct.Struct("<q")  # [µs] UTC, of FFmpeg's AVProducerReferenceTime: a sender report's
 FILM_HZ = 25.0  # [1/s] pictures of a film that does not say when each is due
 LARGEST = 8192  # [px] of a side of a picture that is taken
@@ -148,6 +148,9 @@ class Feed:
         source, timeout = self._source, (TIMEOUT_S, TIMEOUT_S)
         if source.startswith("/dev/") and not Path(source).is_file():
             return av.open(source, format="v4l2", options=AT_ONCE, timeout=timeout)
+        if source.startswith(BY_TCP):
+            address, transport = "rtsp://" + source.removeprefix(BY_TCP), {"rtsp_transport": "tcp"}
+            return av.open(address, options=AT_ONCE | transport, timeout=timeout)
         if "://" in source:
             return av.open(source, options=AT_ONCE, timeout=timeout)
         if source.endswith(".sdp"):  # says what an RTP stream is

@@ -1,14 +1,15 @@
-"""Serves the page, and holds the WebSockets of all pages.
+"""Serves the page, and holds the WebSockets of all pages and of their pictures.
 
 A thread of its own with an event loop; the service's thread takes what has arrived and hands over
-what is to be shown. Nothing waits for a page: one that has not read its last picture is left out.
-"""
+what is to be shown. Nothing waits for a page: one that has not read its last picture is left
+out."""
 
 import asyncio
 import logging
 import socket
 import ssl
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
@@ -25,8 +26,6 @@ from services.cockpit.core import Settings
 from services.cockpit.handshake import SOCKETS, VIDEO, WATCH, Access
 from services.cockpit.io.access import listening
 from services.cockpit.io.files import PageFiles, plain
-from services.cockpit.io.message_rate import MessageRate
-from services.cockpit.io.video_server import VideoServer
 from services.cockpit.page_messages import (
     LONGEST,
     PageClosed,
@@ -36,8 +35,72 @@ from services.cockpit.page_messages import (
     PageSticks,
     parsed,
 )
-from services.cockpit.video import PageUnit
+from services.cockpit.video import PageUnit, PageVideo, RecentUnits
 from services.runtime.config.errors import LindyError
+
+MOST_PER_SECOND = 250  # [1/s] a page sends 50 to 125 sticks, 25 confirmations, and one per picture
+
+
+class MessageRate:
+    """Of one page."""
+
+    def __init__(self) -> None:
+        self._second, self._heard = 0, 0
+
+    def too_many(self) -> bool:
+        """One more has arrived. Were there too many within this second?"""
+        now = int(time.monotonic())
+        self._second, self._heard = now, self._heard + 1 if now == self._second else 1
+        return self._heard > MOST_PER_SECOND
+
+
+MOST_VIDEO_PAGES = 32
+LONGEST_CONFIRMATION = 10  # [B] a number
+
+
+class VideoServer:
+    def __init__(self, outbox: Outbox) -> None:
+        self._outbox = outbox
+        self._pages: dict[ServerConnection, PageVideo] = {}
+        self._recent = RecentUnits()
+
+    @property
+    def full(self) -> bool:
+        return len(self._pages) >= MOST_VIDEO_PAGES
+
+    def send(self, unit: PageUnit) -> None:
+        """To every page that can do with it."""
+        self._recent.add(unit)
+        now = time.monotonic_ns()
+        taking = [page for page, video in self._pages.items() if video.admits(unit, now)]
+        self._outbox.tell(events.DROPPED_PAGE_VIDEO(), len(self._pages) - len(taking))
+        broadcast(taking, unit.message)
+
+    async def page(self, connection: ServerConnection) -> None:
+        """One page, until it is closed."""
+        video = PageVideo()
+        now = time.monotonic_ns()
+        for unit in self._recent:
+            if video.admits(unit, now):
+                broadcast([connection], unit.message)
+        self._pages[connection] = video
+        try:
+            await self._read(connection, video)
+        except ConnectionClosed:
+            pass
+        finally:
+            del self._pages[connection]
+
+    async def _read(self, connection: ServerConnection, video: PageVideo) -> None:
+        rate = MessageRate()
+        async for raw in connection:
+            if rate.too_many():
+                self._outbox.tell(events.TOO_MANY_PAGE_MESSAGES())
+                return
+            is_number = len(raw) <= LONGEST_CONFIRMATION and raw.isascii() and raw.isdigit()
+            if not (is_number and video.confirmed(int(raw))):
+                self._outbox.tell(events.MALFORMED_PAGE())
+
 
 MOST_PAGES = 32
 MOST_WATCHERS = 24  # of them: the others' places are for pilots

@@ -103,7 +103,10 @@ export class SeaMap {
 
   get middle() { return this.centre ?? this.here ?? [0, 0]; }
 
-  get turn() { return this.settings.up === "heading" ? (this.view.compass_deg ?? 0) * RAD : 0; }
+  // [deg] From north: by the compass where there is one, as the drone's place is.
+  get heading() { return this.view.compass_deg ?? this.view.heading_deg; }
+
+  get turn() { return this.settings.up === "heading" ? (this.heading ?? 0) * RAD : 0; }
 
   px([n, e]) {
     const [cn, ce] = this.middle, c = Math.cos(this.turn), s = Math.sin(this.turn);
@@ -218,7 +221,7 @@ export class SeaMap {
     [g.strokeStyle, g.lineWidth] = [colour, 1.5];
     g.stroke();
     g.setLineDash([]);
-    if (view.compass_deg !== undefined) this.shape([[0, -1.1], [0.7, 0.9], [0, 0.5], [-0.7, 0.9]], at, view.compass_deg * RAD - this.turn, colour, c.paper);
+    if (this.heading !== undefined) this.shape([[0, -1.1], [0.7, 0.9], [0, 0.5], [-0.7, 0.9]], at, this.heading * RAD - this.turn, colour, c.paper);
   }
 
   // North, and where the water goes.

@@ -112,7 +112,7 @@ export function showPicture(video) {
   const known = age !== undefined && silence < Infinity;
   const what = name ? `${cameraName(name)} ${units.number(video.kbit)} kbit/s` : words.t("picture"); // where there are several
   put("picture-age", `${what} ${known ? least + seconds(age / 1000) : UNKNOWN}`, known && wrong ? "old" : "");
-  put("no-picture", words.t(wrong), wrong && known ? "old" : "");
+  put("no-picture", wrong, wrong && known ? "old" : "");
 }
 
 const rows = new Map(); // what a list shows, by its id
@@ -175,6 +175,7 @@ export function aids(view, limit, delay) {
     ["speed", limit < 100 ? `${units.number(limit)} %` : undefined],
     ["turns", view.turns || undefined],
     ["page", delay === undefined ? undefined : ms(delay), "wide"],
+    ["compass", view.compass_deg === undefined ? undefined : `${units.number(Math.round(view.compass_deg) % 360)}°`, "wide"],
     ["pitch", degrees(view.pitch_deg), "wide"],
     ["roll", degrees(view.roll_deg), "wide"],
     ["camera", degrees(view.tilt_deg === undefined ? undefined : (view.looks_deg ?? [view.tilt_deg])[0]), "wide"],

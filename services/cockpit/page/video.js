@@ -1,11 +1,12 @@
 // The drone's picture, over a WebSocket of its own: access units → WebCodecs → canvas. The newest
 // wins. Its age is counted from the light on, and a picture that is old does not look live.
 
-import { stripeRows } from "./stripe.js";
+import { units } from "./units.js";
+import { words } from "./words.js";
 
-const VERSION = 1, KEYFRAME = 1, EXACT = 2, HEADER = 16; // of a message, see services/cockpit/video.py
+const VERSION = 1, KEYFRAME = 1, EXACT = 2, STRIPE = 4, HEADER = 16; // of a message, see services/cockpit/video.py
+const STRIPE_ROWS = 18; // [px] at the top of a picture that has its time in it, for machines
 const RETRY_MS = 700, RATE_MS = 2000;
-const NOTHING = "no picture";
 
 export class Video {
   // name: of the camera; empty: the first one
@@ -16,7 +17,8 @@ export class Video {
     this.exact = false; // … and not earlier
     this.shownAt = 0; // [ms] when it was decoded, by this page's
     this.frame = null; // decoded, not yet drawn
-    this.unable = cannot(); // why this browser shows no picture; empty: it can
+    this.unable = cannot(); // key of the sentence why this browser shows no picture; empty: it can
+    this.stripe = 0; // [px] rows at the top that are for machines
     this.underWay = []; // units that the decoder has
     this.failures = 0;
     this.wanted = true; // the drone has this camera
@@ -64,13 +66,14 @@ export class Video {
     const head = new DataView(message);
     if (head.getUint8(0) !== VERSION) return;
     const unit = {
-      keyframe: Boolean(head.getUint8(1) & KEYFRAME), exact: Boolean(head.getUint8(1) & EXACT), number: head.getUint32(4, true),
+      flags: head.getUint8(1), number: head.getUint32(4, true),
       light: head.getFloat64(8, true), data: new Uint8Array(message, HEADER), socket,
     };
-    if (unit.keyframe) this.configure(codecOf(unit.data));
+    const keyframe = unit.flags & KEYFRAME;
+    if (keyframe) this.configure(codecOf(unit.data));
     if (!this.decoder) return confirm(unit); // before the first keyframe, or after an error
     this.underWay.push(unit);
-    const type = unit.keyframe ? "key" : "delta";
+    const type = keyframe ? "key" : "delta";
     try {
       this.decoder.decode(new EncodedVideoChunk({ type, timestamp: unit.number, data: unit.data }));
     } catch (error) {
@@ -88,7 +91,6 @@ export class Video {
       error: (error) => decoder === this.decoder && this.fail(error),
     });
     this.decoder = decoder;
-    this.stripe = 0; // [px] rows at the top that are for machines, once they were found
     decoder.configure({ codec, optimizeForLatency: true });
   }
 
@@ -98,11 +100,11 @@ export class Video {
     const unit = this.underWay[at];
     this.underWay.splice(0, at + 1);
     confirm(unit);
-    if (unit.keyframe && !this.stripe) this.stripe = stripeRows(frame);
+    this.stripe = unit.flags & STRIPE ? STRIPE_ROWS : 0;
     this.frame?.close();
     this.frame = frame;
     this.light = unit.light;
-    this.exact = unit.exact;
+    this.exact = Boolean(unit.flags & EXACT);
     this.shownAt = performance.now();
     Video.decoded?.();
   }
@@ -113,7 +115,7 @@ export class Video {
     this.stop(); // until the next keyframe
     if (last) confirm(last);
     if (error.name !== "NotSupportedError") return;
-    this.unable = `no picture: this browser has no decoder for H.264 (${this.codec}); Chrome, Edge and Safari have one`;
+    this.unable = "video.h264";
     this.close();
   }
 
@@ -138,11 +140,12 @@ export class Video {
 
   // What is wrong with the picture; empty: nothing.
   get words() {
-    if (this.unable) return this.unable;
-    if (this.light === null) return NOTHING;
-    if (this.silence > this.ages[0]) return `no picture for ${(this.silence / 1000).toFixed(0)} s`;
-    if (this.age === undefined) return "the picture's age is not known";
-    return this.age > this.connection.ages.state[0] ? `picture ${this.least}${(this.age / 1000).toFixed(1)} s old` : "";
+    if (this.unable) return words.t(this.unable, { codec: this.codec });
+    if (this.light === null) return words.t("no picture");
+    if (this.silence > this.ages[0]) return words.t("video.silent", { s: units.number(this.silence / 1000) });
+    if (this.age === undefined) return words.t("video.no_age");
+    if (this.age <= this.connection.ages.state[0]) return "";
+    return words.t("video.old", { s: this.least + units.number(this.age / 1000, 1) });
   }
 
   // Draw the newest picture. Returns whether one is to be seen.
@@ -169,9 +172,8 @@ function confirm(unit) {
 }
 
 function cannot() {
-  if (!isSecureContext) return "no picture: browsers decode it on secure pages only (https, or 127.0.0.1)";
-  if (typeof VideoDecoder === "undefined") return "no picture: this browser has no WebCodecs; a newer one has";
-  return "";
+  if (!isSecureContext) return "video.insecure";
+  return typeof VideoDecoder === "undefined" ? "video.webcodecs" : "";
 }
 
 // As RFC 6381 names it, from the sequence parameter set of a keyframe.

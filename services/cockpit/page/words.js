@@ -27,15 +27,25 @@ class Words {
 
   // Sentences that come without their names, each with what its event adds in brackets.
   same(text) {
-    const whole = this.keyOf(text);
-    if (whole) return this.t(whole);
+    if (text.startsWith("LINK ")) return `${this.t("LINK")} ${this.same(text.slice(5))}`;
+    const whole = this.known(text);
+    if (whole) return whole;
     return text.split("; ").map((part) => {
-      const [sentence] = part.split(/ \(|, \d| for \d/), key = this.keyOf(sentence);
-      return key ? this.t(key) + part.slice(sentence.length) : part;
+      const [sentence] = part.split(/ \(|, \d| for \d/), own = this.known(sentence);
+      return this.known(part) ?? (own ? own + part.slice(sentence.length) : part);
     }).join("; ");
   }
 
-  keyOf(text) { return Object.keys(this.english).find((each) => this.english[each] === text); }
+  // An English sentence in the pilot's language, with the numbers that are in it; undefined: not one of ours.
+  known(text) {
+    for (const [key, sentence] of Object.entries(this.english)) {
+      if (sentence === text) return this.t(key);
+      if (!key.startsWith("link.") || !sentence.includes("{")) continue;
+      const found = text.match(`^${sentence.replace(/\{(\w+)\}/g, "(?<$1>[\\d.]+)")}$`);
+      if (found) return this.t(key, found.groups);
+    }
+    return undefined;
+  }
 
   // A sentence that the service says: that of its event is translated, and its details stay.
   said(text, event) {

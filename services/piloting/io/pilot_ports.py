@@ -43,6 +43,7 @@ class PilotPorts(Generic[E]):
         """
         self._node, self._pilot, self._hears, self._also = node, pilot, hears, also
         self._kept = pilot.progress
+        pilot.asked = lambda: self.waiting
         self._commands = node.publisher(topics.PILOT_COMMAND)
         self._asking = node.request(
             topics.PILOT_REQUEST,

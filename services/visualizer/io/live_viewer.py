@@ -1,20 +1,23 @@
 """The live viewer, fed by a process of its own.
 
 rerun's client blocks when a viewer stalls, and then even the end of the process hangs. So batches
-go through a pipe to `viewer_process.py`, which may stall or crash without affecting the visualizer:
-only a thread waits for it. The viewer's window stays open after the dive, until the user closes it.
+go through a pipe to a process that opens the viewer and may stall or crash without affecting the
+visualizer: only a thread waits for it. It ends by itself, even when its parent has already ended.
+The viewer's window stays open after the dive, until the user closes it.
 """
 
 import contextlib
 import os
+import socket
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING, BinaryIO
 
 import msgspec
 
@@ -24,9 +27,15 @@ from services.marine.vehicle import Vehicle
 from services.runtime.os import system
 from services.visualizer.batch import Batch
 
+if TYPE_CHECKING:
+    from services.visualizer.io.rerun_writer import RerunWriter
+
+os.environ.setdefault("RUST_LOG", "warn")  # rerun's own log on stderr, before it is imported
 WAITING_BYTES = 16_000_000  # with more than this unread, a batch is dropped
 LENGTH_BYTES = 4  # before each batch
 END_S = 2.0  # for the viewer process to finish after the pipe is closed
+OPEN_S = 20.0  # for the viewer to listen
+STALL_S = 10  # a viewer that takes nothing for this long is given up
 
 Tell = Callable[[Event], None]
 Log = Callable[[Level, str], None]
@@ -55,7 +64,7 @@ class LiveViewer:
         self._encode = msgspec.msgpack.Encoder().encode
         launch = msgspec.json.encode(ViewerLaunch(recording_id, vehicle, viewer)).decode()
         self.process: subprocess.Popen[bytes] | None = subprocess.Popen(
-            [sys.executable, "-P", "-m", f"{__package__}.viewer_process", launch],
+            [sys.executable, "-P", "-m", __name__, launch],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -138,3 +147,67 @@ def viewer_command() -> list[str]:
     folder = Path(spec.origin).parent if spec is not None and spec.origin else Path()
     program = folder / ("rerun.exe" if os.name == "nt" else "rerun")
     return [str(program), "--bind", "127.0.0.1", "--hide-welcome-screen"]
+
+
+# The process of its own.
+
+
+def main(argument: str) -> int:
+    from services.visualizer.io.rerun_writer import RerunWriter
+
+    launch = msgspec.json.decode(argument, type=ViewerLaunch)
+    port = free_port()
+    viewer = subprocess.Popen(
+        [*launch.viewer, "--port", str(port)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        **system.APART,  # the window outlives the dive
+    )
+    if not answers(port, viewer, OPEN_S):
+        viewer.kill()
+        return 1
+    writer = RerunWriter(launch.recording_id, launch.vehicle)
+    system.end_within(STALL_S)
+    writer.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+    _draw(writer, sys.stdin.buffer, viewer)
+    system.end_within(STALL_S)
+    writer.close()
+    return 0
+
+
+def _draw(writer: "RerunWriter", pipe: BinaryIO, viewer: subprocess.Popen[bytes]) -> None:
+    """Send batches until the pipe is closed or the viewer has ended."""
+    decoder = msgspec.msgpack.Decoder(Batch)
+    system.end_within(0)
+    while (head := pipe.read(LENGTH_BYTES)) and viewer.poll() is None:
+        batch = decoder.decode(pipe.read(int.from_bytes(head, "big")))
+        system.end_within(STALL_S)
+        writer.write(batch)
+        system.end_within(0)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def answers(port: int, viewer: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Does the viewer listen within this time?"""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline and viewer.poll() is None:
+        try:
+            socket.create_connection(("127.0.0.1", port), 0.5).close()
+            return True
+        except OSError:
+            time.sleep(0.1)
+    return False
+
+
+if __name__ == "__main__":
+    try:
+        status = main(sys.argv[1])
+    except Exception:  # the pipe's other end reports it
+        status = 1
+    os._exit(status)  # a normal exit would wait for a viewer that may never answer

@@ -22,8 +22,8 @@ from services.visualizer.batch import (
     joined_columns,
 )
 from services.visualizer.blueprint import TIMELINE, blueprint, camera_path
-from services.visualizer.curve import MANY, PREDICTED, REFERENCE, Curve, Look
-from services.visualizer.curves import computed, curves
+from services.visualizer.computed import LOOKS
+from services.visualizer.curves import MANY, PREDICTED, REFERENCE, Look, curves
 from services.visualizer.io.rrd_file import RrdFile
 
 METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
@@ -61,9 +61,9 @@ class RerunWriter:
         self._file: RrdFile | None = None  # … to this file, if there is one
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = np.array([], TIME)  # … and as an array
-        named = [curve for curve in curves(vehicle) if curve.names]
-        self._looks = [*[curve for curve in named if not curve.topic.is_family], *computed()]
-        self._families = {curve.path: curve for curve in named if curve.topic.is_family}
+        named = [curve for curve in curves(vehicle) if curve.look.names]
+        self._looks = [*[curve.look for curve in named if not curve.topic.is_family], *LOOKS]
+        self._families = {curve.path: curve.look for curve in named if curve.topic.is_family}
         self._styled = {look.path for look in self._looks}
         self._cameras: list[str] = []  # of which a picture has been written
         self._services: dict[str, int] = {}  # colour of each, in every panel
@@ -305,7 +305,7 @@ def _index(times: list[int]) -> rr.TimeColumn:
     return rr.TimeColumn(TIMELINE, duration=np.array(times, TIME))
 
 
-def _line_style(look: Curve | Look) -> rr.SeriesLines:
+def _line_style(look: Look) -> rr.SeriesLines:
     return rr.SeriesLines(
         names=list(look.names),
         colors=_colours(_rgba(rgb) for rgb in look.colours),

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.ardusub.board_clock import BoardClock
+from services.ardusub.telemetry import BoardClock
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 delays = st.lists(

@@ -5,8 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.ardusub.measurements import FIELD_SAME_NS
-from services.ardusub.readings import PERIOD_NS, BoardUpdates
+from services.ardusub.telemetry import FIELD_SAME_NS, PERIOD_NS, BatteryMeter, BoardUpdates
 
 MS = 1_000_000  # [ns]
 AGE_NS, SAME_NS = 40 * MS, 250 * MS
@@ -62,3 +61,13 @@ def test_a_value_that_is_measured_again_is_not_missing(again: list[bool], every_
     ]
     steps = [after - before for before, after in pairwise(stamps)]
     assert all(0 < step <= FIELD_SAME_NS + 2 * every_ms * MS for step in steps)
+
+
+def test_a_current_that_is_not_measured_is_unknown_and_no_zero() -> None:
+    meter, found = BatteryMeter(), list[tuple[float | None, float | None]]()
+    for second, raw in enumerate((-1, 200, 0, 200, -1)):  # [cA]
+        fields = {"voltage_battery": 18_000, "current_battery": raw}
+        sample = meter.sample(fields, second * 1000 * MS)
+        assert sample is not None
+        found.append((sample.current, None if sample.used_wh is None else sample.used_wh * 3600))
+    assert found == [(None, None), (2.0, 36.0), (0.0, 36.0), (2.0, 72.0), (None, 72.0)]

@@ -56,7 +56,7 @@ def test_heartbeats_are_a_second_apart(version: str) -> None:
 @BOTH
 def test_the_motors_give_the_wrench_that_was_asked_for(version: str) -> None:
     cable = Cable(version).flying()
-    assert cable.driver.mixed.wrench[2] == pytest.approx(40.0, rel=0.02)
+    assert cable.driver.path.mixed.wrench[2] == pytest.approx(40.0, rel=0.02)
     assert sum(cable.board.hull.simulator.actuation().thrust) == pytest.approx(40.0, rel=0.05)
 
 
@@ -517,7 +517,7 @@ def test_a_long_text_of_the_board_is_one_line() -> None:
 
 
 def test_the_temperature_inside_is_that_of_the_boards_own_barometer() -> None:
-    assert Cable().accepted().run(3.0).driver.enclosure == pytest.approx(31.5)
+    assert Cable().accepted().run(3.0).driver.measurements.enclosure == pytest.approx(31.5)
 
 
 def test_the_end_of_the_service_disarms() -> None:

@@ -6,9 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from services.ardusub.frames import FRAMES, senses
-from services.ardusub.mixer import MixedSticks, Mixer, RcChannel
-from services.ardusub.motor_curves import MotorCurves
+from services.ardusub.mixing import FRAMES, MixedSticks, Mixer, MotorCurves, RcChannel, senses
 from services.control.allocation.allocation import Allocation
 from services.control.settings import Settings as ControlSettings
 from services.marine.vehicle import Vehicle, total_wrench, wrench_per_newton

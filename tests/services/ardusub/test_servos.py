@@ -10,8 +10,8 @@ from messages.events import Outbox
 from messages.pilot import PilotRequest
 from messages.units import Outputs
 from messages.vehicle import VehicleStatus
+from services.ardusub.commands import servos_of
 from services.ardusub.core import ArdusubDriver, Settings
-from services.ardusub.servos import servos_of
 from services.marine.outputs import Output
 from services.mavlink_io.packet import MavlinkPacket
 from services.simulator.core import Settings as SimulatorSettings
@@ -197,8 +197,8 @@ def test_a_light_servo_that_is_taken_is_refused(servo: int, words: str) -> None:
 def test_whatever_was_lost_every_servo_ends_where_it_belongs(
     story: list[tuple[str, float]],
 ) -> None:
-    from services.ardusub.outbox import DriverOutbox
-    from services.ardusub.servos import BoardServos
+    from services.ardusub.commands import BoardServos
+    from services.ardusub.settings import DriverOutbox
 
     outbox = DriverOutbox(Outbox())
     servos, board = BoardServos(OUTPUTS, Settings(), 8, outbox), dict[int, float]()

@@ -1,5 +1,6 @@
 """A camera that is not there, ends or sends garbage is one sentence, and no more."""
 
+import socket
 import threading
 import time
 from collections.abc import Generator
@@ -51,6 +52,41 @@ def test_a_camera_that_is_not_there_is_one_sentence(watched: Watched) -> None:
     assert len(watched.feed.said) == 1
     assert "gives no pictures" in watched.feed.said[0]
     assert list(watched.feed.events) == [events.LOST_CAMERA()]
+
+
+SDP = (
+    "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=camera\r\nt=0 0\r\nm=video 0 RTP/AVP 96\r\n"
+    "a=rtpmap:96 H264/90000\r\na=control:track0\r\n"
+)
+
+
+def transport_asked_of(server: socket.socket) -> str:
+    """Answers as an RTSP server does, until the client asks for its pictures: by which way."""
+    connection, _ = server.accept()
+    with connection, connection.makefile("r", newline="\r\n") as lines:
+        while request := lines.readline():
+            headers = dict(
+                line.strip().lower().split(": ", 1) for line in iter(lines.readline, "\r\n")
+            )
+            if request.startswith("SETUP"):
+                return headers["transport"].split(";")[0]
+            body = SDP if request.startswith("DESCRIBE") else ""
+            head = (
+                f"RTSP/1.0 200 OK\r\nCSeq: {headers['cseq']}\r\nContent-Type: application/sdp\r\n"
+            )
+            connection.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n{body}".encode())
+    return ""
+
+
+@pytest.mark.parametrize(
+    ("scheme", "transport"), [("rtsp", "rtp/avp/udp"), ("rtspt", "rtp/avp/tcp")]
+)
+def test_the_way_of_rtsp_pictures_can_be_chosen(scheme: str, transport: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(PATIENCE_S)
+        watched = Watched(f"{scheme}://127.0.0.1:{server.getsockname()[1]}/stream")
+        assert transport_asked_of(server) == transport
+        watched.feed.close()
 
 
 def test_a_file_that_is_no_video_is_one_sentence(tmp_path: Path) -> None:

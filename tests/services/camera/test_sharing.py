@@ -8,7 +8,7 @@ from messages import cameras, events
 from messages.link import Stage
 from messages.video import CameraChoice, CameraShares, PictureAge
 from services.camera.core import ROOMLESS_NS, SHARES_NS, Camera, OneCamera, Settings
-from services.camera.sharing import ENOUGH_KBIT, SMALL, Range, shares
+from services.camera.pacing import ENOUGH_KBIT, SMALL, Range, shares
 
 S = 1_000_000_000
 NAMES: tuple[str, ...] = ("front", "down", "gripper", "aft")

@@ -3,8 +3,14 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.camera.backlog import LONGEST_WAIT_NS, Backlog
-from services.camera.capture_time import AHEAD_NS, EARLY_NS, LEAK, CaptureTime
+from services.camera.capture_time import (
+    AHEAD_NS,
+    EARLY_NS,
+    LEAK,
+    LONGEST_WAIT_NS,
+    Backlog,
+    CaptureTime,
+)
 
 MS, S = 1_000_000, 1_000_000_000
 PERIOD = 40 * MS

@@ -30,6 +30,7 @@ def test_at_a_constant_power_the_battery_lasts_for_what_is_left(
         if at * S < LEAST_NS:
             assert known is None
             continue
+        assert newest.used_wh is not None
         minutes = 60.0 * max(0.0, capacity - newest.used_wh) / power
         if minutes < LONGEST_MIN - 1.0:
             assert known == pytest.approx(minutes, abs=0.51)

@@ -1,7 +1,5 @@
 """What the map is told: where the drone is and how surely, its home, its track."""
 
-from math import atan2, degrees, hypot, radians
-
 import msgspec
 import pytest
 from hypothesis import given, settings
@@ -9,26 +7,20 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from messages.control import Wrench
 from messages.message import Estimate
 from messages.state import VehicleState
 from messages.vehicle import PlaceAhead, VehicleStatus
 from services.cockpit.chart import (
     APART,
     BEGINS,
-    CURRENT,
     MEASURED_ON,
     MOST,
     RECKONED_ON,
     REMEMBERED_NS,
-    SHARE,
     Chart,
 )
 from services.cockpit.page_view import PageView, chart_view
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
 
-PIONEER = Stack().section("vehicle", Vehicle)
 S = 1_000_000_000
 DT = S // 25
 NONE = Estimate(0.0, 0.01)
@@ -62,24 +54,15 @@ def seen(
     )
 
 
-def push(surge: float, sway: float = 0.0) -> Wrench:
-    thrust = (surge, sway, 0.0, 0.0, 0.0, 0.0)
-    return Wrench(
-        stamp_ns=0, sensor_ns=0, wanted=thrust, achieved=thrust, depth_integral=0.0,
-        heading_integral=0.0, saturated=False,
-    )  # fmt: skip
-
-
 class Watch:
     """A chart and its clock."""
 
     def __init__(self, *, begun: bool = False) -> None:
-        self.chart, self.now = Chart(PIONEER, begun), 0
+        self.chart, self.now = Chart(begun), 0
 
-    def go(self, state: VehicleState | None, seconds: float = 0.04, surge: float = 0.0) -> None:
-        for _ in range(max(1, round(seconds * S / DT))):
-            self.now += DT
-            self.chart.step(state, push(surge), self.now, armed=True)
+    def go(self, state: VehicleState | None) -> None:
+        self.now += DT
+        self.chart.step(state, self.now, armed=True)
 
     @property
     def points(self) -> list[tuple[int, ...]]:
@@ -89,7 +72,7 @@ class Watch:
 
 def test_a_measured_place_is_shown_as_it_is_and_home_is_where_it_was_armed() -> None:
     watch = Watch()
-    watch.chart.step(seen(1.0, 2.0), None, 1, armed=False)
+    watch.chart.step(seen(1.0, 2.0), 1, armed=False)
     assert watch.chart.home() is None
     watch.go(seen(3.0, 4.0))
     watch.go(seen(3.25, 4.25))
@@ -99,59 +82,26 @@ def test_a_measured_place_is_shown_as_it_is_and_home_is_where_it_was_armed() -> 
     assert watch.chart.home() == (3.0, 4.0)
 
 
-@settings(max_examples=50, deadline=None)
-@given(st.integers(-20, 20), st.floats(1.0, 60.0), st.floats(-3.0, 3.0))
-def test_without_a_measurement_it_goes_on_from_the_last_and_the_spread_grows_by_the_rule(
-    surge: int, seconds: float, heading: float
-) -> None:
+def test_what_was_measured_a_while_ago_goes_on_as_the_state_says_and_is_marked() -> None:
     watch = Watch()
     watch.go(seen(10.0, -5.0))
-    watch.go(seen(10.0, -5.0, valid=False, heading=heading), seconds, surge)
+    watch.go(seen(12.0, -5.0, valid=False))
     here = watch.chart.here
     assert here is not None
-    assert not here.measured
-    way = hypot(here.north - 10.0, here.east + 5.0)
-    known = round(seconds * S / DT) * DT / S
-    assert here.std == pytest.approx(hypot(0.3, CURRENT * known, SHARE * way), rel=1e-6)
-    assert (way > 0.0) == (surge != 0)
-    watch.go(seen(10.0, -5.0))
-    assert watch.chart.here is not None
-    assert watch.chart.here.measured
-
-
-def test_a_drone_that_never_measured_begins_where_it_was_armed() -> None:
-    watch = Watch()
-    watch.chart.step(seen(), None, 1, armed=False)
+    assert (here.place, here.std, here.measured) == ((12.0, -5.0), 0.3, False)
+    watch.go(seen(12.0, -5.0))
+    watch.go(None)  # nothing is heard: where it was seen last, and no longer measured
+    assert watch.chart.here == here
+    watch.go(seen())
     assert watch.chart.here is None
-    watch.go(seen(), 20.0, surge=20.0)
-    here = watch.chart.here
-    assert here is not None
-    assert here.north > 5.0
-    assert here.east == pytest.approx(0.0, abs=1e-9)
-    assert watch.chart.home() == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("heading", "surge", "sway", "course"),
-    [
-        (0.0, 10.0, 0.0, 0.0),
-        (0.0, 0.0, 10.0, 90.0),
-        (90.0, 10.0, 0.0, 90.0),
-        (90.0, 0.0, 10.0, 180.0),
-        (200.0, 0.0, -10.0, 110.0),
-    ],
-)
-def test_thrust_moves_it_where_it_points(
-    heading: float, surge: float, sway: float, course: float
-) -> None:
+def test_a_drone_that_never_measured_has_no_place() -> None:
     watch = Watch()
-    state = seen(heading=radians(heading))
-    for _ in range(100):
-        watch.now += DT
-        watch.chart.step(state, push(surge, sway), watch.now, armed=True)
-    here = watch.chart.here
-    assert here is not None
-    assert degrees(atan2(here.east, here.north)) % 360.0 == pytest.approx(course, abs=1e-6)
+    watch.go(seen())
+    assert watch.chart.here is None
+    assert watch.chart.home() is None
+    assert watch.points == []
 
 
 def test_of_another_origin_neither_home_nor_track_is_shown_until_the_first_is_back() -> None:
@@ -180,7 +130,8 @@ def test_a_jump_breaks_the_line_and_what_is_reckoned_is_marked() -> None:
     watch.go(seen(0.0, 0.0))
     watch.go(seen(1.0, 0.0))
     watch.go(seen(9.0, 0.0))
-    watch.go(seen(valid=False), 10.0, surge=20.0)
+    for k in range(10, 20):
+        watch.go(seen(float(k), 0.0, valid=False))
     kinds = [point[2] for point in watch.points]
     assert kinds[:3] == [BEGINS, MEASURED_ON, BEGINS]
     assert set(kinds[3:]) == {RECKONED_ON}
@@ -216,3 +167,14 @@ def test_the_page_is_told_the_goal_or_the_way_points_ahead() -> None:
     assert shown["goal"] is None
     view = msgspec.json.decode(msgspec.json.encode(PageView(**shown)))
     assert view["waypoints"] == [[0.33, 2.0], [30.0, -4.0]]
+
+
+@pytest.mark.parametrize(
+    ("compass", "shown"),
+    [(None, None), (Estimate(1.0, 0.1, valid=False), None), (Estimate(-0.1, 0.1), 354.3)],
+)
+def test_the_compass_is_shown_beside_the_heading_of_the_tape_and_nothing_passes_for_it(
+    compass: Estimate | None, shown: float | None
+) -> None:
+    state = replace(seen(heading=2.0), heading_navigation=compass)
+    assert chart_view(Chart(), state, None)["compass_deg"] == shown

@@ -158,7 +158,7 @@ def test_a_tap_and_a_held_button_send_the_drone_there(exits: ExitStack) -> None:
 def test_without_a_measured_position_it_says_why_it_cannot_go(exits: ExitStack) -> None:
     dive = MappedDive(exits)
     page = dive.page
-    page.wait(f"{SAID}.startsWith('dead reckoning')")
+    page.wait(f"{SAID}.startsWith('this drone does not know its position')")
     tap(page, TAPPED)
     own = "document.getElementById('own').textContent"
     page.wait(f"{own} === 'this drone does not know its position'")

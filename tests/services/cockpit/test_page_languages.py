@@ -10,6 +10,8 @@ import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
+from services.link_monitor.link_alarm import LinkAlarm
+
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.cockpit.io.files import PageFiles
 from services.cockpit.page_view import acting
@@ -25,6 +27,7 @@ SENTENCES = {
 ON_DISK = Path("services/cockpit/page")
 ENGLISH = SENTENCES["en"]
 OTHERS = sorted(set(SENTENCES) - {"en"})
+S = 1_000_000_000  # [ns]
 MOST = 60_000  # [B] that are sent of a page that is opened, with one language beside English
 
 
@@ -78,6 +81,29 @@ def test_whatever_the_drone_does_by_itself_is_said_in_four_sentences(does: str, 
         keys = [key.replace("failsafe:", "notice:") for key in said]
         assert len(keys) == 4
         assert all(ENGLISH[key] for key in keys)
+
+
+def test_an_alarm_of_the_link_is_known_in_every_language_whatever_its_numbers():
+    alarm = LinkAlarm()
+    alarm.sent(0)
+    said = {"link.never": alarm.text(60 * S)}
+    for k in range(40):
+        alarm.answered(40.0)
+        alarm.sent(k)
+    for _ in range(20):
+        alarm.answered(900.0)
+    said["link.rtt"] = alarm.text(0)
+    alarm.sent(60 * S)
+    said["link.silent"] = alarm.text(90 * S)
+    for key, text in said.items():
+        template = re.sub(r"\\\{\w+\\\}", "[0-9.]+", re.escape(ENGLISH[key]))
+        assert re.fullmatch(template, text), (key, text)
+
+
+def test_what_is_wrong_with_the_picture_is_said_in_every_language():
+    keys = set(re.findall(r'"(video\.\w+)"', PAGE["video.js"]))
+    assert len(keys) == 6
+    assert keys <= set(ENGLISH)
 
 
 def test_a_page_is_light():

@@ -226,6 +226,25 @@ def test_an_alarm_is_heard_once_whatever_its_numbers_do_and_water_always(
     page.close()
 
 
+def test_the_link_and_the_picture_are_spoken_of_in_the_pilots_language(
+    browser: Browser, served: Served
+):
+    page = served.open(browser, Size(1280, 720), before="localStorage.setItem('language', 'de');")
+    served.becomes(page, said=[["LINK no answer from the drone for 1.1 s", "alarm"]])
+    note = "document.getElementById('note').textContent"
+    page.wait(f"{note} === 'VERBINDUNG seit 1.1 s keine Antwort der Drohne'")
+    served.becomes(
+        page, said=[["LINK round trip has risen from 40 to 237 ms; the drone waits", "alarm"]]
+    )
+    page.wait(f"{note}.startsWith('VERBINDUNG Hin und zurück dauert es nun 237 statt 40 ms; ')")
+    page.look("void import('/video.js').then(({ Video }) => { window.Pictures = Video; })")
+    page.wait("window.Pictures")
+    words = "Object.getOwnPropertyDescriptor(window.Pictures.prototype, 'words').get"
+    said = page.look(f"{words}.call({{ unable: '', light: 0, silence: 2000, ages: [1000, 3000] }})")
+    assert said == "seit 2 s kein Bild"
+    page.close()
+
+
 def test_no_key_acts_with_ctrl_and_a_pilot_gives_keys_of_his_own(browser: Browser, served: Served):
     page = served.open(browser, Size(1280, 720))
 

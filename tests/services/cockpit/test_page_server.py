@@ -25,10 +25,10 @@ from services.cockpit.core import Settings
 from services.cockpit.handshake import Access
 from services.cockpit.io import server as server_module
 from services.cockpit.io.access import VARIABLE, access_to
-from services.cockpit.io.message_rate import MOST_PER_SECOND
 from services.cockpit.io.server import (
     MOST_CONNECTIONS,
     MOST_PAGES,
+    MOST_PER_SECOND,
     MOST_WATCHERS,
     PageServer,
 )

@@ -128,8 +128,8 @@ class Film:
         unit = self._stream.take(
             VideoPart(
                 stamp_ns=light, seq=self.sent, picture=self.sent, keyframe=keyframe,
-                width=WIDTH, height=HEIGHT, exact=self.exact, captured_ns=light, encoded_ns=light,
-                budget_kbit=1500.0, data=data[:60_000],
+                width=WIDTH, height=HEIGHT, exact=self.exact, stripe=True,
+                captured_ns=light, encoded_ns=light, budget_kbit=1500.0, data=data[:60_000],
             )
         )  # fmt: skip
         assert unit is not None

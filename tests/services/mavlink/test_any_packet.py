@@ -7,17 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.events import Outbox
-from messages.pilot import PilotAnswer, RequestKind
+from messages.pilot import PilotAnswer
 from messages.vehicle import VehicleStatus
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.packets import GroundStation, ReceivedPacket, received
+from services.mavlink.pilot import GroundStation, ReceivedPacket, received
 from services.mavlink.telemetry import Snapshot
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
+from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
 from services.piloting.pilot import Pilot, Progress
 
 CODEC = MavlinkCodec(1, 1, "ardupilotmega")
 CLASSES = CODEC.types
-NOBODY = frozenset[RequestKind]()
 KINDS: list[Any] = sorted(CLASSES.values(), key=lambda kind: kind.id)
 OBEYED = (
     "MANUAL_CONTROL", "RC_CHANNELS_OVERRIDE", "COMMAND_LONG", "COMMAND_INT", "SET_MODE",
@@ -57,10 +56,10 @@ class Conversation:
         for packet in packets:
             self._now += 10_000_000
             for heard in (packet, for_us(packet)):
-                self._say(self._submarine.received(heard, NOBODY, self._now))
-            self._say(self._submarine.status(self._status, NOBODY, self._now))
+                self._say(self._submarine.received(heard, self._now))
+            self._say(self._submarine.status(self._status, self._now))
             known = Snapshot(self._now, 0, 0, self._status)
-            self._say(self._submarine.tick(["udp a"], known, NOBODY, self._now))
+            self._say(self._submarine.tick(["udp a"], known, self._now))
         return len(packets)
 
     def _say(self, reaction: Any) -> None:

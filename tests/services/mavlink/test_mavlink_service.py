@@ -11,7 +11,7 @@ from messages import topics
 from messages.pilot import PilotCommand
 from messages.vehicle import Truth, VehicleStatus
 from services.mavlink.core import Settings
-from services.mavlink.packets import Addressed, GroundStation
+from services.mavlink.pilot import Addressed, GroundStation
 from services.mavlink.service import GroundStations, wire
 from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.errors import LindyError

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.pilot import TTL_MS
-from services.mavlink.packets import GroundStation
-from services.mavlink.stick_packets import Channels, StickPacket, lets_go, manual_control
-from services.mavlink_io.numbers import NO_AXIS, NO_CHANNEL
-from services.piloting.guest_pilot import KEPT_NS, StickHolder
+from services.mavlink.pilot import GroundStation
+from services.mavlink.sticks import Channels, StickPacket, lets_go, manual_control
+from services.mavlink_io.packet import NO_AXIS, NO_CHANNEL
+from services.piloting.stick_holder import KEPT_NS, StickHolder
 from services.piloting.sticks import CENTRED, Sticks
 
 MS = 1_000_000

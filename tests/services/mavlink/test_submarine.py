@@ -11,24 +11,20 @@ from hypothesis import strategies as st
 from messages.events import Outbox
 from messages.health import LogLine
 from messages.message import Estimate
-from messages.pilot import PilotAnswer, PilotRequest, RequestKind
+from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.modes import CHOSEN
-from services.mavlink.packets import GroundStation, ReceivedPacket
 from services.mavlink.parameters import NAMES, TABLE
-from services.mavlink.reaction import Reaction
-from services.mavlink.streams import DEFAULT_HZ, STREAMS
-from services.mavlink.telemetry import Snapshot
-from services.mavlink_io.numbers import FORCE, MESSAGE_IDS, MavCommand, MavResult
+from services.mavlink.pilot import GroundStation, Reaction, ReceivedPacket
+from services.mavlink.telemetry import CHOSEN, DEFAULT_HZ, STREAMS, Snapshot
+from services.mavlink_io.packet import FORCE, MESSAGE_IDS, MavCommand, MavResult
 from services.piloting.pilot import Pilot, Progress
 from tests.support.told import told
 
 S, MS = 1_000_000_000, 1_000_000
 ANN, BOB = GroundStation("udp a", 255, 190), GroundStation("tcp b", 254, 190)
-NOBODY = frozenset[RequestKind]()
 HERE: dict[str, Any] = {"target_system": 1, "target_component": 1}
 anything = st.floats(allow_nan=True, allow_infinity=True, width=32)
 ZERO = Estimate(0.0, 0.0)
@@ -63,7 +59,7 @@ class Drone:
 
     def hear(self, name: str, sender: GroundStation = ANN, **fields: Any) -> Reaction:
         packet = ReceivedPacket(sender, name, fields)
-        return self.answer(self.submarine.received(packet, NOBODY, self.now))
+        return self.answer(self.submarine.received(packet, self.now))
 
     def answer(self, reaction: Reaction) -> Reaction:
         """Answer its requests; what that causes is added."""
@@ -86,13 +82,13 @@ class Drone:
     def tick(self, ms: int = 20, links: Sequence[str] = (ANN.link, BOB.link)) -> Reaction:
         self.now += ms * MS
         known = Snapshot(self.now, 0, self.now, self.status(), STATE)
-        return self.answer(self.submarine.tick(links, known, NOBODY, self.now))
+        return self.answer(self.submarine.tick(links, known, self.now))
 
     def sticks(self, sender: GroundStation = ANN, **sticks: int) -> Reaction:
         fields: dict[str, Any] = {"target": 1, "x": 0, "y": 0, "z": 500, "r": 0, "buttons": 0}
         fields |= sticks
         reaction = self.hear("MANUAL_CONTROL", sender, **fields)
-        self.answer(self.submarine.status(self.status(), NOBODY, self.now))
+        self.answer(self.submarine.status(self.status(), self.now))
         return reaction
 
     def command(self, number: int, *params: float, sender: GroundStation = ANN) -> Reaction:
@@ -104,7 +100,7 @@ class Drone:
         """Ann has the sticks and has armed."""
         self.sticks()
         assert acks(self.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)) == [MavResult.ACCEPTED]
-        self.answer(self.submarine.status(self.status(), NOBODY, self.now))
+        self.answer(self.submarine.status(self.status(), self.now))
         return self
 
 
@@ -162,7 +158,7 @@ def test_a_command_that_the_drone_does_not_answer_fails_at_last() -> None:
     packet = ReceivedPacket(
         ANN, "COMMAND_LONG", {"command": 193, **HERE} | {f"param{k}": 0.0 for k in range(1, 8)}
     )
-    reaction = drone.submarine.received(packet, NOBODY, drone.now)
+    reaction = drone.submarine.received(packet, drone.now)
     assert acks(reaction) == []
     reaction = drone.submarine.given_up(reaction.requests[0], drone.now)
     assert acks(reaction) == [MavResult.FAILED]
@@ -171,7 +167,7 @@ def test_a_command_that_the_drone_does_not_answer_fails_at_last() -> None:
 def test_commands_without_an_answer_are_closed_after_a_while_whatever_happens() -> None:
     drone = Drone().flown()
     fields = {"command": 193, **HERE} | {f"param{k}": 0.0 for k in range(1, 8)}
-    drone.submarine.received(ReceivedPacket(ANN, "COMMAND_LONG", fields), NOBODY, drone.now)
+    drone.submarine.received(ReceivedPacket(ANN, "COMMAND_LONG", fields), drone.now)
     assert acks(drone.tick(5900)) == []
     assert acks(drone.tick(200)) == [MavResult.FAILED]
 
@@ -261,7 +257,7 @@ def test_the_idle_service_asks_for_no_control() -> None:
     drone = Drone()
     for _ in range(50):
         drone.tick()
-        drone.answer(drone.submarine.status(drone.status(), NOBODY, drone.now))
+        drone.answer(drone.submarine.status(drone.status(), drone.now))
     assert drone.asked == []
 
 
@@ -485,8 +481,8 @@ def test_warnings_become_texts_and_too_many_are_counted() -> None:
 def test_a_failsafe_is_told_once() -> None:
     drone = Drone()
     failed = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, failsafe="pilot_lost")
-    assert "failsafe: pilot lost" in texts(drone.submarine.status(failed, NOBODY, 0))
-    assert texts(drone.submarine.status(failed, NOBODY, 1)) == ""
+    assert "failsafe: pilot lost" in texts(drone.submarine.status(failed, 0))
+    assert texts(drone.submarine.status(failed, 1)) == ""
 
 
 # Buttons.

@@ -11,8 +11,14 @@ from pymavlink.dialects.v20 import (  # pyright: ignore[reportMissingTypeStubs]
 )
 
 from messages.events import Outbox
-from services.mavlink_io.framing import LONGEST, FrameCutter
-from services.mavlink_io.io.codec import MOST, FrameReader, HeardMessages, MavlinkCodec
+from services.mavlink_io.io.endpoint import (
+    LONGEST,
+    MOST,
+    FrameCutter,
+    FrameReader,
+    HeardMessages,
+    MavlinkCodec,
+)
 from services.mavlink_io.packet import MavlinkPacket, command, heartbeat
 
 CODEC = MavlinkCodec(1, 1)

@@ -14,8 +14,7 @@ import pytest
 from messages.events import Outbox
 from services.mavlink.core import Settings
 from services.mavlink.service import GROUND_STATIONS
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
-from services.mavlink_io.io.endpoint import MavlinkEndpoint
+from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec, MavlinkEndpoint
 from services.mavlink_io.io.links import Links
 from services.mavlink_io.packet import MavlinkPacket, heartbeat
 from services.runtime.config.errors import LindyError

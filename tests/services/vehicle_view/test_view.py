@@ -14,7 +14,7 @@ from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.vehicle_view import ages, words
 from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
-from services.vehicle_view.view import OVERRULED_NS, Newest, VehicleView, believed, vehicle_view
+from services.vehicle_view.view import OVERRULED_NS, Newest, believed, vehicle_view
 
 S = 1_000_000_000
 FAILSAFES: list[Failsafe] = ["leak", "state_lost", "pilot_lost", "link_lost"]
@@ -105,11 +105,13 @@ def test_charge_is_known_where_the_capacity_is(capacity: float | None, used: flo
 
 
 @pytest.mark.parametrize(
-    ("note", "tone"),
-    [
-        ("the battery is low", "warning"),
-        ("water in the enclosure; the battery is low", "alarm"),
-    ],
+    ("conditions", "tone"), [((), "warning"), (("battery_low", "leak"), "alarm")]
 )
-def test_water_inside_is_an_alarm_also_where_the_pilot_flies_on(note: str, tone: str):
-    assert words.others(VehicleView(note=note)) == [(note, tone)]
+def test_water_inside_is_an_alarm_also_where_the_pilot_flies_on(
+    conditions: tuple[str, ...], tone: str
+):
+    """By its name, whatever the sentence says."""
+    status = VehicleStatus(
+        stamp_ns=0, activity="piloted", armed=True, conditions=conditions, note="look here"
+    )
+    assert words.others(vehicle_view(Newest(status), 0)) == [("look here", tone)]

@@ -18,10 +18,17 @@ from messages.state import VehicleState
 from messages.topic import AnyTopic
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
+from services.visualizer.computed import (
+    BAND,
+    LONGEST_NS,
+    LOOKS,
+    SETTLE_NS,
+    WINDOW,
+    JerkLines,
+    LowPassedJerk,
+    ThrusterChanges,
+)
 from services.visualizer.core import Collector
-from services.visualizer.curves import computed
-from services.visualizer.felt_jerk import BAND, LONGEST_NS, SETTLE_NS, JerkLines, LowPassedJerk
-from services.visualizer.thruster_changes import WINDOW, ThrusterChanges
 from tests.support.sortie import DEEP, Sortie
 from tools.report import jerk as report
 from tools.report.dive import GatheredDive, RecordedDive
@@ -111,7 +118,7 @@ def test_the_viewer_counts_the_starts_and_reversals_of_the_report() -> None:
 
 @pytest.mark.slow
 def test_few_points_are_drawn_and_all_have_a_look() -> None:
-    styled = {look.path for look in computed()}
+    styled = {look.path for look in LOOKS}
     for path, (times, _) in flown().curves.items():
         if path.startswith(("jerk_", "thruster_changes")):
             assert path in styled
@@ -201,6 +208,6 @@ def test_only_the_last_minute_is_counted(thrust: Numbers) -> None:
         )
         columns = changes.hear([command], [k * SECOND])
         starts = [a == 0.0 != b for a, b in pairwise(seconds[max(0, k - WINDOW - 1) : k])]
-        assert (columns is None) == (k == 0)
-        if columns is not None:
-            assert columns.rows[0][0] == sum(starts)
+        assert bool(columns) == (k > 0)
+        if columns:
+            assert columns[0].rows[0][0] == sum(starts)

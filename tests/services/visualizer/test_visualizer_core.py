@@ -100,9 +100,9 @@ def test_names_colours_and_numbers_of_a_curve_agree(sample: Sample) -> None:
     assert len(paths) == len(set(paths))
     for curve in curves(VEHICLE):
         row = curve.read(sample(curve.topic.key, SECOND))
-        assert len(curve.names) == len(curve.colours)
-        if row is not None and curve.names:
-            assert len(row) == len(curve.names), curve.path
+        assert len(curve.look.names) == len(curve.look.colours)
+        if row is not None and curve.look.names:
+            assert len(row) == len(curve.look.names), curve.path
 
 
 def test_angles_are_shown_in_degrees_and_latencies_in_milliseconds(sample: Sample) -> None:

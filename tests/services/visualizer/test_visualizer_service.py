@@ -231,7 +231,7 @@ def test_a_viewer_that_never_reads_costs_batches_but_no_time(
     """The dive below would never end if anything waited for this viewer."""
     monkeypatch.setattr(live_viewer, "WAITING_BYTES", 1_000)
     stalled = [sys.executable, "-c", STALLED_VIEWER]
-    monkeypatch.setattr("services.visualizer.io.outputs.viewer_command", lambda: stalled)
+    monkeypatch.setattr("services.visualizer.service.viewer_command", lambda: stalled)
     host, stack = VirtualHost(), Stack(out=str(tmp_path), viewer=True)
     others = {side: host.node(side, [side]) for side in BOTH_REALMS.sides}
     node = host.add("visualizer", BOTH_REALMS, stack, wire)

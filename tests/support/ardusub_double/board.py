@@ -9,8 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.numbers import ARDUPILOT, MavResult
-from services.mavlink_io.packet import MavlinkPacket
+from services.mavlink_io.packet import ARDUPILOT, MavlinkPacket, MavResult
 from services.simulator.core import Settings
 from tests.support.ardusub_double.motors import REST, SPOOL_S, axes_of, motor_pulses
 from tests.support.ardusub_double.settings import LIMITS, VERSIONS, defaults

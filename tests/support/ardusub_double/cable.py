@@ -48,7 +48,10 @@ class Cable:
             self.now += MS
             if self.thrust is not None and self.now % self.period_ns == 0:
                 self._command(self.thrust)
-            if self.driver.ends_ns is not None and self.now > self.driver.ends_ns:
+            if (
+                self.driver.path.gate.ends_ns is not None
+                and self.now > self.driver.path.gate.ends_ns
+            ):
                 self.driver.lapse(self.now)
             self.board.advance(self.now)
             fresh = [] if self.dumb else self.board.sent()

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
+from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
 from services.mavlink_io.io.links import ByteLinks, Received
 from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.hosts.virtual_host import VirtualHost

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from services.ardusub.frames import FRAMES
+from services.ardusub.mixing import FRAMES
 
 SPOOL_S = 0.52  # [s] from arming to thrust, MOT_SPOOL_TIME 0.5; then at once
 REST = 1500  # [µs] of a motor, armed or not

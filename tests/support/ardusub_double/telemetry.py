@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.sensors import MagnetometerSample, PressureSample
-from services.ardusub.frames import FRAMES, senses
+from services.ardusub.mixing import FRAMES, senses
 from services.marine.thrust_curve import CURVES
 from services.marine.vehicle import Thruster, Vehicle
 from services.mavlink_io.packet import MavlinkPacket
@@ -143,7 +143,7 @@ class HullDouble:
         return MavlinkPacket("SYS_STATUS", {
             **dict.fromkeys(zeros, 0),
             "voltage_battery": round(1000.0 * sample.voltage),
-            "current_battery": round(100.0 * sample.current),
+            "current_battery": -1 if sample.current is None else round(100.0 * sample.current),
             "battery_remaining": -1,
         })  # fmt: skip
 

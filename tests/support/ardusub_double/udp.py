@@ -12,7 +12,7 @@ import time
 from collections.abc import Sequence
 
 from services.marine.vehicle import Vehicle
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
+from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
 from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest

@@ -17,10 +17,10 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from messages.events import Outbox
-from services.ardusub import parameters
+from services.ardusub import board_check
 from services.ardusub.service import ONE_BOARD
 from services.ardusub.settings import Settings
-from services.mavlink_io.io.codec import FrameReader, MavlinkCodec
+from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
 from services.mavlink_io.io.links import Links
 from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.errors import LindyError
@@ -212,17 +212,17 @@ def test_a_parameter_that_is_wrong_is_named_with_what_to_set(
 @given(data=st.data())
 def test_what_it_says_to_set_is_allowed(version: str, data: st.DataObject) -> None:
     release, own = NUMBER_OF[version], Settings(system=245)
-    names = parameters.names(release, len(VEHICLE.thruster))
+    names = board_check.names(release, len(VEHICLE.thruster))
     odd = st.sampled_from([-1.0, 0.0, 0.05, 1.0, 2.0, 9.0, 900.0, 1100.0, 1490.0, 1500.0, 2500.0])
     values = {**defaults(version), **data.draw(st.dictionaries(st.sampled_from(names), odd))}
     for _ in range(2):  # RC3_MAX and RC3_TRIM of 4.5 follow RC3_MIN
-        for sentence in parameters.problems(values, release, own, VEHICLE):
+        for sentence in board_check.problems(values, release, own, VEHICLE):
             name = sentence.split()[0]
-            value = remedy(name, values, own, VEHICLE, new=parameters.is_new(release))
+            value = remedy(name, values, own, VEHICLE, new=board_check.is_new(release))
             assert value is not None
             values[name] = value
     values["MAV_GCS_SYSID_HI"] = 0.0
-    assert parameters.problems(values, release, own, VEHICLE) == []
+    assert board_check.problems(values, release, own, VEHICLE) == []
 
 
 def test_a_parameter_without_an_answer_is_missing() -> None:

@@ -1,1 +1,0 @@
-"""The H.264 decoder, by FFmpeg through PyAV."""
