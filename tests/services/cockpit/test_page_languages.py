@@ -10,11 +10,10 @@ import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
-from services.link_monitor.link_alarm import LinkAlarm
-
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.cockpit.io.files import PageFiles
 from services.cockpit.page_view import acting
+from services.link_monitor.core import LinkAlarm
 from services.piloting.keys import KEYS
 from services.reference.failsafe.table import ACTING
 from services.vehicle_view.view import DOES, Newest, vehicle_view
