@@ -25,7 +25,7 @@ from tools.importing.several_files import SeveralFiles
 from tools.importing.table_file import TableFile, is_table
 from tools.importing.tlog_file import TlogFile, is_tlog
 from tools.importing.ulog_file import UlogFile, is_ulog
-from tools.live.latest import DIVES
+from tools.live.dive_folder import DIVES
 
 REPORT = "import.json"
 UNTAKEN = 8  # of what a log also has, so many are printed

@@ -16,9 +16,8 @@ from services.runtime.hosts.registry import Registry
 from tools.checks import pilot_of
 from tools.dive_files import read_besides
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import Outcome
-from tools.live.virtual_dive import INTERRUPTED, fly, without_files
+from tools.live.virtual_dive import INTERRUPTED, MemoryRecorder, fly, without_files
 from tools.sweep.all_cores import asked_to_stop
 from tools.sweep.axes import PlannedDive
 from tools.sweep.recorded import own_folder, read_recorded

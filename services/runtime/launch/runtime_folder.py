@@ -38,6 +38,6 @@ def sweep(place: Path) -> None:
                 continue
             if (lock := system.lock(folder)) is None:
                 continue
-            if lock.hand_over() is not None:
+            if lock.is_known:
                 shutil.rmtree(folder, ignore_errors=True)
             lock.release()
