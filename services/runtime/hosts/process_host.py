@@ -36,11 +36,10 @@ from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.caller_log import CallerLog
 from services.runtime.hosts.garbage_collection import rare_collections
-from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.heartbeat import Heartbeat
+from services.runtime.hosts.loop import POLL_S, Loop
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.loop_stats import Instance, Usage
@@ -105,11 +104,11 @@ def run_services(launch: Launch) -> int:
             exits.callback(node.close)
             nodes.append(node)
         copies.close()  # what is asked for from now on is read as it is then
-        host = GroupHost(nodes, usage)
-        exits.enter_context(_blaming(registry, lambda: host.running))
         # What writes files, or is somebody else's, may hold up the thread that it runs on.
         own = all(spec.module is None for spec in launch.services.values())
-        stepper = Stepper(host, on_arrival=own and not any(node.collects for node in nodes))
+        quick = own and not any(node.collects for node in nodes)
+        loop = Loop(nodes, usage, on_arrival=quick)
+        exits.enter_context(_blaming(registry, lambda: loop.running))
         for name, spec in launch.services.items():
             for side in spec.sides:
                 sessions[side].announce(name)
@@ -119,8 +118,8 @@ def run_services(launch: Launch) -> int:
             nodes[0].log("warning", heartbeat.unwatched)
         while not stop.asked:
             heartbeat.beat(time.monotonic_ns())
-            stepper.step_and_wait()
-        stepper.finish()  # messages that arrived with the signal are still handled
+            loop.step_and_wait()
+        loop.finish()  # messages that arrived with the signal are still handled
         return 0
     return 1
 
