@@ -17,9 +17,8 @@ from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
-from services.runtime.config.sensor_parts import SENSORS, NamedSensors
 from services.runtime.config.settings import DEPLOY, deploy_file, kept, nearest
-from services.runtime.config.stack import BODY, Stack
+from services.runtime.config.stack import BODY, SENSORS, NamedSensors, Stack
 from services.runtime.hosts.registry import Registry
 from services.tether.io.profile_file import named
 from tools.choices import Choices

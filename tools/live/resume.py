@@ -19,7 +19,7 @@ from messages.identity import SideIdentity
 from messages.payload import UNDECODABLE
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
-from services.runtime.config.identity import identity_now
+from services.runtime.config.identity import identity_of
 from services.runtime.config.running import running_in
 from services.runtime.config.stack import Stack
 from services.runtime.launch.process_plan import CHECKPOINTS
@@ -61,7 +61,7 @@ def begin_with(stack: Stack, resume: Path | None = None) -> dict[str, bytes]:
     Raises:
         LindyError: the vehicle file cannot be read, or the dive cannot be resumed.
     """
-    boot, now, identity = boot_id(), time.monotonic_ns(), identity_now(stack, "drone")
+    boot, now, identity = boot_id(), time.monotonic_ns(), identity_of(stack, "drone", 0)
     note = StartNote(
         boot_id=boot or "",
         vehicle=stack.drone_name,
