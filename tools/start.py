@@ -14,8 +14,8 @@ import msgspec
 
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
+from services.runtime.launch.process_plan import Dive
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices
 from tools.fleet.names import own_name

@@ -12,8 +12,8 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import require_free
+from services.runtime.launch.process_plan import Dive
 from services.runtime.os import system
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder

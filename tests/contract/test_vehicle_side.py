@@ -35,8 +35,8 @@ from services.runtime.config.errors import NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
+from services.runtime.launch.process_plan import Dive
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
 from services.vehicle.mounting import MountedAxes

@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Literal
 
 from services.runtime.config.disk import reason
-from services.runtime.launch.child import Child, OsChild, Task
-from services.runtime.launch.child_log import ChildLog
+from services.runtime.launch.child import Child, ChildLog, OsChild, Task
 from services.runtime.launch.lifecycle import Action, Ended, Life, LifeEvent, advance
 
 NAME = "supervisor"  # its name on the bus
