@@ -18,8 +18,7 @@ from services.runtime.launch.local_stack import local_stack
 from services.runtime.launch.process_plan import Dive
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices
-from tools.fleet.names import own_name
-from tools.fleet.others import others_named
+from tools.fleet.names import others_named, own_name
 from tools.live.cockpit import with_further_cameras, with_picture
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording

@@ -15,9 +15,8 @@ from services.runtime.config.identity import messages_hash
 from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
 from tools.choices import HERE, Insecure, Json, KeysFolder, Router
-from tools.fleet.look import look
+from tools.fleet.look import Drone, Roster, look
 from tools.fleet.names import clean
-from tools.fleet.roster import Drone, Roster
 from tools.keys.credentials import credentials
 from tools.keys.roles import Role
 from tools.live.stop_signals import StopSignals

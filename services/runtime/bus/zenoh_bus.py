@@ -34,6 +34,7 @@ from services.runtime.os import system
 SessionMode = Literal["router", "client"]
 UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
 HUB_PATIENCE_S = 10.0  # [s] a client waits for its hub to start
+QUERY_S = 1.0  # [s] for the answer to who is there; a router answers at once
 MOST_SESSIONS = 128  # at a hub of a drone or topside: its own services, and other machines
 
 
@@ -255,17 +256,22 @@ class ZenohBus:
         """Declare a liveliness token; when it disappears, everyone knows within milliseconds."""
         self._keep.append(self._session.liveliness().declare_token(f"alive/{service}"))
 
-    def watch(self, changed: Callable[[str, bool], None]) -> None:
-        """Call `changed(service, alive)` for every liveliness token, present and future."""
+    def watch(self, changed: Callable[[str, bool], None], key: str = "alive/*") -> None:
+        """Call `changed(key of a token, is it there)` for every liveliness token, present and
+        future."""
 
         def on_token(sample: zenoh.Sample) -> None:
-            service = str(sample.key_expr).rsplit("/", 1)[-1]
-            changed(service, sample.kind == zenoh.SampleKind.PUT)
+            keep_thread_state()
+            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         handler = zenoh.handlers.Callback(on_token, indirect=False)
-        self._keep.append(
-            self._session.liveliness().declare_subscriber("alive/*", handler, history=True)
-        )
+        liveliness = self._session.liveliness()
+        self._keep.append(liveliness.declare_subscriber(key, handler, history=True))
+
+    def tokens(self, key: str) -> list[str]:
+        """Keys of the liveliness tokens that are there now, also strangers'."""
+        replies = self._session.liveliness().get(key, timeout=QUERY_S)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
 
 @contextmanager

@@ -22,6 +22,7 @@ import msgspec
 
 from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.envelope import Bus
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.zenoh_bus import (
@@ -95,10 +96,15 @@ def run_services(launch: Launch) -> int:
             side: exits.enter_context(open_bus(endpoint, launch.stack.space, launch.keys))
             for side, endpoint in launch.endpoints.items()
         }
-        buses = {side: SharedBus(session) for side, session in sessions.items()}
+        shared = {s: SharedBus(own) for s, own in sessions.items()} if len(wires) > 1 else {}
+
+        def end(side: str) -> Bus:
+            """A service that is alone has the session itself."""
+            return SharedBusPort(shared[side]) if shared else sessions[side]
+
         nodes: list[Node] = []
         for name, wire in wires.items():
-            node = _node(name, launch, buses, exits)
+            node = _node(name, launch, end, exits)
             wire(node, launch.stack)
             exits.enter_context(_blaming(registry, lambda name=name: name))
             exits.callback(node.close)
@@ -124,7 +130,7 @@ def run_services(launch: Launch) -> int:
     return 1
 
 
-def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitStack) -> Node:
+def _node(name: str, launch: Launch, end: Callable[[str], Bus], exits: ExitStack) -> Node:
     """The node of a service, not yet wired."""
     spec, home = launch.services[name], launch.services[name].sides[0]
     checkpoint = CheckpointFile(Path(launch.checkpoint) / f"{name}.json")
@@ -134,7 +140,7 @@ def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitSta
     )
     node = Node(
         name,
-        {side: SharedBusPort(buses[side]) for side in spec.sides},
+        {side: end(side) for side in spec.sides},
         time.monotonic_ns,
         checkpoint,
         gateway=spec.gateway,

@@ -214,8 +214,8 @@ class LocalStack:
             self._wake.wait(min(PERIOD_S, seconds))
         self._wake.clear()
 
-    def _token(self, side: str, service: str, alive: bool) -> None:
-        self._tokens.append((side, service, alive))
+    def _token(self, side: str, key: str, alive: bool) -> None:
+        self._tokens.append((side, key.rpartition("/")[2], alive))
         self._wake.set()
 
     def _hear_tokens(self) -> None:
