@@ -28,6 +28,7 @@ LOOK_HZ = 25.0  # [1/s] often enough that a port that keeps the newest 16 does n
 WHO = "end-of-dive"
 REFUSALS = 5  # of one request, until it is given up
 REMIND_S = 60.0  # [s] between two lines in the log that say that there are no keys
+ENDS = "the drone's side ends, because it was asked to on board: its services end now"
 ALIVE_S = 30.0  # [s] for all services to start, on a slow and busy computer
 
 
@@ -80,7 +81,9 @@ class DroneSide:
             LindyError: a service cannot start.
         """
         try:
-            return keep_running(self._local, self._timeline, self._stop, self._look)
+            end = keep_running(self._local, self._timeline, self._stop, self._look)
+            self._local.node.log("warning", ENDS)  # the pilot would only see that the link is gone
+            return end
         finally:
             self._lines.finish()
 
