@@ -13,8 +13,7 @@ from services.recorder.io.mcap_session import CannotRecordError
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from tools.checks import pilot_of
-from tools.dive_files import read_besides
+from tools.checks import pilot_of, read_besides
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import Outcome
 from tools.live.virtual_dive import INTERRUPTED, MemoryRecorder, fly, without_files

@@ -3,9 +3,12 @@ explicit endpoints."""
 
 import json
 import os
+import socket
+import stat
+import struct
 import time
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, Literal
@@ -14,7 +17,6 @@ import zenoh
 
 from messages.payload import LONGEST
 from messages.topic import AnyTopic
-from services.runtime.bus import tcp_links
 from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.key_files import KeyFiles, tls_settings
@@ -33,6 +35,7 @@ from services.runtime.os import system
 
 SessionMode = Literal["router", "client"]
 UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
+DESCRIPTORS = "/proc/self/fd"
 HUB_PATIENCE_S = 10.0  # [s] a client waits for its hub to start
 QUERY_S = 1.0  # [s] for the answer to who is there; a router answers at once
 MOST_SESSIONS = 128  # at a hub of a drone or topside: its own services, and other machines
@@ -184,13 +187,42 @@ def watch_callers(session: zenoh.Session, changed: Callable[[str, bool], None]) 
 def close_without_waiting(session: zenoh.Session) -> object:
     """Let every link over TCP end at once, present and future, as long as what is returned is kept.
     Zenoh has Linux wait up to ten seconds for what the other end has not acknowledged, and a hub
-    whose one thread waits so serves nobody meanwhile."""
+    whose one thread waits so serves nobody meanwhile. Zenoh cannot be told otherwise, its
+    descriptors can: SO_LINGER off."""
 
     def on_link(link: zenoh.Link, there: bool) -> None:
-        if there and link.src.startswith(("tcp/", "tls/")):
-            tcp_links.close_without_waiting(tcp_links.ends_of(link.src, link.dst))
+        if not there or not link.src.startswith(("tcp/", "tls/")):
+            return
+        wanted = [end.partition("/")[2] for end in (link.src, link.dst)]
+        for number in _sockets():
+            with suppress(OSError), socket.socket(fileno=os.dup(number)) as found:
+                if _ends(found) == wanted:
+                    found.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
     return _watch_links(session, on_link)
+
+
+def _sockets() -> Iterator[int]:
+    """Descriptor of every socket of this process."""
+    try:
+        numbers = os.listdir(DESCRIPTORS)  # noqa: PTH208 - names alone
+    except OSError:  # not Linux, or no descriptors are left
+        return
+    for number in map(int, numbers):
+        with suppress(OSError):  # it was closed meanwhile
+            if stat.S_ISSOCK(os.fstat(number).st_mode):
+                yield number
+
+
+def _ends(link: socket.socket) -> list[str]:
+    """Of a connection over TCP: `host:port` of this end and of the other, as Zenoh writes them."""
+    if link.family not in (socket.AF_INET, socket.AF_INET6) or link.type != socket.SOCK_STREAM:
+        return []
+    try:
+        both = link.getsockname(), link.getpeername()
+    except OSError:  # it listens, or has ended
+        return []
+    return [f"[{host}]:{port}" if ":" in host else f"{host}:{port}" for host, port, *_ in both]
 
 
 def _watch_links(session: zenoh.Session, changed: Callable[[zenoh.Link, bool], None]) -> object:

@@ -11,7 +11,8 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Generator
+from collections import Counter
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
@@ -35,7 +36,6 @@ from services.runtime.bus.zenoh_bus import (
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.caller_log import CallerLog
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.heartbeat import Heartbeat
 from services.runtime.hosts.loop import POLL_S, Loop
@@ -162,6 +162,30 @@ class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None
     tells: bool = False  # says on the parent's stderr that the parent was killed
+
+
+class CallerLog:
+    """Who comes to a hub from another machine, and who leaves: each the first, tenth, hundredth …
+    time, because who is not admitted may try for hours."""
+
+    def __init__(self, admitted: Sequence[str]) -> None:
+        self._admitted = frozenset(admitted)
+        self._times: Counter[tuple[str, bool]] = Counter()
+
+    def see(self, name: str, connected: bool) -> None:
+        """Somebody has connected or left. Called on Zenoh's thread."""
+        self._times[name, connected] += 1
+        times = self._times[name, connected]
+        if str(times).rstrip("0") != "1":
+            return
+        again = "" if times == 1 else f" ({times} times)"
+        text = f"{name} {'connected' if connected else 'left'}{again}"
+        if name in self._admitted:
+            line = f"info hub: {text}"
+        else:
+            line = f"warning hub: {text}; it is not admitted, and can neither hear nor say anything"
+        with contextlib.suppress(OSError):  # a full disk under the log
+            print(line, file=sys.stderr, flush=True)
 
 
 def run_hub(launch: HubLaunch) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from services.runtime.launch.lifecycle import Life
+from services.runtime.launch.supervisor import Life
 
 SILENT_S = 1.0  # [s] without a heartbeat, which comes ten times a second at least
 STUCK_S = 0.3  # [s] the same, of one that does not even wait for a processor: it is not just late

@@ -22,13 +22,12 @@ from messages.message import Message
 from messages.payload import UNDECODABLE
 from messages.topic import AnyTopic, Direction, M, Topic
 from services.runtime.bus.envelope import Bus, Envelope
-from services.runtime.node.answers import AnswerBook
 from services.runtime.node.checkpoint import CheckpointStore
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
 from services.runtime.node.loop_stats import CALM_NS, Instance, LoopStats, Usage
 from services.runtime.node.ports import Alarm, Inbox, Latest, Now, Publisher, Tick
-from services.runtime.node.requests import A, Overrules, Q, Requester, Requests
+from services.runtime.node.requests import A, AnswerBook, Overrules, Q, Requester, Requests
 
 # Envelopes kept between two steps of a latest-wins port: 0.16 s at 100 Hz. A service that is
 # stepped only at the end of a silence of 0.1 s, as control before its first reference, loses none.
