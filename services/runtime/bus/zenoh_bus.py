@@ -1,11 +1,21 @@
 """The bus of one side over Zenoh: a star with one hub; every service is a client of that hub, with
-explicit endpoints."""
+explicit endpoints, and has one thread of Zenoh's instead of up to nine.
 
+By itself Zenoh starts five pools of threads, and every message passes through three of them. With
+some hundred small messages a second, the switches between the threads cost more than the messages.
+With one thread, that thread also empties the queues of what is to be sent; so they must hold what
+is published in one go: 16 batches of 64 kB, the most that Zenoh allows, so 1 MB per priority. What
+is published beyond that before the thread is free again is dropped: also a small message right
+behind 1 MB. Messages of 300 kB leave room for others.
+"""
+
+import ctypes
 import json
 import os
 import socket
 import stat
 import struct
+import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -22,13 +32,6 @@ from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
-from services.runtime.bus.zenoh_threads import (
-    ONE_THREAD,
-    QUEUES,
-    VARIABLE,
-    keep_thread_state,
-    use_one_thread,
-)
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.os import system
@@ -38,7 +41,34 @@ UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
 DESCRIPTORS = "/proc/self/fd"
 HUB_PATIENCE_S = 10.0  # [s] a client waits for its hub to start
 QUERY_S = 1.0  # [s] for the answer to who is there; a router answers at once
+VARIABLE = "ZENOH_RUNTIME"  # Zenoh reads it when the first session of a process is opened
+ONE_THREAD = (
+    "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), "
+    "net: (handover: rx), app: (handover: rx))"
+)
+BATCHES = 16  # of each priority, on each link
+PRIORITIES = (
+    "control", "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low",
+    "background",
+)  # fmt: skip
+QUEUES = dict.fromkeys(PRIORITIES, BATCHES)  # Zenoh's `transport/link/tx/queue/size`
 MOST_SESSIONS = 128  # at a hub of a drone or topside: its own services, and other machines
+
+
+_kept = threading.local()
+
+
+def use_one_thread() -> None:
+    """Call before the first session is opened. What the user's environment says wins."""
+    if not os.environ.get(VARIABLE):
+        os.environ[VARIABLE] = ONE_THREAD
+
+
+def keep_thread_state() -> None:
+    """Keep Python's state of this thread of Zenoh's for as long as the thread lives; otherwise each
+    call of a subscriber makes one, with a stack of its own, and throws it away."""
+    if not hasattr(_kept, "state"):
+        _kept.state = ctypes.pythonapi.PyGILState_Ensure()  # never released
 
 
 def config(

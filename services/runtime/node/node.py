@@ -289,9 +289,10 @@ class Node:
     def gate(self, topic: Topic[M]) -> Gate[M]:
         return Gate(topic, self.outbox, self._clock_offset)
 
-    def _gates(self, topic: Topic[M], *, onlooker: bool) -> Gates[M]:
+    def _gates(self, topic: Topic[M], *, onlooker: bool) -> Gate[M] | Gates[M]:
+        kind = Gates[M] if topic.is_family else Gate[M]
         offset, replay = self._clock_offset, self._replay
-        return Gates(topic, self.outbox, offset, onlooker=onlooker, replay=replay)
+        return kind(topic, self.outbox, offset, onlooker=onlooker, replay=replay)
 
     def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
         """[ns] A stamp of an envelope by this node's clock; None where not known."""
