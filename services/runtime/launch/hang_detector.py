@@ -1,7 +1,7 @@
 """Which processes run but do not answer: they hang, or were stopped.
 
 Pure: the heartbeats, the state of each child and `now` are arguments. A process that has ended is
-the business of `lifecycle.py`; this is about one that has not, and whose loop does not go round.
+the business of `supervisor.py`; this is about one that has not, and whose loop does not go round.
 """
 
 from collections import Counter
