@@ -17,7 +17,7 @@ from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Bus, Envelope
 from services.runtime.bus.qos import QOS_PROFILES
 from services.runtime.config.errors import LindyError
-from services.runtime.node.stamps import mover
+from services.runtime.node.clock_offset import mover
 from tools.recordings.recording import Raw, Recording
 
 Send = Callable[[Envelope], None]
