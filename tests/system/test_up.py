@@ -139,7 +139,13 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     assert abs(report["stops"][0]["t"] - 2.0) < 0.5
     assert report["latency_ms"]["stick_to_thruster"]["p50"] > 0.0
     assert report["link"] == endpoint
-    for line in ("ended cleanly", "report.json in", "elsewhere         the topside's restarts"):
+    ends = "supervisor_drone: the drone's side ends, because it was asked to on board"
+    for line in (
+        ends,
+        "ended cleanly",
+        "report.json in",
+        "elsewhere         the topside's restarts",
+    ):
         assert line in drone.said
     assert {path.stem for path in (topside.out / "logs").iterdir()} == {
         "hub_topside", "recorder_topside", "topside", "visualizer",
