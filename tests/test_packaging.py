@@ -37,7 +37,7 @@ def test_lindy_says_the_version_that_is_installed() -> None:
 
 def test_no_service_asks_the_installed_package_for_it() -> None:
     """It would take each process on board up to 2 MB and 20 ms."""
-    names = "tools.onboard.supervise, services.__main__, services.link_monitor.service"
+    names = "services.__main__, services.link_monitor.service"
     names += ", services.estimation.service, services.reference.service, services.control.service"
     code = f"import sys, {names}; sys.exit('importlib.metadata' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

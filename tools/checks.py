@@ -1,34 +1,43 @@
-"""Everything that can be checked before a dive starts, so that a mistake is reported at once."""
+"""Everything that can be checked before a dive starts, so that a mistake is reported at once; and
+the files that its recording must carry, so that the dive can be flown again."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
 from messages.events import Outbox
+from messages.link import LinkRequest
 from messages.pilot import Course
+from messages.simulator import FaultRequest
 from services.control.core import Controller, Settings
 from services.gamepad import stick_log
+from services.gamepad.core import Settings as GamepadSettings
 from services.gamepad.io.path_file import course_named
 from services.gamepad.io.sources import pad_profile
+from services.gamepad.stick_log import in_words
 from services.marine.vehicle import Vehicle
 from services.piloting.pilot_intents import FollowIntent
 from services.piloting.sticks import Incident
 from services.reference.guidance.path_following import PlannedPath
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
-from services.runtime.config.sensor_parts import SENSORS, NamedSensors
 from services.runtime.config.settings import DEPLOY, deploy_file, kept, nearest
-from services.runtime.config.stack import BODY, Stack
+from services.runtime.config.stack import BODY, SCRIPT, SENSORS, NamedSensors, Stack
 from services.runtime.hosts.registry import Registry
-from services.tether.io.profile_file import named
+from services.runtime.hosts.stack_file import bases
+from services.simulator.core import Settings as SimulatorSettings
+from services.simulator.core import sensors_of
+from services.simulator.faults import refusal
+from services.tether.io.profile_file import asked_for, named, traces
 from tools.choices import Choices
-from tools.dive_files import read_besides
-from tools.incident_checks import check_incidents
-from tools.link_fit import check_can_be_flown
+from tools.link_fit import check_can_be_flown, why_not_flown
 
 DEFAULT_PILOT = "script:first_dive"
 LONGEST_S = 86_400.0  # [s] a day
+SIMULATOR, TETHER = "simulator", "tether"
 LEAST_ACCELERATION = 0.05  # [m/s²] all thrusters at their limits; those shipped have 2.3 and more
 
 
@@ -155,3 +164,79 @@ def _submergible(stack: Stack) -> None:
             f"is {vehicle.net_buoyancy:g} N, but the thrusters push {way} with at most {most:.1f} N"
             f"; expected less than that",
         )
+
+
+def check_incidents(incidents: Sequence[Incident], stack: Stack, services: Registry) -> None:
+    """What the simulator or the tether would refuse of a stick log, or nobody in this stack could
+    carry out.
+
+    Raises:
+        LindyError: the first that cannot be carried out, and why.
+    """
+    faults = [incident for incident in incidents if isinstance(incident, FaultRequest)]
+    links = [incident for incident in incidents if isinstance(incident, LinkRequest)]
+    for who, asked in ((SIMULATOR, faults), (TETHER, links)):
+        if asked and who not in services:
+            raise LindyError(f"{_at(stack, asked[0])}: the stack {services.file} has no {who}")
+    if faults:
+        _check_faults(faults, stack)
+    if links:
+        _check_links(links, stack)
+
+
+def _check_faults(faults: Sequence[FaultRequest], stack: Stack) -> None:
+    names = [thruster.name for thruster in stack.section("vehicle", Vehicle).thruster]
+    sensors = sensors_of(stack.section(SIMULATOR, SimulatorSettings))
+    for fault in faults:
+        if why := refusal(fault, names, sensors, nearest):
+            raise LindyError(f"{_at(stack, fault)}: {why}")
+
+
+def _check_links(links: Sequence[LinkRequest], stack: Stack) -> None:
+    """Each on top of those before it."""
+    in_force = named(stack.link)
+    for request in links:
+        if request.kind in ("down", "up"):
+            continue
+        found = asked_for(request, in_force)
+        if isinstance(found, str):
+            raise LindyError(f"{_at(stack, request)}: {found}")
+        in_force, _ = found
+        if request.kind == "profile" and (why := why_not_flown(in_force)):
+            raise LindyError(f"{_at(stack, request)}: {why}")
+
+
+def _at(stack: Stack, incident: Incident) -> str:
+    return f"--pilot {stack.pilot}: {in_words(incident)}"
+
+
+def read_besides(stack: Stack, incidents: Sequence[Incident], courses: Sequence[str]) -> list[str]:
+    """The stacks that the stack extends, traces of the link, the pad profile, and the links and
+    paths that a script names.
+
+    Args:
+        incidents: of the script.
+        courses: names of the paths in it.
+    """
+    return [*dict.fromkeys(map(str, _named(stack, incidents, courses)))]
+
+
+def _named(stack: Stack, incidents: Sequence[Incident], courses: Sequence[str]) -> Iterator[Path]:
+    yield from bases(deploy_file("stacks", stack.services))
+    yield from _traces(stack.link)
+    for incident in incidents:
+        if isinstance(incident, LinkRequest) and incident.profile is not None:
+            with suppress(LindyError):  # the tether will refuse it
+                yield deploy_file("links", incident.profile)
+            yield from _traces(incident.profile)
+    for course in courses:
+        yield deploy_file("paths", course)
+    if not stack.pilot.startswith(SCRIPT):
+        with suppress(LindyError):  # the service says what is wrong with it
+            yield deploy_file("pads", stack.section("gamepad", GamepadSettings).profile)
+
+
+def _traces(link: str) -> list[Path]:
+    with suppress(LindyError):
+        return traces(named(link))
+    return []

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from services.runtime.hosts.registry import Registry
-from services.runtime.launch.dive import Dive
+from services.runtime.launch.process_plan import Dive
 from tools.choices import DEFAULT, Choices, Grouped, Insecure, KeysFolder
 from tools.keys.credentials import credentials
 from tools.live.cockpit import COCKPIT, announce, with_cockpit

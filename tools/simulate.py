@@ -22,11 +22,10 @@ from tools.live.cockpit import with_further_cameras
 from tools.live.display import LineDisplay
 from tools.live.dive_folder import dive_files, point_latest
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
-from tools.live.virtual_dive import Advance, fly, without_files
+from tools.live.virtual_dive import Advance, MemoryRecorder, fly, without_files
 from tools.recordings.recording import log_hash
 from tools.report import summary
 from tools.start import as_given, settled

@@ -1,11 +1,12 @@
 """The one start of everything that flies: what is checked, in which order, and how it is run.
 
 `dive`, both sides of `up`, `fly`, `simulate` and `run` choose services and a pilot, and have them
-`settled`. A `Dive` with a pilot on this machine is then flown by `fly_planned`.
+`settled`. A `Dive` with a pilot on this machine is then flown by `fly_planned`; the drone's side of
+one is run by `keep_on_board`.
 """
 
 from collections.abc import Callable, Collection
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from socket import gethostname
 from typing import Any
 
@@ -13,17 +14,17 @@ import msgspec
 
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
+from services.runtime.launch.process_plan import Dive
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices
-from tools.fleet.names import own_name
-from tools.fleet.others import others_named
+from tools.fleet.names import others_named, own_name
 from tools.live.cockpit import with_further_cameras, with_picture
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
 from tools.live.outcome import RECORDER, Outcome
-from tools.live.session import PilotedDive, followed_by
+from tools.live.resume import mark_ended
+from tools.live.session import DroneSide, PilotedDive, followed_by
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import runnable
 from tools.packages import require_packages
@@ -134,3 +135,26 @@ def fly_planned(dive: Dive, pilot: PilotChoice) -> int:
             )
         other = None if dive.side is None else Elsewhere("drone", dive.elsewhere)
         return stop.report(lambda: outcome.sum_up(other))
+
+
+def keep_on_board(dive: Dive) -> int:
+    """The drone's side, from the start of its hub to the summary, with lines in place of a screen.
+    Returns the exit status.
+
+    Raises:
+        LindyError: the dive was aborted.
+    """
+    outcome = Outcome(dive.stack)
+    with StopSignals() as stop:
+        with outcome.of_the_dive(), local_stack(dive) as local, followed_by(outcome, local):
+            point_latest(dive.stack.out_dir)
+            outcome.exit = DroneSide(local, stop).keep()
+            with suppress(OSError):  # it ends anyway
+                mark_ended(local.plan.checkpoints)
+        if RECORDER in dive.services:
+            topside = Elsewhere("topside", dive.elsewhere)
+            return stop.report(lambda: outcome.sum_up(topside))
+        return stop.report(
+            lambda: outcome.sum_up_unrecorded("drone", "topside"),
+            "the recording is on the topside's side",
+        )

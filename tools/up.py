@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import msgspec
 from cyclopts import Parameter
@@ -12,21 +12,17 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import require_free
+from services.runtime.launch.process_plan import Dive
 from services.runtime.os import system
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder
 from tools.fleet.meeting import Meeting, drone_at, drones_credentials, drones_name, require_only
 from tools.keys.credentials import credentials
-from tools.live.dive_folder import (
-    hand_over,
-)
 from tools.live.outcome import RECORDER
 from tools.live.pilots import tell_who_flies, who_flies
-from tools.onboard.plan import DroneStart, become
-from tools.onboard.resume import begin_with
-from tools.start import RECORDER_HERE, as_it_can_run, fly_planned, own, settled
+from tools.live.resume import begin_with
+from tools.start import RECORDER_HERE, as_it_can_run, fly_planned, keep_on_board, own, settled
 
 OTHER = {"topside": "drone", "drone": "topside"}
 GATEWAY = "tether"  # the service that may stand between the two
@@ -80,7 +76,7 @@ def up(
     if side not in OTHER:
         raise LindyError(f"unknown side {side!r}{nearest(side, list(OTHER))}")
     if side == "drone":
-        if not system.BECOMES:
+        if system.WINDOWS:
             raise LindyError(
                 "`lindy up drone` needs Linux or macOS; this computer can be the topside: "
                 "lindy up topside"
@@ -118,9 +114,8 @@ def drone(
     *,
     grouped: bool,
     insecure: bool,
-) -> NoReturn:
-    """Run the drone's side until Ctrl-C, whether or not the topside is connected. This program only
-    checks and plans: a smaller one takes its place."""
+) -> int:
+    """Run the drone's side until Ctrl-C, whether or not the topside is connected."""
     every = Registry.read(choices.stack)
     here = as_it_can_run(on_side(every, "drone", gateway=False), choices, every, grouped=grouped)
     stack = settled(
@@ -156,7 +151,7 @@ def drone(
         credentials=meeting.credentials,
         begin_with=files,
     )
-    become("supervise", DroneStart(dive, hand_over(stack.out_dir)))
+    return keep_on_board(dive)
 
 
 def topside(

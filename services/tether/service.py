@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+import msgspec
+
 from messages import events, topics
 from messages.link import LinkAnswer, LinkRequest
 from messages.topic import AnyTopic, Direction
@@ -19,7 +21,14 @@ DOWN, UP = (Direction.DOWN, Direction.BOTH), (Direction.UP, Direction.BOTH)
 # [ns] Parts of a picture are useless later, and those of one picture are dropped together. Long
 # enough for a keyframe at the least bitrate.
 LIFE = dict.fromkeys((topics.VIDEO.key, topics.FURTHER_VIDEO.key), 1_000_000_000)
+UNDOES = {"profile": ("profile", "set"), "down": ("down",), "up": ("down",)}  # of earlier changes
 JUDGE_HZ = 5.0  # [1/s] how often telemetry rate control checks the upward direction
+
+
+class LinkCheckpoint(msgspec.Struct, frozen=True):
+    """How the link differs from its file, for a restart in mid-dive."""
+
+    asked: list[LinkRequest] = []  # and granted, in their order
 
 
 def wire(node: Node, stack: Stack) -> None:
@@ -28,9 +37,19 @@ def wire(node: Node, stack: Stack) -> None:
     let_out_below = _carry(node, link.down, TOPSIDE, DRONE, DOWN)
     let_out_above = _carry(node, link.up, DRONE, TOPSIDE, UP, link.admits_up)
     changer = Changer(link, in_force, asked_for)
+    asked = list((node.restore_checkpoint(LinkCheckpoint) or LinkCheckpoint()).asked)
+    for request in asked:
+        changer.answer(request, node.now())
+    if asked:
+        node.log("info", f"link: goes on as it was set ({len(asked)} changes)")
     status, clock = node.publisher(topics.LINK), node.latest(topics.CLOCK)
 
-    def tell(_: LinkRequest, answer: LinkAnswer, now: int) -> None:
+    def tell(request: LinkRequest, answer: LinkAnswer, now: int) -> None:
+        if answer.accepted:
+            undone = UNDOES.get(request.kind, ())
+            asked[:] = [each for each in asked if each.kind not in undone]
+            asked.extend([request] if request.kind != "up" else [])
+            node.save_checkpoint(LinkCheckpoint(asked))
         level = "info" if answer.accepted else "warning"
         node.log(level, f"link: {answer.change or answer.reason}")
         let_out_below(now)

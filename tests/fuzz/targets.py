@@ -32,9 +32,8 @@ from services.recorder.foxglove.views import Views
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError
-from services.runtime.config.sensor_parts import read_part
 from services.runtime.config.settings import DEPLOY, read
-from services.runtime.config.stack import Stack
+from services.runtime.config.stack import Stack, read_part
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.gate import Gate

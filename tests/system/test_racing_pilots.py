@@ -23,8 +23,7 @@ from services.marine.vehicle import Thruster
 from services.piloting.pilot import Effects, Pilot, Progress
 from services.piloting.sticks import StickReading, Sticks
 from services.reference.guidance.authority import SILENT_NS, ControlAuthority
-from services.runtime.node.answers import AnswerBook
-from services.runtime.node.requests import Requests
+from services.runtime.node.requests import AnswerBook, Requests
 from services.vehicle.actuator_gate import LATCH_NS, ActuatorGate
 
 pytestmark = pytest.mark.slow

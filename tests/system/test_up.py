@@ -139,7 +139,13 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     assert abs(report["stops"][0]["t"] - 2.0) < 0.5
     assert report["latency_ms"]["stick_to_thruster"]["p50"] > 0.0
     assert report["link"] == endpoint
-    for line in ("ended cleanly", "report.json in", "elsewhere         the topside's restarts"):
+    ends = "supervisor_drone: the drone's side ends, because it was asked to on board"
+    for line in (
+        ends,
+        "ended cleanly",
+        "report.json in",
+        "elsewhere         the topside's restarts",
+    ):
         assert line in drone.said
     assert {path.stem for path in (topside.out / "logs").iterdir()} == {
         "hub_topside", "recorder_topside", "topside", "visualizer",
@@ -288,16 +294,21 @@ def test_a_drone_whose_supervisor_was_killed_goes_on_and_one_that_was_ended_cali
 def test_a_supervisor_on_board_that_hangs_is_said_while_it_hangs(tmp_path: Path):
     """Nobody would start the services again, so whoever flies has to know."""
     with drone_alone(tmp_path / "drone") as drone:
-        # Who was never heard cannot fall silent.
-        drone.until(
-            lambda: any(m.key == "health/supervisor_drone" for m in open_recording(drone.out))
-        )
+        # Who was never heard cannot fall silent: `reference`, which watches, may begin late.
+        drone.until(lambda: supervisor_heard_beside(topics.STATUS.key, drone) > 1)
         drone.process.send_signal(signal.SIGSTOP)
         try:
             until(lambda: "service_silent" in conditions(drone), lambda: drone.said)
         finally:
             drone.process.send_signal(signal.SIGCONT)
         assert drone.end(signal.SIGTERM) == 0, drone.said
+
+
+def supervisor_heard_beside(key: str, of: Side) -> int:
+    """How often the supervisor on board was recorded since the first message on a key."""
+    keys = [each.key for each in open_recording(of.out)]
+    since = keys.index(key) if key in keys else len(keys)
+    return keys[since:].count("health/supervisor_drone")
 
 
 def conditions(of: Side) -> set[str]:

@@ -10,7 +10,7 @@ from messages.link import LinkRequest
 from services.recorder.io.attachments import DIVE, attachments
 from services.runtime.config.settings import DEPLOY, reading_copies
 from services.runtime.config.stack import Stack
-from tools.dive_files import read_besides
+from tools.checks import read_besides
 
 
 def test_a_person_flies_with_a_pad_profile() -> None:

@@ -1,15 +1,19 @@
-"""From what a board answered to findings."""
+"""From what a board answered to findings. What its parameters may be is decided where it is flown:
+services/ardusub/board_check.py."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 from services.ardusub import board_check, telemetry
 from services.ardusub.authority import MODES
+from services.ardusub.board_check import CHANNELS, RECOMMENDED_S, Values
+from services.ardusub.mixing import FRAMES, NEUTRAL, senses
+from services.ardusub.settings import Settings
 from services.ardusub.telemetry import ENOUGH
 from services.estimation.settings import WatchSettings
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.packet import ARDUPILOT, GROUND_STATION
-from tools.doctor.finding import VehicleFinding, Verdict
-from tools.doctor.parameter_checks import number, of_parameters
+from tools.doctor.file_checks import VehicleFinding, Verdict
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
 
 # MAV_AUTOPILOT and MAV_TYPE, of those that are met.
@@ -23,6 +27,20 @@ USUAL_FORCE = (9.3, 10.3)  # [m/s²] of an accelerometer at rest
 CHANGE: Verdict = "change"
 FEW = 10  # times: a frame that was under way when the link was opened, a byte that was lost
 MOST = 8  # other systems that are named
+GROUPS = {
+    "MOT_": "MOT_n_DIRECTION",
+    "RC": "RC1 to RC6",
+    "RCMAP_": "RCMAP_*",
+}  # of many parameters with one rule
+# Those that the board is delivered with, but for the pilot's timeout.
+USUAL = {
+    "FS_PILOT_INPUT": 2.0, "FS_PILOT_TIMEOUT": RECOMMENDED_S, "FS_GCS_ENABLE": 2.0,
+    "FS_LEAK_ENABLE": 1.0, "RC_OVERRIDE_TIME": 3.0, "ACRO_YAW_P": 3.375, "ARMING_CHECK": 448.0,
+    "ARMING_SKIPCHK": 16776767.0, "MOT_BAT_CURR_MAX": 0.0,
+    **{name: float(channel) for name, channel in CHANNELS.items()},
+}  # fmt: skip
+OF_CHANNEL = {"MIN": 1100.0, "TRIM": 1500.0, "MAX": 1900.0, "REVERSED": 0.0}
+OLD_THROTTLE = "RC3_TRIM"  # in versions whose throttle runs from 0 to 1
 
 
 def of_board(
@@ -238,3 +256,89 @@ def _others(visit: BoardVisit) -> Iterator[VehicleFinding]:
             yield VehicleFinding("ok", what, f"{told}; Lindy is {own}")
     if len(heard) > MOST:
         yield VehicleFinding(CHANGE, "other system", f"and {len(heard) - MOST} more")
+
+
+def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
+    """Each that is wrong, and one line for each rule that holds."""
+    values, release = visit.reader.values, visit.release
+    absent = [name for name in visit.reader.wanted if name not in values]
+    for name in absent:
+        yield VehicleFinding("missing", name, "is not answered")
+    if absent:
+        return
+    wrong = board_check.problems(values, release, visit.settings, vehicle)
+    wrong += board_check.moved_motors(values, visit.servos)
+    new = board_check.is_new(release)
+    for sentence in wrong:
+        name, _, told = sentence.partition(" ")
+        value = remedy(name, values, visit.settings, vehicle, new=new)
+        yield VehicleFinding(
+            "change", name, told + ("" if value is None else f"; set it to {number(value)}")
+        )
+    yield from _that_fit(visit, {sentence.split(" ")[0] for sentence in wrong})
+    for sentence in _advised(visit):
+        name, _, told = sentence.partition(" ")
+        yield VehicleFinding("ok", name, told)
+
+
+def _advised(visit: BoardVisit) -> list[str]:
+    return board_check.advice({**visit.optional.values, **visit.reader.values})
+
+
+def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:
+    values = visit.reader.values
+    advised = {sentence.split(" ")[0] for sentence in _advised(visit)}
+    groups: dict[str, list[str]] = {}
+    for name in (*visit.reader.wanted, *filter(values.__contains__, visit.reader.optional)):
+        many = next((group for start, group in GROUPS.items() if _is_of(name, start)), name)
+        groups.setdefault(many, []).append(name)
+    for group, names in groups.items():
+        if wrong.intersection(names) or advised.intersection(names):
+            continue
+        told = f"all {len(names)} fit" if len(names) > 1 else number(values[group])
+        if group == "FRAME_CONFIG":
+            told += f" ({FRAMES[int(values[group])].name})"
+        yield VehicleFinding("ok", group, told)
+
+
+def number(value: float) -> str:
+    """Whole ones with all their digits: some are sums of bits."""
+    return f"{value:.0f}" if value.is_integer() else f"{value:g}"
+
+
+def _is_of(name: str, start: str) -> bool:
+    return name.startswith(start) and name.endswith(
+        ("_DIRECTION", "_MIN", "_TRIM", "_MAX", "_REVERSED")
+    )
+
+
+def remedy(
+    name: str, values: Values, settings: Settings, vehicle: Vehicle, *, new: bool
+) -> float | None:
+    """A value that is allowed; None where no value is.
+
+    Args:
+        values: as read; of a version that is checked.
+        new: it has the names of 4.7 and newer.
+    """
+    if name == "FRAME_CONFIG":
+        return _frame_of(vehicle)
+    if name in ("MAV_GCS_SYSID", "SYSID_MYGCS"):
+        return float(settings.system)
+    if name == "FS_PILOT_TIMEOUT" and settings.set_pilot_timeout is not None:
+        return settings.set_pilot_timeout
+    if name == OLD_THROTTLE and not new:
+        return values["RC3_MIN"]
+    if name == "RC3_MAX" and not new:
+        return 2 * NEUTRAL - values["RC3_MIN"]
+    if name.startswith("RC") and "_" in name:
+        return USUAL.get(name, OF_CHANNEL.get(name.partition("_")[2]))
+    return 1.0 if name.endswith("_DIRECTION") else USUAL.get(name)
+
+
+def _frame_of(vehicle: Vehicle) -> float | None:
+    for number, frame in FRAMES.items():
+        with suppress(ValueError):
+            senses(frame, vehicle.thruster)
+            return float(number)
+    return None

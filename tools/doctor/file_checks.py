@@ -1,4 +1,9 @@
-"""What a vehicle file tells by itself, without a board. The file is one that a dive accepts."""
+"""One line of what was found and how it is printed, and what a vehicle file tells by itself."""
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 from services.control.allocation.allocation import Allocation
 from services.control.allocation.layout import require_pilotable
@@ -7,11 +12,38 @@ from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import BODY, Stack
 from services.simulator.core import Settings as SimulatorSettings
-from tools.doctor.finding import VehicleFinding
+
+Verdict = Literal["ok", "change", "missing"]
+VERDICTS: tuple[Verdict, ...] = ("ok", "change", "missing")
+
+
+class VehicleFinding(NamedTuple):
+    verdict: Verdict  # missing: it should be there, and is not
+    what: str
+    text: str
+
+
+def fit(findings: Sequence[VehicleFinding]) -> bool:
+    return all(finding.verdict == "ok" for finding in findings)
+
+
+def as_lines(findings: Sequence[VehicleFinding]) -> str:
+    """A line for each, and a sum."""
+    width = max(len(finding.what) for finding in findings)
+    lines = [f"{f.verdict:<8} {f.what:<{width}}  {f.text}" for f in findings]
+    counts = Counter(finding.verdict for finding in findings)
+    total = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
+    return "\n".join([*lines, f"{total}: {'fit' if fit(findings) else 'not fit to be flown'}"])
+
+
+def as_json(findings: Sequence[VehicleFinding]) -> str:
+    found = [finding._asdict() for finding in findings]
+    return json.dumps({"fit": fit(findings), "findings": found}, ensure_ascii=False, indent=1)
 
 
 def of_file(stack: Stack, *, simulated: bool) -> list[VehicleFinding]:
-    """
+    """Without a board.
+
     Raises:
         ValueError: not a file that a dive accepts.
     """

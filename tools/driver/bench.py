@@ -24,8 +24,8 @@ from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
+from services.runtime.launch.process_plan import Dive
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
 from tools.checks import known_tables

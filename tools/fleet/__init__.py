@@ -1,3 +1,3 @@
 """Many drones on one network: which are there, and their names.
-`roster` and `names` are pure; `look` asks the network.
+`look` asks the network who is there, `meeting` says where both sides meet.
 """

@@ -11,13 +11,14 @@ from cyclopts import Parameter
 from messages import topics
 from messages.identity import SideIdentity
 from services.runtime.bus.network import NobodyThereError
+from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
+from tools.ask import dives_here
 from tools.choices import HERE, Insecure, Json, KeysFolder, Router
-from tools.fleet.look import look
+from tools.fleet.look import Drone, Roster, look
 from tools.fleet.names import clean
-from tools.fleet.roster import Drone, Roster
 from tools.keys.credentials import credentials
 from tools.keys.roles import Role
 from tools.live.stop_signals import StopSignals
@@ -55,7 +56,7 @@ def drones(
                 roster = look(router, None if way is None else way.keys)
             except NobodyThereError as error:
                 if not watch:
-                    raise
+                    raise LindyError(f"{error}{_alone()}") from None
                 if str(error) != said:
                     said = str(error)
                     print(f"lindy: {said}; waits for it", file=sys.stderr, flush=True)
@@ -65,6 +66,18 @@ def drones(
             if not watch or stop.asked:
                 return 0
             time.sleep(WATCH_S)
+
+
+def _alone() -> str:
+    """What to do about a dive of this machine that nobody can reach, as the end of a sentence."""
+    try:
+        names = ", ".join(sorted(running.vehicle for running in dives_here()))
+    except LindyError:
+        return ""
+    return (
+        f"; the dive of {names} that is going on here is reached with `lindy dive --listen {HERE}` "
+        f"only; `lindy top` and `lindy topic` look into it"
+    )
 
 
 def in_json(roster: Roster, ours: str) -> str:

@@ -1,16 +1,132 @@
-"""A look at who is there at an endpoint: a drone's hub, or a router."""
+"""A look at who is there at an endpoint, a drone's hub or a router: from the liveliness tokens of
+hubs and three rows of each drone."""
 
 import time
-from collections import deque
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from typing import Any
 
+import msgspec
+
+from messages import topics
+from messages.identity import SideIdentity
+from messages.payload import UNDECODABLE
+from messages.sensors import BatterySample
+from messages.topic import AnyTopic
+from messages.vehicle import VehicleStatus
+from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.network import open_network
-from services.runtime.bus.spaces import here_of
-from tools.fleet.roster import ROWS, Roster
+from services.runtime.bus.spaces import EVERY_SPACE, here_key, here_of, name_in, namespace
 
 LOOK_S = 1.6  # [s] who is there says so once a second
 STEP_S = 0.01  # [s] between two looks at what has arrived
 PATIENCE_S = 1.0  # [s] for the endpoint to answer
+MOST = 256  # drones that are told apart
+MOST_STARTS = 8  # hubs of one name that are
+ROWS: tuple[AnyTopic, ...] = (topics.IDENTITY.of("drone"), topics.STATUS, topics.BATTERY)
+BEYOND, STRANGE, UNREADABLE = "beyond", "strange", "unreadable"
+REMARKS = {
+    BEYOND: f"announced beyond the first {MOST}, and not listed",
+    STRANGE: "announced with names that no drone may have, and not listed",
+    UNREADABLE: "unreadable messages from drones",
+}
+
+
+@dataclass(slots=True)
+class Drone:
+    """What is known of a drone. A name alone anybody can announce."""
+
+    name: str
+    starts: set[str] = field(default_factory=set[str])  # instances of its hub; two: two drones
+    identity: SideIdentity | None = None
+    status: VehicleStatus | None = None
+    battery: BatterySample | None = None
+
+    @property
+    def complete(self) -> bool:
+        return None not in (self.identity, self.status, self.battery)
+
+
+class Roster:
+    """Tokens and rows, in any order. Pure. Whatever strangers announce, it stays small: `MOST`
+    drones are told apart, and what is beyond, or cannot be read, is counted."""
+
+    def __init__(self, wanted: str = "") -> None:
+        """
+        Args:
+            wanted: a drone that is told apart however many others there are.
+        """
+        self._wanted = wanted
+        self.drones: dict[str, Drone] = {}
+        self.counts: Counter[str] = Counter()
+        self._decoders: dict[str, Any] = {
+            topic.key: msgspec.msgpack.Decoder(topic.message) for topic in ROWS
+        }
+
+    def token(self, key: str, there: bool = True) -> None:
+        """A drone's hub came, or went."""
+        here = here_of(key)
+        if here is None or here.side != "drone":
+            self._count(STRANGE, there)
+        elif there:
+            self._announced(here.name, here.instance)
+        elif (drone := self.drones.get(here.name)) is not None:
+            drone.starts.discard(here.instance)
+            if not drone.starts:
+                del self.drones[here.name]
+        else:
+            self._count(BEYOND, there)
+
+    def _count(self, what: str, there: bool) -> None:
+        """One more, or one less, that is announced and not listed."""
+        self.counts[what] = max(0, self.counts[what] + (1 if there else -1))
+
+    def _announced(self, name: str, instance: str) -> None:
+        full = len(self.drones) >= MOST and name != self._wanted
+        if full and name not in self.drones:
+            self._count(BEYOND, True)
+            return
+        starts = self.drones.setdefault(name, Drone(name)).starts
+        if len(starts) < MOST_STARTS:
+            starts.add(instance)
+
+    def row(self, key: str, payload: bytes) -> None:
+        """One of `ROWS` of a drone. Of one that is not announced it means nothing."""
+        decoder = self._decoders.get(key.removeprefix(f"{namespace(name := name_in(key))}/"))
+        drone = self.drones.get(name)
+        if drone is None or decoder is None:
+            return
+        try:
+            message = decoder.decode(payload)
+        except UNDECODABLE:  # also a field that is out of its range
+            self.counts[UNREADABLE] += 1
+            return
+        match message:
+            case SideIdentity():
+                drone.identity = message
+            case VehicleStatus():
+                drone.status = message
+            case BatterySample():
+                drone.battery = message
+            case _:
+                pass
+
+    @property
+    def complete(self) -> bool:
+        """Has everybody who is announced said what there is to know?"""
+        return bool(self.drones) and all(drone.complete for drone in self.drones.values())
+
+    @property
+    def names(self) -> list[str]:
+        return sorted(self.drones)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What was not used, in words."""
+        return [
+            f"{self.counts[what]} {words}" for what, words in REMARKS.items() if self.counts[what]
+        ]
 
 
 def who_is_there(endpoint: str, keys: KeyFiles | None = None) -> list[str]:
@@ -21,7 +137,7 @@ def who_is_there(endpoint: str, keys: KeyFiles | None = None) -> list[str]:
     """
     with open_network(endpoint, PATIENCE_S, keys=keys) as network:
         roster = Roster()
-        for key in network.tokens():
+        for key in network.tokens(here_key(EVERY_SPACE, "drone")):
             roster.token(key)
         return roster.names
 
@@ -33,7 +149,7 @@ def is_there(name: str, endpoint: str, keys: KeyFiles | None = None) -> bool:
         LindyError: nobody answers there, or nobody who lets us in.
     """
     with open_network(endpoint, PATIENCE_S, keys=keys) as network:
-        found = [here_of(key) for key in network.tokens(name)]
+        found = [here_of(key) for key in network.tokens(here_key(namespace(name), "drone"))]
         return any(here is not None and here.name == name for here in found)
 
 
@@ -45,15 +161,16 @@ def look(endpoint: str, keys: KeyFiles | None = None, longest_s: float = LOOK_S)
         LindyError: nobody answers there, or nobody who lets us in.
     """
     roster = Roster()
-    heard: deque[tuple[str, bytes]] = deque(maxlen=10_000)  # filled on Zenoh's thread
+    heard: deque[Envelope] = deque(maxlen=10_000)  # filled on Zenoh's thread
     with open_network(endpoint, PATIENCE_S, keys=keys) as network:
         for topic in ROWS:
-            network.hear(topic, lambda key, payload: heard.append((key, payload)))
-        for key in network.tokens():
+            network.hear(f"{EVERY_SPACE}/{topic.key}", heard.append)
+        for key in network.tokens(here_key(EVERY_SPACE, "drone")):
             roster.token(key)
         deadline = time.monotonic() + longest_s
         while not roster.complete and time.monotonic() < deadline:
             time.sleep(STEP_S)  # messages come on Zenoh's thread
             while heard:
-                roster.row(*heard.popleft())
+                envelope = heard.popleft()
+                roster.row(envelope.key, envelope.payload)
     return roster

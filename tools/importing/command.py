@@ -24,7 +24,7 @@ from tools.importing.rosbag_file import McapLog, RosbagFile, is_rosbag
 from tools.importing.several_files import SeveralFiles
 from tools.importing.table_file import TableFile
 from tools.importing.ulog_file import UlogFile
-from tools.live.latest import DIVES
+from tools.live.dive_folder import DIVES
 
 REPORT = "import.json"
 UNTAKEN = 8  # of what a log also has, so many are printed

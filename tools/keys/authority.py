@@ -22,13 +22,21 @@ from services.runtime.config.errors import LindyError
 from services.runtime.os import system
 from tools.keys import certificates
 from tools.keys.certificates import Certificate
-from tools.keys.roles import LETS_IN, ROLES, Identity, Role, parse_list, with_one, without
+from tools.keys.roles import (
+    LETS_IN,
+    LONGEST_DAYS,
+    ROLES,
+    Identity,
+    Role,
+    parse_list,
+    with_one,
+    without,
+)  # fmt: skip
 
 AUTHORITY = "authority"
 CA, CA_KEY, SIGNED, REVOKED = "ca.pem", "ca.key", "signed.txt", "revoked.txt"
 CERTIFICATE, KEY, ADMITTED = "certificate.pem", "key.pem", "admitted.txt"
 WHOLE = (CA, CERTIFICATE, KEY, ADMITTED)
-LONGEST_DAYS = 730
 MAKE = "`lindy keys new` makes them"  # a drone's and a pilot's; `keys add` those of others
 T = TypeVar("T")
 

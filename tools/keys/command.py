@@ -10,11 +10,10 @@ from cyclopts import App, Parameter
 from services.runtime.config.errors import LindyError
 from tools.choices import Json, Whole, named
 from tools.keys.credentials import DEFAULT, require_cryptography
-from tools.keys.roles import Identity, parse
+from tools.keys.roles import LONGEST_DAYS, Identity, parse
 
 Keys = Annotated[Path, Parameter(name="--keys", converter=named, help="the folder of the keys")]
 Days = Annotated[Whole, Parameter(help="for which the certificates are valid")]
-LONGEST = 730  # [days]; the authority says the same, and needs a library that may be missing
 
 keys = App(
     name="keys",
@@ -28,7 +27,7 @@ def new(
     drone: Annotated[str, Parameter(help="name of the drone")] = "pioneer",
     pilot: Annotated[str, Parameter(help="name of the pilot")] = "first",
     folder: Keys = Path(DEFAULT),
-    days: Days = LONGEST,
+    days: Days = LONGEST_DAYS,
 ) -> int:
     """Make an authority, and keys for one drone and one pilot.
 
@@ -48,7 +47,7 @@ def new(
 
 
 @keys.command
-def add(role: str, name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST) -> int:
+def add(role: str, name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST_DAYS) -> int:
     """Make keys for one more. ROLE is drone, pilot, router, or observer (hears, sends nothing).
 
     Example: lindy keys add pilot bob
@@ -65,7 +64,7 @@ def add(role: str, name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONG
 
 
 @keys.command
-def renew(name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST) -> int:
+def renew(name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST_DAYS) -> int:
     """Make a new certificate for somebody, such as pilot:ann, whose one ends; the key stays.
 
     Needs the authority, and the folder of somebody's keys beside it.

@@ -6,6 +6,7 @@ from services.runtime.bus.spaces import LONGEST, MAY_HAVE, NAME
 
 Role = Literal["drone", "pilot", "observer", "router"]
 ROLES: tuple[Role, ...] = get_args(Role)
+LONGEST_DAYS = 730  # for which a certificate is valid, at most
 LETS_IN: dict[Role, tuple[Role, ...]] = {  # whom each role has a use for
     "drone": ("pilot", "observer", "router"),
     "pilot": ("drone", "router"),

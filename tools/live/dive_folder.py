@@ -2,6 +2,7 @@
 
 import atexit
 import contextlib
+import os
 import re
 import tempfile
 from datetime import UTC, datetime
@@ -12,13 +13,13 @@ from services.recorder.io.parts import part_path
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import running_in
-from services.runtime.os import Lock, system
+from services.runtime.os import system
 from tools.fresh import fresh_folder
-from tools.live import latest
-from tools.live.latest import DIVES
 
+DIVES = Path("dives")  # for dives without --out
+LATEST = "latest"  # in it: a link to the newest of them
 LOGS = "logs"
-CLAIMS: dict[Path, Lock] = {}  # folders that this program has locked
+CLAIMS: dict[Path, system.Lock] = {}  # folders that this program has locked
 WRITTEN = re.compile(r"dive(\.part\d+)?\.(mcap|rrd)|merging\.mcap|report\.json|run\.json")
 
 
@@ -52,13 +53,6 @@ def out_folder(out: Path | None) -> Path:
             print(f"{wanted} holds a dive already; this one goes to {folder}", flush=True)
     atexit.register(_remove_empty, missing)
     return folder
-
-
-def hand_over(folder: Path) -> int | None:
-    """The descriptor of the folder's lock, for the program that this one becomes; None: it has no
-    lock."""
-    lock = CLAIMS.pop(folder, None)
-    return None if lock is None else lock.hand_over()
 
 
 def require_room_for_recording(folder: Path) -> None:
@@ -98,10 +92,21 @@ def dive_files(folder: Path, kind: str) -> list[Path]:
 
 def point_latest(folder: Path) -> None:
     """The first files of a dive are in its folder: make `dives/latest` a link to it, if it is in
-    `dives/`."""
+    `dives/`. Anything else with that name is left as it is, and that is printed."""
     if (lock := CLAIMS.pop(folder, None)) is not None:
         lock.release()  # the files say by themselves whose folder it is
-    latest.point(folder)
+    home = DIVES.resolve()
+    pointer = home / LATEST
+    if folder.parent != home or folder == pointer:
+        return
+    ours = pointer.is_symlink() and len(pointer.readlink().parts) == 1
+    if os.path.lexists(pointer) and not ours:
+        print(f"{pointer} is not a link to a dive; it stays as it is", flush=True)
+        return
+    try:
+        system.point(pointer, folder.name)
+    except OSError as error:
+        print(f"cannot make {pointer} point to this dive: {reason(error)}", flush=True)
 
 
 def _is_empty(folder: Path) -> bool:

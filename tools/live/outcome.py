@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from traceback import extract_tb
 
 from msgspec import UNSET
 from msgspec.structs import replace
@@ -18,7 +19,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from tools.exit_status import DONE, LOST
 from tools.fresh import write_fresh
-from tools.health_sums import HealthOfAll, HealthSums
+from tools.health_sums import HealthOfAll
 from tools.recordings.progress import reading
 from tools.recordings.recording import log_hash, merge_parts, open_recording
 from tools.report import (
@@ -66,12 +67,6 @@ class Outcome:
         """Keep the health of all services; the recorder does not receive its own."""
         node.each(topics.HEALTH, lambda health, _: self._health.add(health))
 
-    def take_over(self, health: dict[str, HealthSums], *, armed: bool) -> None:
-        """What another program has collected during the dive. Set `exit` before."""
-        self._health.sums, self._armed = health, armed
-        if self.exit != "clean":
-            self._error = LindyError(self.exit)
-
     @contextmanager
     def of_the_dive(self) -> Generator[None]:
         """An aborted dive is still summed up, as far as it was recorded.
@@ -86,6 +81,12 @@ class Outcome:
         except LindyError as error:
             self._error = error
             self.exit = str(error)
+        except Exception as error:  # the services have ended; what they recorded is whole
+            where = extract_tb(error.__traceback__)[-1]
+            at = f"{Path(where.filename).name}:{where.lineno}"
+            self.exit = f"an error in Lindy itself, at {at}: {type(error).__name__}: {error}"
+            self._error = LindyError(self.exit)
+            self._error.__cause__ = error
 
     def sum_up(self, other: Elsewhere | None = None) -> int:
         """Write `report.json` and print the summary, and what only the other machine recorded, if

@@ -1,20 +1,21 @@
-"""A dive that is piloted from this machine: starts its services, shows it until it is over or the
-user stops it, and disarms at the end."""
+"""A real dive from the start of its services until it is over or the user stops it: piloted from
+this machine, and then disarmed, or the drone's side of it."""
 
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
 from messages import topics
+from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.vehicle import VehicleStatus
 from services.marine.field_of_view import CameraViews
 from services.runtime.launch.local_stack import LocalStack
 from services.runtime.node.node import Node
 from tools.checks import PilotChoice
-from tools.live.display import Display
+from tools.keys.credentials import OPEN
+from tools.live.display import Display, PrintedLines
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.keep_running import keep_running
 from tools.live.outcome import Outcome, title
 from tools.live.screen import View
 from tools.live.stop_signals import StopSignals
@@ -26,6 +27,72 @@ DISARM_S = 1.0  # [s] at most, for the drone's answer at the end
 LOOK_HZ = 25.0  # [1/s] often enough that a port that keeps the newest 16 does not overflow at 50 Hz
 WHO = "end-of-dive"
 REFUSALS = 5  # of one request, until it is given up
+REMIND_S = 60.0  # [s] between two lines in the log that say that there are no keys
+ENDS = "the drone's side ends, because it was asked to on board: its services end now"
+ALIVE_S = 30.0  # [s] for all services to start, on a slow and busy computer
+
+
+def keep_running(
+    local: LocalStack, timeline: DiveTimeline, stop: StopSignals, look: Callable[[], bool]
+) -> str:
+    """Run until the end. Returns how it ended: `clean`, or why otherwise.
+
+    Args:
+        look: handles everything that is due; False: the user wants to stop.
+
+    Raises:
+        LindyError: a service cannot start, or the drone does not arm.
+    """
+
+    def goes_on() -> bool:
+        """The drone may fly, and its dive be over, before the last service is alive."""
+        flying = timeline.armed_ns is not None
+        return look() and (not flying or timeline.over(time.monotonic_ns()) is None)
+
+    local.start_services()
+    local.wait_alive(ALIVE_S, goes_on)
+    if local.stack.insecure:
+        local.node.log("warning", OPEN)
+        local.node.every(1.0 / REMIND_S, lambda _: local.node.log("warning", OPEN))
+    timeline.began_ns = time.monotonic_ns()
+    end = None
+    while end is None and not stop.asked:
+        look()
+        end = timeline.over(time.monotonic_ns())
+    return end or "clean"
+
+
+class DroneSide:
+    """The drone's side of a dive between the start of its hub and the end of its services. Whatever
+    it hears, it must not end: the vehicle hangs on it."""
+
+    def __init__(self, local: LocalStack, stop: StopSignals) -> None:
+        self._local, self._stop, self._lines = local, stop, PrintedLines()
+        self._timeline = DiveTimeline(None, local.stack.seconds)
+        node = local.node
+        node.each(topics.STATUS, self._timeline.see)
+        node.each(topics.LOG, self._show)
+        node.show = lambda line: self._show(line, line.stamp_ns)  # nobody hears their own messages
+
+    def keep(self) -> str:
+        """Run until the end. Returns how it ended: `clean`, or why otherwise.
+
+        Raises:
+            LindyError: a service cannot start.
+        """
+        try:
+            end = keep_running(self._local, self._timeline, self._stop, self._look)
+            self._local.node.log("warning", ENDS)  # the pilot would only see that the link is gone
+            return end
+        finally:
+            self._lines.finish()
+
+    def _look(self) -> bool:
+        self._local.pump()
+        return not self._stop.asked
+
+    def _show(self, line: LogLine, now: int) -> None:
+        self._lines.line(line, self._timeline.elapsed_s(now))
 
 
 class PilotedDive:
@@ -45,18 +112,17 @@ class PilotedDive:
             self._own.in_control,
             lambda: restarted(local.restarts, local.plan.services.shared),
         )
-        stop.armed = self._armed
+        stop.armed = lambda: f"armed{self._depth()}" if self._timeline.armed else ""
         self._local, self._stop, self._shown = local, stop, shown
         services = local.plan.services
         cameras = local.stack.section("camera", CameraViews).by_name
         self._watch = Watch(
             local.node, list(services), self._timeline, shown.line, services.shared, cameras
         )
-        local.node.each(topics.STATUS, self._timeline.see)
         self._disarming = Disarming(local.node, self._own)
         self._releases = local.stack.apart  # other pilots may go on with the drone
         self._drone = local.stack.drone_name
-        self.status: VehicleStatus | None = None  # the newest
+        self._status: VehicleStatus | None = None  # the newest
         local.node.each(topics.STATUS, self._hear)
         self.left = ""  # what has become of the drone, where it goes on without this side
 
@@ -89,16 +155,13 @@ class PilotedDive:
             list(local.hang_detector.silent),
         )
 
-    def _armed(self) -> str:
-        """Whether the pilot here has the drone armed, and where."""
-        return f"armed{self._depth()}" if self._timeline.armed else ""
-
     def _depth(self) -> str:
-        depth = None if self.status is None else self.status.depth
+        depth = None if self._status is None else self._status.depth
         return f" at {depth:.1f} m" if isinstance(depth, float) else ""
 
-    def _hear(self, status: VehicleStatus, _: int) -> None:
-        self.status = status
+    def _hear(self, status: VehicleStatus, now: int) -> None:
+        self._status = status
+        self._timeline.see(status, now)
 
     def disarm(self) -> None:
         """Ask the drone to disarm, and give control up, if this side's pilot has control. Wait for
@@ -113,7 +176,7 @@ class PilotedDive:
         while not self._disarming.done and time.monotonic() < deadline:
             self._disarming.ask(time.monotonic_ns())
             self.look()
-        status = self.status
+        status = self._status
         if self._releases and disarm and status is not None and not status.armed:
             self.left = f"{self._drone} is disarmed{self._depth()}: nothing holds it now"
 

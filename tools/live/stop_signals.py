@@ -54,7 +54,6 @@ class StopSignals:
         for number in system.HANG_UP:
             if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup leaves it
                 self._before[number] = signal.signal(number, self._hang_up)
-        system.let_through(SIGNALS)  # another program may have held them back
         return self
 
     def __exit__(

@@ -1,26 +1,72 @@
-"""A whole stack on virtual time, from its start to the end of the dive."""
+"""A whole stack on virtual time, from its start to the end of the dive, recorded in memory where it
+leaves no files."""
 
 import time
 from collections.abc import Callable
 from contextlib import closing
 
 from messages import topics
+from messages.events import Outbox
 from messages.health import LogLine
+from services.recorder.core import Intake
+from services.recorder.io.mcap_session import about
+from services.recorder.service import DEPTH, FLUSH_HZ
+from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import EndedByUserError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.supervisor import NAME
+from services.runtime.node.node import Node
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.viewer import VIEWER
+from tools.report import Adding, GatheredDive, Passing, RecordedDive
 
 STRIDE_NS = 100_000_000  # [ns] of virtual time between two checks of the dive
 INTERRUPTED = "interrupted"  # how a dive ended that was to stop
 
 Advance = Callable[[DiveTimeline, int], None]
+
+
+class MemoryRecorder:
+    """Takes the recorder's place, and keeps what a report needs. It has the recorder's name, sides
+    and rhythm, so that the same messages flow as in a dive that is recorded, and the same hash
+    comes of them. Read `dive` and `log_hash` after the end."""
+
+    def __init__(self) -> None:
+        self._gathered = GatheredDive()
+        self._intake = Intake(Outbox())
+        self._about: dict[str, str] = {}
+        self._node: Node | None = None
+
+    def wire(self, node: Node, stack: Stack) -> None:
+        self._node, self._about, self._intake = node, about(stack), Intake(node.outbox)
+        gathered, intake = self._gathered, self._intake
+        takers: dict[str, tuple[Passing, Adding | None]] = {}
+
+        def keep(envelope: Envelope, arrival: int) -> None:
+            key = envelope.key
+            found = intake.check(key, envelope.encoding, envelope.payload, arrival)
+            if found is None:
+                return
+            if key not in takers:
+                takers[key] = gathered.passing(key), gathered.adding(key)
+            passing, adding = takers[key]
+            passing(found.log_ns)
+            if adding is not None:
+                adding(found.message, found.log_ns)
+
+        node.collect(next(iter(node.sides)), "**", keep, depth=DEPTH)
+        node.every(FLUSH_HZ, lambda _: None)  # the node's next step collects
+
+    def dive(self) -> RecordedDive:
+        counts = {} if self._node is None else dict(sorted(self._node.counts.items()))
+        return self._gathered.dive(self._about, counts)
+
+    def log_hash(self) -> str:
+        return self._intake.log_hash()
 
 
 def fly(

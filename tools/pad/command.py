@@ -11,7 +11,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
 from tools.choices import UntilCtrlC, named
 from tools.fresh import refuse_existing, write_fresh
-from tools.pad.profile_file import toml_of
+from tools.pad.teaching import toml_of
 
 
 def pad(

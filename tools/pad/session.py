@@ -1,23 +1,24 @@
-"""Reads a pad until the user or the time ends it, and shows it: on a terminal ten times a second,
-elsewhere once a second."""
+"""Reads a pad until the user or the time ends it, and shows what it sends and what a profile makes
+of it: on a terminal ten times a second, elsewhere once a second."""
 
 import select
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from typing import Protocol
 
 from rich.live import Live
 from rich.text import Text
 
-from services.gamepad.core import PadProfile
+from services.gamepad.core import PadProfile, sticks_of
 from services.runtime.config.errors import LindyError
-from tools.pad.meaning import lines
+from tools.live.screen import bar
 from tools.pad.teaching import Teaching, asked
 
 READ_S = 0.02  # [s]
 SCREEN_S, LINES_S = 0.1, 1.0  # [s] on a terminal, elsewhere
+AXES = ("leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger")
 Show = Callable[[float, Callable[[], list[str]]], None]
 
 
@@ -77,26 +78,67 @@ def _entered() -> bool:
 @contextmanager
 def shown() -> Generator[Show]:
     next_s = 0.0
+    with ExitStack() as exits:
+        here = sys.stdout.isatty()
+        live = exits.enter_context(Live(auto_refresh=False)) if here else None
 
-    def due(now_s: float, pause_s: float) -> bool:
-        nonlocal next_s
-        if now_s < next_s:
-            return False
-        next_s = now_s + pause_s
-        return True
-
-    if not sys.stdout.isatty():
-
-        def write(now_s: float, look: Callable[[], list[str]]) -> None:
-            if due(now_s, LINES_S):
+        def put(now_s: float, look: Callable[[], list[str]]) -> None:
+            nonlocal next_s
+            if now_s < next_s:
+                return
+            next_s = now_s + (LINES_S if live is None else SCREEN_S)
+            if live is None:
                 print(*look(), sep="\n", flush=True)
-
-        yield write
-        return
-    with Live(auto_refresh=False) as live:
-
-        def draw(now_s: float, look: Callable[[], list[str]]) -> None:
-            if due(now_s, SCREEN_S):
+            else:
                 live.update(Text("\n".join(look()), no_wrap=True), refresh=True)
 
-        yield draw
+        yield put
+
+
+def meanings(profile: PadProfile) -> dict[str, str]:
+    """Control, in SDL's names → what it does."""
+    axis, tilt = profile.axis, profile.tilt
+    found = {
+        getattr(axis, name).removeprefix("-"): f"{name}{_inverted(getattr(axis, name))}"
+        for name in axis.__struct_fields__
+    }
+    for name in profile.trigger.__struct_fields__:
+        found[getattr(profile.trigger, name)] = name
+    found |= {tilt.up: "camera up", tilt.down: "camera down"}
+    tools = {profile.gripper.open: "gripper opens", profile.gripper.close: "gripper closes"}
+    buttons = {getattr(profile.button, name): name for name in profile.button.__struct_fields__}
+    return found | {c: what for c, what in (tools | buttons).items() if c is not None}
+
+
+def lines(
+    name: str, controls: Mapping[str, float], events_hz: float, profile: PadProfile | None
+) -> list[str]:
+    """Everything that the pad sends now.
+
+    Args:
+        name: of the pad.
+        controls: its state in SDL's names.
+        events_hz: [1/s] changes that it reported over the last second.
+        profile: None: nothing is said of what the controls do.
+    """
+    means = meanings(profile) if profile else {}
+    down = [control for control, value in controls.items() if control not in AXES and value]
+    shown = [f"{name}   {events_hz:.0f} changes/s"]
+    shown += [
+        f"{axis:<13} {bar(controls[axis])} {controls[axis]:+.3f}   {means.get(axis, '')}".rstrip()
+        for axis in AXES
+        if axis in controls
+    ]
+    pressed = [
+        f"{control} ({means.get(control, 'nothing')})" if profile else control for control in down
+    ]
+    shown.append(f"buttons       {', '.join(pressed) or 'none'}")
+    if profile is None:
+        return shown
+    sticks = sticks_of(controls, profile)
+    moved = [f"{axis} {value:+.2f}" for axis, value in sticks._asdict().items()]
+    return [*shown, f"drone gets    {'  '.join(moved)}"]
+
+
+def _inverted(control: str) -> str:
+    return " (inverted)" if control.startswith("-") else ""

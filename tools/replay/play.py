@@ -33,7 +33,7 @@ from services.runtime.hosts.process_host import Launch
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.process_plan import PYTHON
-from services.runtime.node.stamps import mover
+from services.runtime.node.clock_offset import mover
 from services.runtime.os import system
 from tools.live.stop_signals import StopSignals
 from tools.live.viewer import VIEWER

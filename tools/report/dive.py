@@ -14,8 +14,7 @@ from messages.link import Clock
 from messages.message import Message
 from messages.reference import Reference
 from messages.topic import AnyTopic
-from services.runtime.node.clock_offset import ClockOffset
-from services.runtime.node.stamps import mover
+from services.runtime.node.clock_offset import ClockOffset, mover
 from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.columns import Array, Gathering, StreamColumns, StreamFigures
 from tools.recordings.mcap_records import Noticed

@@ -7,6 +7,8 @@ import numpy as np
 
 from tools.health_sums import HealthSums
 
+TOPSIDES = "supervisor_topside"  # each topside of two machines has one
+
 
 class Service(msgspec.Struct, frozen=True):
     """Figures over a dive. None: not known, as on virtual time."""
@@ -29,14 +31,18 @@ def services(
         restarts: as the supervisor counted them; a service without any health message is only here.
         shared: the process of each service that is not alone in a process of its own name.
     """
-    names = sorted(set(health) | set(restarts))
+    # On board: a topside that came after another has new services, and none of them crashed.
+    later = health.get(TOPSIDES, HealthSums()).restarts
     return {
-        name: _service(health.get(name, HealthSums()), restarts.get(name, 0), shared.get(name))
-        for name in names
+        name: _service(
+            health.get(name, HealthSums()), restarts.get(name, 0), shared.get(name), later
+        )
+        for name in sorted(set(health) | set(restarts))
     }
 
 
-def _service(sums: HealthSums, restarts: int, process: str | None) -> Service:
+def _service(sums: HealthSums, restarts: int, process: str | None, topsides: int) -> Service:
+    known = sums.restarts - (topsides if sums.side == "topside" else 0)
     cpu_percent = sums.mean_cpu_percent
     return Service(
         sent=sums.sent,
@@ -44,7 +50,7 @@ def _service(sums: HealthSums, restarts: int, process: str | None) -> Service:
         lateness_p99_ms=_median(sums.lateness_p99_ms.values),
         cpu_percent=None if cpu_percent is None else round(cpu_percent, 1),
         rss_mb=sums.rss_mb,
-        restarts=max(restarts, sums.restarts),
+        restarts=max(restarts, known),
         process=process,
     )
 

@@ -16,14 +16,12 @@ from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from tools.checks import pilot_of
-from tools.dive_files import read_besides
+from tools.checks import pilot_of, read_besides
 from tools.fresh import fresh_folder, write_fresh
 from tools.live.dive_folder import holds_dive
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.memory_recorder import MemoryRecorder
 from tools.live.outcome import Outcome
-from tools.live.virtual_dive import INTERRUPTED, fly, without_files
+from tools.live.virtual_dive import INTERRUPTED, MemoryRecorder, fly, without_files
 from tools.recordings.recording import log_hash, open_recording
 from tools.report import encode, read_dive
 from tools.sweep.all_cores import asked_to_stop

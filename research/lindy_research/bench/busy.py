@@ -10,7 +10,7 @@ from typing import Any
 from lindy_research.bench.real_dive import real_dive
 from lindy_research.bench.table import Figure
 from lindy_research.bench.transport import DEFAULT_THREADS
-from services.runtime.bus.zenoh_threads import ONE_THREAD, VARIABLE
+from services.runtime.bus.zenoh_bus import ONE_THREAD, VARIABLE
 from tests.support.processes import Cost, total
 
 DIVE_S, WINDOW_S = 30.0, 20.0

@@ -20,7 +20,7 @@ from messages import topics
 from messages.topic import Direction
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.network import open_network
-from services.runtime.bus.spaces import name_in
+from services.runtime.bus.spaces import EVERY_SPACE, name_in
 from services.runtime.config.errors import LindyError
 from tests.support.fleet_network import (
     FlownFleet,
@@ -196,7 +196,9 @@ def _restarted(folder: Path) -> Iterator[Figure]:
         routers = TwoRouters(exits)
         names = list(start_drones(routers, folder, 2, exits))
         network = exits.enter_context(open_network(routers.pilots, 5.0))
-        network.hear(topics.STATUS, statuses.hear)
+        network.hear(
+            f"{EVERY_SPACE}/{topics.STATUS.key}", lambda each: statuses.hear(each.key, each.payload)
+        )
         first = begin_pilot(routers, folder / "first", names[0], PILOT, exits)
         until(lambda: statuses.flown(names[:1], 0.0))
         second = begin_pilot(routers, folder / "second", names[1], PILOT, exits)

@@ -27,8 +27,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import local_stack
+from services.runtime.launch.process_plan import Dive
 from services.tether.core import Link
 from services.tether.delay import Delays, Drawn, Exponential, Pareto
 from services.tether.io.profile_file import named

@@ -18,7 +18,7 @@ import numpy as np
 
 from lindy_research.bench.table import Figure
 from lindy_research.bench.transport_chain import HEARS, HZ
-from services.runtime.bus.zenoh_threads import ONE_THREAD, VARIABLE
+from services.runtime.bus.zenoh_bus import ONE_THREAD, VARIABLE
 from services.runtime.hosts.process_host import HubLaunch
 from tests.support.processes import Cost, costs, total
 

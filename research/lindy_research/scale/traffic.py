@@ -8,7 +8,7 @@ import msgspec
 from messages.topic import Side
 from messages.topics import THIN_HZ
 from tests.support.synthetic import ASKED, SyntheticStream, said_by
-from tools.fleet.roster import ROWS
+from tools.fleet.look import ROWS
 
 OTHER: dict[Side, Side] = {"drone": "topside", "topside": "drone"}
 HASH = "0123456789abcdef"

@@ -8,7 +8,7 @@ the other direction are let out (Zenoh's access control, denied by default). A c
 compared whole: Zenoh has no patterns for them, and no list of revoked certificates.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from messages import topics
@@ -45,12 +45,8 @@ class Rights(NamedTuple):
     sees: Sequence[str] = ()  # tokens that it may see
 
 
-Subject = dict[str, Any]
-Granted = tuple[Subject, Sequence[dict[str, Any]]]  # and its rules
-
-
 def access_control(hub_side: HubSide) -> dict[str, Any]:
-    """Zenoh's `access_control` for this hub."""
+    """Zenoh's `access_control` for this hub: whatever is not granted is denied."""
     space, credentials, of_drone = hub_side.space, hub_side.credentials, hub_side.side == "drone"
     inward, outward = (Direction.DOWN, Direction.UP) if of_drone else (Direction.UP, Direction.DOWN)
     other = Rights(
@@ -68,71 +64,44 @@ def access_control(hub_side: HubSide) -> dict[str, Any]:
     listener = Rights(hears=other.hears, asks=other.asks, sees=other.sees)
     # A role that is not named may do nothing.
     roles = {"pilot": pilot, "observer": listener} if of_drone else {"drone": other}
-    services: Subject = {"id": "services", "link_protocols": [LOCAL]}
-    own = _rule("own", ("ingress", "egress"), ALL_MESSAGES, ["**", "**/@v1/**"])
+    granted = list[tuple[dict[str, Any], Rights]]()  # to a subject
     if credentials is None:
-        granted = [anybody(NETWORK, other)]
+        granted.append(({"id": "network", "link_protocols": list(NETWORK)}, other))
     else:
-        granted = by_role(_of_this_drone(hub_side, credentials), {**roles, "router": other})
-    said = [*(f"{space}/{row}/{name}" for row in ("health", "log") for name in hub_side.own)]
-    posing = _rule("posing", ["ingress"], PUTS, [*said, f"{space}/identity/{hub_side.side}"])
-    posing["permission"] = "deny"  # which goes before what is allowed
-    return enforced([(services, [own]), *_without(granted, posing)])
-
-
-def _of_this_drone(hub_side: HubSide, credentials: Credentials) -> Credentials:
-    """At a topside: of all drones on the list, only that whose name its keys have may be it."""
-    if hub_side.side == "drone":
-        return credentials
-    drone = f"drone:{name_in(f'{hub_side.space}/x')}"
-    admitted = [n for n in credentials.admitted if n == drone or not n.startswith("drone:")]
-    return credentials._replace(admitted=tuple(admitted))
-
-
-def _without(granted: Sequence[Granted], denied: dict[str, Any]) -> list[Granted]:
-    return [
-        (subject, [*own, {**denied, "id": f"{subject['id']}_{denied['id']}"}])
-        for subject, own in granted
-    ]
-
-
-def anybody(protocols: Sequence[str], rights: Rights) -> Granted:
-    """Whoever comes over one of these protocols."""
-    return {"id": "network", "link_protocols": list(protocols)}, rules("network", rights)
-
-
-def by_role(credentials: Credentials, roles: Mapping[str, Rights]) -> list[Granted]:
-    """Those with a certificate, by its role."""
-    found = {
-        role: [name for name in credentials.admitted if name.startswith(f"{role}:")]
-        for role in roles
-    }
-    # A subject without common names would be everybody: it is left out.
-    return [named(role, names, roles[role]) for role, names in found.items() if names]
-
-
-def named(who: str, admitted: Sequence[str], rights: Rights) -> Granted:
-    """Those with a certificate with one of these common names."""
-    names = list(admitted)
-    subject = {"id": who, "link_protocols": [WITH_KEYS], "cert_common_names": names}
-    return subject, rules(who, rights)
-
-
-def enforced(granted: Sequence[Granted]) -> dict[str, Any]:
-    """Zenoh's `access_control`: whatever is not granted is denied."""
+        # At a topside, of all drones on the list, only that whose name its keys have may be it.
+        drone = f"drone:{name_in(f'{space}/x')}"
+        believed = [
+            name
+            for name in credentials.admitted
+            if of_drone or name == drone or not name.startswith("drone:")
+        ]
+        for role, rights in {**roles, "router": other}.items():
+            # A subject without common names would be everybody: it is left out.
+            if names := [name for name in believed if name.startswith(f"{role}:")]:
+                who = {"id": role, "link_protocols": [WITH_KEYS], "cert_common_names": names}
+                granted.append((who, rights))
+    said = [f"{space}/{row}/{name}" for row in ("health", "log") for name in hub_side.own]
+    services = {"id": "services", "link_protocols": [LOCAL]}
+    ours = _rule("own", ("ingress", "egress"), ALL_MESSAGES, ["**", "**/@v1/**"])
+    policies = [(services, [ours])]
+    for subject, rights in granted:
+        name, on = f"{subject['id']}_posing", [*said, f"{space}/identity/{hub_side.side}"]
+        posing = _rule(name, ["ingress"], PUTS, on)
+        posing["permission"] = "deny"  # which goes before what is allowed
+        policies.append((subject, [*_rules(subject["id"], rights), posing]))
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": [each for _, own in granted for each in own],
-        "subjects": [subject for subject, _ in granted],
+        "rules": [rule for _, rules in policies for rule in rules],
+        "subjects": [subject for subject, _ in policies],
         "policies": [
-            {"rules": [each["id"] for each in own], "subjects": [subject["id"]]}
-            for subject, own in granted
+            {"rules": [rule["id"] for rule in rules], "subjects": [subject["id"]]}
+            for subject, rules in policies
         ],
     }
 
 
-def rules(who: str, rights: Rights) -> list[dict[str, Any]]:
+def _rules(who: str, rights: Rights) -> list[dict[str, Any]]:
     """Zenoh's rules for somebody with these rights."""
     acts = (
         ("says", "ingress", PUTS, rights.says),
@@ -157,7 +126,9 @@ def keys(space: str, way: Direction) -> list[str]:
     return [f"{space}/{topic.key}" for topic in rows if topic not in topics.WITHIN_ONE_MACHINE]
 
 
-def _rule(name: str, flows: Iterable[str], what: Sequence[str], on: Sequence[str]) -> Subject:
+def _rule(
+    name: str, flows: Iterable[str], what: Sequence[str], on: Sequence[str]
+) -> dict[str, Any]:
     return {
         "id": name,
         "permission": "allow",

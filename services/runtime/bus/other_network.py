@@ -20,8 +20,7 @@ from zenoh.ext import (
 )
 
 from services.runtime.bus.endpoint import checked_endpoint
-from services.runtime.bus.zenoh_bus import common_settings
-from services.runtime.bus.zenoh_threads import keep_thread_state, use_one_thread
+from services.runtime.bus.zenoh_bus import common_settings, keep_thread_state, use_one_thread
 
 HEARTBEAT_S = 5.0  # [s] of what is kept, at most, and only after something was said
 AGAIN_S = 1.0  # [s] between two attempts to reach a router that has not been there yet

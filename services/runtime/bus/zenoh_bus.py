@@ -1,11 +1,24 @@
 """The bus of one side over Zenoh: a star with one hub; every service is a client of that hub, with
-explicit endpoints."""
+explicit endpoints, and has one thread of Zenoh's instead of up to nine.
 
+By itself Zenoh starts five pools of threads, and every message passes through three of them. With
+some hundred small messages a second, the switches between the threads cost more than the messages.
+With one thread, that thread also empties the queues of what is to be sent; so they must hold what
+is published in one go: 16 batches of 64 kB, the most that Zenoh allows, so 1 MB per priority. What
+is published beyond that before the thread is free again is dropped: also a small message right
+behind 1 MB. Messages of 300 kB leave room for others.
+"""
+
+import ctypes
 import json
 import os
+import socket
+import stat
+import struct
+import threading
 import time
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, Literal
@@ -14,27 +27,48 @@ import zenoh
 
 from messages.payload import LONGEST
 from messages.topic import AnyTopic
-from services.runtime.bus import tcp_links
 from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
-from services.runtime.bus.zenoh_threads import (
-    ONE_THREAD,
-    QUEUES,
-    VARIABLE,
-    keep_thread_state,
-    use_one_thread,
-)
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.os import system
 
 SessionMode = Literal["router", "client"]
 UNIX = "unixsock-stream/"  # before the path of a socket, in an endpoint
+DESCRIPTORS = "/proc/self/fd"
 HUB_PATIENCE_S = 10.0  # [s] a client waits for its hub to start
+QUERY_S = 1.0  # [s] for the answer to who is there; a router answers at once
+VARIABLE = "ZENOH_RUNTIME"  # Zenoh reads it when the first session of a process is opened
+ONE_THREAD = (
+    "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), "
+    "net: (handover: rx), app: (handover: rx))"
+)
+BATCHES = 16  # of each priority, on each link
+PRIORITIES = (
+    "control", "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low",
+    "background",
+)  # fmt: skip
+QUEUES = dict.fromkeys(PRIORITIES, BATCHES)  # Zenoh's `transport/link/tx/queue/size`
 MOST_SESSIONS = 128  # at a hub of a drone or topside: its own services, and other machines
+
+
+_kept = threading.local()
+
+
+def use_one_thread() -> None:
+    """Call before the first session is opened. What the user's environment says wins."""
+    if not os.environ.get(VARIABLE):
+        os.environ[VARIABLE] = ONE_THREAD
+
+
+def keep_thread_state() -> None:
+    """Keep Python's state of this thread of Zenoh's for as long as the thread lives; otherwise each
+    call of a subscriber makes one, with a stack of its own, and throws it away."""
+    if not hasattr(_kept, "state"):
+        _kept.state = ctypes.pythonapi.PyGILState_Ensure()  # never released
 
 
 def config(
@@ -183,13 +217,42 @@ def watch_callers(session: zenoh.Session, changed: Callable[[str, bool], None]) 
 def close_without_waiting(session: zenoh.Session) -> object:
     """Let every link over TCP end at once, present and future, as long as what is returned is kept.
     Zenoh has Linux wait up to ten seconds for what the other end has not acknowledged, and a hub
-    whose one thread waits so serves nobody meanwhile."""
+    whose one thread waits so serves nobody meanwhile. Zenoh cannot be told otherwise, its
+    descriptors can: SO_LINGER off."""
 
     def on_link(link: zenoh.Link, there: bool) -> None:
-        if there and link.src.startswith(("tcp/", "tls/")):
-            tcp_links.close_without_waiting(tcp_links.ends_of(link.src, link.dst))
+        if not there or not link.src.startswith(("tcp/", "tls/")):
+            return
+        wanted = [end.partition("/")[2] for end in (link.src, link.dst)]
+        for number in _sockets():
+            with suppress(OSError), socket.socket(fileno=os.dup(number)) as found:
+                if _ends(found) == wanted:
+                    found.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
     return _watch_links(session, on_link)
+
+
+def _sockets() -> Iterator[int]:
+    """Descriptor of every socket of this process."""
+    try:
+        numbers = os.listdir(DESCRIPTORS)  # noqa: PTH208 - names alone
+    except OSError:  # not Linux, or no descriptors are left
+        return
+    for number in map(int, numbers):
+        with suppress(OSError):  # it was closed meanwhile
+            if stat.S_ISSOCK(os.fstat(number).st_mode):
+                yield number
+
+
+def _ends(link: socket.socket) -> list[str]:
+    """Of a connection over TCP: `host:port` of this end and of the other, as Zenoh writes them."""
+    if link.family not in (socket.AF_INET, socket.AF_INET6) or link.type != socket.SOCK_STREAM:
+        return []
+    try:
+        both = link.getsockname(), link.getpeername()
+    except OSError:  # it listens, or has ended
+        return []
+    return [f"[{host}]:{port}" if ":" in host else f"{host}:{port}" for host, port, *_ in both]
 
 
 def _watch_links(session: zenoh.Session, changed: Callable[[zenoh.Link, bool], None]) -> object:
@@ -255,17 +318,22 @@ class ZenohBus:
         """Declare a liveliness token; when it disappears, everyone knows within milliseconds."""
         self._keep.append(self._session.liveliness().declare_token(f"alive/{service}"))
 
-    def watch(self, changed: Callable[[str, bool], None]) -> None:
-        """Call `changed(service, alive)` for every liveliness token, present and future."""
+    def watch(self, changed: Callable[[str, bool], None], key: str = "alive/*") -> None:
+        """Call `changed(key of a token, is it there)` for every liveliness token, present and
+        future."""
 
         def on_token(sample: zenoh.Sample) -> None:
-            service = str(sample.key_expr).rsplit("/", 1)[-1]
-            changed(service, sample.kind == zenoh.SampleKind.PUT)
+            keep_thread_state()
+            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         handler = zenoh.handlers.Callback(on_token, indirect=False)
-        self._keep.append(
-            self._session.liveliness().declare_subscriber("alive/*", handler, history=True)
-        )
+        liveliness = self._session.liveliness()
+        self._keep.append(liveliness.declare_subscriber(key, handler, history=True))
+
+    def tokens(self, key: str) -> list[str]:
+        """Keys of the liveliness tokens that are there now, also strangers'."""
+        replies = self._session.liveliness().get(key, timeout=QUERY_S)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
 
 @contextmanager

@@ -40,17 +40,6 @@ def identity_of(stack: Stack, side: str, instance: int) -> SideIdentity:
     )
 
 
-def identity_now(stack: Stack, side: str) -> SideIdentity:
-    """Of a side that is started now: the vehicle file may have changed since it was read.
-
-    Raises:
-        LindyError: the vehicle file cannot be read.
-    """
-    return msgspec.structs.replace(
-        identity_of(stack, side, 0), vehicle_hash=_hash(stack.body_now())
-    )
-
-
 @cache
 def messages_hash(rows: Sequence[AnyTopic]) -> str:
     """Of the topic table and everything its messages consist of, but not of what is said about

@@ -26,8 +26,6 @@ QUOTES = ('"""', "'''")  # of strings of several lines
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
 LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
 LONGEST_TOML = 1_000_000  # [letters] a vehicle file has 20,000
-DEEPEST = 100  # parts of a key
-BETWEEN_KEYS = re.compile(r"[,=\[\]{}]")
 FILTER = "the estimator is one filter now, see docs/decisions.md (0020)"
 GONE = {
     "control.adaptation": "`lindy identify` finds thrust and drag from a dive",
@@ -43,7 +41,6 @@ GONE = {
     "reference.most_tilt": "it is 0.5 rad",
 }  # key of an earlier version → what to use instead
 UNNAMED = "[...]"  # of msgspec, for a name in a dictionary
-ENTRY = re.compile(r"(\w+) number (\d+)")  # an entry of an array, as sentences name it
 
 
 def deploy_file(folder: str, name: str, suffix: str = ".toml") -> Path:
@@ -121,27 +118,12 @@ def parsed_toml(text: str) -> dict[str, Any]:
 
 @lru_cache(maxsize=32)
 def _parsed(text: str) -> dict[str, Any]:
-    """TOML, of which a stranger's may have been made to take minutes: Python's parser needs the
-    square of the parts of a key.
-
-    Raises:
-        ValueError: it is not TOML, too long or too deep.
-    """
     if len(text) > LONGEST_TOML:
         raise ValueError(f"{len(text)} letters, at most {LONGEST_TOML} are allowed")
-    for number, line in enumerate(text.splitlines(), start=1):
-        if line.count(".") > DEEPEST:
-            for word in BETWEEN_KEYS.split("".join(line.split())):
-                if len([part for part in word.split(".") if part]) > DEEPEST:
-                    raise ValueError(f"a key of more than {DEEPEST} parts (at line {number})")
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        raise
     except RecursionError:
         raise ValueError("tables or arrays too deep") from None
-    except ValueError:  # Python's own sentence about it is no help
-        raise ValueError("a number of thousands of digits") from None
 
 
 def read_text(path: Path) -> str:
@@ -266,7 +248,7 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
         text.append(f"expected a table, found {found!r}; its keys: {', '.join(known)}")
     else:
         what = what[0].lower() + what[1:].replace("`", "")
-        text.append(_with_lines(what, key, path) if path else what)
+        text.append(what)
         if not isinstance(found, dict | list):
             text.append(f", found {found!r}")
     return "".join(text)
@@ -293,16 +275,6 @@ def _replaced(tree: Any, parts: Sequence[str], value: Any) -> Any:
     if not parts:
         return value
     return {**tree, parts[0]: _replaced(tree[parts[0]], parts[1:], value)}
-
-
-def _with_lines(what: str, key: Key, path: Path) -> str:
-    """A sentence with the line behind every entry of an array that it names."""
-
-    def located(entry: re.Match[str]) -> str:
-        line = line_of(path, (*key, entry[1], int(entry[2]) - 1), exact=True)
-        return f"{entry[0]} (line {line[1:]})" if line else entry[0]
-
-    return ENTRY.sub(located, what)
 
 
 def in_words(key: Key) -> str:

@@ -1,26 +1,19 @@
 """What every service of one dive shares: the vehicle, the link, the pilot, where files go."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, cast
 
 import msgspec
 
 from services.runtime.config.errors import LindyError
-from services.runtime.config.sensor_parts import (
-    SENSORS,
-    NamedSensors,
-    part_path,
-    read_part,
-    with_parts,
-)
 from services.runtime.config.settings import (
+    DEPLOY,
     convert,
     deploy_file,
-    kept,
     line_of,
     nearest,
     override,
@@ -41,6 +34,26 @@ SCRIPT = "script:"  # of a pilot: then comes its name
 # can have such a name: docs/decisions.md (0018).
 REPLAY = "@replay"
 BODY = "vehicle"  # the table of the vehicle file that describes the vehicle itself
+SENSORS = "sensors"  # its table that names parts, and the folder of these in deploy/
+
+
+class NamedSensors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table [sensors] of a vehicle file: names in deploy/sensors, or own part files, in which a
+    part's figures stand once for every vehicle that has it."""
+
+    imu: str | None = None
+    magnetometer: str | None = None
+    pressure: str | None = None
+    dvl: str | None = None
+
+
+class SensorPart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A part file. Its tables lie under those of the vehicle file, so that what is stated there, or
+    by `--set`, counts."""
+
+    kind: str  # a key of [sensors]
+    simulator: dict[str, Any] = {}
+    estimation: dict[str, Any] = {}
 
 
 class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
@@ -114,7 +127,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         wanted = [("links", self.link, ".toml")]
         if self.pilot.startswith(SCRIPT):
             wanted.append(("dives", self.pilot.removeprefix(SCRIPT), ".csv"))
-        files = [self.vehicle_path, *self._part_paths()]
+        files = [self.vehicle_path, *self._part_paths]
         for folder, name, suffix in wanted:
             with suppress(LindyError):  # nobody on this side may read it
                 files.append(deploy_file(folder, name, suffix))
@@ -130,25 +143,14 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Raises:
             LindyError: the table is wrong; says where and what is allowed.
         """
-        path, parts = self.vehicle_path, self._part_paths()
-        tree = _with_parts(path, tuple(self.overrides), *_copied(path, *parts))
         try:
-            return convert(tree.get(name, {}), kind, name, path)
-        except LindyError as error:
-            for part in parts:  # is it this one's mistake?
+            return convert(self._tree.get(name, {}), kind, name, self.vehicle_path)
+        except LindyError:
+            for part in self._part_paths:  # is it this one's mistake?
                 if said := getattr(read_part(part), name, {}):
                     convert(said, kind, name, part)
-            raise self._blamed(str(error), self._begun(name, kind)) from None
-
-    def body_now(self) -> dict[str, Any]:
-        """The table [vehicle] as a service that starts now reads it, whatever was read before.
-
-        Raises:
-            LindyError: the file cannot be read.
-        """
-        tree = read_toml(self.vehicle_path)
-        override(tree, self.overrides)
-        return tree.get(BODY, {})
+            self._blame_option(name, kind)
+            raise
 
     def check(self, known: Mapping[str, type | None], *, recorded: bool = False) -> None:
         """Read every table of the vehicle file once, so that a mistake stops a dive before it
@@ -165,15 +167,12 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         """
         _ = self.vehicle_name
         others = read_toml(self.vehicle_path) if recorded else {}
-        for name in self._vehicle_tree():
+        for name in self._own_tree:
             if known.get(name) is None and name not in others:
-                where = f"{self.vehicle_path}{line_of(self.vehicle_path, (name,))}: {name}"
-                if name in known:
-                    raise self._blamed(f"{where}: {NO_SETTINGS}")
                 allowed = sorted(name for name, kind in known.items() if kind is not None)
                 hint = LINK if name == "link" else nearest(name, allowed)
-                what = f"unknown table of a vehicle file for the stack {self.services}"
-                raise self._blamed(f"{where}: {what}{hint}")
+                what = f"unknown table of a vehicle file for the stack {self.services}{hint}"
+                raise self.mistake((name,), NO_SETTINGS if name in known else what)
         for name, kind in known.items():
             if kind is not None:
                 self.section(name, kind)
@@ -185,23 +184,46 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Raises:
             LindyError: a file cannot be read, or a sensor does not exist.
         """
-        path = self.vehicle_path
-        return {*_with_parts(path, tuple(self.overrides), *_copied(path, *self._part_paths()))}
+        return {*self._tree}
 
-    def _vehicle_tree(self) -> dict[str, Any]:
+    def mistake(self, key: tuple[str, ...], why: str) -> LindyError:
+        """The error for a key of the vehicle file, or for the `--set` that it came from."""
+        path, words = self.vehicle_path, ".".join(key)
+        in_file = line_of(path, key, exact=True)
+        for assignment in reversed(self.overrides):
+            option = assignment.partition("=")[0].strip()
+            if option == words:
+                return LindyError(f"--set {assignment}: {why}")
+            inside = option.startswith(f"{words}.") and not in_file
+            if inside or words.startswith(f"{option}."):
+                return LindyError(f"--set {assignment}: {words}: {why}")
+        return LindyError(f"{path}{line_of(path, key)}: {words}: {why}")
+
+    @cached_property
+    def _own_tree(self) -> dict[str, Any]:
         """The vehicle file without what its sensors' part files say."""
-        return _vehicle_tree(self.vehicle_path, tuple(self.overrides), *_copied(self.vehicle_path))
+        tree = read_toml(self.vehicle_path)
+        override(tree, self.overrides)
+        return tree
 
+    @cached_property
+    def _tree(self) -> dict[str, Any]:
+        """The vehicle file with the figures of its parts where it states none itself."""
+        return _with_parts(self._own_tree, self._part_paths)
+
+    @cached_property
     def _part_paths(self) -> list[Path]:
         """
         Raises:
             LindyError: a sensor that the vehicle file names does not exist, or is of another kind.
         """
-        path, paths = self.vehicle_path, list[Path]()
+        paths = list[Path]()
         try:
-            named = convert(self._vehicle_tree().get(SENSORS, {}), NamedSensors, SENSORS, path)
-        except LindyError as error:
-            raise self._blamed(str(error)) from None
+            table = self._own_tree.get(SENSORS, {})
+            named = convert(table, NamedSensors, SENSORS, self.vehicle_path)
+        except LindyError:
+            self._blame_option(SENSORS, NamedSensors, parts=False)
+            raise
         for kind, name in msgspec.structs.asdict(named).items():
             try:
                 paths += [part_path(kind, name)] if name is not None else []
@@ -209,62 +231,64 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 raise self.mistake((SENSORS, kind), str(error)) from None
         return paths
 
-    def mistake(self, key: tuple[str, str], why: str) -> LindyError:
-        """The error for a key of the vehicle file, or for the `--set` that it came from."""
-        path = self.vehicle_path
-        return self._blamed(f"{path}{line_of(path, key)}: {'.'.join(key)}: {why}")
+    def _blame_option(self, name: str, kind: type, *, parts: bool = True) -> None:
+        """Of a table that is wrong: is it an option's mistake?
 
-    def _begun(self, name: str, kind: type) -> str:
-        """The `--set` from which on a table is wrong; empty: the file itself is."""
-        path, parts = self.vehicle_path, self._part_paths()
-        for number in range(len(self.overrides) + 1):
-            said = tuple(self.overrides[:number])
-            try:
-                convert(_with_parts(path, said, *_copied(path, *parts)).get(name, {}), kind, name)
-            except LindyError:
-                return said[-1] if said else ""
-        return ""
-
-    def _blamed(self, sentence: str, begun: str = "") -> LindyError:
-        """The error; about a key that came from `--set` it names that option, not the file.
-
-        Args:
-            begun: the option from which on the table is wrong, if it is known.
+        Raises:
+            LindyError: the `--set` from which on it is wrong, and why; else it is the file's.
         """
-        about = re.fullmatch(
-            rf"{re.escape(str(self.vehicle_path))}(:\d+)?: ([^:]+): (.*)", sentence
-        )
-        if about is None:
-            return LindyError(sentence)
-        in_file, wrong, why = about.groups()
-        for assignment in self.overrides:
-            key = assignment.partition("=")[0].strip()
-            if key == wrong:
-                return LindyError(f"--set {assignment}: {why}")
-            inside = wrong.startswith((f"{key}.", f"{key} "))  # of the table or array it sets
-            its = assignment == begun or ("unknown" in why and not in_file)
-            if inside or (key.startswith(f"{wrong}.") and its):
-                return LindyError(f"--set {assignment}: {wrong}: {why}")
-        return LindyError(sentence)
+        paths, why = self._part_paths if parts else [], ""
+        for number in range(len(self.overrides), -1, -1):
+            tree = read_toml(self.vehicle_path)
+            override(tree, self.overrides[:number])
+            try:
+                convert(_with_parts(tree, paths).get(name, {}), kind, name)
+            except LindyError as error:
+                why = why or str(error)
+                continue
+            guilty = self.overrides[number]
+            key = guilty.partition("=")[0].strip()
+            raise LindyError(f"--set {guilty}: {why.removeprefix(f'{key}: ')}") from None
 
 
-def _copied(*paths: Path) -> tuple[tuple[Path, Path], ...]:
-    """Each file, and the copy that is read in its place now, if there is one."""
-    return tuple((path, kept(path)) for path in paths)
+def read_part(path: Path) -> SensorPart:
+    """
+    Raises:
+        LindyError: it cannot be read, or is no part file.
+    """
+    return convert(read_toml(path), SensorPart, "", path)
 
 
-@lru_cache
-def _vehicle_tree(path: Path, overrides: tuple[str, ...], *_: tuple[Path, Path]) -> dict[str, Any]:
-    """`_`: see `_copied`."""
-    tree = read_toml(path)
-    override(tree, overrides)
+def part_path(kind: str, name: str) -> Path:
+    """The file of a part that a vehicle file names as its sensor of this kind.
+
+    Raises:
+        LindyError: there is no such part, or it is a sensor of another kind.
+    """
+    parts = {each.stem: each for each in sorted((DEPLOY / SENSORS).glob("*.toml"))}
+    path = deploy_file(SENSORS, name) if name.endswith(".toml") or "/" in name else parts.get(name)
+    found = None if path is None else read_part(path).kind
+    if path is not None and found == kind:
+        return path
+    known = [stem for stem, each in parts.items() if read_part(each).kind == kind]
+    if found is None:
+        raise LindyError(f"unknown part {name!r}{nearest(name, known)}")
+    raise LindyError(f"{name!r} is of the kind {found!r}; known: {', '.join(known)}")
+
+
+def _with_parts(tree: dict[str, Any], paths: Sequence[Path]) -> dict[str, Any]:
+    for path in paths:
+        part = read_part(path)
+        tree = _under(tree, {"simulator": part.simulator, "estimation": part.estimation})
     return tree
 
 
-@lru_cache
-def _with_parts(
-    path: Path, overrides: tuple[str, ...], *files: tuple[Path, Path]
-) -> dict[str, Any]:
-    """`files`: of the vehicle and its sensors, see `_copied`."""
-    tree = _vehicle_tree(path, overrides, files[0])
-    return with_parts(tree, [part for part, _ in files[1:]])
+def _under(above: dict[str, Any], below: dict[str, Any]) -> dict[str, Any]:
+    """Both, table by table; where both have a value, that of `above`."""
+    together = {**below, **above}
+    for name in above.keys() & below.keys():
+        if isinstance(above[name], dict) and isinstance(below[name], dict):
+            together[name] = _under(
+                cast(dict[str, Any], above[name]), cast(dict[str, Any], below[name])
+            )
+    return together

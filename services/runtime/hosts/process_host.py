@@ -11,7 +11,8 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Generator
+from collections import Counter
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
@@ -22,6 +23,7 @@ import msgspec
 
 from messages.health import LogLine
 from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.envelope import Bus
 from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.zenoh_bus import (
@@ -34,13 +36,11 @@ from services.runtime.bus.zenoh_bus import (
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.caller_log import CallerLog
 from services.runtime.hosts.garbage_collection import rare_collections
-from services.runtime.hosts.group_host import GroupHost
 from services.runtime.hosts.heartbeat import Heartbeat
+from services.runtime.hosts.loop import POLL_S, Loop
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.stepper import POLL_S, Stepper
 from services.runtime.node.checkpoint import CheckpointFile
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.loop_stats import Instance, Usage
@@ -96,20 +96,25 @@ def run_services(launch: Launch) -> int:
             side: exits.enter_context(open_bus(endpoint, launch.stack.space, launch.keys))
             for side, endpoint in launch.endpoints.items()
         }
-        buses = {side: SharedBus(session) for side, session in sessions.items()}
+        shared = {s: SharedBus(own) for s, own in sessions.items()} if len(wires) > 1 else {}
+
+        def end(side: str) -> Bus:
+            """A service that is alone has the session itself."""
+            return SharedBusPort(shared[side]) if shared else sessions[side]
+
         nodes: list[Node] = []
         for name, wire in wires.items():
-            node = _node(name, launch, buses, exits)
+            node = _node(name, launch, end, exits)
             wire(node, launch.stack)
             exits.enter_context(_blaming(registry, lambda name=name: name))
             exits.callback(node.close)
             nodes.append(node)
         copies.close()  # what is asked for from now on is read as it is then
-        host = GroupHost(nodes, usage)
-        exits.enter_context(_blaming(registry, lambda: host.running))
         # What writes files, or is somebody else's, may hold up the thread that it runs on.
         own = all(spec.module is None for spec in launch.services.values())
-        stepper = Stepper(host, on_arrival=own and not any(node.collects for node in nodes))
+        quick = own and not any(node.collects for node in nodes)
+        loop = Loop(nodes, usage, on_arrival=quick)
+        exits.enter_context(_blaming(registry, lambda: loop.running))
         for name, spec in launch.services.items():
             for side in spec.sides:
                 sessions[side].announce(name)
@@ -119,13 +124,13 @@ def run_services(launch: Launch) -> int:
             nodes[0].log("warning", heartbeat.unwatched)
         while not stop.asked:
             heartbeat.beat(time.monotonic_ns())
-            stepper.step_and_wait()
-        stepper.finish()  # messages that arrived with the signal are still handled
+            loop.step_and_wait()
+        loop.finish()  # messages that arrived with the signal are still handled
         return 0
     return 1
 
 
-def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitStack) -> Node:
+def _node(name: str, launch: Launch, end: Callable[[str], Bus], exits: ExitStack) -> Node:
     """The node of a service, not yet wired."""
     spec, home = launch.services[name], launch.services[name].sides[0]
     checkpoint = CheckpointFile(Path(launch.checkpoint) / f"{name}.json")
@@ -135,7 +140,7 @@ def _node(name: str, launch: Launch, buses: dict[str, SharedBus], exits: ExitSta
     )
     node = Node(
         name,
-        {side: SharedBusPort(buses[side]) for side in spec.sides},
+        {side: end(side) for side in spec.sides},
         time.monotonic_ns,
         checkpoint,
         gateway=spec.gateway,
@@ -157,6 +162,30 @@ class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
     parent: int | None = None
     tells: bool = False  # says on the parent's stderr that the parent was killed
+
+
+class CallerLog:
+    """Who comes to a hub from another machine, and who leaves: each the first, tenth, hundredth …
+    time, because who is not admitted may try for hours."""
+
+    def __init__(self, admitted: Sequence[str]) -> None:
+        self._admitted = frozenset(admitted)
+        self._times: Counter[tuple[str, bool]] = Counter()
+
+    def see(self, name: str, connected: bool) -> None:
+        """Somebody has connected or left. Called on Zenoh's thread."""
+        self._times[name, connected] += 1
+        times = self._times[name, connected]
+        if str(times).rstrip("0") != "1":
+            return
+        again = "" if times == 1 else f" ({times} times)"
+        text = f"{name} {'connected' if connected else 'left'}{again}"
+        if name in self._admitted:
+            line = f"info hub: {text}"
+        else:
+            line = f"warning hub: {text}; it is not admitted, and can neither hear nor say anything"
+        with contextlib.suppress(OSError):  # a full disk under the log
+            print(line, file=sys.stderr, flush=True)
 
 
 def run_hub(launch: HubLaunch) -> int:

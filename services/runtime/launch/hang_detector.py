@@ -1,7 +1,7 @@
 """Which processes run but do not answer: they hang, or were stopped.
 
 Pure: the heartbeats, the state of each child and `now` are arguments. A process that has ended is
-the business of `lifecycle.py`; this is about one that has not, and whose loop does not go round.
+the business of `supervisor.py`; this is about one that has not, and whose loop does not go round.
 """
 
 from collections import Counter
@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from services.runtime.launch.lifecycle import Life
+from services.runtime.launch.supervisor import Life
 
 SILENT_S = 1.0  # [s] without a heartbeat, which comes ten times a second at least
 STUCK_S = 0.3  # [s] the same, of one that does not even wait for a processor: it is not just late

@@ -19,27 +19,76 @@ from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
+from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.process_host import instance, usage
-from services.runtime.launch.aliveness import Aliveness
 from services.runtime.launch.child import is_stuck
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.hang_detector import HangDetector
-from services.runtime.launch.process_plan import LAST, ProcessPlan
-from services.runtime.launch.run_note import RunNote
-from services.runtime.launch.runtime_folder import runtime_folder
+from services.runtime.launch.process_plan import LAST, Dive, ProcessPlan, runtime_folder
 from services.runtime.launch.supervisor import Supervisor
 from services.runtime.launch.systemd import Systemd
-from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.checkpoint import CheckpointFile, VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
+from services.runtime.os import system
 
 SLOW = ("visualizer",)  # started when the others are alive: its libraries take a second to load
 WATCH_NS = 100_000_000  # [ns] between two looks at the heartbeats
 DISK_PATIENCE_S = 10.0  # [s] a slow disk may stop those of LAST before they are started again
 PERIOD_S = 0.04  # [s] between two steps: ports that keep the newest 16 must not fill at 100 Hz
 HUB_TIMEOUT_S = 20.0
+RETRY_NS = 5_000_000_000  # [ns] until a note that could not be written is tried again
+
+
+class RunNote:
+    """`run.json` in a dive's folder, by which other programs find the dive that is going on. Goes
+    at its end. Written by a thread of its own: a disk that hangs must not hold up whoever
+    supervises."""
+
+    def __init__(self, plan: ProcessPlan, warn: Callable[[str], None]) -> None:
+        self._plan, self._warn = plan, warn
+        self._path = plan.stack.out_dir / RUNNING
+        self._file = CheckpointFile(self._path)
+        self._pids: dict[str, int] = {}
+        self._again_ns: int | None = None  # [ns] when a write that failed is tried again
+        self._said = False
+
+    def update(self, pids: dict[str, int], now: int) -> None:
+        """Written atomically: on a full disk the older one stays, which is said once, and it is
+        tried again.
+
+        Args:
+            pids: of the processes, by the names of their services and of the hubs.
+            now: [ns] by any clock.
+        """
+        self._said = self._said and bool(self._file.why)
+        if self._file.failures():
+            self._again_ns = now + RETRY_NS
+            if not self._said:
+                self._said = True
+                self._warn(f"cannot write {self._path}: {self._file.why}")
+        due = self._again_ns is not None and now >= self._again_ns
+        if pids != self._pids or due:
+            self._pids, self._again_ns = pids, None
+            self._write(pids)
+
+    def remove(self) -> None:
+        self._file.close()
+        with suppress(OSError):  # the disk may be read-only by now
+            self._path.unlink(missing_ok=True)
+
+    def _write(self, pids: dict[str, int]) -> None:
+        plan = self._plan
+        running = Running(
+            vehicle=plan.stack.space,
+            endpoints=plan.endpoints,
+            supervisor=os.getpid(),
+            began=system.began(os.getpid()),
+            pids=pids,
+            stack_file=str(plan.services.file),
+        )
+        self._file.save_checkpoint(msgspec.json.format(msgspec.json.encode(running)))
 
 
 class LocalStack:
@@ -48,7 +97,8 @@ class LocalStack:
     def __init__(self, plan: ProcessPlan) -> None:
         self.plan = plan
         self.node: Node  # this process's own, on the pilot's side; set when the hubs are up
-        self.aliveness = Aliveness(plan.services, plan.endpoints)
+        self.shown: set[tuple[str, str]] = set()  # (side, service) whose token is there …
+        self._ever_shown: set[tuple[str, str]] = set()  # … or was
         self.note = RunNote(plan, partial(self._tell, "warning"))
         self.supervisor = Supervisor(self._tell)
         self.hang_detector = HangDetector(dict.fromkeys(LAST, DISK_PATIENCE_S))
@@ -104,7 +154,7 @@ class LocalStack:
 
     def missing(self) -> list[str]:
         """Services that are not alive on all of their sides."""
-        return self.aliveness.missing()
+        return self._without_a_token(self.shown)
 
     def wait_alive(self, timeout_s: float, look: Callable[[], bool]) -> None:
         """Wait until every service is alive. `look` is called repeatedly and must call `pump`; it
@@ -119,7 +169,7 @@ class LocalStack:
         while (missing := self.missing()) and look():
             if time.monotonic() > deadline:
                 late = f"not alive after {timeout_s:g} s: {', '.join(missing)}"
-                if never := [n for n in self.aliveness.never_alive() if n not in SLOW]:
+                if never := [n for n in self._without_a_token(self._ever_shown) if n not in SLOW]:
                     late = f"not alive after {timeout_s:g} s: {', '.join(never)}"
                     raise LindyError(f"{late} (see {self.stack.out_dir / 'logs'})")
                 self._tell("warning", f"{late}; the dive goes on")
@@ -164,15 +214,31 @@ class LocalStack:
             self._wake.wait(min(PERIOD_S, seconds))
         self._wake.clear()
 
-    def _token(self, side: str, service: str, alive: bool) -> None:
-        self._tokens.append((side, service, alive))
+    def _token(self, side: str, key: str, alive: bool) -> None:
+        self._tokens.append((side, key.rpartition("/")[2], alive))
         self._wake.set()
 
     def _hear_tokens(self) -> None:
         while self._tokens:
             side, service, alive = self._tokens.popleft()
-            if (process := self.aliveness.token(side, service, shown=alive)) is not None:
-                self.supervisor.seen(process)
+            if not alive:
+                self.shown.discard((side, service))
+                continue
+            self.shown.add((side, service))
+            self._ever_shown.add((side, service))
+            missing, processes = self.missing(), self.plan.processes
+            for process, names in processes.items():
+                if service in names and not set(names) & set(missing):  # it is whole with this one
+                    self.supervisor.seen(process)
+
+    def _without_a_token(self, tokens: set[tuple[str, str]]) -> list[str]:
+        """Services that lack one on a side that has its hub on this machine."""
+        sides = self.plan.endpoints
+        return [
+            name
+            for name, spec in self.plan.services.items()
+            if any((side, name) not in tokens for side in spec.sides if side in sides)
+        ]
 
     def _start_slow(self) -> None:
         """Start the slow services, once they keep no other from the processor."""

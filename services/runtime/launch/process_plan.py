@@ -1,9 +1,13 @@
-"""Which processes a stack needs on this machine, and with which commands, endpoints and files."""
+"""A dive as it is settled before anything of it is started on this machine, and which processes it
+needs here, with which commands, endpoints and files."""
 
 import os
 import secrets
+import shutil
 import sys
-from collections.abc import Callable, Collection
+import tempfile
+from collections.abc import Callable, Collection, Generator
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
@@ -12,25 +16,50 @@ import msgspec
 import services
 from messages.topic import Side
 from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import UNIX
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import HubLaunch, Launch
-from services.runtime.hosts.registry import PILOTS
+from services.runtime.hosts.registry import PILOTS, Registry
 from services.runtime.hosts.stack_file import code_of
 from services.runtime.launch.child import Task
-from services.runtime.launch.dive import Dive
+from services.runtime.launch.supervisor import NAME
 from services.runtime.node.checkpoint import write_safely
+from services.runtime.os import system
 
 PYTHON = [sys.executable, "-P", "-m", services.__name__]  # -P: nothing of the user's folder
 CHECKPOINTS = "checkpoints"  # folder in the dive's folder; DIVE/checkpoints/<service>.json
 HOME = "topside"  # the side this process's own node is on: it sees what the pilot sees
 LAST = ("recorder", "visualizer")  # stopped after the others, so that they receive everything
+LONGEST = 56  # [bytes] of the runtime folder's place; a socket's path must stay below 107
+PREFIX = "lindy-run-"
+
+
+class Dive(msgspec.Struct, frozen=True):
+    """The part of a dive that is on this machine, checked."""
+
+    stack: Stack  # what every service of the dive is told
+    services: Registry  # of this machine
+    side: Side | None = None  # of this machine; None: both sides are on it
+    elsewhere: tuple[str, ...] = ()  # services of the other machine
+    # Endpoints at which the other side reaches this hub; without another side, other programs.
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()  # … or at which this hub reaches the other side's
+    gateway: str | None = None  # endpoint of the drone's hub, for a tether process between them
+    credentials: Credentials | None = None  # for endpoints of and for other machines
+    begin_with: dict[str, bytes] = {}  # files that the folder of the checkpoints begins with
+
+    @property
+    def supervisor(self) -> str:
+        """Its name on the bus. Two machines have two, and each receives the other's health."""
+        return NAME if self.side is None else f"{NAME}_{self.side}"
 
 
 class ProcessPlan:
-    """The hubs and processes of one stack."""
+    """The hubs and processes of a dive."""
 
     def __init__(self, dive: Dive, folder: Path) -> None:
         """
@@ -170,3 +199,35 @@ def unused_folder(wanted: Path) -> Path:
             raise LindyError(f"cannot make the folder {folder}: {reason(error)}") from None
         return folder
     raise AssertionError("numbers do not end")
+
+
+@contextmanager
+def runtime_folder() -> Generator[Path]:
+    """A new folder for what the processes of one start share: sockets, heartbeats, copies of files.
+    It is removed at the end; those of starts that were killed are removed now."""
+    place = tempfile.gettempdir()
+    place = place if len(place) <= LONGEST else "/tmp"
+    sweep(Path(place))
+    with tempfile.TemporaryDirectory(  # whose disk may have become read-only meanwhile
+        prefix=PREFIX, dir=place, ignore_cleanup_errors=True
+    ) as name:
+        lock = system.lock(Path(name))  # ends with this process, however that ends
+        try:
+            yield Path(name)
+        finally:
+            if lock is not None:
+                lock.release()
+
+
+def sweep(place: Path) -> None:
+    """Remove the folders whose start has ended without removing them: nobody holds their locks.
+    An empty one may be new, and not locked yet; where a disk has no locks, nothing is known."""
+    for folder in place.glob(f"{PREFIX}*"):
+        with suppress(OSError):  # somebody else's
+            if folder.is_symlink() or not any(folder.iterdir()):
+                continue
+            if (lock := system.lock(folder)) is None:
+                continue
+            if lock.is_known:
+                shutil.rmtree(folder, ignore_errors=True)
+            lock.release()

@@ -4,12 +4,23 @@ A message's stamps are in the clock of the side that published it. Where topside
 machines, every node keeps the clock offset that the link monitor publishes, and the gates convert
 the stamps of every message that crossed the link to local time. On one machine there is one clock
 and nothing to do.
+
+The type of a field decides whether it is a stamp: every field of type `Stamp` (messages/units.py),
+or of it and None, is shifted; everything else, including durations and what stands deeper, stays as
+it is. A test says of which messages that is not all.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+
+from msgspec import inspect
+from msgspec.structs import force_setattr
 
 from messages.link import Clock, ClockPing, ClockPong
+from messages.message import Message
 from messages.topic import AnyTopic, Direction, Side
+from messages.units import STAMP
 
 SILENT_NS = 3_000_000_000  # [ns] a topside says its clock five times a second
 SOURCES = 8  # topsides whose clocks are kept
@@ -99,3 +110,29 @@ class ClockOffset:
     def judges(self, topic: AnyTopic) -> bool:
         """Can its stamps be checked? Topics published on both sides may be of either clock."""
         return topic.way is not Direction.BOTH and topic.message not in ABOUT_CLOCKS
+
+
+@cache
+def mover(kind: type[Message]) -> Callable[[Message, int], None]:
+    """A function that subtracts `ahead_ns` [ns] from every stamp of a message just decoded.
+
+    Made once for each message type, because thousands of messages are converted every second.
+    """
+    info = inspect.type_info(kind)
+    assert isinstance(info, inspect.StructType)
+    names = tuple(field.name for field in info.fields if _is_stamp(field.type))
+
+    def move(message: Message, ahead_ns: int) -> None:
+        # Frozen for everybody else; nobody else has it yet.
+        for name in names:
+            moment = getattr(message, name)
+            if moment is not None:
+                force_setattr(message, name, moment - ahead_ns)
+
+    return move
+
+
+def _is_stamp(kind: inspect.Type) -> bool:
+    if isinstance(kind, inspect.UnionType):
+        return any(map(_is_stamp, kind.types))
+    return isinstance(kind, inspect.Metadata) and kind.extra == STAMP

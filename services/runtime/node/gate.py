@@ -12,8 +12,7 @@ from messages.events import Outbox, Row
 from messages.payload import MEMBERS, PayloadDecoder
 from messages.topic import M, Topic
 from services.runtime.bus.envelope import Envelope
-from services.runtime.node.clock_offset import UNKNOWN, ClockOffset
-from services.runtime.node.stamps import mover
+from services.runtime.node.clock_offset import UNKNOWN, ClockOffset, mover
 
 MOST_LOST = 100_000  # messages between two that arrive: a quarter of an hour without a link
 FUTURE_NS = 100_000_000  # [ns] a stamp further ahead than this is wrong, not jitter

@@ -22,13 +22,12 @@ from messages.message import Message
 from messages.payload import UNDECODABLE
 from messages.topic import AnyTopic, Direction, M, Topic
 from services.runtime.bus.envelope import Bus, Envelope
-from services.runtime.node.answers import AnswerBook
 from services.runtime.node.checkpoint import CheckpointStore
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
 from services.runtime.node.loop_stats import CALM_NS, Instance, LoopStats, Usage
 from services.runtime.node.ports import Alarm, Inbox, Latest, Now, Publisher, Tick
-from services.runtime.node.requests import A, Overrules, Q, Requester, Requests
+from services.runtime.node.requests import A, AnswerBook, Overrules, Q, Requester, Requests
 
 # Envelopes kept between two steps of a latest-wins port: 0.16 s at 100 Hz. A service that is
 # stepped only at the end of a silence of 0.1 s, as control before its first reference, loses none.
@@ -290,9 +289,10 @@ class Node:
     def gate(self, topic: Topic[M]) -> Gate[M]:
         return Gate(topic, self.outbox, self._clock_offset)
 
-    def _gates(self, topic: Topic[M], *, onlooker: bool) -> Gates[M]:
+    def _gates(self, topic: Topic[M], *, onlooker: bool) -> Gate[M] | Gates[M]:
+        kind = Gates[M] if topic.is_family else Gate[M]
         offset, replay = self._clock_offset, self._replay
-        return Gates(topic, self.outbox, offset, onlooker=onlooker, replay=replay)
+        return kind(topic, self.outbox, offset, onlooker=onlooker, replay=replay)
 
     def local_ns(self, topic: AnyTopic, stamp_ns: int) -> int | None:
         """[ns] A stamp of an envelope by this node's clock; None where not known."""

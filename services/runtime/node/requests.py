@@ -1,7 +1,7 @@
-"""The asking end of a request: repeated with the same id until it is answered or given up.
+"""Requests: repeated with the same id until they are answered or given up, and decided once.
 
-`Requests` is the state machine; `Requester` gives it a publisher and a timer, and is made by
-`Node.request`.
+`Requests` is the state machine of who asks; `Requester` gives it a publisher and a timer, and is
+made by `Node.request`. `AnswerBook` is the end that answers.
 """
 
 from collections.abc import Callable
@@ -16,6 +16,7 @@ from services.runtime.node.ports import Alarm, Publisher
 
 REPEAT_NS = 200_000_000  # [ns]
 GIVE_UP_NS = 5_000_000_000  # [ns]
+KEPT = 64  # newest answers, for requests that are repeated
 Q = TypeVar("Q", bound=Request)
 A = TypeVar("A", bound=Answer)
 Overrules = Callable[[Q, Q], bool]  # (newer, older): does the newer withdraw the older one?
@@ -114,3 +115,35 @@ class Requester(Generic[Q, A]):
             self._on_given_up(request, now)
         for request in repeats:
             self._publisher.put(request)
+
+
+class KeptAnswers(Generic[A]):
+    """The newest answers, by the id of their request."""
+
+    def __init__(self) -> None:
+        self._answers: dict[str, A] = {}  # the oldest first
+
+    def keep(self, answer: A) -> A:
+        self._answers[answer.id] = answer
+        if len(self._answers) > KEPT:
+            del self._answers[next(iter(self._answers))]
+        return answer
+
+    def to(self, request_id: str, now: Ns) -> A | None:
+        """The answer to a request that is repeated; None: it has none yet."""
+        known = self._answers.get(request_id)
+        return None if known is None else msgspec.structs.replace(known, stamp_ns=now)
+
+
+class AnswerBook(Generic[Q, A]):
+    """Answers of who decides at once."""
+
+    def __init__(self, decide: Callable[[Q, Ns], A]) -> None:
+        self._decide = decide
+        self._kept = KeptAnswers[A]()
+
+    def answer(self, request: Q, now: Ns) -> tuple[A, bool]:
+        """The answer to send now, and whether the request was decided just now."""
+        if (known := self._kept.to(request.id, now)) is not None:
+            return known, False
+        return self._kept.keep(self._decide(request, now)), True

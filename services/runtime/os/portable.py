@@ -32,7 +32,7 @@ class NewGroup(TypedDict):
 
 
 APART = NewGroup(creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0))
-BECOMES = False
+WINDOWS = True
 
 
 def exists(pid: int) -> bool:
@@ -97,10 +97,6 @@ def hold_back(signals: Iterable[Signals]) -> Callable[[], None]:  # noqa: ARG001
     return lambda: None
 
 
-def let_through(signals: Iterable[Signals]) -> None:
-    """Nobody has held them back."""
-
-
 # Terminals and cables.
 
 
@@ -115,8 +111,10 @@ def serial(device: str, baud: int) -> FileIO:  # noqa: ARG001 - as in posix
 # Files and folders.
 
 
-class LockFile:
+class Lock:
     """A file beside what is locked, which Windows removes with its process."""
+
+    is_known = True
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -129,14 +127,11 @@ class LockFile:
             self._descriptor = None
             self._path.unlink(missing_ok=True)
 
-    def hand_over(self) -> int | None:
-        return None  # no program becomes another one
 
-
-def lock(path: Path) -> LockFile | None:
+def lock(path: Path) -> Lock | None:
     path.stat()
     try:
-        return LockFile(path.with_name(f".{path.name}.lock"))
+        return Lock(path.with_name(f".{path.name}.lock"))
     except FileExistsError:
         return None
 

@@ -34,7 +34,7 @@ class NewSession(TypedDict):
 
 
 APART = NewSession(start_new_session=True)
-BECOMES = True  # a program may go on as another one
+WINDOWS = False
 
 
 def exists(pid: int) -> bool:
@@ -123,11 +123,6 @@ def hold_back(signals: Iterable[signal.Signals]) -> Callable[[], None]:
     return let_go
 
 
-def let_through(signals: Iterable[signal.Signals]) -> None:
-    """Whatever another program has held back."""
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
-
-
 # Terminals and cables.
 
 
@@ -165,24 +160,23 @@ def serial(device: str, baud: int) -> FileIO:
 # Files and folders.
 
 
-class HeldFile:
-    """A descriptor with a lock; None: on a file system without locks."""
+class Lock:
+    """Of a file or a folder; ends with the process, if not before.
+
+    Attributes:
+        is_known: False: the file system has no locks.
+    """
 
     def __init__(self, descriptor: int | None) -> None:
-        self._descriptor = descriptor
+        self._descriptor, self.is_known = descriptor, descriptor is not None
 
     def release(self) -> None:
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
 
-    def hand_over(self) -> int | None:
-        if self._descriptor is not None:
-            os.set_inheritable(self._descriptor, True)
-        return self._descriptor
 
-
-def lock(path: Path) -> HeldFile | None:
+def lock(path: Path) -> Lock | None:
     """Lock a file or a folder; None: somebody has it. A file system without locks counts as locked.
 
     Raises:
@@ -196,8 +190,8 @@ def lock(path: Path) -> HeldFile | None:
         return None
     except OSError:
         os.close(descriptor)
-        return HeldFile(None)
-    return HeldFile(descriptor)
+        return Lock(None)
+    return Lock(descriptor)
 
 
 def sync_folder(folder: Path) -> None:

@@ -145,6 +145,22 @@ def test_another_profile_is_in_force_at_once_and_named_in_the_status() -> None:
     assert running.statuses[-1].profile == "remote"
 
 
+def test_a_tether_that_starts_again_goes_on_as_it_was_set() -> None:
+    running = Running().run(1.0)
+    for settings in (("down.delay_ms=300",), ("up.delay_ms=10",)):
+        running.ask("set", settings[0], settings=settings)
+    running.ask("profile", profile="remote")
+    running.ask("down")
+    running.ask("up")
+    running.ask("set", "last", settings=("down.delay_ms=200",))
+    running.host.kill("tether")
+    running.host.add("tether", GATEWAY, Stack(link="tether", seed=5))
+    running.delays.clear()
+    running.run(2.0)
+    assert min(running.delays) >= 200 * MS
+    assert (running.statuses[-1].profile, running.statuses[-1].changes) == ("remote", 2)
+
+
 @pytest.mark.parametrize(
     ("kind", "more", "says"),
     [

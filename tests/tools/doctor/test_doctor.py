@@ -31,10 +31,9 @@ from tests.support.ardusub_double.memory import MemoryLink
 from tests.support.ardusub_double.settings import defaults
 from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
-from tools.doctor.board_checks import of_board
+from tools.doctor.board_checks import of_board, remedy
 from tools.doctor.command import go_through
-from tools.doctor.finding import VehicleFinding, fit
-from tools.doctor.remedies import remedy
+from tools.doctor.file_checks import VehicleFinding, fit
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
 
 BOTH = pytest.mark.parametrize("version", ["4.5", "4.8"])

@@ -1,10 +1,12 @@
 """Looking at who is there, with real sessions on a hub of this test's own."""
 
 import json
+import os
 import socket
 import threading
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -14,19 +16,19 @@ from messages import topics
 from messages.identity import SideIdentity
 from messages.sensors import BatterySample
 from messages.vehicle import VehicleStatus
-from services.runtime.bus import network as network_of_all
+from services.runtime.bus import zenoh_bus
 from services.runtime.bus.network import NobodyThereError, open_network
-from services.runtime.bus.spaces import here_key, namespace
+from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
 from services.runtime.bus.zenoh_bus import announce_here, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
+from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
 from tools.__main__ import main
 from tools.fleet import drones, meeting
 from tools.fleet import look as looking
-from tools.fleet.look import is_there, look, who_is_there
+from tools.fleet.look import MOST, is_there, look, who_is_there
 from tools.fleet.meeting import drone_at, require_only
-from tools.fleet.roster import MOST
 
 TALK_S = 0.05  # [s] between two words of a drone here; a real one says them once a second
 
@@ -39,7 +41,7 @@ def free_endpoint() -> str:
 @pytest.fixture
 def network(monkeypatch: pytest.MonkeyPatch) -> Generator["Drones"]:
     monkeypatch.setattr(looking, "PATIENCE_S", PATIENCE_S)  # a busy computer's router answers late
-    monkeypatch.setattr(network_of_all, "QUERY_S", PATIENCE_S)
+    monkeypatch.setattr(zenoh_bus, "QUERY_S", PATIENCE_S)
     with ExitStack() as exits:
         yield Drones(exits)
 
@@ -59,7 +61,7 @@ class Drones:
         keys = {here_key(namespace(name), "drone", instance) for name in names}
         self._tokens += [announce_here(self._session, key) for key in keys]
         with open_network(self.endpoint, PATIENCE_S) as asked:
-            until(lambda: keys <= set(asked.tokens()))
+            until(lambda: keys <= set(asked.tokens(here_key(EVERY_SPACE, "drone"))))
 
     def speak(self, names: Iterable[str]) -> None:
         self._exits.enter_context(speaking(self._session, list(names)))
@@ -246,9 +248,18 @@ def test_with_watch_an_endpoint_where_nobody_is_yet_is_waited_for(
     assert said.err.count("\n") == 1
 
 
-def test_a_network_knows_that_its_router_is_gone() -> None:
-    endpoint = free_endpoint()
-    with listening(endpoint) as hub, open_network(endpoint, PATIENCE_S) as network:
-        assert network.answers
-        hub.close()
-        until(lambda: not network.answers)
+def test_where_nobody_answers_a_dive_of_this_folder_is_named_with_what_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["drones", "--router", free_endpoint()]
+    assert main(words) == 1
+    assert "--listen" not in capsys.readouterr().err
+    going_on = Running("rov2", {}, os.getpid(), {})
+    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(going_on))
+    assert main(words) == 1
+    complaint = capsys.readouterr().err
+    assert (
+        "the dive of rov2 that is going on here is reached with `lindy dive --listen" in complaint
+    )
+    assert complaint.count("\n") == 1

@@ -16,8 +16,8 @@ from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_key, namespace
 from tools.fleet.drones import as_row, table
-from tools.fleet.others import WAIT_NS, Others
-from tools.fleet.roster import BEYOND, MOST, MOST_STARTS, ROWS, STRANGE, UNREADABLE, Roster
+from tools.fleet.look import BEYOND, MOST, MOST_STARTS, ROWS, STRANGE, UNREADABLE, Roster
+from tools.fleet.names import WAIT_NS, Others
 
 IDENTITY = topics.IDENTITY.of("drone")
 NAME = st.sampled_from(["a", "b", "c"])

@@ -8,7 +8,7 @@ import pytest
 from messages.vehicle import VehicleStatus
 from services.runtime.launch.local_stack import LocalStack
 from tools.live.dive_timeline import DiveTimeline
-from tools.live.keep_running import keep_running
+from tools.live.session import keep_running
 from tools.live.stop_signals import StopSignals
 
 

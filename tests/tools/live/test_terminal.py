@@ -5,7 +5,7 @@ from io import StringIO
 from rich.console import Console
 from rich.text import Text
 
-from tools.live.terminal import drawn_anew
+from tools.live.display import drawn_anew
 
 CLEARED = "\x1b[2J\x1b[H"
 

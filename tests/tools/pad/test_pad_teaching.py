@@ -14,10 +14,8 @@ from services.piloting.sticks import Sticks
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import read
 from tools.__main__ import main
-from tools.pad.meaning import AXES, lines, meanings
-from tools.pad.profile_file import toml_of
-from tools.pad.session import show, teach
-from tools.pad.teaching import STEPS, Teaching, asked
+from tools.pad.session import AXES, lines, meanings, show, teach
+from tools.pad.teaching import STEPS, Teaching, asked, toml_of
 
 REST: dict[str, float] = dict.fromkeys((*AXES, *get_args(Button)), 0.0)
 DEFAULT = PadProfile()

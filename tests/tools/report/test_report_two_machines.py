@@ -45,6 +45,17 @@ def test_a_machine_that_was_never_there_is_said_in_one_sentence():
     )
 
 
+def test_a_topside_that_comes_after_another_is_no_restart_of_its_services():
+    sums = HealthOfAll()
+    for instance in (1, 2, 3):
+        names = ("gamepad", "recorder_topside", "supervisor_topside")[: 2 if instance == 3 else 3]
+        for name in names:
+            sums.add(replace(health(name), side="topside", instance=instance))
+        sums.add(replace(health("control"), side="drone", instance=instance))
+    found = {name: each.restarts for name, each in services_of(sums.sums, {}, {}).items()}
+    assert found == {"control": 2, "gamepad": 1, "recorder_topside": 1, "supervisor_topside": 0}
+
+
 def test_services_of_one_process_are_one_restart():
     restarts = {"estimation": 2, "control": 2, "recorder": 1, "gamepad": 0, "hub_drone": 0}
     shared = {"estimation": "onboard", "control": "onboard", "gamepad": "topside"}

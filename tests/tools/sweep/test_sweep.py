@@ -101,9 +101,8 @@ def test_a_dive_in_memory_reports_what_its_recording_would(script: str, tmp_path
     from services.runtime.hosts.registry import Registry
     from tools.checks import pilot_of
     from tools.live.dive_timeline import DiveTimeline
-    from tools.live.memory_recorder import MemoryRecorder
     from tools.live.outcome import Outcome
-    from tools.live.virtual_dive import fly, without_files
+    from tools.live.virtual_dive import MemoryRecorder, fly, without_files
     from tools.recordings.recording import log_hash, open_recording
     from tools.report import read_dive
 

@@ -333,7 +333,7 @@ def test_nobody_asks_what_no_row_answers(drone: Drone, who: str) -> None:
 
 def test_a_pilot_neither_answers_for_the_drone_nor_seems_to_be_a_service(drone: Drone) -> None:
     seen: list[str] = []
-    drone.bus.watch(lambda service, _: seen.append(service))
+    drone.bus.watch(lambda key, _: seen.append(key.rpartition("/")[2]))
 
     def lie(query: zenoh.Query) -> None:
         query.reply(query.key_expr, b"lie")

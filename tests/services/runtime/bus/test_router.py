@@ -39,6 +39,7 @@ from tools.keys.roles import Role, parse
 
 NOW = datetime.now(UTC)
 AWAY_S = 0.2  # [s] a router that is back within 0.05 s is not found again by all (docs/fleet.md)
+DRONES = here_key(EVERY_SPACE, "drone")
 LAST = "log/last"  # said behind everything else: what has not come when it has, never comes
 CROSS = [topic for topic in topics.ALL if topic not in topics.WITHIN_ONE_MACHINE]
 SAID_BY: dict[Side, tuple[Direction, Direction]] = {
@@ -203,12 +204,13 @@ def test_who_is_there_is_seen_from_everywhere_and_who_watches_gets_a_row_of_all(
 ) -> None:
     fleet.fresh()
     with open_network(fleet.endpoint, PATIENCE_S) as network:
-        until(lambda: len(network.tokens()) == 2)
-        assert sorted(network.tokens()) == [here_key(namespace(n), "drone", "1") for n in "ab"]
-        assert network.tokens("a", "topside") == [here_key(namespace("a"), "topside", "1")]
-        assert network.tokens("c") == []
+        until(lambda: len(network.tokens(DRONES)) == 2)
+        a, b, c = map(namespace, "abc")
+        assert sorted(network.tokens(DRONES)) == [here_key(space, "drone", "1") for space in (a, b)]
+        assert network.tokens(here_key(a, "topside")) == [here_key(a, "topside", "1")]
+        assert network.tokens(here_key(c, "drone")) == []
         rows = list[str]()
-        network.hear(topics.STATUS, lambda key, _: rows.append(key))
+        network.hear(f"{EVERY_SPACE}/{topics.STATUS.key}", lambda each: rows.append(each.key))
 
         def seen() -> bool:
             for half in fleet.drone.values():
@@ -236,7 +238,7 @@ def test_a_router_that_is_started_again_is_joined_again_by_everybody(tmp_path: P
         meet(desk, drone)
         assert topics.STATE.key not in {e.key for e in desk.heard}
         with open_network(endpoint, PATIENCE_S) as network:
-            until(lambda: network.tokens() == [here_key(namespace("a"), "drone", "1")])
+            until(lambda: network.tokens(DRONES) == [here_key(namespace("a"), "drone", "1")])
 
 
 def test_a_loop_of_routers_carries_every_message_once(tmp_path: Path) -> None:
@@ -250,7 +252,7 @@ def test_a_loop_of_routers_carries_every_message_once(tmp_path: Path) -> None:
         third = exits.enter_context(open_network(ring[2], PATIENCE_S))
         meet(drone, desk)
         meet(desk, drone)
-        until(lambda: third.tokens() == [here_key(namespace("a"), "drone", "1")])
+        until(lambda: third.tokens(DRONES) == [here_key(namespace("a"), "drone", "1")])
         for half in (drone, desk):
             half.heard.clear()
         for k in range(200):
@@ -297,11 +299,11 @@ def test_with_keys_a_drone_speaks_by_its_own_name_and_each_role_says_its_own_row
         meet(desk, drone)
         ann = keys.credentials("pilot-ann", "pilot").keys
         listener = exits.enter_context(open_network(endpoint, PATIENCE_S, keys=ann))
-        until(lambda: listener.tokens() == [here_key(namespace("a"), "drone", "1")])
+        until(lambda: listener.tokens(DRONES) == [here_key(namespace("a"), "drone", "1")])
         for half in (drone, desk):
             half.heard.clear()
         own = list[str]()
-        listener.hear(topics.STATE, lambda key, _: own.append(key))
+        listener.hear(f"{EVERY_SPACE}/{topics.STATE.key}", lambda each: own.append(each.key))
         roles: tuple[tuple[str, Role], ...] = (("observer-eve", "observer"), ("drone-b", "drone"))
         others = list[zenoh.Session]()
         for bundle, role in roles:
@@ -322,7 +324,7 @@ def test_with_keys_a_drone_speaks_by_its_own_name_and_each_role_says_its_own_row
         quiet(desk, drone)
         assert drone.keys() == desk.keys() == set()
         own_here = here_key(namespace("a"), "drone", "1")
-        until(lambda: listener.tokens() == [own_here])  # a busy router may answer late
+        until(lambda: listener.tokens(DRONES) == [own_here])  # a busy router may answer late
         for half, other in ((drone, desk), (desk, drone)):
             for topic in topics.ALL:
                 say(half.session, one(topic).key)

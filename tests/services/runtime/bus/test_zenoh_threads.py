@@ -15,8 +15,7 @@ import pytest
 from messages import topics
 from messages.topic import AnyTopic, Qos
 from services.runtime.bus.qos import QOS_PROFILES
-from services.runtime.bus.zenoh_bus import open_bus
-from services.runtime.bus.zenoh_threads import PRIORITIES, VARIABLE
+from services.runtime.bus.zenoh_bus import PRIORITIES, VARIABLE, open_bus
 from services.runtime.hosts.process_host import HubLaunch
 from tests.support.patience import PATIENCE_S, until
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from services.runtime.hosts.caller_log import CallerLog
+from services.runtime.hosts.process_host import CallerLog
 
 
 def test_a_caller_who_tries_for_hours_does_not_fill_the_log(

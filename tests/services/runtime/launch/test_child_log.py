@@ -9,7 +9,7 @@ from typing import IO
 
 import pytest
 
-from services.runtime.launch.child_log import ChildLog
+from services.runtime.launch.child import ChildLog
 from tests.support.patience import until
 
 

@@ -11,7 +11,7 @@ from services.runtime.launch.hang_detector import (
     HangDetector,
     SilenceChange,
 )
-from services.runtime.launch.lifecycle import Life, Phase
+from services.runtime.launch.supervisor import Life, Phase
 
 STEP_NS = 100_000_000  # [ns] between two looks
 PATIENCE_S = 3.0

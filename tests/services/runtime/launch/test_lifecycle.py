@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.runtime.launch.lifecycle import (
+from services.runtime.launch.supervisor import (
     BACK_OFF_S,
     MISTAKE,
     STEADY_S,

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from messages import topics
 from messages.health import LogLine
@@ -20,11 +22,13 @@ from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.registry import Registry
-from services.runtime.launch.dive import Dive
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.local_stack import LocalStack, local_stack
+from services.runtime.launch.process_plan import Dive, ProcessPlan
 from services.runtime.os import system
 from tests.support.patience import PATIENCE_S, until
 
+SIDES = ("topside", "drone")
 STACK = """
 [services.engine]
 sides = ["drone"]
@@ -133,7 +137,7 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         assert sorted(local.missing()) == ["desk", "engine"]
         local.start_services()
         alive(local)
-        assert local.aliveness.shown >= {
+        assert local.shown >= {
             ("drone", "engine"),
             ("topside", "desk"),
             ("drone", "desk"),
@@ -178,6 +182,21 @@ def test_what_is_killed_comes_again_and_the_file_names_the_new_process(tmp_path:
         restarts = {"hub_topside": 0, "hub_drone": 1, "engine": 1, "desk": 0}
         assert local.supervisor.restarts == restarts
     assert not [pid for pid in (*before.values(), *after.values()) if exists(pid)]
+
+
+@given(st.sets(st.tuples(st.sampled_from(SIDES), st.sampled_from(("engine", "desk", "foreign")))))
+def test_missing_is_who_shows_no_token_on_one_of_its_sides(shown: set[tuple[str, str]]) -> None:
+    specs = {"engine": ServiceSpec(sides=["drone"]), "desk": ServiceSpec(sides=[*SIDES])}
+    services = Registry(Path("x.toml"), specs)
+    local = LocalStack(ProcessPlan(Dive(Stack(), services), Path()))
+    local.shown = shown
+    desk = {("topside", "desk"), ("drone", "desk")} <= shown
+    whole = {"engine": ("drone", "engine") in shown, "desk": desk}
+    assert local.missing() == [name for name, there in whole.items() if not there]
+    alone = Dive(Stack(), services.only({"desk": specs["desk"]}), side="topside")
+    local = LocalStack(ProcessPlan(alone, Path()))  # the drone has its hub on another machine
+    local.shown = shown
+    assert local.missing() == ([] if ("topside", "desk") in shown else ["desk"])
 
 
 BUSY = """
@@ -436,7 +455,7 @@ def test_a_viewer_is_started_when_the_others_are_alive(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=QUIET, desk=WAITING, stack=STACK + viewer)
     with local_stack(Dive(stack, services)) as local:
         local.start_services()
-        pump_until(local, lambda: ("drone", "engine") in local.aliveness.shown)
+        pump_until(local, lambda: ("drone", "engine") in local.shown)
         assert "visualizer" not in local.supervisor.pids
         (tmp_path / "go").touch()
         alive(local)

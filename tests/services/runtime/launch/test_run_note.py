@@ -11,9 +11,8 @@ import pytest
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.launch.dive import Dive
-from services.runtime.launch.process_plan import ProcessPlan
-from services.runtime.launch.run_note import RETRY_NS, RunNote
+from services.runtime.launch.local_stack import RETRY_NS, RunNote
+from services.runtime.launch.process_plan import Dive, ProcessPlan
 from tests.support.patience import until
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.launch.runtime_folder import PREFIX, runtime_folder
+from services.runtime.launch.process_plan import PREFIX, runtime_folder
 
 KILLED = """
 import os
-from services.runtime.launch.runtime_folder import runtime_folder
+from services.runtime.launch.process_plan import runtime_folder
 with runtime_folder() as folder:
     (folder / "control.beat").write_text("1")
     print(folder, flush=True)

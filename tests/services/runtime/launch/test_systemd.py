@@ -16,8 +16,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.heartbeat import last_beat
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.child import OsChild
-from services.runtime.launch.dive import Dive
 from services.runtime.launch.local_stack import LocalStack, local_stack
+from services.runtime.launch.process_plan import Dive
 from services.runtime.launch.systemd import Systemd
 from tests.support.patience import PATIENCE_S, until
 

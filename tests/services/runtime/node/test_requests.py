@@ -11,8 +11,7 @@ from messages import topics
 from messages.pilot import Course, PilotAnswer, PilotRequest, RequestKind
 from services.piloting.pilot_intents import overrules
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.node.answers import KEPT, AnswerBook
-from services.runtime.node.requests import GIVE_UP_NS, REPEAT_NS, Requests
+from services.runtime.node.requests import GIVE_UP_NS, KEPT, REPEAT_NS, AnswerBook, Requests
 
 TICK = 20_000_000  # [ns]
 S = 1_000_000_000  # [ns]

@@ -12,7 +12,7 @@ from messages import topics
 from messages.message import Message
 from messages.topic import AnyTopic, Direction
 from messages.units import DURATION, STAMP, DurationNs, Stamp
-from services.runtime.node.stamps import mover
+from services.runtime.node.clock_offset import mover
 
 SHIFTS = st.integers(-(10**15), 10**15)
 SIMPLE: dict[type, st.SearchStrategy[Any]] = {

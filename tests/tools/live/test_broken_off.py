@@ -14,8 +14,18 @@ from messages.identity import SideIdentity
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
-from tools.onboard.resume import ESTIMATION, LONGEST_S, begin_with, broken_off
-from tools.onboard.this_start import NOTE, StartNote, boot_id, mark_ended, other_vehicle, read
+from tools.live.resume import (
+    ESTIMATION,
+    LONGEST_S,
+    NOTE,
+    StartNote,
+    begin_with,
+    boot_id,
+    broken_off,
+    mark_ended,
+    other_vehicle,
+    read,
+)
 
 S = 1_000_000_000  # [ns]
 NOW = 100_000 * S

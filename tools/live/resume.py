@@ -19,15 +19,29 @@ from messages.identity import SideIdentity
 from messages.payload import UNDECODABLE
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
-from services.runtime.config.identity import identity_now
+from services.runtime.config.identity import identity_of
 from services.runtime.config.running import running_in
 from services.runtime.config.stack import Stack
 from services.runtime.launch.process_plan import CHECKPOINTS
-from tools.onboard.this_start import NOTE, StartNote, boot_id, other_vehicle, read
+from services.runtime.node.checkpoint import write_safely
 
 ESTIMATION = "estimation"
+NOTE = "this-start"  # a file beside the checkpoints; no service has a name with a hyphen
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # Linux only
 LONGEST_S = 1800.0  # [s] by then the air pressure, the bias and the heading may have changed
 ANEW = "with the vehicle afloat and at rest"
+
+
+class StartNote(msgspec.Struct, frozen=True):
+    """On which start of the computer a dive began, with which vehicle, and whether it was ended
+    because somebody wanted it."""
+
+    boot_id: str  # of the computer's start; empty: not Linux
+    vehicle: str  # name of the drone on the network
+    began_ns: int  # [ns] of the clock that began with the computer
+    ended: bool = False  # deliberately; else the dive broke off, or goes on
+    vehicle_file: str = ""  # its name; empty: an older Lindy wrote this note
+    vehicle_hash: str = ""  # of the table [vehicle] of that file, with what --set changed
 
 
 class BrokenOff(NamedTuple):
@@ -47,7 +61,7 @@ def begin_with(stack: Stack, resume: Path | None = None) -> dict[str, bytes]:
     Raises:
         LindyError: the vehicle file cannot be read, or the dive cannot be resumed.
     """
-    boot, now, identity = boot_id(), time.monotonic_ns(), identity_now(stack, "drone")
+    boot, now, identity = boot_id(), time.monotonic_ns(), identity_of(stack, "drone", 0)
     note = StartNote(
         boot_id=boot or "",
         vehicle=stack.drone_name,
@@ -144,3 +158,46 @@ def broken_off(dives: Path, boot: str, vehicle: str, now: int) -> BrokenOff | No
     if not 0.0 <= age_s <= LONGEST_S:
         return None
     return BrokenOff(checkpoints.parent, start, age_s, msgspec.json.encode(learnt))
+
+
+def boot_id() -> str | None:
+    """Of this start of the computer; None: not Linux."""
+    try:
+        return BOOT_ID.read_text(encoding="utf-8").strip()
+    except OSError:
+        return None
+
+
+def read(path: Path) -> StartNote | None:
+    """None: there is no such note, or not a whole one."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=StartNote)
+    except (OSError, *UNDECODABLE):
+        return None
+
+
+def other_vehicle(then: StartNote | None, now: SideIdentity) -> str:
+    """Why what was learnt then is not of the vehicle that is started now; empty: it is.
+
+    Args:
+        then: the note beside what was learnt; None: there is none.
+    """
+    if then is None or not then.vehicle_hash:
+        return "nothing beside it says with which vehicle it was measured"
+    if then.vehicle_hash != now.vehicle_hash:
+        return (
+            f"it was measured with the vehicle {then.vehicle_file}, and the table [vehicle] of "
+            f"{now.vehicle} differs, or a --set"
+        )
+    return ""
+
+
+def mark_ended(checkpoints: Path) -> None:
+    """The dive with these checkpoints was ended deliberately.
+
+    Raises:
+        OSError: the disk failed.
+    """
+    path = checkpoints / f"{NOTE}.json"
+    if (start := read(path)) is not None:
+        write_safely(path, msgspec.json.encode(msgspec.structs.replace(start, ended=True)))

@@ -1,7 +1,9 @@
 """Several nodes on one thread: whose turn it is, that nobody starves, and what each costs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import cast
 
 import msgspec
 from hypothesis import given
@@ -11,7 +13,7 @@ from messages import topics
 from messages.health import Health, LogLine
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
-from services.runtime.hosts.group_host import GroupHost, Turns
+from services.runtime.hosts.loop import Loop
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.loop_stats import Usage
 from services.runtime.node.node import Node
@@ -20,64 +22,84 @@ MS = 1_000_000
 NODES = st.integers(1, 6)
 
 
+@dataclass
+class Toy:
+    """Stands for a node; what a step of it does is drawn."""
+
+    name: str
+    stepped: Callable[[], None] = lambda: None
+    due: int = 0  # [ns]
+    wake: Callable[[], None] = lambda: None
+
+    def start(self) -> None:
+        pass
+
+    def step(self) -> None:
+        self.stepped()
+
+    def deadline(self) -> int:
+        return self.due
+
+
+def loop_of(nodes: Sequence[Toy], now: Callable[[], int]) -> Loop:
+    usage = Usage(0.0, 0.0)
+    toys = cast(list[Node], list(nodes))
+    return Loop(toys, lambda: usage, on_arrival=False, clock=now, cpu_clock=lambda: 0)
+
+
 @given(st.data(), NODES)
 def test_who_is_ready_waits_for_each_of_the_others_at_most_once(
     data: st.DataObject, count: int
 ) -> None:
     """Whoever wakes whom, and whatever timers are due."""
-    turns, now = Turns(count), 0
-    for k in range(count):
-        turns.next(now)
-        turns.stepped(k, 10**9)
-    due = dict.fromkeys(range(count), 10**9)
-    woken = set[int]()
+    now, woken, toys = 0, set[int](), [Toy(str(k)) for k in range(count)]
     waiting = dict.fromkeys(range(count), 0)  # steps of others since a node became ready
-    for _ in range(data.draw(st.integers(1, 60))):
-        now += data.draw(st.integers(0, 5))
-        for node in data.draw(st.sets(st.integers(0, count - 1))):
-            turns.wake(node)
-            woken.add(node)
-        ready = {k for k in range(count) if k in woken or due[k] <= now}
-        node = turns.next(now)
-        assert (node is None) == (not ready)
-        if node is None:
-            continue
-        assert node in ready
+
+    def ready() -> set[int]:
+        return {k for k in range(count) if k in woken or toys[k].due <= now}
+
+    def stepped(node: int) -> None:
+        nonlocal now
+        assert node in ready()
         woken.discard(node)
         for other in range(count):
-            waiting[other] = waiting[other] + 1 if other in ready and other != node else 0
+            waiting[other] = waiting[other] + 1 if other in ready() and other != node else 0
             assert waiting[other] < count
-        due[node] = now + data.draw(st.integers(0, 20))
-        turns.stepped(node, due[node])
-        assert turns.until() == min(due.values())
+        toys[node].due = now + data.draw(st.integers(0, 20))
+        for other in data.draw(st.sets(st.integers(0, count - 1))):
+            woken.add(other)
+            toys[other].wake()
+        now += data.draw(st.integers(0, 5))
+
+    for k, toy in enumerate(toys):
+        toy.stepped = partial(stepped, k)
+    loop = loop_of(toys, lambda: now)
+    for _ in range(data.draw(st.integers(1, 10))):
+        anybody = bool(ready())
+        assert (loop.step() > 0) == anybody
 
 
-@given(NODES, st.sets(st.integers(0, 5)))
-def test_all_who_are_ready_are_stepped_once_in_their_order(count: int, woken: set[int]) -> None:
-    turns = Turns(count)
-    first = [turns.next(0) for _ in range(count)]
-    assert first == list(range(count))  # everybody once, to begin with
-    for k in range(count):
-        turns.stepped(k, 100)
-    assert turns.next(99) is None
+@given(NODES, st.sets(st.integers(0, 5)), st.integers(0, 5))
+def test_all_who_are_ready_are_stepped_once_in_their_order(
+    count: int, woken: set[int], again: int
+) -> None:
+    order, toys = list[int](), [Toy(str(k), due=100) for k in range(count)]
+    for k, toy in enumerate(toys):
+        toy.stepped = partial(order.append, k)
+    loop = loop_of(toys, lambda: 0)
+    assert loop.step() == count  # everybody once, to begin with
     expected = sorted(k for k in woken if k < count)
     for k in expected:
-        turns.wake(k)
-    assert [turns.next(0) for _ in expected] == expected
-    assert turns.next(0) is None
-
-
-@given(NODES, st.integers(0, 5))
-def test_what_arrives_during_a_step_causes_another(count: int, which: int) -> None:
-    turns, node = Turns(count), which % count
-    for k in range(count):
-        turns.next(0)
-        turns.stepped(k, 100)
-    turns.wake(node)
-    assert turns.next(0) == node
-    turns.wake(node)
-    turns.stepped(node, 100)
-    assert turns.next(0) == node
+        toys[k].wake()
+    assert loop.step() == len(expected)
+    assert order == [*range(count), *expected]
+    node, wakes = toys[again % count], [1]
+    node.stepped = lambda: node.wake() if wakes.pop() else None
+    wakes.insert(0, 0)
+    node.wake()
+    while loop.step():
+        pass
+    assert wakes == []  # what arrives during a step causes another
 
 
 @dataclass
@@ -96,12 +118,14 @@ class Machine:
             name, {"drone": SharedBusPort(self.bus)}, lambda: self.now, VolatileCheckpoint()
         )
 
-    def host(self, *nodes: Node) -> GroupHost:
-        return GroupHost(
-            list(nodes), lambda: Usage(cpu_s=7.0, rss_mb=50.0), lambda: self.now, lambda: self.cpu
-        )
+    def host(self, *nodes: Node) -> Loop:
+        usage = Usage(cpu_s=7.0, rss_mb=50.0)
+        return Loop(
+            list(nodes), lambda: usage, on_arrival=False,
+            clock=lambda: self.now, cpu_clock=lambda: self.cpu,
+        )  # fmt: skip
 
-    def run(self, host: GroupHost, until: int) -> None:
+    def run(self, host: Loop, until: int) -> None:
         while self.now < until:
             if not host.step():
                 self.now += MS

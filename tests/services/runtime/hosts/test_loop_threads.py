@@ -9,9 +9,10 @@ import pytest
 
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
-from services.runtime.hosts import stepper as module
-from services.runtime.hosts.stepper import Stepper
+from services.runtime.hosts import loop as module
+from services.runtime.hosts.loop import Loop
 from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.loop_stats import Usage
 from services.runtime.node.node import Node
 from tests.support.patience import PATIENCE_S, until
 
@@ -23,7 +24,7 @@ class Bench:
 
     def __init__(self, handler: Callable[[Envelope, int], None]) -> None:
         bus = MemoryBus()
-        # Ahead of the time by which the stepper waits, so that no timer of the node's own is due.
+        # Ahead of the time by which the loop waits, so that no timer of the node's own is due.
         self.node = Node(
             "toy",
             {"drone": MemoryBusPort(bus)},
@@ -33,20 +34,23 @@ class Bench:
         self.node.tap("drone", "x/*", handler, depth=100_000)
         self._ends = [MemoryBusPort(bus) for _ in range(2)]
 
+    def loop(self, *, on_arrival: bool) -> Loop:
+        return Loop([self.node], lambda: Usage(0.0, 0.0), on_arrival=on_arrival)
+
     def say(self, number: int, end: int = 0) -> None:
         self._ends[end].forward(Envelope(f"x/{end}", str(number).encode(), ""))
 
 
 @contextmanager
-def stepping(stepper: Stepper, failures: list[BaseException] | None = None) -> Generator[None]:
+def stepping(loop: Loop, failures: list[BaseException] | None = None) -> Generator[None]:
     """The service's thread, as a process has it."""
     stop = threading.Event()
 
     def run() -> None:
         try:
             while not stop.is_set():
-                stepper.step_and_wait()
-            stepper.finish()
+                loop.step_and_wait()
+            loop.finish()
         except ZeroDivisionError as failure:
             assert failures is not None
             failures.append(failure)
@@ -65,8 +69,8 @@ def stepping(stepper: Stepper, failures: list[BaseException] | None = None) -> G
 def test_who_handles_a_message(on_arrival: bool) -> None:
     handled = list[int]()
     bench = Bench(lambda _, __: handled.append(threading.get_ident()))
-    stepper = Stepper(bench.node, on_arrival=on_arrival)
-    with stepping(stepper):
+    loop = bench.loop(on_arrival=on_arrival)
+    with stepping(loop):
 
         def said_and_handled_here() -> bool:
             bench.say(0)
@@ -83,10 +87,10 @@ def test_who_handles_a_message(on_arrival: bool) -> None:
 def test_nothing_is_handled_before_the_first_step_or_after_the_last() -> None:
     handled = list[bytes]()
     bench = Bench(lambda envelope, _: handled.append(envelope.payload))
-    stepper = Stepper(bench.node, on_arrival=True)
+    loop = bench.loop(on_arrival=True)
     bench.say(1)
     assert handled == []
-    with stepping(stepper):
+    with stepping(loop):
         until(lambda: handled)
     bench.say(2)
     assert handled == [b"1"]
@@ -118,7 +122,7 @@ def test_of_many_messages_on_two_threads_each_is_handled_once_in_order_and_alone
             if number % 50 == 0:
                 time.sleep(0.001)  # so that the threads take turns
 
-    with stepping(Stepper(bench.node, on_arrival=on_arrival)):
+    with stepping(bench.loop(on_arrival=on_arrival)):
         talkers = [threading.Thread(target=talk, args=(end,)) for end in (0, 1)]
         for talker in talkers:
             talker.start()
@@ -139,12 +143,12 @@ def test_a_timer_set_by_a_handler_wakes_the_services_own_thread(
     rung = threading.Event()
     bench = Bench(lambda _, __: alarm.set(0))
     alarm = bench.node.alarm(lambda _: rung.set())
-    stepper = Stepper(bench.node, on_arrival=True)
+    loop = bench.loop(on_arrival=True)
     stop = threading.Event()
 
     def run() -> None:
         while not stop.is_set():
-            stepper.step_and_wait()
+            loop.step_and_wait()
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
@@ -161,7 +165,7 @@ def test_a_flood_does_not_keep_a_timer_from_ringing() -> None:
     bench = Bench(lambda _, __: None)
     bench.node.every(50.0, lambda _: rung.set())
     deadline = time.monotonic() + PATIENCE_S
-    with stepping(Stepper(bench.node, on_arrival=True)):
+    with stepping(bench.loop(on_arrival=True)):
         while not rung.is_set() and time.monotonic() < deadline:  # a flood never pauses
             bench.say(0)
     assert rung.is_set()
@@ -175,7 +179,7 @@ def test_what_a_handler_raises_ends_the_service_with_its_traceback() -> None:
         _ = 1 // int(envelope.payload)
 
     bench, failures = Bench(handler), list[BaseException]()
-    with stepping(Stepper(bench.node, on_arrival=True), failures):
+    with stepping(bench.loop(on_arrival=True), failures):
         bench.say(1)
         until(lambda: handled)
         bench.say(0)

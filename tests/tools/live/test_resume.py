@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from messages.identity import SideIdentity
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.runtime.config.errors import LindyError
-from tools.onboard.resume import LONGEST_S, resumed
-from tools.onboard.this_start import NOTE, StartNote
+from tools.live.resume import LONGEST_S, NOTE, StartNote, resumed
 
 S = 1_000_000_000  # [ns]
 LEARNT = EstimationCheckpoint(
