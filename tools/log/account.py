@@ -15,11 +15,10 @@ from messages import events, topics
 from messages.events import Row
 from messages.health import Health
 from messages.topic import Direction
+from tools.analysis.losses import LINK, LOST, QUEUES, THINNED, crosses, family, missed, take
 from tools.health_sums import HealthSums
 from tools.log.numbering import Numbering
-from tools.recordings.mcap_records import Noticed
 from tools.recordings.recording import Raw, Recording
-from tools.report.losses import LINK, LOST, QUEUES, THINNED, crosses, family, missed, take
 
 # What the recorder counts for a message that it received and could not keep.
 REFUSED = (events.MALFORMED, events.WRONG_TYPE, events.TOO_MANY_KEYS)
@@ -101,20 +100,14 @@ def accounts(recording: Recording) -> Accounts:
     reports = LinkReports()
     backwards, newest = 0, 0
 
-    def noticing(key: str) -> Noticed:
-        numbering = numbers.setdefault(key, Numbering())
-
-        def see(sequence: int, log_ns: int, publish_ns: int, _data: bytes) -> None:
-            nonlocal backwards, newest
-            numbering.see(sequence, publish_ns, log_ns)
-            if log_ns < newest:
-                backwards += 1
-            newest = log_ns
-
-        return see
-
-    for raw in recording.raw(lambda key: key.startswith(HEALTH), noticing):
-        _add(reports, recording, raw)
+    for raw in recording.raw():
+        if (numbering := numbers.get(raw.key)) is None:
+            numbering = numbers[raw.key] = Numbering()
+        numbering.see(raw.sequence, raw.publish_ns, raw.log_ns)
+        backwards += raw.log_ns < newest
+        newest = raw.log_ns
+        if raw.key.startswith(HEALTH):
+            _add(reports, recording, raw)
     numbers = {key: numbering for key, numbering in numbers.items() if numbering.recorded}
     side = recording.metadata("dive").get("side", "drone")
     found = account_for(numbers, reports, recording.losses(), side)

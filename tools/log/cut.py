@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Metadata
 
 from messages.text import harmless
 from services.runtime.config.errors import LindyError
@@ -15,7 +15,7 @@ from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
 from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.recordings.mcap_copy import McapCopy, new_mcap
-from tools.recordings.mcap_records import HASH, Reading, Span, StoredMessage
+from tools.recordings.mcap_records import HASH, Span, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -115,11 +115,11 @@ def _add(
 ) -> None:
     begin, end = span
 
-    def readings(channel: Channel, _of: Schema | None) -> Reading:
-        keys.add(channel.topic)
-        return Reading(is_chosen(channel.topic, patterns))
+    def wants(key: str) -> bool:
+        keys.add(key)
+        return is_chosen(key, patterns)
 
-    for record in recording.records(file, readings, span):
+    for record in recording.records(file, wants, span):
         if isinstance(record, StoredMessage):
             if begin <= record.log_ns < end:
                 copy.add(record)

@@ -2,9 +2,9 @@
 
 import msgspec
 
+from tools.analysis.dive import RecordedDive, read_dive
 from tools.recordings.recording import Recording
 from tools.report import report_on
-from tools.report.dive import RecordedDive, read_dive
 from tools.report.report import Extras, Report
 from tools.report.summary import is_loss
 

@@ -20,7 +20,7 @@ from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import Flattening, Row, TableColumn
 from tools.log.topic_patterns import is_chosen, require_known
 from tools.recordings.dive_file import flown_dive
-from tools.recordings.mcap_records import Reading, StoredMessage
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -175,14 +175,13 @@ def _fill_from(
     unread: Counter[str],
     patterns: Sequence[str],
 ) -> None:
-    def readings(channel: Channel, _of: Schema | None) -> Reading:
-        key = channel.topic
-        return Reading(not is_view(key) and is_chosen(key, patterns))
+    def wants(key: str) -> bool:
+        return not is_view(key) and is_chosen(key, patterns)
 
     schemas: dict[int, Schema] = {}
     of_channel: dict[int, TopicTable] = {}
     other: dict[int, str] = {}  # channels of which no table is made, and why
-    for record in recording.records(file, readings):
+    for record in recording.records(file, wants):
         if isinstance(record, StoredMessage):
             table = of_channel.get(record.channel_id)
             if table is None:

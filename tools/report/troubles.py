@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from messages import events
 from messages.events import Promise, row_of, short
-from tools.report.restarted import by_process
 
 NAMED = 3  # services by name; of more only the number
 
@@ -86,6 +85,15 @@ def ending(exit_reason: str, troubles: Sequence[str]) -> str:
     if exit_reason != "clean":
         return f"broke off: {exit_reason}"
     return f"ended; {', '.join(troubles)}" if troubles else "ended cleanly"
+
+
+def by_process(restarts: Mapping[str, int], shared: Mapping[str, str]) -> dict[str, int]:
+    """Times each process was started again, of those that were. Arguments as of `processes`."""
+    times: dict[str, int] = {}
+    for name, count in restarts.items():
+        process = shared.get(name, name)
+        times[process] = max(count, times.get(process, 0))
+    return {process: count for process, count in sorted(times.items()) if count}
 
 
 def _each(counts: Mapping[str, int]) -> list[str]:

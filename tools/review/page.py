@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 from tools.review import plots
-from tools.review.measurements import in_words
+from tools.review.estimated import in_words
 from tools.review.review import Drawn, Review
 from tools.review.stick_stops import ReviewedStop
 from tools.review.vibration import MOTION_HZ

@@ -11,8 +11,8 @@ from tools.recordings.columns import Array
 from tools.review.asked import Asked
 from tools.review.beside import COLUMNS, at, in_one_turn
 from tools.review.estimated import Innovations
+from tools.review.recorded import Track
 from tools.review.stick_stops import AXES, Stops
-from tools.review.track import Track
 from tools.review.vibration import AXES as IMU_AXES
 from tools.review.vibration import MOTION_HZ, ImuVibration
 
@@ -145,8 +145,8 @@ def reference(found: Asked, track: Track | None) -> bytes:
         t = found.t[inside]
         stick = scale * found.sticks[inside, n]
         panel.plot(t, stick, color=STICK, linewidth=0.9, label="stick, as a speed")
-        did = None if track is None else at(track, column, t)
-        if did is not None:
+        did = np.empty(0) if track is None else at(track, column, t)
+        if np.isfinite(did).any():
             panel.plot(t, scale * did, color=OWN, linewidth=1.1, label="the vehicle did")
         wanted = scale * asked_for[inside]
         panel.plot(t, wanted, color=OURS, linewidth=1.4, label="Lindy would have asked")

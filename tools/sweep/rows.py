@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from messages import events
+from tools.analysis.stops import StopAxis
 from tools.report import Report
-from tools.report.stops import StopAxis
 from tools.sweep.axes import PlannedDive
 
 Cell = str | int | float | None

@@ -9,8 +9,8 @@ from messages.sensors import ImuSample, PressureSample
 from messages.vehicle import VehicleEstimate, VehicleStatus
 from services.marine.vehicle import GRAVITY
 from tests.tools.test_cli_verbs import complaint
+from tools.analysis.dive import read_dive
 from tools.recordings.recording import open_recording
-from tools.report.dive import read_dive
 
 from .logs import BEGAN_NS, IMU_HZ, SECONDS, SLOW_HZ, messages, odd, report, ulog
 from .test_rosbags import imported

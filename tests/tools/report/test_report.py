@@ -20,11 +20,11 @@ from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
+from tools.analysis.stops import StickStop
 from tools.health_sums import HealthOfAll
 from tools.recordings.recording import open_recording
 from tools.report import Extras, encode, make_report, read_dive, summary
 from tools.report.report import Report
-from tools.report.stops import StickStop
 
 MS = 1_000_000  # [ns]
 START = 5_000 * MS

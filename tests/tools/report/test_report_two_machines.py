@@ -9,9 +9,7 @@ from msgspec.structs import replace
 from messages.health import Health
 from tools.health_sums import HealthOfAll
 from tools.recordings.recording import Recording
-from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
-from tools.report.restarted import restarted
-from tools.report.services import services as services_of
+from tools.report import Elsewhere, Extras, elsewhere, make_report, restarted, unrecorded
 
 TOPSIDE = ("gamepad", "visualizer", "link_monitor", "predictor")
 PROCESSES = st.sampled_from(["gamepad", "link_monitor", "predictor", "hub_topside"])
@@ -86,9 +84,8 @@ def test_what_two_topsides_counted_is_not_counted_again_and_again():
     for report in reports:
         sums.add(report)
     assert {name: one.counts for name, one in sums.sums.items()} == {"gamepad": {"stale:x": 3}}
-    services = services_of(sums.sums, {}, {})
-    assert services["gamepad"].restarts == 0
+    assert sums.sums["gamepad"].restarts == 0
     later = [replace(one, instance=33, stamp_ns=9) for one in reports if one.instance == ann]
     for report in later:
         sums.add(report)
-    assert services_of(sums.sums, {}, {})["gamepad"].restarts == 1
+    assert sums.sums["gamepad"].restarts == 1
