@@ -18,7 +18,8 @@ from tools.recordings.recording import Recording
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Figures = tuple[float | None, ...]
-ARRIVAL = "arrival"  # column of every stream: [ns] when a message was recorded
+# Columns of every stream: [ns] when a message was recorded, and how many were before it.
+ARRIVAL, PLACE = "arrival", "place"
 UNKNOWN_NS = -(2**63)  # [ns] stands for a time that a message does not say
 
 
@@ -53,9 +54,13 @@ class StreamColumns:
         numbers = [number for number, word in enumerate(self.words) if word in words]
         return np.isin(self[name], numbers)
 
+    def as_recorded(self) -> "StreamColumns":
+        """The same in the order in which they were recorded."""
+        return self.with_columns({PLACE: self[PLACE]})
+
     def rising(self) -> "StreamColumns":
-        """In the order of arrival, without messages whose time is no later than one before them."""
-        arrived = self.with_columns({ARRIVAL: self[ARRIVAL]})
+        """As recorded, without messages whose time is no later than one before them."""
+        arrived = self.as_recorded()
         times = arrived[next(iter(self._columns))]
         newer = times > np.append(-np.inf, np.maximum.accumulate(times)[:-1])
         columns = {name: column[newer] for name, column in arrived._columns.items()}
@@ -133,6 +138,7 @@ class Gathering:
             found[name] = np.where(column == UNKNOWN_NS, nan, column - origin_ns)
         found.update(zip(self._names, np.ascontiguousarray(numbers.T), strict=True))
         found[ARRIVAL] = (moments[:, 0] - arrival_origin_ns).astype(np.float64)
+        found[PLACE] = np.arange(float(len(moments)))
         return StreamColumns(found, [*self._words])
 
     def _number(self, value: Any) -> float:

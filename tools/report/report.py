@@ -27,7 +27,7 @@ from tools.analysis.stops import StickStop, stops
 from tools.analysis.tracking import error_rms, peak_jerk_ratio
 from tools.health_sums import HealthSums
 from tools.recordings.recording import Recording
-from tools.report.troubles import armed_for, counted, logged, processes, vehicle_silent
+from tools.report.troubles import counted, processes
 
 
 class Extras(msgspec.Struct, frozen=True):
@@ -159,14 +159,17 @@ def _troubles(
 ) -> list[str]:
     """In the order of importance."""
     restarts = {name: service.restarts for name, service in figures.items()}
+    silent = max(dive.vehicle_silences, default=0.0)
+    # The supervisor's errors are about restarts and silences, which are troubles of their own.
+    errors = {s: n for s, n in sorted(dive.errors.items()) if not s.startswith("supervisor")}
     return [
-        *armed_for(dive.armed_seconds),
-        *vehicle_silent(dive.vehicle_silences),
+        *([] if dive.armed_seconds > 0.0 else ["never armed"]),
+        *([f"the vehicle was silent for {silent:.1f} s"] if silent > 0.0 else []),
         *processes(restarts, extras.gone, extras.shared),
         *counted(lost),
         *(["the recording has a gap"] if dive.holes else []),
         *([] if extras.finished else ["the recording was not finished"]),
-        *logged(dive.errors),
+        *(f"{service} logged {n} error{'s' * (n > 1)}" for service, n in errors.items()),
     ]
 
 

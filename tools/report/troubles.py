@@ -1,8 +1,7 @@
 """Why a dive did not end cleanly, in a few words each. What was merely at a limit, late, or lost or
 damaged on the link is in the losses of the report and no trouble."""
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from messages import events
 from messages.events import Promise, row_of, short
@@ -47,32 +46,6 @@ def processes(
     return [
         *_few(again, "processes started again"),
         *_few(missing, "services not alive at the end"),
-    ]
-
-
-def armed_for(seconds: float) -> list[str]:
-    return [] if seconds > 0.0 else ["never armed"]
-
-
-def vehicle_silent(silences: Iterable[float]) -> list[str]:
-    """
-    Args:
-        silences: [s] each time in which the vehicle side published nothing.
-    """
-    longest = max(silences, default=0.0)
-    return [f"the vehicle was silent for {longest:.1f} s"] if longest > 0.0 else []
-
-
-def logged(errors: Counter[str]) -> list[str]:
-    """
-    Args:
-        errors: lines of level error, by service. The supervisor's are about restarts and silences,
-            which are troubles of their own.
-    """
-    return [
-        f"{service} logged {n} error{'s' * (n > 1)}"
-        for service, n in sorted(errors.items())
-        if not service.startswith("supervisor")
     ]
 
 

@@ -242,7 +242,7 @@ def _armed(dive: RecordedDive, last: float) -> list[ArmedSpan] | None:
     status, spans = dive[topics.STATUS], ArmedSpans()
     if not status.count:
         return None
-    status = status.with_columns({ARRIVAL: status[ARRIVAL]})
+    status = status.as_recorded()
     columns = (status[ARRIVAL], status["stamp_ns"], status["armed"])
     for arrival, stamp, armed in zip(*(column.tolist() for column in columns), strict=True):
         said = VehicleStatus(stamp_ns=round(stamp), activity="piloted", armed=armed > 0.0)

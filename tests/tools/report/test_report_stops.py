@@ -17,13 +17,15 @@ from messages.pilot import PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.topic import AnyTopic
-from messages.vehicle import Truth, VehicleStatus
+from messages.vehicle import VehicleStatus
 from services.reference.guidance.axes import CENTRED
 from tools.analysis.dive import RecordedDive, read_dive
 from tools.analysis.stops import releases, stops
 from tools.recordings.columns import StreamColumns
 from tools.recordings.mcap_records import ALWAYS, Span, Wants, always
 from tools.recordings.recording import Raw, Recording
+
+from .said import reference, state, truth
 
 START = 7_000_000_000  # [ns] the vehicle's clock at the beginning
 RELEASE, REST, END = 4.0, 5.0, 12.0  # [s] stick let go, reference at rest, end of recording
@@ -86,57 +88,11 @@ def moving(
         true_depth = true if axis == "heave" else 3.0
         true_heading = true if axis == "yaw" else 3.0
         said += [
-            (topics.REFERENCE, reference(ns(t), depth, heading, armed(t))),
-            (topics.STATE, state(ns(t), depth.position, heading.position)),
+            (topics.REFERENCE, reference(ns(t), ns(t), depth, heading, armed=armed(t))),
+            (topics.STATE, state(ns(t), ns(t), Estimate(depth.position, 0.0), heading.position)),
             (topics.TRUTH, truth(ns(t), true_depth, true_heading + NORTH)),
         ]
     return said
-
-
-def reference(stamp: int, depth: Motion, heading: Motion, armed: bool) -> Reference:
-    return Reference(
-        stamp_ns=stamp,
-        sensor_ns=stamp,
-        pilot_ns=None,
-        armed=armed,
-        depth=depth,
-        heading=heading,
-        surge_force=0.0,
-        sway_force=0.0,
-    )
-
-
-def state(stamp: int, depth: float, heading: float) -> VehicleState:
-    zero = Estimate(0.0, 0.0)
-    return VehicleState(
-        stamp_ns=stamp,
-        sensor_ns=stamp,
-        phase="running",
-        depth=Estimate(depth, 0.0),
-        depth_rate=zero,
-        depth_acceleration=zero,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=zero,
-        pitch=zero,
-        heading=Estimate(heading, 0.0),
-        heading_navigation=None,
-        yaw_rate=zero,
-    )
-
-
-def truth(stamp: int, depth: float, heading: float) -> Truth:
-    return Truth(
-        stamp_ns=stamp,
-        position=(0.0, 0.0, depth),
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        velocity=(0.0, 0.0, 0.0),
-        angular_rate=(0.0, 0.0, 0.0),
-        depth_rate=0.0,
-        roll=0.0,
-        pitch=0.0,
-        heading=heading,
-        on_floor=False,
-    )
 
 
 def sticks(
