@@ -235,29 +235,32 @@ def read_dive(
         utc_offset_ns: [ns] UTC minus that clock.
     """
     topside_clock = _TopsideClock() if apart else None
-    gathered = GatheredDive(more)
+    gathered = GatheredDive(more, origin_ns, utc_offset_ns)
     decoders: dict[str, Callable[[bytes], Message | None] | None] = {}
-    for raw in recording.raw():
-        key, log_ns = raw.key, raw.log_ns
+    for key, data, log_ns, _, _ in recording.raw():
         gathered.see(key, log_ns)
         if key not in decoders:
             kind = gathered.kind(key, whole=apart)
             decoders[key] = kind if kind is None else recording.decoding(key, kind)
         decode = decoders[key]
-        if decode is None or (message := decode(raw.data)) is None:
+        if decode is None or (message := decode(data)) is None:
             continue
         if topside_clock is None or topside_clock.convert(key, message, log_ns):
             gathered.add(key, message, log_ns)
     losses = recording.losses() + Counter(
         {events.UNREADABLE(key).name: count for key, count in recording.unreadable.items()}
     )
-    return gathered.dive(recording.metadata("dive"), losses, origin_ns, utc_offset_ns)
+    return gathered.dive(recording.metadata("dive"), losses)
 
 
 class GatheredDive:
-    """Collects what is needed of a dive, message by message in the order of their arrival."""
+    """Collects what is needed of a dive, message by message in the order of their arrival.
+    Arguments as of `read_dive`."""
 
-    def __init__(self, more: Sequence[StreamFigures] = ()) -> None:
+    def __init__(
+        self, more: Sequence[StreamFigures] = (), origin_ns: int = 0, utc_offset_ns: int = 0
+    ) -> None:
+        self._origin_ns, self._arrival_origin_ns = origin_ns, origin_ns + utc_offset_ns
         self._traffic: dict[str, Traffic] = {}
         self._wanted = {wanted.topic.key: wanted for wanted in (*WANTED, *more)}
         self._streams = {key: Gathering(wanted) for key, wanted in self._wanted.items()}
@@ -294,7 +297,7 @@ class GatheredDive:
     def add(self, key: str, message: Any, log_ns: int) -> None:
         """A message of which `kind` says that it is needed."""
         if (stream := self._streams.get(key)) is not None:
-            stream.add(message, log_ns)
+            stream.add(message, log_ns - self._arrival_origin_ns)
             if key == topics.REFERENCE.key and self._armed_utc_ns is None and message.armed:
                 self._armed_utc_ns = log_ns
         elif key.startswith(HEALTH):
@@ -302,22 +305,13 @@ class GatheredDive:
         else:
             self._errors[message.service] += message.level == "error"
 
-    def dive(
-        self,
-        about: dict[str, str],
-        losses: dict[str, int],
-        origin_ns: int = 0,
-        utc_offset_ns: int = 0,
-    ) -> RecordedDive:
+    def dive(self, about: dict[str, str], losses: dict[str, int]) -> RecordedDive:
         """
         Args:
             about: vehicle, link, pilot, seed, overrides.
             losses: what the recorder itself counted.
         """
-        arrival_origin = origin_ns + utc_offset_ns
-        streams = {
-            key: stream.columns(origin_ns, arrival_origin) for key, stream in self._streams.items()
-        }
+        streams = {key: each.columns(self._origin_ns) for key, each in self._streams.items()}
         reference = streams[topics.REFERENCE.key]
         known = np.isfinite(reference["sensor_ns"])
         valid = np.where(known, reference["sensor_ns"], reference["stamp_ns"])

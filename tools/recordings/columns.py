@@ -1,5 +1,6 @@
 """Streams of a recording as columns of numbers: a float64 array with one figure per message, NaN
-where a message has none. Any field of any message can be one."""
+where a message has none. Any field of any message can be one. A time in ns is exact for the first
+104 days after the computer was started."""
 
 from array import array
 from collections.abc import Callable, Mapping, Sequence
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple, cast
 
 import msgspec
 import numpy as np
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
 from messages.message import Message
@@ -20,7 +22,6 @@ Flags = NDArray[np.bool_]
 Figures = tuple[float | None, ...]
 # Columns of every stream: [ns] when a message was recorded, and how many were before it.
 ARRIVAL, PLACE = "arrival", "place"
-UNKNOWN_NS = -(2**63)  # [ns] stands for a time that a message does not say
 
 
 class StreamColumns:
@@ -75,8 +76,7 @@ class StreamFigures(NamedTuple):
     """Which figures of a stream are kept."""
 
     topic: AnyTopic
-    # Of a message, such as `depth.value`; the first is a time. Times, whose names end in _ns, are
-    # exact over 104 days from the origin.
+    # Of a message, such as `depth.value`; the first is a time. Names of times end in _ns.
     fields: tuple[str, ...]
     more: tuple[str, ...] = ()  # names of figures that are no field …
     figures: Callable[[Any], Figures] | None = None  # … and what makes them of a message
@@ -101,67 +101,52 @@ class Gathering:
     """Collects the figures of one stream, message by message."""
 
     def __init__(self, wanted: StreamFigures) -> None:
-        self._times = [path for path in wanted.fields if path.endswith("_ns")]
-        others = [path for path in wanted.fields if not path.endswith("_ns")]
-        self._names = [*others, *wanted.more]
-        self._read_times, self._read_others = _reader(self._times), _reader(others)
-        self._figures = wanted.figures
-        self._moments, self._numbers = array("q"), array("d")
+        self._names = (ARRIVAL, *wanted.fields, *wanted.more)
+        self._read, self._figures = _reader(wanted.fields), wanted.figures
+        self._rows = array("d")
         self._words: dict[str, int] = {}
 
     def add(self, message: object, arrival_ns: int = 0) -> None:
-        moments = self._read_times(message)
-        if None in moments:
-            moments = [UNKNOWN_NS if moment is None else moment for moment in moments]
-        self._moments.append(arrival_ns)
-        self._moments.extend(moments)
-        numbers = self._read_others(message)
+        row = (arrival_ns, *self._read(message))
         if self._figures is not None:
-            numbers = (*numbers, *self._figures(message))
+            row += self._figures(message)
         try:
-            more = array("d", numbers)
+            numbers = array("d", row)
         except TypeError:  # None, or a word
-            more = array("d", map(self._number, numbers))
-        self._numbers.extend(more)
+            numbers = [v if isinstance(v, int | float) else self._number(v) for v in row]
+        self._rows.extend(numbers)
 
-    def columns(self, origin_ns: int = 0, arrival_origin_ns: int = 0) -> StreamColumns:
+    def columns(self, origin_ns: int = 0) -> StreamColumns:
         """Those so far.
 
         Args:
-            origin_ns: [ns] from which its times count.
-            arrival_origin_ns: [ns] the same of `arrival`.
+            origin_ns: [ns] from which its times count, but for `arrival`.
         """
-        moments = np.array(self._moments, dtype=np.int64).reshape(-1, 1 + len(self._times))
-        numbers = np.array(self._numbers).reshape(len(moments), len(self._names))
-        found: dict[str, Array] = {}
-        for name, column in zip(self._times, moments.T[1:], strict=True):
-            found[name] = np.where(column == UNKNOWN_NS, nan, column - origin_ns)
-        found.update(zip(self._names, np.ascontiguousarray(numbers.T), strict=True))
-        found[ARRIVAL] = (moments[:, 0] - arrival_origin_ns).astype(np.float64)
-        found[PLACE] = np.arange(float(len(moments)))
-        return StreamColumns(found, [*self._words])
+        rows = np.array(self._rows).reshape(-1, len(self._names))
+        found = dict(zip(self._names, np.ascontiguousarray(rows.T), strict=True))
+        for name in found:
+            if name.endswith("_ns"):
+                found[name] -= origin_ns
+        found[PLACE] = np.arange(float(len(rows)))
+        first = self._names[1]
+        return StreamColumns({first: found[first], **found}, [*self._words])
 
-    def _number(self, value: Any) -> float:
-        if value is None or value is msgspec.UNSET:
-            return nan
-        if isinstance(value, str):
-            return self._words.setdefault(value, len(self._words))
-        return value
+    def _number(self, word: str | UnsetType | None) -> float:
+        """Of a word, or of what the message does not say."""
+        return self._words.setdefault(word, len(self._words)) if isinstance(word, str) else nan
 
 
-def _reader(paths: Sequence[str]) -> Callable[[object], Sequence[Any]]:
+def _reader(paths: Sequence[str]) -> Callable[[object], tuple[Any, ...]]:
     """What gives these fields of a message, None where it has no such part."""
-    if not paths:
-        return lambda _: ()
     get = attrgetter(*paths)
     if len(paths) == 1:
         return lambda message: (get(message),)
 
-    def read(message: object) -> Sequence[Any]:
+    def read(message: object) -> tuple[Any, ...]:
         try:
             return get(message)
         except AttributeError:  # a part of it is None
-            return [_value(message, path) for path in paths]
+            return tuple(_value(message, path) for path in paths)
 
     return read
 
