@@ -201,24 +201,21 @@ def salvaged(path: Path, damage: Damage, at: At = nowhere) -> Iterator[StoredMes
     return records(path, damage=damage, at=at)
 
 
+@dataclass
 class _RecordReader:
     """Reads one record after the other, and finds the next behind one that is damaged."""
 
-    def __init__(
-        self,
-        stream: BinaryIO,
-        size: int,
-        damage: Damage,
-        wants: Wants,
-        within: Span,
-        open_chunks: bool,
-    ) -> None:
-        self.index = damage.index = index_of(stream, size)
-        self._stream, self._size = stream, size
-        self._damage, self._wants, self._within = damage, wants, within
-        self._open_chunks = open_chunks
-        self._chunked = self.index.has_chunks  # then there is no message outside a chunk
-        self._passed_over: set[int] = set()  # channels
+    stream: BinaryIO
+    size: int  # [bytes]
+    damage: Damage
+    wants: Wants
+    within: Span
+    open_chunks: bool
+    passed_over: set[int] = field(default_factory=set[int])  # channels
+
+    def __post_init__(self) -> None:
+        self.index = self.damage.index = index_of(self.stream, self.size)
+        self.chunked = self.index.has_chunks  # then there is no message outside a chunk
 
     def read(self, position: int) -> tuple[int, list[StoredMessage | Described], int | None]:
         """(opcode, what is in it, where it ends). It ends nowhere where it is a chunk whose writer
@@ -227,32 +224,32 @@ class _RecordReader:
         Raises:
             DAMAGE: it is damaged or cut off.
         """
-        self._stream.seek(position)
-        head = self._stream.read(RECORD_HEAD.size)
+        self.stream.seek(position)
+        head = self.stream.read(RECORD_HEAD.size)
         opcode, length = RECORD_HEAD.unpack(head)
         after = position + RECORD_HEAD.size + length
         following = self.index.following(position)
         if self.index.opcodes.get(position, opcode) != opcode or opcode == 0:
             raise ValueError("another record is here")
-        if after > (following or self._size):
+        if after > (following or self.size):
             raise ValueError("it ends behind the beginning of the next one")
         if opcode == Opcode.CHUNK:
-            self._chunked = True
+            self.chunked = True
             # Behind it is an index of its messages, which nobody needs.
             after = following if self.index.has_chunks else after
-            if not self._open_chunks:
+            if not self.open_chunks:
                 return opcode, [], after
-            found, whole = self._chunk(self._stream.read(length))
+            found, whole = self._chunk(self.stream.read(length))
             return opcode, found, after if whole or self.index.has_chunks else None
-        if opcode == MESSAGE and self._chunked:
+        if opcode == MESSAGE and self.chunked:
             raise ValueError("a message outside a chunk")
         if opcode != MESSAGE and opcode not in READ:
             return opcode, [], after
-        content = self._stream.read(length)
+        content = self.stream.read(length)
         if opcode == Opcode.ATTACHMENT:
             _check(content[: -CHECKSUM.size], *CHECKSUM.unpack(content[-CHECKSUM.size :]))
         found = self._split(head + content)
-        self._damage.metadata.update(each.name for each in found if isinstance(each, Metadata))
+        self.damage.metadata.update(each.name for each in found if isinstance(each, Metadata))
         return opcode, found, after
 
     def known(self) -> list[Schema | Channel]:
@@ -263,21 +260,21 @@ class _RecordReader:
 
     def beyond(self, position: int) -> int | None:
         """[bytes] Where the record behind a damaged one begins; None: nobody knows."""
-        self._stream.seek(position)
-        head = self._stream.read(RECORD_HEAD.size)
+        self.stream.seek(position)
+        head = self.stream.read(RECORD_HEAD.size)
         following = self.index.following(position)
         if len(head) == RECORD_HEAD.size:
             after = position + RECORD_HEAD.size + RECORD_HEAD.unpack(head)[1]
-            if after <= (following or self._size):
+            if after <= (following or self.size):
                 return after
         return following
 
     def _chunk(self, content: bytes) -> tuple[list[StoredMessage | Described], bool]:
         """What is in it, and whether it is whole."""
         first, last = CHUNK_TIMES.unpack_from(content)
-        begin, end = self._within
+        begin, end = self.within
         if self.index.has_chunks and (last < begin or first >= end):
-            self._damage.passed_over = True
+            self.damage.passed_over = True
             return [], True
         data, whole = _uncompressed(content)
         return self._split(data), whole
@@ -285,9 +282,9 @@ class _RecordReader:
     def _see(self, record: Described) -> None:
         """Before the first message of its channel."""
         if isinstance(record, Channel):
-            self._passed_over.discard(record.id)
-            if not self._wants(record.topic):
-                self._passed_over.add(record.id)
+            self.passed_over.discard(record.id)
+            if not self.wants(record.topic):
+                self.passed_over.add(record.id)
 
     def _split(self, data: bytes) -> list[StoredMessage | Described]:
         """
@@ -296,7 +293,7 @@ class _RecordReader:
         """
         found: list[StoredMessage | Described] = []
         at, end, messages = 0, len(data), 0
-        passed_over, unpack = self._passed_over, MESSAGE_HEAD.unpack_from
+        passed_over, unpack = self.passed_over, MESSAGE_HEAD.unpack_from
         while at < end:
             if data[at] != MESSAGE:
                 opcode, length = RECORD_HEAD.unpack_from(data, at)
@@ -312,7 +309,7 @@ class _RecordReader:
             messages += 1
             if channel not in passed_over:
                 found.append(StoredMessage(channel, sequence, log_ns, publish_ns, data[begin:at]))
-        self._damage.messages += messages
+        self.damage.messages += messages
         return found
 
 

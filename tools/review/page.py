@@ -135,7 +135,7 @@ def _stops(found: Review, drawn: Drawn) -> str:
         )
         + (
             _image(plots.stops(drawn.stops), "Every stop: the way beyond the release over time")
-            if any(curve is not None for curve in drawn.stops.curves)
+            if any(curve is not None for _, curve in drawn.stops.found)
             else ""
         )
         + _stop_table(found.stops)

@@ -88,14 +88,14 @@ def motion(ours: Track | None, own: Track | None, offsets: dict[str, float], who
 
 def stops(found: Stops) -> bytes:
     """Of each axis that has stops: the way beyond the release, and Lindy's as a cross."""
-    drawn = [pair for pair in zip(found.stops, found.curves, strict=True) if pair[1] is not None]
+    drawn = [(stop, curve) for stop, curve in found.found if curve is not None]
     axes = [axis for axis in AXES if any(stop.axis == axis.name for stop, _ in drawn)]
     figure = _figure(3.8)
     for n, axis in enumerate(axes):
         panel = figure.add_subplot(1, len(axes), n + 1)
         turn = axis.unit == "rad"
         for stop, curve in drawn:
-            if stop.axis != axis.name or curve is None:
+            if stop.axis != axis.name:
                 continue
             t, run = thinned(curve.since, curve.run)
             panel.plot(t, np.degrees(run) if turn else run, color=OWN, alpha=0.6, linewidth=1.1)

@@ -83,9 +83,12 @@ class StopCurve(NamedTuple):
 
 
 class Stops(NamedTuple):
-    stops: list[ReviewedStop]
-    curves: list[StopCurve | None]  # of each; None: it is not known
+    found: list[tuple[ReviewedStop, StopCurve | None]]  # None: its way is not known
     missing: list[str]  # what cannot be said, one sentence each
+
+    @property
+    def stops(self) -> list[ReviewedStop]:
+        return [stop for stop, _ in self.found]
 
 
 def reviewed_stops(
@@ -103,7 +106,7 @@ def reviewed_stops(
         armed: a stop ends with its span; None: the recording does not say.
     """
     if why := _nothing_moves(dive, motion, armed):
-        return Stops([], [], [why])
+        return Stops([], [why])
     assert motion is not None
     found: list[tuple[ReviewedStop, StopCurve | None]] = []
     missing: list[str] = []
@@ -138,7 +141,7 @@ def reviewed_stops(
     ]
     if not found and not missing:
         missing.append("No stick was let go while the vehicle moved along its axis.")
-    return Stops([stop for stop, _ in found], [curve for _, curve in found], missing)
+    return Stops(found, missing)
 
 
 def _nothing_moves(
