@@ -19,7 +19,7 @@ from tools.report import report_on
 from tools.report.report import Extras, Report
 
 from .conftest import ShortDive
-from .test_recover import KEY, PER_CHUNK, foreign, recorded, whole_file, write
+from .test_recover import CHUNKS, KEY, PER_CHUNK, foreign, recorded, whole_file, write
 
 IN_CHUNK = 80  # [bytes] behind the beginning of a chunk: in its data
 VERBS = ["info", "check", "csv", "cut", "compare", "sticks"]
@@ -122,14 +122,16 @@ def test_what_follows_a_chunk_with_a_damaged_length_is_recovered(tmp_path: Path,
     assert foreign(out) == recorded()[:PER_CHUNK] + recorded()[2 * PER_CHUNK :]
 
 
-def test_a_file_without_an_end_is_read_up_to_a_damaged_length(tmp_path: Path) -> None:
+@pytest.mark.parametrize("byte", range(2, 9))  # 1: less than what ends the frame
+def test_a_chunk_with_a_damaged_length_in_a_file_without_an_end(tmp_path: Path, byte: int) -> None:
     path, out = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
     write(path)
     begin = chunks_of(path)
     path.write_bytes(path.read_bytes()[: begin[2] + 40])
-    broken = flipped(path, tmp_path / "broken.mcap", begin[1] + 2)
-    assert recovered(broken, out).words == "broken.mcap was cut off"
-    assert foreign(out) == recorded()[:PER_CHUNK]
+    flipped(path, tmp_path / "broken.mcap", begin[0] + byte)
+    assert CHUNKS == 3
+    # Its channel was described in the first chunk, and there is no summary.
+    assert "40 messages of unknown topics" in recovered(tmp_path / "broken.mcap", out).words
 
 
 @pytest.mark.parametrize("at", range(9, 17))
