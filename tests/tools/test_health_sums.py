@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from messages.health import Health
 from messages.payload import MEMBERS
 from messages.units import MOST_COUNTED
+from tools.analysis.losses import losses
 from tools.health_sums import MOST, MOST_NAMES, HealthOfAll, HealthSums, Thinned
-from tools.report.losses import losses
 
 S = 1_000_000_000  # [ns]
 

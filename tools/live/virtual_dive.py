@@ -22,7 +22,7 @@ from services.runtime.node.node import Node
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.viewer import VIEWER
-from tools.report import Adding, GatheredDive, Passing, RecordedDive
+from tools.report import GatheredDive, RecordedDive
 
 STRIDE_NS = 100_000_000  # [ns] of virtual time between two checks of the dive
 INTERRUPTED = "interrupted"  # how a dive ended that was to stop
@@ -44,19 +44,15 @@ class MemoryRecorder:
     def wire(self, node: Node, stack: Stack) -> None:
         self._node, self._about, self._intake = node, about(stack), Intake(node.outbox)
         gathered, intake = self._gathered, self._intake
-        takers: dict[str, tuple[Passing, Adding | None]] = {}
 
         def keep(envelope: Envelope, arrival: int) -> None:
             key = envelope.key
             found = intake.check(key, envelope.encoding, envelope.payload, arrival)
             if found is None:
                 return
-            if key not in takers:
-                takers[key] = gathered.passing(key), gathered.adding(key)
-            passing, adding = takers[key]
-            passing(found.log_ns)
-            if adding is not None:
-                adding(found.message, found.log_ns)
+            gathered.see(key, found.log_ns)
+            if gathered.kind(key) is not None:
+                gathered.add(key, found.message, found.log_ns)
 
         node.collect(next(iter(node.sides)), "**", keep, depth=DEPTH)
         node.every(FLUSH_HZ, lambda _: None)  # the node's next step collects

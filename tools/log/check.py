@@ -22,13 +22,12 @@ from messages.health import Health
 from messages.text import harmless
 from messages.topic import Direction
 from services.runtime.config.errors import LindyError
+from tools.analysis.losses import LINK, LOST, QUEUES, THINNED, crosses, family, missed, take
 from tools.choices import Json
 from tools.health_sums import HealthSums
 from tools.log.text_table import table
-from tools.recordings.mcap_records import Noticed
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
-from tools.report.losses import LINK, LOST, QUEUES, THINNED, crosses, family, missed, take
 
 SOUND, NOT_SOUND = 0, 3  # exit statuses
 COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing", "duplicated")
@@ -260,21 +259,13 @@ def accounts(recording: Recording) -> Accounts:
     reports = LinkReports()
     backwards, newest = 0, 0
 
-    def noticing(key: str) -> Noticed:
-        numbering = numbers.setdefault(key, Numbering())
-
-        def see(sequence: int, log_ns: int, publish_ns: int, _data: bytes) -> None:
-            nonlocal backwards, newest
-            numbering.see(sequence, publish_ns, log_ns)
-            if log_ns < newest:
-                backwards += 1
-            newest = log_ns
-
-        return see
-
-    for raw in recording.raw(lambda key: key.startswith(HEALTH), noticing):
-        health = recording.decode(raw)
-        if isinstance(health, Health):
+    for raw in recording.raw():
+        if (numbering := numbers.get(raw.key)) is None:
+            numbering = numbers[raw.key] = Numbering()
+        numbering.see(raw.sequence, raw.publish_ns, raw.log_ns)
+        backwards += raw.log_ns < newest
+        newest = raw.log_ns
+        if raw.key.startswith(HEALTH) and isinstance(health := recording.decode(raw), Health):
             reports.add(health, raw.log_ns)
     numbers = {key: numbering for key, numbering in numbers.items() if numbering.recorded}
     side = recording.metadata("dive").get("side", "drone")

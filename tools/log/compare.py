@@ -13,6 +13,7 @@ from messages import topics
 from messages.text import harmless
 from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
+from tools.analysis.dive import read_dive
 from tools.choices import Json, NewPicture
 from tools.fresh import require_picture, write_fresh
 from tools.log.series import (
@@ -28,7 +29,6 @@ from tools.log.text_table import table
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 from tools.report import report_on
-from tools.report.dive import read_dive
 from tools.report.report import Extras
 from tools.report.summary import is_loss
 

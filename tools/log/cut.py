@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from cyclopts import Parameter
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Metadata
 
 from messages.text import harmless
 from services.runtime.config.errors import LindyError
@@ -14,7 +14,7 @@ from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
 from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import HASH, Described, Reading, Span, StoredMessage
+from tools.recordings.mcap_records import HASH, Described, Span, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -90,14 +90,14 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     end = inf if wanted.to_s > LONGEST_S else origin + round(wanted.to_s * 1e9)
     keys = set[str]()
 
-    def readings(channel: Channel, _of: Schema | None) -> Reading:
-        keys.add(channel.topic)
-        return Reading(is_chosen(channel.topic, wanted.topics))
+    def wants(key: str) -> bool:
+        keys.add(key)
+        return is_chosen(key, wanted.topics)
 
     with reading("cutting", recording.size) as recording.advance, new_mcap(out) as copy:
         for file in recording.files:
             copy.next_file()
-            for record in recording.records(file, readings, (begin, end)):
+            for record in recording.records(file, wants, (begin, end)):
                 if _is_in(record, (begin, end)):
                     copy.add(record)
         require_known(wanted.topics, keys, recording.files[0])

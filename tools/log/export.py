@@ -24,7 +24,7 @@ from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import DECODE, Flattening, Row, TableColumn, Tree
 from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.recordings.dive_file import flown_section
-from tools.recordings.mcap_records import Reading, StoredMessage
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -156,14 +156,14 @@ class TopicTables:
         self._taken: set[str] = set()  # names of files
 
     def fill(self, recording: Recording, patterns: Sequence[str]) -> None:
-        def readings(channel: Channel, _of: Schema | None) -> Reading:
-            return Reading(not is_view(channel.topic) and is_chosen(channel.topic, patterns))
+        def wants(key: str) -> bool:
+            return not is_view(key) and is_chosen(key, patterns)
 
         try:
             for file in recording.files:
                 schemas: dict[int, Schema] = {}
                 channels: dict[int, Channel] = {}
-                for record in recording.records(file, readings):
+                for record in recording.records(file, wants):
                     if isinstance(record, StoredMessage):
                         channel = channels.get(record.channel_id)
                         schema = None if channel is None else schemas.get(channel.schema_id)

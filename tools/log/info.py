@@ -21,9 +21,8 @@ from tools.choices import Json
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
 from tools.log.text_table import table
 from tools.recordings.dive_file import FlownDive, flown_dive
-from tools.recordings.mcap_records import Noticed
 from tools.recordings.progress import reading
-from tools.recordings.recording import Recording, is_whole, open_recording
+from tools.recordings.recording import Raw, Recording, is_whole, open_recording
 from tools.report.summary import lined_up
 
 LOG = topics.LOG.key[:-1]
@@ -91,21 +90,16 @@ class Gathered:
         self.origin_ns = origin_ns  # [ns] UTC from which its seconds count
         self._status: VehicleStatus | None = None
 
-    def noticing(self, key: str) -> Noticed:
-        """What is told of every message of a key."""
-        topic = topics.find(key)
-        name = "" if topic is None else topic.message.__name__
-        seen = self.topics.setdefault(key, TopicInfo(type=name))
-        origin_ns = self.origin_ns
-
-        def see(_sequence: int, log_ns: int, _publish_ns: int, data: bytes) -> None:
-            t = (log_ns - origin_ns) / 1e9
-            seen.count += 1
-            seen.bytes += len(data)
-            seen.first_s = min(seen.first_s, t)
-            seen.last_s = max(seen.last_s, t)
-
-        return see
+    def count(self, raw: Raw) -> None:
+        """One more message of its key."""
+        if (seen := self.topics.get(raw.key)) is None:
+            topic = topics.find(raw.key)
+            name = "" if topic is None else topic.message.__name__
+            seen = self.topics[raw.key] = TopicInfo(type=name)
+        t = (raw.log_ns - self.origin_ns) / 1e9
+        seen.count += 1
+        seen.bytes += len(raw.data)
+        seen.first_s, seen.last_s = min(seen.first_s, t), max(seen.last_s, t)
 
     def read(self, message: Message, t: float) -> None:
         match message:
@@ -157,9 +151,12 @@ def info(recording: Path, *, json: Json = False) -> int:
 
 
 def info_of(recording: Recording) -> Info:
-    gathered = Gathered(recording.origin_ns() or 0)
-    for raw in recording.raw(lambda key: key in KEYS or key.startswith(LOG), gathered.noticing):
-        if (message := recording.decode(raw)) is not None:
+    origin = recording.origin_ns()
+    gathered = Gathered(origin or 0)
+    for raw in recording.raw():
+        gathered.count(raw)
+        read = raw.key in KEYS or raw.key.startswith(LOG)
+        if read and (message := recording.decode(raw)) is not None:
             gathered.read(message, (raw.log_ns - gathered.origin_ns) / 1e9)
     damage = recording.damage
     seen = {key: topic for key, topic in sorted(gathered.topics.items()) if topic.count}

@@ -9,12 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from messages import topics
-from messages.message import Message
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
-from messages.vehicle import VehicleStatus
+from messages.sensors import ImuSample, MagnetometerSample
 from services.estimation.rest import MOST_FORCE_STD, MOST_RATE_STD
 from services.runtime.config.errors import LindyError
 from tools.recordings.allan import Floats
+from tools.recordings.columns import Figures, StreamFigures, read_streams
 from tools.recordings.recording import Recording
 
 SHORTEST = 20.0  # [s]
@@ -26,7 +25,22 @@ HOW = (
     "to make such a recording, let nobody arm the drone: `lindy up drone --out dives/on_the_bench`"
     " without a topside, and Ctrl-C after a minute or longer"
 )
-KEYS = (topics.IMU.key, topics.MAGNETOMETER.key, topics.PRESSURE.key)
+
+
+def _imu(m: ImuSample) -> Figures:
+    return *m.angular_rate, *m.specific_force
+
+
+def _field(m: MagnetometerSample) -> Figures:
+    return tuple(1e6 * component for component in m.field)  # [µT]
+
+
+SENSORS = (
+    StreamFigures(topics.IMU, ("stamp_ns",), ("p", "q", "r", "x", "y", "z"), _imu),
+    StreamFigures(topics.MAGNETOMETER, ("stamp_ns",), ("x", "y", "z"), _field),
+    StreamFigures(topics.PRESSURE, ("stamp_ns", "pressure")),
+)
+STATUS = StreamFigures(topics.STATUS, ("stamp_ns", "armed"))
 
 
 class RestingSamples(NamedTuple):
@@ -38,9 +52,7 @@ Span = tuple[float, float]  # [s] from and to
 
 
 class HeardAtRest(NamedTuple):
-    samples: dict[
-        str, RestingSamples
-    ]  # of each sensor; those whose stamp does not rise are left out
+    samples: dict[str, RestingSamples]  # of each sensor; those whose stamps rise
     armed: list[Span]  # when the drone was armed, by the clock of the stamps
 
 
@@ -54,38 +66,18 @@ class RestStatistics(NamedTuple):
 
 def read(recording: Recording) -> HeardAtRest:
     """The samples of each sensor, and when the drone was armed."""
-    rows: dict[str, list[tuple[float, ...]]] = {key: [] for key in KEYS}
-    newest: dict[str, int] = {}
-    statuses: list[tuple[float, bool]] = []  # [s] and whether it was armed
-    for raw in recording.raw(lambda key: key in rows or key == topics.STATUS.key):
-        if (message := recording.decode(raw)) is None:
-            continue
-        if isinstance(message, VehicleStatus):
-            statuses.append((message.stamp_ns * 1e-9, message.armed))
-        elif raw.key not in newest or message.stamp_ns > newest[raw.key]:
-            newest[raw.key] = message.stamp_ns
-            rows[raw.key].append((message.stamp_ns * 1e-9, *_numbers(message)))
-    arrays = {key: np.array(found) for key, found in rows.items() if len(found) >= FEWEST}
-    samples = {key: RestingSamples(found[:, 0], found[:, 1:]) for key, found in arrays.items()}
-    return HeardAtRest(samples, _armed(statuses))
-
-
-def _armed(statuses: list[tuple[float, bool]]) -> list[Span]:
-    """Spans from an armed status to `CALM` after the next status."""
-    ends = [at for at, _ in statuses[1:]] + [inf]
-    return [(at, end + CALM) for (at, armed), end in zip(statuses, ends, strict=False) if armed]
-
-
-def _numbers(sample: Message) -> tuple[float, ...]:
-    match sample:
-        case ImuSample():
-            return *sample.angular_rate, *sample.specific_force
-        case MagnetometerSample():
-            return tuple(1e6 * component for component in sample.field)  # [µT]
-        case PressureSample():
-            return (sample.pressure,)
-        case _:
-            return ()
+    streams = read_streams(recording, (*SENSORS, STATUS))
+    samples: dict[str, RestingSamples] = {}
+    for sensor in SENSORS:
+        heard = streams[sensor.topic.key].rising()
+        if heard.count >= FEWEST:
+            values = np.column_stack([heard[name] for name in (*sensor.fields[1:], *sensor.more)])
+            samples[sensor.topic.key] = RestingSamples(heard["stamp_ns"] * 1e-9, values)
+    status = streams[STATUS.topic.key]
+    times = (status["stamp_ns"] * 1e-9).tolist()
+    spans = zip(times, [*times[1:], inf], status["armed"].tolist(), strict=False)
+    # From an armed status to `CALM` after the next one.
+    return HeardAtRest(samples, [(at, end + CALM) for at, end, armed in spans if armed])
 
 
 def resting(heard: HeardAtRest, recording: Path) -> RestStatistics:

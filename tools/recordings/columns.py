@@ -1,83 +1,168 @@
 """Streams of a recording as columns of numbers: a float64 array with one figure per message, NaN
-where a message has none."""
+where a message has none. Any field of any message can be one. A time in ns is exact for the first
+104 days after the computer was started."""
 
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from math import nan
+from operator import attrgetter
 from typing import Any, NamedTuple, cast
 
 import msgspec
 import numpy as np
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
 from messages.message import Message
 from messages.topic import AnyTopic
+from tools.recordings.recording import Recording
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Figures = tuple[float | None, ...]
+# Columns of every stream: [ns] when a message was recorded, and how many were before it.
+ARRIVAL, PLACE = "arrival", "place"
 
 
 class StreamColumns:
-    """The figures of one stream in the order of their first column, a time."""
+    """The figures of one stream in the order of their first column, a time.
 
-    def __init__(self, names: tuple[str, ...], rows: Array) -> None:
+    A word, such as a flight mode, is a number in its column; `said` asks for it.
+    """
+
+    def __init__(self, columns: Mapping[str, Array], words: Sequence[str] = ()) -> None:
         """
         Args:
-            rows: shape (messages, names).
+            columns: shape (messages,) each.
+            words: by the number that stands for each.
         """
-        times = rows[:, 0]
+        times = next(iter(columns.values()))
         if np.any(times[1:] < times[:-1]):
-            rows = rows[np.argsort(times, kind="stable")]
-        self.count = len(rows)
-        self._columns = dict(zip(names, np.ascontiguousarray(rows.T), strict=True))
+            order = np.argsort(times, kind="stable")
+            columns = {name: column[order] for name, column in columns.items()}
+        self.count = len(times)
+        self.words = words
+        self._columns = columns
 
     def __getitem__(self, name: str) -> Array:
         return self._columns[name]
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._columns
 
-class Gathering:
-    """Collects the rows of one stream.
+    def said(self, name: str, *words: str) -> Flags:
+        """(messages,) Is it one of these words?"""
+        numbers = [number for number, word in enumerate(self.words) if word in words]
+        return np.isin(self[name], numbers)
 
-    Args:
-        figures: of a message, one for each name.
-    """
+    def as_recorded(self) -> "StreamColumns":
+        """The same in the order in which they were recorded."""
+        return self.with_columns({PLACE: self[PLACE]})
 
-    def __init__(self, names: tuple[str, ...], figures: Callable[[Any], Figures]) -> None:
-        self._names = names
-        self._figures = figures
-        self._rows = array("d")
+    def rising(self) -> "StreamColumns":
+        """As recorded, without messages whose time is no later than one before them."""
+        arrived = self.as_recorded()
+        times = arrived[next(iter(self._columns))]
+        newer = times > np.append(-np.inf, np.maximum.accumulate(times)[:-1])
+        columns = {name: column[newer] for name, column in arrived._columns.items()}
+        return StreamColumns(columns, self.words)
 
-    def add(self, message: object, _log_ns: int = 0) -> None:
-        figures = self._figures(message)
-        self._rows.extend(
-            [nan if figure is None else figure for figure in figures]
-            if None in figures
-            else cast(tuple[float, ...], figures)
-        )
-
-    def columns(self) -> StreamColumns:
-        """The rows so far; no more can be added then."""
-        return StreamColumns(self._names, np.frombuffer(self._rows).reshape(-1, len(self._names)))
+    def with_columns(self, columns: Mapping[str, Array]) -> "StreamColumns":
+        """The same with more columns, or others of those names, in the order of the first one."""
+        return StreamColumns({**columns, **self._columns, **columns}, self.words)
 
 
 class StreamFigures(NamedTuple):
     """Which figures of a stream are kept."""
 
     topic: AnyTopic
-    names: tuple[str, ...]
-    figures: Callable[[Any], Figures]
-    fields: tuple[str, ...] = ()  # that `figures` reads, where the message has many more
+    # Of a message, such as `depth.value`; the first is a time. Names of times end in _ns.
+    fields: tuple[str, ...]
+    more: tuple[str, ...] = ()  # names of figures that are no field …
+    figures: Callable[[Any], Figures] | None = None  # … and what makes them of a message
 
     @property
     def message(self) -> type[Message]:
         """What a recorded message is decoded as: a number that nobody reads costs time too."""
         kind = self.topic.message
-        if not self.fields:
+        if self.figures is not None:
             return kind
+        wanted = {path.partition(".")[0] for path in self.fields}
         read = [
             (field.name, field.type, msgspec.field(default=field.default))
             for field in msgspec.structs.fields(kind)
-            if field.name in self.fields
+            if field.name in wanted and field.name not in Message.__struct_fields__
         ]
         base, name = (Message,), kind.__name__
         return cast(type[Message], msgspec.defstruct(name, read, bases=base, kw_only=True))
+
+
+class Gathering:
+    """Collects the figures of one stream, message by message."""
+
+    def __init__(self, wanted: StreamFigures) -> None:
+        self._names = (ARRIVAL, *wanted.fields, *wanted.more)
+        self._read, self._figures = _reader(wanted.fields), wanted.figures
+        self._rows = array("d")
+        self._words: dict[str, int] = {}
+
+    def add(self, message: object, arrival_ns: int = 0) -> None:
+        row = (arrival_ns, *self._read(message))
+        if self._figures is not None:
+            row += self._figures(message)
+        try:
+            numbers = array("d", row)
+        except TypeError:  # None, or a word
+            numbers = [v if isinstance(v, int | float) else self._number(v) for v in row]
+        self._rows.extend(numbers)
+
+    def columns(self, origin_ns: int = 0) -> StreamColumns:
+        """Those so far.
+
+        Args:
+            origin_ns: [ns] from which its times count, but for `arrival`.
+        """
+        rows = np.array(self._rows).reshape(-1, len(self._names))
+        found = dict(zip(self._names, np.ascontiguousarray(rows.T), strict=True))
+        for name in found:
+            if name.endswith("_ns"):
+                found[name] -= origin_ns
+        found[PLACE] = np.arange(float(len(rows)))
+        first = self._names[1]
+        return StreamColumns({first: found[first], **found}, [*self._words])
+
+    def _number(self, word: str | UnsetType | None) -> float:
+        """Of a word, or of what the message does not say."""
+        return self._words.setdefault(word, len(self._words)) if isinstance(word, str) else nan
+
+
+def _reader(paths: Sequence[str]) -> Callable[[object], tuple[Any, ...]]:
+    """What gives these fields of a message, None where it has no such part."""
+    get = attrgetter(*paths)
+    if len(paths) == 1:
+        return lambda message: (get(message),)
+
+    def read(message: object) -> tuple[Any, ...]:
+        try:
+            return get(message)
+        except AttributeError:  # a part of it is None
+            return tuple(_value(message, path) for path in paths)
+
+    return read
+
+
+def _value(message: object, path: str) -> Any:
+    found: Any = message
+    for name in path.split("."):
+        found = getattr(found, name, None)  # a part may be None, or left out
+    return found
+
+
+def read_streams(recording: Recording, wanted: Sequence[StreamFigures]) -> dict[str, StreamColumns]:
+    """By key; of some there may be no message."""
+    gathered = {each.topic.key: Gathering(each) for each in wanted}
+    decoding = {each.topic.key: recording.decoding(each.topic.key, each.message) for each in wanted}
+    for raw in recording.raw(gathered.__contains__):
+        if (message := decoding[raw.key](raw.data)) is not None:
+            gathered[raw.key].add(message, raw.log_ns)
+    return {key: each.columns() for key, each in gathered.items()}

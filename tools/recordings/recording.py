@@ -24,23 +24,19 @@ from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
-from tools.recordings.mcap_index import index_of
 from tools.recordings.mcap_records import (
     ALWAYS,
     HASH,
     Damage,
     Described,
-    Noticed,
-    Reading,
-    Readings,
     Span,
     StoredMessage,
-    everything,
-    no_message,
+    Wants,
+    always,
+    index_of,
     nowhere,
     records,
 )
-from tools.recordings.older_names import as_today
 
 COUNT = re.compile(r"[0-9]{1,16}")  # what a recorder writes; anybody may have altered it
 RESERVE = 256_000  # [bytes] left free by merging, for the report
@@ -57,14 +53,6 @@ class Raw(NamedTuple):
 
 
 Decoding = Callable[[bytes], Message | None]
-
-
-def always(_: str) -> bool:
-    return True
-
-
-def nobody(_: str) -> None:
-    return None
 
 
 class RecordedMessage(NamedTuple):
@@ -84,6 +72,7 @@ class Recording:
         self.unreadable: Counter[str] = Counter()  # messages skipped so far, by key
         self.advance: Callable[[int], None] = nowhere  # told how many bytes of `size` were read
         self._read: dict[Path, Damage] = {}  # of the files that were read to their ends
+        self._described: list[Metadata | Attachment] | None = None
         self._decoding: dict[str, Decoding] = {}
 
     def __iter__(self) -> Iterator[RecordedMessage]:
@@ -91,52 +80,40 @@ class Recording:
             if (message := self.decode(raw)) is not None:
                 yield RecordedMessage(raw.key, message, raw.log_ns, raw.publish_ns)
 
-    def raw(
-        self,
-        wants: Callable[[str], bool] = always,
-        noticing: Callable[[str], Noticed | None] = nobody,
-        within: Span = ALWAYS,
-    ) -> Iterator[Raw]:
-        """Every message, not decoded: for readers that need few of them. What is recorded for
-        Foxglove is computed from these, and left out.
+    def raw(self, wants: Wants = always, within: Span = ALWAYS) -> Iterator[Raw]:
+        """Every message, not decoded. What is recorded for Foxglove is computed from these, and
+        left out.
 
         Args:
             wants: which keys; the messages of others are passed over.
-            noticing: for a key, who is told of each of its messages, wanted or not: by the time
-                that one is given, of every message up to it and of some behind.
             within: as `mcap_records.records` takes it.
         """
 
-        channels: dict[int, str] = {}
-        older: dict[int, Callable[[bytes], bytes]] = {}
-
-        def readings(channel: Channel, schema: Schema | None) -> Reading:
-            key = channels[channel.id] = channel.topic
-            if is_view(key):
-                return Reading(wanted=False)
-            noticed = noticing(key)
-            if rename := schema and as_today(schema):
-                older[channel.id] = rename
-                noticed = noticed and _renaming(rename, noticed)
-            return Reading(wants(key), noticed)
+        def wanted(key: str) -> bool:
+            return not is_view(key) and wants(key)
 
         for path in self.files:
-            channels.clear()
-            older.clear()
-            for record in self.records(path, readings, within):
-                if isinstance(record, StoredMessage) and record.channel_id in channels:
+            keys: dict[int, str] = {}
+            for record in self.records(path, wanted, within):
+                if isinstance(record, StoredMessage):
                     number, sequence, log_ns, publish_ns, data = record
-                    data = older[number](data) if number in older else data
-                    yield Raw(channels[number], data, log_ns, publish_ns, sequence)
+                    if number in keys:
+                        yield Raw(keys[number], data, log_ns, publish_ns, sequence)
+                elif isinstance(record, Channel):
+                    keys[record.id] = record.topic
 
     def records(
-        self, path: Path, readings: Readings = everything, within: Span = ALWAYS
+        self, path: Path, wants: Wants = always, within: Span = ALWAYS
     ) -> Iterator[StoredMessage | Described]:
         """Everything in one of its files, as `mcap_records.records` gives it. `damage` knows what
         is wrong with it at the end."""
         before = sum(file.stat().st_size for file in self.files[: self.files.index(path)])
-        damage, at = Damage(), self._counting_from(before)
-        yield from records(path, at=at, damage=damage, readings=readings, within=within)
+        damage, advance = Damage(), self.advance
+
+        def at(position: int) -> None:
+            advance(before + position)
+
+        yield from records(path, at=at, damage=damage, wants=wants, within=within)
         self._read[path] = damage
 
     @property
@@ -164,10 +141,6 @@ class Recording:
     def size(self) -> int:
         """[bytes] of all files."""
         return sum(path.stat().st_size for path in self.files)
-
-    def _counting_from(self, before: int) -> Callable[[int], None]:
-        advance = self.advance
-        return advance if before == 0 else lambda at: advance(before + at)
 
     def decode(self, raw: Raw) -> Message | None:
         """The typed message, or None, counted, when this version of Lindy cannot read it."""
@@ -210,7 +183,7 @@ class Recording:
         for path in self.files:
             with path.open("rb") as stream:
                 described = index_of(stream, path.stat().st_size).described
-            for record in described or records(path, readings=no_message):
+            for record in described or records(path, wants=lambda _: False):
                 if isinstance(record, Channel) and not is_view(record.topic):
                     found.add(record.topic)
         return found
@@ -218,20 +191,21 @@ class Recording:
     def metadata(self, name: str) -> dict[str, str]:
         """Keys and values of all metadata records of that name; the last value counts."""
         found: dict[str, str] = {}
-        for record in self.described():
-            if isinstance(record, Metadata) and record.name == name:
-                found |= record.metadata
+        for entries in self._entries(name):
+            found |= entries
         return found
 
     def losses(self) -> Counter[str]:
         """What the recorder itself counted, summed over its restarts. A killed recorder leaves
         no count."""
         losses: Counter[str] = Counter()
-        for record in self.described():
-            if isinstance(record, Metadata) and record.name == "losses":
-                counts = {n: int(c) for n, c in record.metadata.items() if COUNT.fullmatch(c)}
-                losses.update(counts)
+        for entries in self._entries("losses"):
+            losses.update({n: int(c) for n, c in entries.items() if COUNT.fullmatch(c)})
         return losses
+
+    def _entries(self, name: str) -> Iterator[dict[str, str]]:
+        found = (each for each in self.described() if isinstance(each, Metadata))
+        return (each.metadata for each in found if each.name == name)
 
     def attachment(self, name: str) -> bytes | None:
         """An attached file, such as `topics.json`."""
@@ -241,18 +215,16 @@ class Recording:
         """All attached files. Every part of a dive carries the same ones."""
         return (record for record in self.described() if isinstance(record, Attachment))
 
-    def described(self) -> Iterator[Metadata | Attachment]:
-        """Everything in the files that is not a message."""
-        for path in self.files:
-            for record in records(path, open_chunks=False):
-                if isinstance(record, Metadata | Attachment):
-                    yield record
-
-
-def _renaming(rename: Callable[[bytes], bytes], noticed: Noticed) -> Noticed:
-    return lambda sequence, log_ns, publish_ns, data: noticed(
-        sequence, log_ns, publish_ns, rename(data)
-    )
+    def described(self) -> list[Metadata | Attachment]:
+        """Everything in the files that is not a message. Read once."""
+        if self._described is None:
+            self._described = [
+                record
+                for path in self.files
+                for record in records(path, open_chunks=False)
+                if isinstance(record, Metadata | Attachment)
+            ]
+        return self._described
 
 
 def open_recording(path: Path) -> Recording:

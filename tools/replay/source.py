@@ -90,17 +90,10 @@ class ReplaySource:
         """
         first: int | None = None
         last = 0
-
-        def see(_sequence: int, log_ns: int, _publish_ns: int, _data: bytes) -> None:
-            nonlocal first, last
-            if first is None or log_ns < first:
-                first = log_ns
-            if log_ns < last:
-                self._goes_back_ns = max(self._goes_back_ns, last - log_ns)
-            last = max(last, log_ns)
-
-        for _ in self.recording.raw(lambda _: False, lambda _: see):
-            pass  # nothing is wanted
+        for raw in self.recording.raw():
+            first = raw.log_ns if first is None else min(first, raw.log_ns)
+            self._goes_back_ns = max(self._goes_back_ns, last - raw.log_ns)
+            last = max(last, raw.log_ns)
         if first is None:
             raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
         if last - first > LONGEST_NS:

@@ -1,19 +1,15 @@
 """The report of a dive: `report.json`, and the summary that a pilot reads."""
 
-from tools.report.dive import Adding, GatheredDive, Passing, RecordedDive, read_dive
-from tools.report.elsewhere import Elsewhere, elsewhere
-from tools.report.losses import losses
+from tools.analysis.dive import GatheredDive, RecordedDive, read_dive
+from tools.analysis.losses import losses
 from tools.report.report import Extras, Report, encode, make_report, report_on
-from tools.report.summary import lined_up, summary
+from tools.report.summary import Elsewhere, elsewhere, lined_up, restarted, summary, unrecorded
 from tools.report.troubles import counted, ending, processes
-from tools.report.unrecorded import unrecorded
 
 __all__ = [
-    "Adding",
     "Elsewhere",
     "Extras",
     "GatheredDive",
-    "Passing",
     "RecordedDive",
     "Report",
     "counted",
@@ -26,6 +22,7 @@ __all__ = [
     "processes",
     "read_dive",
     "report_on",
+    "restarted",
     "summary",
     "unrecorded",
 ]

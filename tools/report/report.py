@@ -1,25 +1,33 @@
 """`report.json`: a dive in numbers. Its keys are fixed, so that tools can rely on them."""
 
 from collections import Counter
+from collections.abc import Sequence
 from math import degrees
+from statistics import median
 
 import msgspec
 
+from tools.analysis.dive import RecordedDive, Traffic, read_dive
+from tools.analysis.energy import Energy, energy
+from tools.analysis.failsafes import ActedReaction, failsafes
+from tools.analysis.latency import (
+    Clocks,
+    LatencyReport,
+    PictureReport,
+    ReportedBudget,
+    budget,
+    clocks,
+    further_pictures,
+    latency,
+    picture,
+)
+from tools.analysis.losses import losses
+from tools.analysis.spectra import Smoothness, smoothness
+from tools.analysis.stops import StickStop, stops
+from tools.analysis.tracking import error_rms, peak_jerk_ratio
 from tools.health_sums import HealthSums
 from tools.recordings.recording import Recording
-from tools.report.budget import Clocks, ReportedBudget, budget, clocks
-from tools.report.dive import RecordedDive, Traffic, read_dive
-from tools.report.energy import Energy, energy
-from tools.report.failsafes import ActedReaction, failsafes
-from tools.report.holes import Hole, holes
-from tools.report.jerk import Smoothness, smoothness
-from tools.report.latency import LatencyReport, latency
-from tools.report.losses import losses
-from tools.report.picture import PictureReport, further_pictures, picture
-from tools.report.services import Service, services
-from tools.report.stops import StickStop, stops
-from tools.report.tracking import error_rms, peak_jerk_ratio
-from tools.report.troubles import armed_for, counted, logged, processes, vehicle_silent
+from tools.report.troubles import counted, processes
 
 
 class Extras(msgspec.Struct, frozen=True):
@@ -36,9 +44,32 @@ class Extras(msgspec.Struct, frozen=True):
     log_hash: str | msgspec.UnsetType = msgspec.UNSET  # SHA-256; simulate only
 
 
+TOPSIDES = "supervisor_topside"  # each topside of two machines has one
+
+
+class Service(msgspec.Struct, frozen=True):
+    """Figures over a dive. None: not known, as on virtual time."""
+
+    sent: int  # messages
+    lateness_p50_ms: float | None  # [ms] median over the seconds of each second's median
+    lateness_p99_ms: float | None  # [ms] median over the seconds of each second's 99th percentile
+    cpu_percent: float | None  # [%] of one core, mean
+    rss_mb: float | None  # [MB] most
+    restarts: int  # with its process
+    process: str | None  # the OS process it shares with others; None: one of its own
+
+
 class Stream(msgspec.Struct, frozen=True):
     count: int  # messages recorded
     hz: float | None  # [1/s] between the first and the last; None: fewer than two
+
+
+class Hole(msgspec.Struct, frozen=True):
+    """A time without any message, since the drone was first armed, or, if it never was, since the
+    first message."""
+
+    begin: float  # [s]
+    end: float  # [s]
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
@@ -78,11 +109,18 @@ def make_report(recording: Recording, extras: Extras) -> Report:
 
 def report_on(dive: RecordedDive, extras: Extras) -> Report:
     """Report on a dive that was read already."""
-    health = _all_health(dive, extras.health)
-    figures, lost = (
-        services(health, extras.restarts, extras.shared),
-        _losses(dive, health, extras.losses),
-    )
+    health = {**extras.health, **dive.health}  # of services that are not in it from elsewhere
+    # On board: a topside that came after another has new services, and none of them crashed.
+    later = health.get(TOPSIDES, HealthSums()).restarts
+    figures = {
+        name: _service(health.get(name, HealthSums()), name, extras, later)
+        for name in sorted(set(health) | set(extras.restarts))
+    }
+    # The recorder's own counts are in its file since its last restart, and in `Health` from before;
+    # the larger of both is kept.
+    counts = losses(health, {"recorder": dive.losses}) + Counter(extras.losses)
+    lost = dict(sorted(counts.items()))
+    began_ns = dive.first_ns if dive.armed_utc_ns is None else dive.armed_utc_ns
     heading_error = error_rms(dive, "yaw")
     return Report(
         seconds=dive.seconds,
@@ -102,7 +140,10 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         peak_jerk_ratio=peak_jerk_ratio(dive),
         smoothness=smoothness(dive),
         energy=energy(dive),
-        holes=holes(dive.holes, dive.first_ns if dive.armed_utc_ns is None else dive.armed_utc_ns),
+        holes=[
+            Hole(round((begin - began_ns) / 1e9, 2), round((end - began_ns) / 1e9, 2))
+            for begin, end in dive.holes
+        ],
         losses=lost,
         troubles=_troubles(dive, figures, lost, extras),
         exit=extras.exit,
@@ -123,29 +164,36 @@ def _troubles(
 ) -> list[str]:
     """In the order of importance."""
     restarts = {name: service.restarts for name, service in figures.items()}
+    silent = max(dive.vehicle_silences, default=0.0)
+    # The supervisor's errors are about restarts and silences, which are troubles of their own.
+    errors = {s: n for s, n in sorted(dive.errors.items()) if not s.startswith("supervisor")}
     return [
-        *armed_for(dive.armed_seconds),
-        *vehicle_silent(dive.vehicle_silences),
+        *([] if dive.armed_seconds > 0.0 else ["never armed"]),
+        *([f"the vehicle was silent for {silent:.1f} s"] if silent > 0.0 else []),
         *processes(restarts, extras.gone, extras.shared),
         *counted(lost),
         *(["the recording has a gap"] if dive.holes else []),
         *([] if extras.finished else ["the recording was not finished"]),
-        *logged(dive.errors),
+        *(f"{service} logged {n} error{'s' * (n > 1)}" for service, n in errors.items()),
     ]
 
 
-def _all_health(dive: RecordedDive, others: dict[str, HealthSums]) -> dict[str, HealthSums]:
-    """Health from the recording, and for services that are not in it from elsewhere."""
-    return {**others, **dive.health}
+def _service(sums: HealthSums, name: str, extras: Extras, topsides: int) -> Service:
+    known = sums.restarts - (topsides if sums.side == "topside" else 0)
+    cpu_percent = sums.mean_cpu_percent
+    return Service(
+        sent=sums.sent,
+        lateness_p50_ms=_median(sums.lateness_p50_ms.values),
+        lateness_p99_ms=_median(sums.lateness_p99_ms.values),
+        cpu_percent=None if cpu_percent is None else round(cpu_percent, 1),
+        rss_mb=sums.rss_mb,
+        restarts=max(extras.restarts.get(name, 0), known),
+        process=extras.shared.get(name),
+    )
 
 
-def _losses(
-    dive: RecordedDive, health: dict[str, HealthSums], supervisor: dict[str, int]
-) -> dict[str, int]:
-    """By name, each message once. The recorder's own counts are in its file since its last restart,
-    and in `Health` from before; the larger of both is kept."""
-    counted = losses(health, {"recorder": dive.losses}) + Counter(supervisor)
-    return dict(sorted(counted.items()))
+def _median(values: Sequence[float]) -> float | None:
+    return round(median(values), 3) if values else None
 
 
 def _stream(traffic: Traffic) -> Stream:

@@ -1,9 +1,11 @@
-"""The summary of a dive: the few lines that matter to a pilot."""
+"""The summary of a dive: the few lines that matter to a pilot, also on the machine of two that has
+no report."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import degrees
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -11,11 +13,9 @@ from messages import cameras, events
 from messages.events import FAILSAFE, ROUTINE, Severity, row_of
 from messages.vehicle import Reaction
 from services.marine.summation import plain_sum
-from tools.report.holes import in_words
-from tools.report.report import Report
-from tools.report.restarted import restarted
-from tools.report.stops import StickStop, StopAxis
-from tools.report.troubles import ending
+from tools.analysis.stops import StickStop, StopAxis
+from tools.report.report import Hole, Report
+from tools.report.troubles import by_process, ending
 
 LABEL = 18  # columns before the values
 DISK = "the disk was full or failed"
@@ -26,6 +26,7 @@ DID: dict[Reaction, str] = {
 }  # by itself
 AT_ONCE_S = 0.5  # [s] a condition that acts sooner is not said to have been noticed before
 KINDS = 4  # lines for losses; the rest is in report.json
+HOLES = 2  # in words; all are in report.json
 
 
 def summary(
@@ -189,10 +190,108 @@ def _losses(report: Report, kinds: int | None) -> list[tuple[str, str]]:
             row = row_of(name)
             times[row.severity, places.get(row.sentence, len(places)), row.sentence] += count
     ordered = sorted(times.items())
-    rows = [in_words(report.holes)] if report.holes else []
+    rows = [_of_holes(report.holes)] if report.holes else []
     if not ordered and not rows:
         return [("losses", "none")]
     rows += [f"{count} × {sentence}" for (_, _, sentence), count in ordered[:kinds]]
     if kinds is not None and (more := len(ordered) - kinds) > 0:
         rows.append(f"and {more} more kind{'s' * (more > 1)}, see report.json")
     return [("losses" if n == 0 else "", row) for n, row in enumerate(rows)]
+
+
+def _of_holes(found: list[Hole]) -> str:
+    """One sentence, the longest first."""
+    longest = sorted(found, key=lambda hole: hole.begin - hole.end)
+    text = " and ".join(f"from {hole.begin:.1f} to {hole.end:.1f} s" for hole in longest[:HOLES])
+    more = len(found) - HOLES
+    return f"nothing was recorded {text}" + (f", and {more} more times" if more > 0 else "")
+
+
+def restarted(restarts: Mapping[str, int], shared: Mapping[str, str]) -> list[str]:
+    """`control 1 ×`, or of services in one process `onboard (estimation, reference) 1 ×`.
+
+    Args:
+        restarts: times each service and hub was started again; a process takes all its services.
+        shared: the process of each service that is not alone in a process of its own name.
+    """
+    parts: dict[str, list[str]] = {}
+    for name in sorted(restarts):
+        if name in shared:
+            parts.setdefault(shared[name], []).append(name)
+    return [
+        f"{process} ({', '.join(parts[process])}) {count} ×"
+        if process in parts
+        else f"{process} {count} ×"
+        for process, count in by_process(restarts, shared).items()
+    ]
+
+
+def unrecorded(
+    how: str,
+    restarts: Mapping[str, int],
+    gone: Sequence[str],
+    other: str,
+    files: Sequence[Path],
+    shared: Mapping[str, str] | None = None,
+) -> str:
+    """Of a dive on the machine without a report, whose recorder heard only what crossed the link:
+    but only its own supervisor knows its restarts. At most six lines.
+
+    Args:
+        how: the side, the vehicle and how the dive ended.
+        restarts: times each service and hub here was started again.
+        gone: services that were not alive at the end.
+        other: the side that has the report.
+        files: files that were written here, such as the viewer's.
+        shared: the process of each service that is not alone in a process of its own name.
+    """
+    again = restarted(restarts, shared or {})
+    rows = [
+        ("Dive", how),
+        ("restarted", in_a_row(again) or "nothing"),
+        ("lost", f"{in_a_row(gone)} not alive at the end" if gone else "no service"),
+        ("recorded", _recorded(files, other)),
+    ]
+    return lined_up([*rows, *written(files)])
+
+
+def _recorded(files: Sequence[Path], other: str) -> str:
+    if any(path.suffix == ".mcap" for path in files):
+        return f"what was heard here; all that never crosses, and report.json, are on the {other}"
+    return f"nothing here: recording and report.json are on the {other}"
+
+
+class Elsewhere(NamedTuple):
+    """The other machine."""
+
+    side: str  # topside or drone
+    services: tuple[str, ...]  # services whose home side it is
+
+
+def elsewhere(report: Report, other: Elsewhere) -> str:
+    """One sentence, as a row of the summary."""
+    silent = [name for name in other.services if name not in report.services]
+    if len(silent) == len(other.services):
+        text = f"the {other.side} was never heard: nothing of it is in this report"
+        return lined_up([("elsewhere", text)])
+    text = f"the {other.side}'s restarts, and its messages that never arrived, are not in here"
+    if unknown := _unknown(report):
+        text += f"; not known here: {in_a_row(unknown)}"
+    if silent:
+        text += f"; never heard: {in_a_row(silent)}"
+    return lined_up([("elsewhere", text)])
+
+
+def in_a_row(names: Sequence[str]) -> str:
+    """a, b and c"""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+
+
+def _unknown(report: Report) -> list[str]:
+    """Figures that come from the topside's messages and did not arrive."""
+    figures = {
+        "stick to thruster": report.latency_ms.stick_to_thruster.p50,
+        "sensor to screen": report.budget_ms.sensor_to_screen,
+        "the clock offset": report.clocks.offset_ms,
+    }
+    return [name for name, value in figures.items() if value is None]

@@ -1,12 +1,10 @@
 """Why a dive did not end cleanly, in a few words each. What was merely at a limit, late, or lost or
 damaged on the link is in the losses of the report and no trouble."""
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from messages import events
 from messages.events import Promise, row_of, short
-from tools.report.restarted import by_process
 
 NAMED = 3  # services by name; of more only the number
 
@@ -51,32 +49,6 @@ def processes(
     ]
 
 
-def armed_for(seconds: float) -> list[str]:
-    return [] if seconds > 0.0 else ["never armed"]
-
-
-def vehicle_silent(silences: Iterable[float]) -> list[str]:
-    """
-    Args:
-        silences: [s] each time in which the vehicle side published nothing.
-    """
-    longest = max(silences, default=0.0)
-    return [f"the vehicle was silent for {longest:.1f} s"] if longest > 0.0 else []
-
-
-def logged(errors: Counter[str]) -> list[str]:
-    """
-    Args:
-        errors: lines of level error, by service. The supervisor's are about restarts and silences,
-            which are troubles of their own.
-    """
-    return [
-        f"{service} logged {n} error{'s' * (n > 1)}"
-        for service, n in sorted(errors.items())
-        if not service.startswith("supervisor")
-    ]
-
-
 def ending(exit_reason: str, troubles: Sequence[str]) -> str:
     """How a dive ended, in words: cleanly only without any trouble.
 
@@ -86,6 +58,15 @@ def ending(exit_reason: str, troubles: Sequence[str]) -> str:
     if exit_reason != "clean":
         return f"broke off: {exit_reason}"
     return f"ended; {', '.join(troubles)}" if troubles else "ended cleanly"
+
+
+def by_process(restarts: Mapping[str, int], shared: Mapping[str, str]) -> dict[str, int]:
+    """Times each process was started again, of those that were. Arguments as of `processes`."""
+    times: dict[str, int] = {}
+    for name, count in restarts.items():
+        process = shared.get(name, name)
+        times[process] = max(count, times.get(process, 0))
+    return {process: count for process, count in sorted(times.items()) if count}
 
 
 def _each(counts: Mapping[str, int]) -> list[str]:

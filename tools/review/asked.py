@@ -10,9 +10,8 @@ from messages.pilot import PilotCommand
 from services.reference.guidance.axes import Axes
 from services.reference.guidance.modes import HELD_AXES
 from services.reference.settings import Settings
+from tools.analysis.dive import STICKS, RecordedDive
 from tools.recordings.columns import Array
-from tools.report import RecordedDive
-from tools.review.stick_stops import STICKS
 
 RATE = 20.0  # [1/s] of what is drawn
 
@@ -26,11 +25,10 @@ class Asked(NamedTuple):
     sticks: Array  # (n, 2) [m/s, rad/s] heave and yaw sticks, as the speeds that they mean
 
 
-def asked(dive: RecordedDive, settings: Settings, begin_ns: int, depth: float) -> Asked | None:
+def asked(dive: RecordedDive, settings: Settings, depth: float) -> Asked | None:
     """
     Args:
         dive: with the sticks that count.
-        begin_ns: [ns] by the clock of the stamps, from which times count.
         depth: [m] at which it begins.
 
     Returns:
@@ -39,7 +37,7 @@ def asked(dive: RecordedDive, settings: Settings, begin_ns: int, depth: float) -
     if not dive[topics.PILOT_COMMAND].count:
         return None
     command = dive[topics.PILOT_COMMAND]
-    stamps = (command["stamp"] - begin_ns) / 1e9
+    stamps = command["stamp_ns"] / 1e9
     sticks = np.column_stack([command[name] for name in STICKS])
     axes, held = Axes.of(settings, Outbox()), HELD_AXES["stabilised"]
     axes.rest(depth, 0.0, float(stamps[0]))

@@ -5,7 +5,7 @@ import numpy as np
 
 from services.marine.attitude import wrapped
 from tools.recordings.columns import Array
-from tools.review.track import Track
+from tools.review.recorded import Track, digits
 
 COMPARED = (
     *(("roll", "rad"), ("pitch", "rad"), ("heading", "rad")),
@@ -34,19 +34,18 @@ def beside(ours: Track, own: Track) -> list[ComparedEstimate]:
     for name, unit in COMPARED:
         column = COLUMNS.get(name, name)
         t, theirs = own.known(column)
-        if len(t) >= FEWEST and (mine := at(ours, column, t)) is not None:
-            difference = mine - theirs
-            difference = difference[np.isfinite(difference)]
-            if len(difference) >= FEWEST:
-                found.append(_compared(name, unit, difference))
+        difference = at(ours, column, t) - theirs
+        difference = difference[np.isfinite(difference)]
+        if len(difference) >= FEWEST:
+            found.append(_compared(name, unit, difference))
     return found
 
 
-def at(track: Track, name: str, t: Array) -> Array | None:
-    """A track's column at other times; NaN where it has no value near. None: it has none."""
+def at(track: Track, name: str, t: Array) -> Array:
+    """A track's column at other times; NaN where it has no value near."""
     times, values = track.known(name)
     if not len(times):
-        return None
+        return np.full(len(t), np.nan)
     after = np.clip(np.searchsorted(times, t), 1, max(1, len(times) - 1))
     pause = times[np.minimum(after, len(times) - 1)] - times[after - 1]
     found = np.interp(t, times, values, left=np.nan, right=np.nan)
@@ -61,9 +60,9 @@ def _compared(name: str, unit: str, difference: Array) -> ComparedEstimate:
     return ComparedEstimate(
         name=name,
         unit=unit,
-        rms=_digits(float(np.sqrt(np.mean(left**2)))),
-        worst=_digits(float(np.max(np.abs(left)))),
-        offset=_digits(offset),
+        rms=digits(float(np.sqrt(np.mean(left**2)))),
+        worst=digits(float(np.max(np.abs(left)))),
+        offset=digits(offset),
         samples=len(left),
     )
 
@@ -79,7 +78,3 @@ def _middle(name: str, difference: Array) -> float:
 def in_one_turn(angle: Array) -> Array:
     """[rad] in [-π, π)."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
-
-
-def _digits(value: float) -> float:
-    return float(f"{value:.3g}")

@@ -20,7 +20,6 @@ from tools.recordings.recording import open_recording
 from tools.review.review import review as reviewed
 
 COMPLETE, INCOMPLETE = 0, 3  # exit statuses
-PAGE = "review.html"
 RECORDING = ".mcap"
 
 
@@ -82,7 +81,9 @@ def review(
     if writes:
         from tools.review.page import page
 
-        place = out or _free(recording if recording.is_dir() else recording.parent)
+        place = out or _free(
+            recording if recording.is_dir() else recording.parent, "review", ".html"
+        )
         write_fresh(place, page(found, drawn).encode())
         print(harmless(f"written {place}"), file=sys.stderr if json else sys.stdout, flush=True)
     if json:
@@ -110,7 +111,7 @@ def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:
         return file
     if not file.exists():
         raise LindyError(f"there is no file {file}")
-    folder = _free_folder(file)
+    folder = _free(file.parent, f"{file.stem}-lindy")  # beside it
     print(f"importing {file} into {folder}", file=sys.stderr, flush=True)
     with redirect_stdout(sys.stderr):  # --json prints figures only
         import_log(file, map_=map_, out=folder, vehicle=vehicle)
@@ -130,20 +131,10 @@ def _is_ours(file: Path) -> bool:
     return bool(open_recording(file).metadata("dive"))
 
 
-def _free_folder(log: Path) -> Path:
-    """A folder beside a log that is not there yet."""
-    wanted = log.with_name(f"{log.stem}-lindy")
-    number = 1
-    while wanted.exists():
-        number += 1
-        wanted = log.with_name(f"{log.stem}-lindy-{number}")
-    return wanted
-
-
-def _free(folder: Path) -> Path:
-    """The page's name in a folder, or the next that is free."""
-    place, number = folder / PAGE, 1
+def _free(folder: Path, name: str, suffix: str = "") -> Path:
+    """This name in a folder, or the next that is free."""
+    place, number = folder / f"{name}{suffix}", 1
     while place.exists():
         number += 1
-        place = folder / f"{PAGE.removesuffix('.html')}-{number}.html"
+        place = folder / f"{name}-{number}{suffix}"
     return place

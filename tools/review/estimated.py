@@ -1,6 +1,6 @@
-"""Lindy's estimation over the recorded sensors, as `lindy replay --through estimation` runs it."""
+"""Lindy's estimation over the recorded sensors, as `lindy replay --through estimation` runs it, and
+how well each measurement fitted it."""
 
-from array import array
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -10,22 +10,32 @@ import numpy as np
 
 from messages import topics
 from messages.aiding import AidSource
+from messages.events import sentence
 from messages.state import VehicleState
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
-from tools.recordings.columns import Array
+from tools.recordings.columns import Array, Gathering, StreamFigures
 from tools.recordings.mcap_records import nowhere
 from tools.recordings.progress import reading
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
-from tools.review.track import Track, TrackRows
+from tools.review.recorded import STATE, Track, track
 
 ESTIMATION = "estimation"
 FAMILY = topics.AIDING.key[:-1]
-STATE: msgspec.json.Decoder[VehicleState] = msgspec.json.Decoder(VehicleState)
+VEHICLE_STATE: msgspec.json.Decoder[VehicleState] = msgspec.json.Decoder(VehicleState)
 AIDING: msgspec.json.Decoder[AidSource] = msgspec.json.Decoder(AidSource)
+COMPARED = StreamFigures(
+    topics.AIDING, ("stamp_ns", "samples", "innovation", "spread", "variance", "rejected")
+)
 TOGETHER_S = 0.5  # [s] innovations further apart say nothing of each other
+
+
+MEANS = {
+    "hull": "level acceleration by thrust and drag",
+    "rest": "gyroscope's bias at rest",
+}
 
 
 class Innovations(NamedTuple):
@@ -39,12 +49,6 @@ class Innovations(NamedTuple):
     rejected: Array  # [-] share of its samples
     reasons: Counter[str]  # event: messages that name it
     verdicts: Counter[str]  # event: messages in which the sensor was not used
-    unit: str
-
-    @property
-    def share_rejected(self) -> float:
-        """[-] Of all samples."""
-        return float(np.average(self.rejected, weights=self.samples))
 
     @property
     def lag_one(self) -> float | None:
@@ -54,7 +58,7 @@ class Innovations(NamedTuple):
         if np.count_nonzero(near) < 20:
             return None
         square = float(np.mean(e[np.isfinite(e)] ** 2))
-        return float(np.mean(e[:-1][near] * e[1:][near])) / square if square > 0.0 else None
+        return round(float(np.mean(e[:-1][near] * e[1:][near])) / square, 3) if square else None
 
     @property
     def spread_ratio(self) -> float | None:
@@ -64,7 +68,39 @@ class Innovations(NamedTuple):
             return None
         expected = float(np.average(self.variance[known], weights=count[known]))
         square = float(np.average(self.square[known], weights=count[known]))
-        return float(np.sqrt(square / expected)) if expected > 0.0 else None
+        return round(float(np.sqrt(square / expected)), 3) if expected > 0.0 else None
+
+    def measurement(self, name: str) -> "Measurement":
+        events = dict([*self.reasons.most_common(), *self.verdicts.most_common()])
+        return Measurement(
+            name=name,
+            samples=int(self.samples.sum()),
+            rejected=round(float(np.average(self.rejected, weights=self.samples)), 4),
+            lag_one=self.lag_one,
+            spread_ratio=self.spread_ratio,
+            not_used=round(self.verdicts.total() / len(self.t), 4),
+            reasons=dict(self.reasons.most_common()),
+            words=[sentence(event) for event in events],  # the commonest first
+        )
+
+
+class Measurement(msgspec.Struct, kw_only=True, frozen=True):
+    """One measured quantity over the dive."""
+
+    name: str
+    samples: int
+    rejected: float  # [-] share of all samples
+    lag_one: float | None  # [-] correlation of each innovation with the next; None: too few
+    spread_ratio: float | None  # [-] innovations over what was expected of them; None: none
+    not_used: float  # [-] share of its messages in which the sensor was not used
+    reasons: dict[str, int]  # event: messages with samples that were rejected for it
+    words: list[str]  # the same events as sentences
+
+
+def in_words(name: str) -> str:
+    """What a row is called on the page."""
+    words, means = name.replace("_", " "), MEANS.get(name.partition("_")[0])
+    return f"{words} ({means})" if means else words
 
 
 class Estimated(NamedTuple):
@@ -107,8 +143,10 @@ class _Heard:
 
     def __init__(self, replay: OnBoard, begin_ns: int) -> None:
         self._replay, self._begin = replay, begin_ns
-        self._track = TrackRows(begin_ns)
-        self._innovations: dict[str, _InnovationRows] = {}
+        self._states = Gathering(STATE)
+        self._sources: dict[str, Gathering] = {}
+        self._reasons: dict[str, Counter[str]] = {}
+        self._verdicts: dict[str, Counter[str]] = {}
         self._first_ns: int | None = None
         self._last_ns = self._ran_ns = begin_ns
         self._running = False
@@ -127,17 +165,15 @@ class _Heard:
             told = self._replay.outputs.of(key)
             taken = told[: len(told) - keep]
             del told[: len(taken)]
-            if key == topics.STATE.key:
-                for each in taken:
-                    self._state(STATE.decode(each.data))
-            elif key.startswith(FAMILY):
-                rows = self._innovations.setdefault(key.removeprefix(FAMILY), _InnovationRows())
-                for each in taken:
-                    rows.add(AIDING.decode(each.data), self._begin)
+            for each in taken:
+                if key == topics.STATE.key:
+                    self._state(VEHICLE_STATE.decode(each.data))
+                elif key.startswith(FAMILY):
+                    self._aiding(key.removeprefix(FAMILY), AIDING.decode(each.data))
         self._replay.recorded.clear()
 
     def _state(self, state: VehicleState) -> None:
-        self._track.add(state)
+        self._states.add(state)
         self._first_ns = state.sensor_ns if self._first_ns is None else self._first_ns
         self._last_ns = state.sensor_ns
         if state.phase == "running" and not self._running:
@@ -145,39 +181,32 @@ class _Heard:
         self._blocked = str(state.blocked_by or self._blocked) if not self._running else ""
         self._troubles.update(state.troubles or ())
 
+    def _aiding(self, name: str, source: AidSource) -> None:
+        self._sources.setdefault(name, Gathering(COMPARED)).add(source)
+        self._reasons.setdefault(name, Counter()).update(source.reasons)
+        self._verdicts.setdefault(name, Counter()).update(filter(None, [source.verdict]))
+
     def found(self) -> Estimated:
         until = self._ran_ns if self._running else self._last_ns
         first = self._begin if self._first_ns is None else self._first_ns
         return Estimated(
-            track=self._track.track() if self._track.count else None,
-            innovations={name: rows.found() for name, rows in self._innovations.items()},
+            track=track(self._states.columns(self._begin)),
+            innovations={name: self._innovations(name) for name in self._sources},
             calibrating_s=max(0.0, (until - first) / 1e9),
             blocked_by=self._blocked,
             troubles=self._troubles,
         )
 
-
-class _InnovationRows:
-    def __init__(self) -> None:
-        self._rows = array("d")
-        self._reasons, self._verdicts = Counter[str](), Counter[str]()
-        self._unit = ""
-
-    def add(self, source: AidSource, begin_ns: int) -> None:
-        nan, s = float("nan"), source
-        self._unit = s.unit
-        self._reasons.update(s.reasons)
-        if s.verdict is not None:
-            self._verdicts[s.verdict] += 1
-        innovation = nan if s.innovation is None else s.innovation
-        square = innovation**2 + (s.spread or 0.0) ** 2
-        variance = nan if s.variance is None else s.variance
-        at = (s.stamp_ns - begin_ns) / 1e9
-        self._rows.extend((at, s.samples, innovation, square, variance, s.rejected))
-
-    def found(self) -> Innovations:
-        t, samples, innovation, square, variance, rejected = np.asarray(self._rows).reshape(-1, 6).T
+    def _innovations(self, name: str) -> Innovations:
+        columns = self._sources[name].columns(self._begin)
+        innovation = columns["innovation"]
         return Innovations(
-            t, samples, innovation, square, variance, rejected,
-            self._reasons, self._verdicts, self._unit,
-        )  # fmt: skip
+            t=columns["stamp_ns"] / 1e9,
+            samples=columns["samples"],
+            innovation=innovation,
+            square=innovation**2 + np.nan_to_num(columns["spread"]) ** 2,
+            variance=columns["variance"],
+            rejected=columns["rejected"],
+            reasons=self._reasons[name],
+            verdicts=self._verdicts[name],
+        )

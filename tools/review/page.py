@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 from tools.review import plots
-from tools.review.measurements import in_words
+from tools.review.estimated import in_words
 from tools.review.review import Drawn, Review
 from tools.review.stick_stops import ReviewedStop
 from tools.review.vibration import MOTION_HZ
@@ -135,7 +135,7 @@ def _stops(found: Review, drawn: Drawn) -> str:
         )
         + (
             _image(plots.stops(drawn.stops), "Every stop: the way beyond the release over time")
-            if any(curve is not None for curve in drawn.stops.curves)
+            if any(curve is not None for _, curve in drawn.stops.found)
             else ""
         )
         + _stop_table(found.stops)

@@ -11,8 +11,8 @@ from tools.recordings.columns import Array
 from tools.review.asked import Asked
 from tools.review.beside import COLUMNS, at, in_one_turn
 from tools.review.estimated import Innovations
+from tools.review.recorded import Track
 from tools.review.stick_stops import AXES, Stops
-from tools.review.track import Track
 from tools.review.vibration import AXES as IMU_AXES
 from tools.review.vibration import MOTION_HZ, ImuVibration
 
@@ -88,14 +88,14 @@ def motion(ours: Track | None, own: Track | None, offsets: dict[str, float], who
 
 def stops(found: Stops) -> bytes:
     """Of each axis that has stops: the way beyond the release, and Lindy's as a cross."""
-    drawn = [pair for pair in zip(found.stops, found.curves, strict=True) if pair[1] is not None]
+    drawn = [(stop, curve) for stop, curve in found.found if curve is not None]
     axes = [axis for axis in AXES if any(stop.axis == axis.name for stop, _ in drawn)]
     figure = _figure(3.8)
     for n, axis in enumerate(axes):
         panel = figure.add_subplot(1, len(axes), n + 1)
         turn = axis.unit == "rad"
         for stop, curve in drawn:
-            if stop.axis != axis.name or curve is None:
+            if stop.axis != axis.name:
                 continue
             t, run = thinned(curve.since, curve.run)
             panel.plot(t, np.degrees(run) if turn else run, color=OWN, alpha=0.6, linewidth=1.1)
@@ -145,8 +145,8 @@ def reference(found: Asked, track: Track | None) -> bytes:
         t = found.t[inside]
         stick = scale * found.sticks[inside, n]
         panel.plot(t, stick, color=STICK, linewidth=0.9, label="stick, as a speed")
-        did = None if track is None else at(track, column, t)
-        if did is not None:
+        did = np.empty(0) if track is None else at(track, column, t)
+        if np.isfinite(did).any():
             panel.plot(t, scale * did, color=OWN, linewidth=1.1, label="the vehicle did")
         wanted = scale * asked_for[inside]
         panel.plot(t, wanted, color=OURS, linewidth=1.4, label="Lindy would have asked")

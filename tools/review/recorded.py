@@ -1,31 +1,117 @@
-"""What a review needs of a recording, read once."""
+"""What a review needs of a recording, read once: sensors, and the motion that was estimated in the
+dive. Times are in s since the recording began."""
 
-from array import array
+from math import nan
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from messages import topics
-from messages.message import Message
-from messages.sensors import ImuSample, PressureSample
-from messages.state import VehicleState
+from messages.sensors import ImuSample
 from messages.vehicle import VehicleEstimate, VehicleStatus
 from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
 from services.reference.settings import Settings as ReferenceSettings
 from services.vehicle.mounting import AtOrigin
+from tools.analysis.dive import RecordedDive, read_dive
+from tools.analysis.stops import counting
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
-from tools.recordings.columns import Array
+from tools.recordings.columns import ARRIVAL, Array, Figures, StreamColumns, StreamFigures
 from tools.recordings.progress import reading
 from tools.replay.source import ReplaySource, open_source
-from tools.report import RecordedDive, read_dive
-from tools.review.track import Track, TrackRows
 
-SENSORS = tuple(topic for topic in topics.ALL if topic.key.startswith("sensor/"))
-OF_THE_VEHICLE = (topics.STATE.key, topics.ESTIMATE.key, topics.STATUS.key)
 PAUSE = 3.0  # [-] a longer period, in usual ones, is a pause
 WATER = 1000.0  # [kg/m³] for the pressure's lever arm, centimetres
+UNKNOWN_STD = 0.5  # [rad] of a heading that is as good as not known
+NOTHING = (None,) * 6
+VALUES = ("p", "q", "r", "x", "y", "z", "pressure")  # of the IMU at the origin, and in Pa
+ESTIMATES = (
+    *("roll", "pitch", "heading", "depth", "depth_rate", "depth_acceleration", "yaw_rate"),
+    *("surge_velocity", "sway_velocity"),
+)  # in a state
+STATE = StreamFigures(
+    topics.STATE,
+    ("sensor_ns", "stamp_ns", "phase", "depth_moved", "heading_navigation.std",
+     *(f"{name}.{part}" for name in (*ESTIMATES, "heading_navigation")
+       for part in ("value", "valid")), "heading.std"),
+)  # fmt: skip
+
+
+def _estimate(m: VehicleEstimate) -> Figures:
+    return (None if m.angular_rate is None else m.angular_rate[2],)
+
+
+ESTIMATE = StreamFigures(
+    topics.ESTIMATE,
+    ("stamp_ns", "roll", "pitch", "heading", "depth", "depth_rate"),
+    ("yaw_rate",),
+    _estimate,
+)
+
+
+class Track(NamedTuple):
+    """The motion that somebody estimated: arrays (n,) over time; NaN where it is not known."""
+
+    t: Array  # [s] since the recording began
+    roll: Array  # [rad]
+    pitch: Array  # [rad]
+    heading: Array  # [rad] accumulates past ±π
+    depth: Array  # [m] positive down
+    depth_rate: Array  # [m/s]
+    depth_acceleration: Array  # [m/s²]
+    yaw_rate: Array  # [rad/s]
+    surge: Array  # [m/s] velocity, body
+    sway: Array  # [m/s]
+    bearing: Array  # [rad] to compare: by the compass where there is one; accumulates past ±π
+
+    @property
+    def seconds_known(self) -> float:
+        """[s] In which roll, pitch and depth are known."""
+        known = np.isfinite(self.roll) & np.isfinite(self.pitch) & np.isfinite(self.depth)
+        steps = np.minimum(np.diff(self.t, append=self.t[-1:]), 1.0)
+        return float(np.sum(steps[known]))
+
+    def known(self, name: str) -> tuple[Array, Array]:
+        """Times and values of one of its columns, where it is known."""
+        values: Array = getattr(self, name)
+        there = np.isfinite(values)
+        return self.t[there], values[there]
+
+
+def track(state: StreamColumns, estimate: StreamColumns | None = None) -> Track | None:
+    """Of states of Lindy, and of what another autopilot estimated. None: nobody estimated.
+
+    Args:
+        state: as `STATE` has it.
+        estimate: as `ESTIMATE` has it.
+    """
+    running = state.said("phase", "running")
+
+    def known(name: str) -> Array:
+        return np.where(running & (state[f"{name}.valid"] > 0.0), state[f"{name}.value"], nan)
+
+    def bearing(name: str) -> Array:
+        return np.where(state[f"{name}.std"] > UNKNOWN_STD, nan, known(name))
+
+    rows = [state["sensor_ns"] / 1e9, *map(known, ESTIMATES)]
+    rows += [bearing("heading"), bearing("heading_navigation")]
+    has_compass = np.isfinite(state["heading_navigation.value"]).any()
+    if estimate is not None:
+        e, none = estimate, np.full(estimate.count, nan)
+        theirs = [e["stamp_ns"] / 1e9, e["roll"], e["pitch"], e["heading"], e["depth"],
+                  e["depth_rate"], none, e["yaw_rate"], none, none, e["heading"], none]  # fmt: skip
+        rows = [np.concatenate(pair) for pair in zip(rows, theirs, strict=True)]
+    if not len(rows[0]):
+        return None
+    order = np.argsort(rows[0], kind="stable")
+    *columns, gyroscopes, compass = (row[order] for row in rows)
+    # Two zeros: the gyroscopes' heading is no stand-in where the compass is refused.
+    found = Track(*[*columns, compass if has_compass else gyroscopes])
+    for turning in (found.heading, found.bearing):  # some are in one turn
+        there = np.isfinite(turning)
+        turning[there] = np.unwrap(turning[there])
+    return found
 
 
 class SensorColumns(NamedTuple):
@@ -54,13 +140,13 @@ class VehicleSettings(NamedTuple):
 
 class Recorded(NamedTuple):
     source: ReplaySource
-    dive: RecordedDive
+    dive: RecordedDive  # with the sticks that count; its times are from the recording's beginning
     sensors: dict[str, SensorColumns]  # by key; those that have samples
     own: Track | None  # what was estimated in the dive; None: nothing
     settings: VehicleSettings
     begin_ns: int  # [ns] by the clock of the stamps, from which times count
     seconds: float  # [s] from the first message to the last
-    armed: list[ArmedSpan] | None  # [s] since it began; None: the recording does not say
+    armed: list[ArmedSpan] | None  # None: the recording does not say
 
 
 def read(path: Path, overrides: tuple[str, ...] = ()) -> Recorded:
@@ -70,36 +156,28 @@ def read(path: Path, overrides: tuple[str, ...] = ()) -> Recorded:
     """
     source = open_source(path)
     settings = settings_of(source, overrides)
-    recording, first_last = source.recording, source.span
+    recording, (first_ns, last_ns) = source.recording, source.span
     begin_ns = source.origin_ns - source.utc_offset_ns
-    own = TrackRows(begin_ns)
-    rows = {topic.key: SensorRows(begin_ns) for topic in SENSORS}
-    armed: ArmedSpans | None = None
-    origin = AtOrigin(settings.vehicle.mounting, WATER, settings.vehicle.calibration)
+    wanted = _sensors(AtOrigin(settings.vehicle.mounting, WATER, settings.vehicle.calibration))
     with reading("reading", recording.size) as recording.advance:
-        for raw in recording.raw(lambda key: key in rows or key in OF_THE_VEHICLE):
-            if (message := recording.decode(raw)) is None:
-                continue
-            if isinstance(message, VehicleStatus):
-                armed = armed or ArmedSpans()
-                armed.see(message, (raw.log_ns - source.origin_ns) / 1e9)
-            if raw.key in rows:
-                rows[raw.key].add(message, raw.log_ns - source.utc_offset_ns, origin)
-            elif isinstance(message, VehicleState):
-                own.add(message)
-            elif isinstance(message, VehicleEstimate):
-                own.add_estimate(message)
-    with reading("reading its sticks", recording.size) as recording.advance:
-        dive = read_dive(recording, apart=source.apart)
+        dive = read_dive(
+            recording,
+            apart=source.apart,
+            more=(STATE, ESTIMATE, *wanted),
+            origin_ns=begin_ns,
+            utc_offset_ns=source.utc_offset_ns,
+        )
+    armed = _armed(dive, (last_ns - source.origin_ns) / 1e9)
+    samples = {each.topic.key: dive[each.topic] for each in wanted if dive[each.topic].count}
     return Recorded(
         source=source,
-        dive=dive,
-        sensors={key: each.columns() for key, each in rows.items() if each.count},
-        own=own.track() if own.count else None,
+        dive=counting(dive, armed),
+        sensors={key: _samples(columns) for key, columns in samples.items()},
+        own=track(dive[topics.STATE], dive[topics.ESTIMATE]),
         settings=settings,
         begin_ns=begin_ns,
-        seconds=(first_last[1] - first_last[0]) / 1e9,
-        armed=None if armed is None else armed.until((first_last[1] - source.origin_ns) / 1e9),
+        seconds=(last_ns - first_ns) / 1e9,
+        armed=armed,
     )
 
 
@@ -117,37 +195,56 @@ def settings_of(source: ReplaySource, overrides: tuple[str, ...]) -> VehicleSett
         )
 
 
-class SensorRows:
-    """Collects the samples of one sensor."""
-
-    def __init__(self, begin_ns: int) -> None:
-        self._begin, self._newest = begin_ns, -1
-        self._times, self._values = array("d"), array("d")
-        self.count = self._not_newer = 0
-
-    def add(self, message: Message, arrival_ns: int, origin: AtOrigin) -> None:
-        if message.stamp_ns <= self._newest:
-            self._not_newer += 1
-            return
-        self._newest = message.stamp_ns
-        self.count += 1
-        self._times.extend(
-            ((message.stamp_ns - self._begin) / 1e9, (arrival_ns - self._begin) / 1e9)
-        )
-        self._values.extend(_numbers(message, origin))
-
-    def columns(self) -> SensorColumns:
-        times = np.asarray(self._times).reshape(-1, 2)
-        values = np.asarray(self._values).reshape(len(times), -1)
-        return SensorColumns(times[:, 0], times[:, 1], values, self._not_newer)
+def digits(value: float, count: int = 3) -> float:
+    """So many of it."""
+    return float(f"{value:.{count}g}") + 0.0  # no -0
 
 
-def _numbers(message: Message, origin: AtOrigin) -> tuple[float, ...]:
-    match message:
-        case ImuSample():
-            sample = origin.imu(message)
-            return *sample.angular_rate, *sample.specific_force
-        case PressureSample():
-            return (message.pressure,)
-        case _:
-            return ()
+def _sensors(origin: AtOrigin) -> list[StreamFigures]:
+    """Every sensor's stamps, and the figures of IMU and pressure."""
+    newest_ns = -1
+
+    def imu(sample: ImuSample) -> Figures:
+        nonlocal newest_ns
+        if sample.stamp_ns <= newest_ns:
+            return NOTHING
+        newest_ns = sample.stamp_ns
+        at_origin = origin.imu(sample)
+        return *at_origin.angular_rate, *at_origin.specific_force
+
+    found: list[StreamFigures] = []
+    for topic in topics.ALL:
+        if topic is topics.IMU:
+            found.append(StreamFigures(topic, ("stamp_ns",), VALUES[:6], imu))
+        elif topic is topics.PRESSURE:
+            found.append(StreamFigures(topic, ("stamp_ns", "pressure")))
+        elif topic.key.startswith("sensor/"):
+            found.append(StreamFigures(topic, ("stamp_ns",)))
+    return found
+
+
+def _samples(columns: StreamColumns) -> SensorColumns:
+    newer = columns.rising()
+    values = [newer[name] for name in VALUES if name in newer]
+    return SensorColumns(
+        stamp=newer["stamp_ns"] / 1e9,
+        arrival=newer[ARRIVAL] / 1e9,
+        values=np.column_stack(values) if values else np.zeros((newer.count, 0)),
+        not_newer=columns.count - newer.count,
+    )
+
+
+def _armed(dive: RecordedDive, last: float) -> list[ArmedSpan] | None:
+    """
+    Args:
+        last: [s] when the recording ends.
+    """
+    status, spans = dive[topics.STATUS], ArmedSpans()
+    if not status.count:
+        return None
+    status = status.as_recorded()
+    columns = (status[ARRIVAL], status["stamp_ns"], status["armed"])
+    for arrival, stamp, armed in zip(*(column.tolist() for column in columns), strict=True):
+        said = VehicleStatus(stamp_ns=round(stamp), activity="piloted", armed=armed > 0.0)
+        spans.see(said, arrival / 1e9)
+    return spans.until(last)

@@ -12,12 +12,10 @@ from messages.events import sentence
 from tools.replay.source import remarks
 from tools.review.asked import Asked, asked
 from tools.review.beside import ComparedEstimate, at, beside
-from tools.review.estimated import Estimated, estimate
-from tools.review.measurements import Measurement, measurements
-from tools.review.recorded import Recorded, read
+from tools.review.estimated import Estimated, Measurement, estimate
+from tools.review.recorded import Recorded, Track, digits, read
 from tools.review.sensor_table import SensorStream, sensor_table
-from tools.review.stick_stops import ReviewedStop, Stops, counting, reviewed_stops
-from tools.review.track import Track
+from tools.review.stick_stops import ReviewedStop, Stops, reviewed_stops
 from tools.review.vibration import AxisVibration, ImuVibration, vibration
 from tools.review.with_lindy import stops_with_lindy
 
@@ -93,13 +91,11 @@ def review(
     shaken = _vibration(recorded, missing)
     motion = estimated.track if estimated.runs else recorded.own
     imu = recorded.sensors.get(topics.IMU.key)
-    reference, begin = recorded.settings.reference, recorded.begin_ns
-    armed = recorded.armed
-    dive = counting(recorded.dive, armed, begin)
-    stops = reviewed_stops(dive, motion, imu, reference, begin, armed)
+    reference, armed = recorded.settings.reference, recorded.armed
+    stops = reviewed_stops(recorded.dive, motion, imu, reference, armed)
     if stops.missing:
         missing["stops"] = stops.missing
-    wanted = asked(dive, reference, begin, 1.0)
+    wanted = asked(recorded.dive, reference, 1.0)
     if wanted is None:
         missing["asked"] = [
             "The recording holds no sticks, so Lindy would have been asked nothing."
@@ -108,7 +104,7 @@ def review(
     if quick:
         missing["stops_with_lindy"] = ["Your sticks were not flown again, as --quick asks."]
     else:
-        simulated = _with_lindy(path, begin, missing)
+        simulated = _with_lindy(path, recorded.begin_ns, missing)
     estimation = _estimation(recorded, estimated, missing)
     compared = estimated.innovations if estimated.runs else {}
     if not compared:
@@ -126,7 +122,7 @@ def review(
         estimation=estimation,
         stops=stops.stops,
         stops_with_lindy=simulated,
-        measurements=measurements(compared),
+        measurements=[each.measurement(name) for name, each in compared.items()],
         asked=[] if wanted is None else _asked(wanted, motion),
         missing=missing,
         remarks=[*remarks(recorded.source), *_unread(recorded)],
@@ -193,12 +189,11 @@ def _why_no_heading(estimated: Estimated) -> str:
 
 
 def _with_lindy(path: Path, begin_ns: int, missing: dict[str, list[str]]) -> list[ReviewedStop]:
-    if sys.stderr.isatty():
-        print(
-            "lindy: identifies the vehicle and flies it again, which may take minutes",
-            file=sys.stderr,
-            flush=True,
-        )
+    print(
+        "lindy: identifies the vehicle and flies it again, which may take minutes",
+        file=sys.stderr,
+        flush=True,
+    )
     found = stops_with_lindy(path, begin_ns)
     if isinstance(found, str):
         missing["stops_with_lindy"] = [found]
@@ -213,15 +208,14 @@ def _asked(wanted: Asked, motion: Track | None) -> list[AskedAxis]:
     )
     found: list[AskedAxis] = []
     for axis, unit, reference, column in axes:
-        did = None if motion is None else at(motion, column, wanted.t)
-        known = None if did is None else did[np.isfinite(did)]
-        enough = known is not None and len(known) >= FEWEST_MOVED
+        known = np.empty(0) if motion is None else at(motion, column, wanted.t)
+        known = known[np.isfinite(known)]
         found.append(
             AskedAxis(
                 axis=axis,
                 unit=unit,
                 lindy=_fastest(reference),
-                vehicle=_fastest(known) if enough and known is not None else None,
+                vehicle=_fastest(known) if len(known) >= FEWEST_MOVED else None,
             )
         )
     return found
@@ -233,4 +227,4 @@ def _deepest(motion: Track) -> float | None:
 
 
 def _fastest(rate: np.ndarray) -> float:
-    return float(f"{np.percentile(np.abs(rate), 99):.3g}") if len(rate) else 0.0
+    return digits(float(np.percentile(np.abs(rate), 99))) if len(rate) else 0.0

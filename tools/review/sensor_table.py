@@ -6,10 +6,12 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from tools.importing.oddities import GapWatch
 from tools.recordings.columns import Array
-from tools.review.recorded import SensorColumns
+from tools.review.recorded import SensorColumns, digits
 
+SHORTEST_GAP_S = 0.25  # [s] less is jitter
+GAP_PERIODS = 10  # a pause of so many usual periods is a gap
+LEARNT = 50  # periods from which the usual one is taken
 USUAL = 3  # samples of which a rate can be told
 LONG_ENOUGH_S = 10.0  # [s] of which a drift can be told
 ODD_DRIFT_PPM = 200.0  # [1e-6] crystals are within 100
@@ -42,18 +44,16 @@ def sensor_table(sensors: Mapping[str, SensorColumns]) -> list[SensorStream]:
 def _stream(key: str, columns: SensorColumns) -> SensorStream:
     t, late = columns.stamp, 1e3 * (columns.arrival - columns.stamp)
     periods = np.diff(t)
-    watch, gaps = GapWatch(), list[tuple[float, float]]()
-    for at in t.tolist():
-        if (pause := watch.pause(round(at * 1e9))) is not None:
-            gaps.append((at - pause, pause))
+    usual = float(np.median(periods[:LEARNT])) if len(periods) else 0.0
+    gaps = np.flatnonzero(periods > max(SHORTEST_GAP_S, GAP_PERIODS * usual))
     jitter = float(np.subtract(*np.percentile(periods, (95, 5)))) if len(periods) else 0.0
     found = SensorStream(
         key=key,
         samples=len(t),
-        per_second=_digits(columns.per_second),
+        per_second=digits(columns.per_second, 4),
         gaps=len(gaps),
-        longest_gap_s=_digits(max(pause for _, pause in gaps)) if gaps else None,
-        first_gap_s=_digits(gaps[0][0]) if gaps else None,
+        longest_gap_s=digits(float(periods.max()), 4) if len(gaps) else None,
+        first_gap_s=digits(float(t[gaps[0]]), 4) if len(gaps) else None,
         jitter_ms=round(1e3 * jitter, 3),
         late_ms=round(float(np.median(late)), 3),
         latest_ms=round(float(np.percentile(late, 99)), 3),
@@ -68,7 +68,7 @@ def _stream(key: str, columns: SensorColumns) -> SensorStream:
 def _drift(stamp: Array, arrival: Array) -> float | None:
     if len(stamp) < USUAL or stamp[-1] - stamp[0] < LONG_ENOUGH_S:
         return None
-    return _digits(1e6 * float(np.polyfit(stamp, arrival - stamp, 1)[0]))
+    return digits(1e6 * float(np.polyfit(stamp, arrival - stamp, 1)[0]), 4)
 
 
 def _repeated(values: Array) -> int:
@@ -104,7 +104,3 @@ def _rate_remarks(per_second: float) -> list[str]:
     if per_second > hz * ODD_RATE:
         return [f"{has} that takes longer, and is no worse ({says})"]
     return []
-
-
-def _digits(value: float) -> float:
-    return float(f"{value:.4g}")

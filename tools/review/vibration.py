@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tools.analysis.spectra import Spectrum, spectrum
 from tools.recordings.columns import Array
-from tools.report.jerk import Spectrum, spectrum
-from tools.review.recorded import PAUSE, SensorColumns
+from tools.review.recorded import PAUSE, SensorColumns, digits
 
 AXES = (
     *(("gyroscope roll", "rad/s"), ("gyroscope pitch", "rad/s"), ("gyroscope yaw", "rad/s")),
@@ -106,17 +106,13 @@ def _axis(name: str, unit: str, quiet: Spectrum, shaken: Spectrum) -> AxisVibrat
     return AxisVibration(
         name=name,
         unit=unit,
-        quiet_density=_digits(_density(quiet)),
-        shaken_density=_digits(_density(shaken)),
-        shaken_rms=_digits(float(np.sqrt(density.sum() * step))),
-        peak_hz=_digits(float(shaken.frequency[high][top])) if is_line else None,
+        quiet_density=digits(_density(quiet)),
+        shaken_density=digits(_density(shaken)),
+        shaken_rms=digits(float(np.sqrt(density.sum() * step))),
+        peak_hz=digits(float(shaken.frequency[high][top])) if is_line else None,
     )
 
 
 def _density(of: Spectrum) -> float:
     """[unit/√Hz] Above a frequency, as white noise has it: a line of a propeller does not count."""
     return float(np.sqrt(np.median(of.density[of.frequency >= MOTION_HZ])))
-
-
-def _digits(value: float) -> float:
-    return float(f"{value:.3g}")

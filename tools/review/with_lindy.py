@@ -18,7 +18,7 @@ from tools.live.viewer import VIEWER
 from tools.log.sticks import LOG, HeardSticks, as_csv, sticks_of
 from tools.recordings.recording import open_recording
 from tools.review.recorded import read
-from tools.review.stick_stops import ReviewedStop, counting, reviewed_stops
+from tools.review.stick_stops import ReviewedStop, reviewed_stops
 from tools.simulate import simulated
 
 
@@ -52,8 +52,8 @@ def stops_with_lindy(path: Path, begin_ns: int) -> list[ReviewedStop] | str:
     except LindyError as error:
         return f"Lindy on this vehicle cannot be simulated from this dive: {error}."
     stops = reviewed_stops(
-        counting(flown.dive, flown.armed, flown.begin_ns), flown.own,
-        flown.sensors.get("sensor/imu"), flown.settings.reference, flown.begin_ns, flown.armed,
+        flown.dive, flown.own, flown.sensors.get("sensor/imu"), flown.settings.reference,
+        flown.armed,
     ).stops  # fmt: skip
     return [msgspec.structs.replace(stop, t=round(stop.t + later, 3)) for stop in stops]
 

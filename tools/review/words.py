@@ -6,9 +6,10 @@ from math import degrees
 from statistics import median
 
 from messages.events import row_of
-from tools.review.measurements import in_words
+from tools.analysis.dive import STICKS
+from tools.review.estimated import in_words
 from tools.review.review import Review
-from tools.review.stick_stops import STICKS, ReviewedStop
+from tools.review.stick_stops import ReviewedStop
 
 ENOUGH_KNOWN = 0.95  # [-] of the time after calibration: less, and it would have stopped under way
 # What a section lacks follows from what another one lacks, and is not said again.

@@ -28,7 +28,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.processes import Cost, costs
 from tests.support.started_dives import HAS_STICKS, PILOT, started
-from tools.report.picture import PictureReport
+from tools.analysis.latency import PictureReport
 
 S = 1_000_000_000  # [ns]
 SIZES = ((640, 360), (1280, 720))

@@ -217,6 +217,7 @@ def test_what_a_pilot_must_know_of_can_be_simulated_until_it_is_mended() -> None
     battery, hot = sim.battery(), sim.temperature()
     assert sim.leak() == LeakSample(stamp_ns=0, wet=True)
     assert battery is not None
+    assert battery.used_wh is not None
     assert battery.capacity_wh is not None
     assert 1 - battery.used_wh / battery.capacity_wh == pytest.approx(0.08)
     assert battery.voltage < full.voltage

@@ -30,8 +30,8 @@ from services.visualizer.computed import (
 )
 from services.visualizer.core import Collector
 from tests.support.sortie import DEEP, Sortie
-from tools.report import jerk as report
-from tools.report.dive import GatheredDive, RecordedDive
+from tools.analysis import spectra as report
+from tools.analysis.dive import GatheredDive, RecordedDive
 
 VEHICLE = Stack().section("vehicle", Vehicle)
 SECOND = 1_000_000_000  # [ns]
@@ -74,8 +74,7 @@ def flown() -> Flown:
 
     for topic, message in said:
         collector.hear(topic, topic.key, message, message.stamp_ns)
-        if (add := gathered.adding(topic.key)) is not None:
-            add(message, message.stamp_ns)
+        gathered.add(topic.key, message, message.stamp_ns)
         if message.stamp_ns >= drain:
             draw(drain)
             drain += SECOND
@@ -108,7 +107,7 @@ def test_the_viewer_counts_the_starts_and_reversals_of_the_report() -> None:
     assert sum(starts) > 0.0
     for told, drawn in zip((starts, reversals), rows[-1], strict=True):
         assert drawn <= sum(told) * minutes + 0.1
-    stamps = dive[topics.THRUSTERS]["stamp"]
+    stamps = dive[topics.THRUSTERS]["stamp_ns"]
     late = stamps >= stamps[0] + int(times[-1]) * SECOND
     ahead, astern = (report.bits(dive[topics.THRUSTERS][n], 4) for n in ("ahead", "astern"))
     on = ahead | astern

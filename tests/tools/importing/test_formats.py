@@ -13,8 +13,8 @@ from messages.vehicle import VehicleEstimate, VehicleStatus
 from services.marine.vehicle import GRAVITY
 from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
+from tools.analysis.dive import read_dive
 from tools.recordings.recording import open_recording
-from tools.report.dive import read_dive
 
 from .logs import (
     BEGAN_NS,

@@ -9,13 +9,13 @@ from msgspec.structs import replace
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
+from tools.analysis.dive import RecordedDive, read_dive
 from tools.log.compare import figures
 from tools.log.recover import recovered
 from tools.recordings.recording import open_recording
 from tools.replay.command import span_of
 from tools.replay.source import open_source, remarks
 from tools.report import report_on
-from tools.report.dive import RecordedDive, read_dive
 from tools.report.report import Extras, Report
 
 from .conftest import ShortDive

@@ -115,13 +115,6 @@ def test_a_file_cut_off_beside_the_end_of_a_record_is_mended(beside: int) -> Non
         check_cut(min(at + beside, len(data)))
 
 
-def test_of_a_chunk_that_is_cut_off_every_flush_is_recovered() -> None:
-    data, ends = whole_file()
-    found = mended(data[: ends[-1] - 1])
-    assert found is not None
-    assert len(found) >= CHUNKS * PER_CHUNK - PER_FLUSH
-
-
 @given(share=st.floats(min_value=0.0, max_value=1.0, exclude_max=True), bit=st.integers(0, 7))
 @settings(max_examples=60)
 def test_a_wrong_bit_costs_a_chunk_and_invents_nothing(share: float, bit: int) -> None:

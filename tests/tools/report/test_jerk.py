@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.topic import AnyTopic
-from tools.recordings.columns import Array, StreamColumns
-from tools.report.dive import RecordedDive
-from tools.report.jerk import (
+from tools.analysis.dive import RecordedDive
+from tools.analysis.spectra import (
     BAND,
     RATE,
     Smoothness,
@@ -21,6 +20,7 @@ from tools.report.jerk import (
     spectrum,
     thruster_changes,
 )
+from tools.recordings.columns import Array, StreamColumns
 
 SECOND = 1e9  # [ns]
 
@@ -73,18 +73,17 @@ def dive(t: Array, felt: Array, wanted: Array, thrust: Array) -> RecordedDive:
     ahead, astern = [turns.astype(np.float64) @ weights for turns in (thrust > 0.0, thrust < 0.0)]
     columns: dict[AnyTopic, dict[str, Array]] = {
         topics.REFERENCE: {
-            "valid": stamps, "stamp": stamps, "armed": zero + 1.0, "heave acceleration": wanted,
-            "yaw acceleration": wanted,
+            "valid_ns": stamps, "stamp_ns": stamps, "armed": zero + 1.0,
+            "depth.acceleration": wanted, "heading.acceleration": wanted,
         },
-        topics.STATE: {"sensor": stamps, "heave acceleration": felt, "yaw rate": turned},
+        topics.STATE: {
+            "sensor_ns": stamps, "depth_acceleration.value": felt, "yaw_rate.value": turned,
+        },
         topics.THRUSTERS: {
-            "stamp": stamps, "count": zero + thrust.shape[1], "ahead": ahead, "astern": astern,
+            "stamp_ns": stamps, "count": zero + thrust.shape[1], "ahead": ahead, "astern": astern,
         },
     }  # fmt: skip
-    streams = {
-        topic.key: StreamColumns(tuple(named), np.stack(list(named.values()), axis=1))
-        for topic, named in columns.items()
-    }
+    streams = {topic.key: StreamColumns(named) for topic, named in columns.items()}
     return RecordedDive({}, {}, streams)
 
 

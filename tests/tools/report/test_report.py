@@ -14,45 +14,27 @@ from messages import topics
 from messages.control import ThrusterCommand
 from messages.health import Health, LogLine
 from messages.message import Estimate, Message
-from messages.reference import Motion, Reference
+from messages.reference import Motion
 from messages.sensors import BatterySample, PressureSample
 from messages.state import VehicleState
-from messages.vehicle import Actuation, Truth, VehicleStatus
+from messages.vehicle import Actuation, VehicleStatus
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
+from tools.analysis.stops import StickStop
 from tools.health_sums import HealthOfAll
 from tools.recordings.recording import open_recording
 from tools.report import Extras, encode, make_report, read_dive, summary
 from tools.report.report import Report
-from tools.report.stops import StickStop
+
+from . import said as told
 
 MS = 1_000_000  # [ns]
 START = 5_000 * MS
 KEYS = [
-    *(
-        "seconds",
-        "armed_seconds",
-        "drone",
-        "vehicle",
-        "link",
-        "services",
-        "topics",
-        "latency_ms",
-        "budget_ms",
-        "clocks",
-        "stops",
-        "failsafes",
-    ),
-    *(
-        "depth_error_rms_m",
-        "heading_error_rms_deg",
-        "peak_jerk_ratio",
-        "smoothness",
-        "energy",
-        "holes",
-    ),
-    *("losses", "troubles", "exit"),
-]
+    "seconds", "armed_seconds", "drone", "vehicle", "link", "services", "topics", "latency_ms",
+    "budget_ms", "clocks", "stops", "failsafes", "depth_error_rms_m", "heading_error_rms_deg",
+    "peak_jerk_ratio", "smoothness", "energy", "holes", "losses", "troubles", "exit",
+]  # fmt: skip
 Said = list[tuple[str, Message]]
 Level = Literal["info", "warning", "error"]
 
@@ -86,16 +68,10 @@ def reference(
     heading: float = 0.0,
     jerk: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[str, Message]:
-    message = Reference(
-        stamp_ns=stamp,
-        sensor_ns=sensor,
-        pilot_ns=pilot,
-        armed=armed,
-        depth=Motion(depth, 0.0, 0.0, jerk[0], 1.5),
-        heading=Motion(heading, 0.0, 0.0, jerk[1], 4.0),
-        surge_force=0.0,
-        sway_force=0.0,
-    )
+    message = told.reference(
+        stamp, sensor, Motion(depth, 0.0, 0.0, jerk[0], 1.5),
+        Motion(heading, 0.0, 0.0, jerk[1], 4.0), pilot=pilot, armed=armed,
+    )  # fmt: skip
     return topics.REFERENCE.key, message
 
 
@@ -105,38 +81,11 @@ def log_line(service: str, level: Level, stamp: int = START) -> tuple[str, Messa
 
 
 def state(stamp: int, sensor: int, heading: float = 0.0) -> tuple[str, Message]:
-    zero = Estimate(0.0, 0.0)
-    message = VehicleState(
-        stamp_ns=stamp,
-        sensor_ns=sensor,
-        phase="running",
-        depth=zero,
-        depth_rate=zero,
-        depth_acceleration=zero,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=zero,
-        pitch=zero,
-        heading=Estimate(heading, 0.0),
-        heading_navigation=None,
-        yaw_rate=zero,
-    )
-    return topics.STATE.key, message
+    return topics.STATE.key, told.state(stamp, sensor, heading=heading)
 
 
 def truth(stamp: int, depth: float = 0.0, heading: float = 0.0) -> tuple[str, Message]:
-    message = Truth(
-        stamp_ns=stamp,
-        position=(0.0, 0.0, depth),
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        velocity=(0.0, 0.0, 0.0),
-        angular_rate=(0.0, 0.0, 0.0),
-        depth_rate=0.0,
-        roll=0.0,
-        pitch=0.0,
-        heading=heading,
-        on_floor=False,
-    )
-    return topics.TRUTH.key, message
+    return topics.TRUTH.key, told.truth(stamp, depth, heading)
 
 
 def command(stamp: int, sensor: int | None) -> tuple[str, Message]:

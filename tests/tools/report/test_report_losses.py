@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from messages import events
 from messages.health import Health
 from tools.__main__ import main
+from tools.analysis.losses import NOT_CARRIED, NOT_USED, losses
 from tools.health_sums import HealthSums
 from tools.recordings.recording import open_recording
-from tools.report.losses import NOT_CARRIED, NOT_USED, losses
 from tools.report.report import Extras, make_report
 from tools.report.summary import summary
 from tools.report.troubles import counted, ending

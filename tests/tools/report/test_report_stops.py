@@ -1,7 +1,7 @@
 """Stops of a dive made up of straight lines, so that every answer is known beforehand."""
 
-from collections.abc import Callable, Iterator, Sequence
-from math import radians
+from collections.abc import Callable, Iterator
+from math import inf, radians
 from typing import Any, Literal
 
 import msgspec
@@ -17,12 +17,15 @@ from messages.pilot import PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.topic import AnyTopic
-from messages.vehicle import Truth, VehicleStatus
+from messages.vehicle import VehicleStatus
+from services.reference.guidance.axes import CENTRED
+from tools.analysis.dive import RecordedDive, read_dive
+from tools.analysis.stops import releases, stops
 from tools.recordings.columns import StreamColumns
-from tools.recordings.mcap_records import ALWAYS, Noticed, Span
-from tools.recordings.recording import Raw, Recording, always, nobody
-from tools.report.dive import RecordedDive, read_dive
-from tools.report.stops import releases, stops
+from tools.recordings.mcap_records import ALWAYS, Span, Wants, always
+from tools.recordings.recording import Raw, Recording
+
+from .said import reference, state, truth
 
 START = 7_000_000_000  # [ns] the vehicle's clock at the beginning
 RELEASE, REST, END = 4.0, 5.0, 12.0  # [s] stick let go, reference at rest, end of recording
@@ -40,19 +43,11 @@ class Memory(Recording):
         super().__init__([])
         self._said = said
 
-    def raw(
-        self,
-        wants: Callable[[str], bool] = always,
-        noticing: Callable[[str], Noticed | None] = nobody,
-        within: Span = ALWAYS,
-    ) -> Iterator[Raw]:
-        noticed = {topic.key: noticing(topic.key) for topic, _ in self._said}
+    def raw(self, wants: Wants = always, within: Span = ALWAYS) -> Iterator[Raw]:
         for topic, message in self._said:
-            stamp, data = message.stamp_ns, msgspec.json.encode(message)
-            if (tell := noticed[topic.key]) is not None:
-                tell(0, stamp, stamp, data)
+            stamp = message.stamp_ns
             if wants(topic.key) and within[0] <= stamp < within[1]:
-                yield Raw(topic.key, data, stamp, stamp)
+                yield Raw(topic.key, msgspec.json.encode(message), stamp, stamp)
 
 
 def ns(t: float) -> int:
@@ -93,57 +88,11 @@ def moving(
         true_depth = true if axis == "heave" else 3.0
         true_heading = true if axis == "yaw" else 3.0
         said += [
-            (topics.REFERENCE, reference(ns(t), depth, heading, armed(t))),
-            (topics.STATE, state(ns(t), depth.position, heading.position)),
+            (topics.REFERENCE, reference(ns(t), ns(t), depth, heading, armed=armed(t))),
+            (topics.STATE, state(ns(t), ns(t), Estimate(depth.position, 0.0), heading.position)),
             (topics.TRUTH, truth(ns(t), true_depth, true_heading + NORTH)),
         ]
     return said
-
-
-def reference(stamp: int, depth: Motion, heading: Motion, armed: bool) -> Reference:
-    return Reference(
-        stamp_ns=stamp,
-        sensor_ns=stamp,
-        pilot_ns=None,
-        armed=armed,
-        depth=depth,
-        heading=heading,
-        surge_force=0.0,
-        sway_force=0.0,
-    )
-
-
-def state(stamp: int, depth: float, heading: float) -> VehicleState:
-    zero = Estimate(0.0, 0.0)
-    return VehicleState(
-        stamp_ns=stamp,
-        sensor_ns=stamp,
-        phase="running",
-        depth=Estimate(depth, 0.0),
-        depth_rate=zero,
-        depth_acceleration=zero,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=zero,
-        pitch=zero,
-        heading=Estimate(heading, 0.0),
-        heading_navigation=None,
-        yaw_rate=zero,
-    )
-
-
-def truth(stamp: int, depth: float, heading: float) -> Truth:
-    return Truth(
-        stamp_ns=stamp,
-        position=(0.0, 0.0, depth),
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        velocity=(0.0, 0.0, 0.0),
-        angular_rate=(0.0, 0.0, 0.0),
-        depth_rate=0.0,
-        roll=0.0,
-        pitch=0.0,
-        heading=heading,
-        on_floor=False,
-    )
 
 
 def sticks(
@@ -423,29 +372,61 @@ COMMANDS = st.lists(
     ),
     max_size=25,
 )
+REQUESTS = st.lists(st.tuples(STAMPS, st.booleans()), max_size=4)
+STATUSES = st.lists(st.tuples(STAMPS, st.integers(0, 1)), max_size=6)
+Rows = list[tuple[Any, ...]]
 
 
-@given(
-    COMMANDS, st.lists(st.tuples(STAMPS, st.booleans()), max_size=4),
-    st.lists(st.tuples(STAMPS, st.integers(0, 2)), max_size=6),
-)  # fmt: skip
-def test_what_only_repeats_what_was_said_before_changes_no_release(
-    commands: list[tuple[int, float, float, bool]],
-    requests: list[tuple[int, bool]],
-    statuses: list[tuple[int, int]],
+@given(COMMANDS, REQUESTS, STATUSES)
+def test_releases_are_those_that_one_event_after_the_other_tells(
+    commands: Rows, requests: Rows, statuses: Rows
 ) -> None:
-    def columns(names: tuple[str, ...], rows: Sequence[tuple[float, ...]]) -> StreamColumns:
-        return StreamColumns(names, np.array(rows, dtype=np.float64).reshape(-1, len(names)))
+    def columns(names: str, rows: Rows, *words: str) -> StreamColumns:
+        whole = np.array(rows, dtype=np.float64).reshape(-1, len(names.split()))
+        return StreamColumns(dict(zip(names.split(), whole.T, strict=True)), words)
 
-    heard = [(at, stick, size, lost, 0.0) for at, stick, size, lost in commands]
+    heard = [(at, stick, other, 0.0, 0.0, float(lost), 0.0) for at, stick, other, lost in commands]
+    names = "stamp_ns heave surge sway yaw pilot epoch"
     streams = {
-        topics.PILOT_COMMAND.key: columns(("stamp", "heave", "deflection", "lost", "epoch"), heard),
-        topics.PILOT_REQUEST.key: columns(("stamp", "stop"), requests),
-        topics.STATUS.key: columns(("stamp", "failsafe"), statuses),
-        topics.REFERENCE.key: columns(("valid", "epoch"), []),
+        topics.PILOT_COMMAND.key: columns(names, heard, "present", "lost"),
+        topics.PILOT_REQUEST.key: columns("stamp_ns kind", requests, "arm", "stop"),
+        topics.STATUS.key: columns("stamp_ns failsafe", statuses, "none", "leak"),
+        topics.REFERENCE.key: columns("valid_ns epoch", []),
     }
-    dive = RecordedDive({}, {}, streams)
-    thinned = list(releases(dive, "heave"))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tools.report.stops._that_matter", iter)
-        assert list(releases(dive, "heave")) == thinned
+    found = releases(RecordedDive({}, {}, streams), "heave")
+    assert [(each.begin, each.end, each.sign) for each in found] == [
+        *one_by_one(commands, requests, statuses)
+    ]
+
+
+def one_by_one(
+    commands: Rows, requests: Rows, statuses: Rows
+) -> Iterator[tuple[float, float, float]]:
+    """(begin, end, sign) of each release."""
+    events = [
+        (at, kind, value)
+        for at, stick, other, lost in commands
+        for kind, value in (
+            ("lost", lost),
+            ("centred", max(abs(stick), other) < CENTRED),
+            ("stick", np.sign(stick)),
+        )
+    ]
+    events += [(at, "stop", stop) for at, stop in requests]
+    events += [(at, "failsafe", acts) for at, acts in statuses]
+    now = dict.fromkeys(["stick", "lost", "failsafe", "stop"], 0.0)
+    before, since, sign = 0.0, None, 0.0
+    for at, kind, value in sorted(events, key=lambda event: event[0]):
+        if kind == "centred":
+            now["stop"] *= not (value and not now["lost"])
+        else:
+            now[kind] = max(value, now["stop"]) if kind == "stop" else value
+        wanted = 0.0 if now["lost"] or now["failsafe"] or now["stop"] else now["stick"]
+        if before and not wanted:
+            since, sign = at, before
+        elif wanted and since is not None:
+            yield since, at, sign
+            since = None
+        before = wanted
+    if since is not None:
+        yield since, inf, sign

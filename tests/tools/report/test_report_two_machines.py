@@ -9,9 +9,7 @@ from msgspec.structs import replace
 from messages.health import Health
 from tools.health_sums import HealthOfAll
 from tools.recordings.recording import Recording
-from tools.report import Elsewhere, Extras, elsewhere, make_report, unrecorded
-from tools.report.restarted import restarted
-from tools.report.services import services as services_of
+from tools.report import Elsewhere, Extras, elsewhere, make_report, restarted, unrecorded
 
 TOPSIDE = ("gamepad", "visualizer", "link_monitor", "predictor")
 PROCESSES = st.sampled_from(["gamepad", "link_monitor", "predictor", "hub_topside"])
@@ -52,7 +50,8 @@ def test_a_topside_that_comes_after_another_is_no_restart_of_its_services():
         for name in names:
             sums.add(replace(health(name), side="topside", instance=instance))
         sums.add(replace(health("control"), side="drone", instance=instance))
-    found = {name: each.restarts for name, each in services_of(sums.sums, {}, {}).items()}
+    report = make_report(Recording([]), Extras(health=sums.sums))
+    found = {name: service.restarts for name, service in report.services.items()}
     assert found == {"control": 2, "gamepad": 1, "recorder_topside": 1, "supervisor_topside": 0}
 
 
@@ -97,9 +96,8 @@ def test_what_two_topsides_counted_is_not_counted_again_and_again():
     for report in reports:
         sums.add(report)
     assert {name: one.counts for name, one in sums.sums.items()} == {"gamepad": {"stale:x": 3}}
-    services = services_of(sums.sums, {}, {})
-    assert services["gamepad"].restarts == 0
+    assert sums.sums["gamepad"].restarts == 0
     later = [replace(one, instance=33, stamp_ns=9) for one in reports if one.instance == ann]
     for report in later:
         sums.add(report)
-    assert services_of(sums.sums, {}, {})["gamepad"].restarts == 1
+    assert sums.sums["gamepad"].restarts == 1

@@ -1,7 +1,7 @@
 """A row of measurements says what it is."""
 
 from services.estimation.core import AID_SOURCES
-from tools.review.measurements import MEANS, in_words
+from tools.review.estimated import MEANS, in_words
 
 
 def test_what_no_owner_knows_is_explained() -> None:

@@ -7,7 +7,6 @@ import msgspec
 import pytest
 
 from messages import topics
-from messages.state import VehicleState
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -15,14 +14,13 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from tests.golden.dives import OVERRIDES, SCRIPT
 from tests.tools.importing.logs import dataflash
 from tools.importing.command import import_log
-from tools.recordings.recording import open_recording
 from tools.replay.source import open_source
 from tools.review.command import review
 from tools.review.estimated import estimate
 from tools.review.page import SECTIONS
+from tools.review.recorded import read
 from tools.review.review import Review
 from tools.review.review import review as reviewed
-from tools.review.track import TrackRows
 from tools.review.words import in_short
 
 ROOT = Path(__file__).parents[3]
@@ -53,12 +51,9 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_the_estimator_runs_as_it_ran_in_the_dive(dive: Path) -> None:
-    rows = TrackRows(0)
-    for each in open_recording(dive):
-        if each.key == topics.STATE.key and isinstance(each.message, VehicleState):
-            rows.add(each.message)
-    found, recorded = estimate(open_source(dive)).track, rows.track()
+    found, recorded = estimate(open_source(dive)).track, read(dive).own
     assert found is not None
+    assert recorded is not None
     for name in ("roll", "depth", "heading", "surge"):
         ours, theirs = found.known(name)[1], recorded.known(name)[1]
         assert len(ours) > 500

@@ -1,5 +1,6 @@
 """A stop's way beyond its release, and back, is the one that was put in."""
 
+from collections.abc import Sequence
 from math import nan, pi
 from pathlib import Path
 
@@ -14,18 +15,19 @@ from messages.pilot import FlightMode
 from messages.state import VehicleState
 from services.reference.settings import Settings
 from services.runtime.config.stack import Stack
+from tools.analysis.dive import STICKS, RecordedDive
+from tools.analysis.stops import counting
 from tools.log.armed_spans import ArmedSpan
-from tools.recordings.columns import StreamColumns
-from tools.report import RecordedDive
-from tools.report.columns import FLIGHT_MODES, STATUS
+from tools.recordings.columns import Gathering, StreamColumns
 from tools.review.beside import beside
 from tools.review.plots import MOST_POINTS, thinned
-from tools.review.recorded import SensorColumns
-from tools.review.stick_stops import SHORTEST_S, STICKS, counting, reviewed_stops
-from tools.review.track import Track, TrackRows
+from tools.review.recorded import STATE, SensorColumns, Track
+from tools.review.recorded import track as track_of
+from tools.review.stick_stops import SHORTEST_S, reviewed_stops
 
 LET_GO, SPEED, TAU = 5.0, 0.4, 0.6  # [s], [m/s], [s]
 T = np.arange(0.0, 20.0, 0.01)
+STATUS = ("stamp_ns", "failsafe", "activity", "flight_mode")
 
 
 def dive(
@@ -33,19 +35,22 @@ def dive(
 ) -> RecordedDive:
     """One stick, deflected for five seconds, then where the pad has its centre."""
     t = np.arange(0.0, 20.0, 0.02)
-    names = ("stamp", *STICKS, "deflection", "lost", "epoch")
-    columns = {name: np.zeros_like(t) for name in names} | {"stamp": t * 1e9}
-    columns[stick] = np.where(t < LET_GO, full, rest)
-    columns["deflection"] = np.abs(columns[stick])
-    rows = np.column_stack([columns[name] for name in names])
-    none = np.zeros((0, 8))
-    streams = {
-        topics.PILOT_COMMAND.key: StreamColumns(names, rows),
-        topics.PILOT_REQUEST.key: StreamColumns(("stamp", "stop"), none[:, :2]),
-        topics.STATUS.key: StreamColumns(STATUS, none[:, : len(STATUS)]),
-        topics.REFERENCE.key: StreamColumns(("valid", "epoch"), none[:, :2]),
+    columns: dict[str, np.ndarray] = {
+        name: np.zeros_like(t) for name in (*STICKS, "pilot", "epoch")
     }
-    return counting(RecordedDive({}, {}, streams), armed, 0)
+    columns[stick] = np.where(t < LET_GO, full, rest)
+    streams = {
+        topics.PILOT_COMMAND.key: StreamColumns({"stamp_ns": t * 1e9, **columns}, ["present"]),
+        topics.PILOT_REQUEST.key: stream("stamp_ns", "kind"),
+        topics.STATUS.key: stream(*STATUS),
+        topics.REFERENCE.key: stream("valid_ns", "epoch"),
+    }
+    return counting(RecordedDive({}, {}, streams), armed)
+
+
+def stream(*names: str, rows: Sequence[Sequence[float]] = (), words: str = "") -> StreamColumns:
+    whole = np.array(rows, dtype=np.float64).reshape(-1, len(names))
+    return StreamColumns(dict(zip(names, whole.T, strict=True)), words.split())
 
 
 def track(**columns: np.ndarray) -> Track:
@@ -71,7 +76,7 @@ def sinking(bounce: float) -> Track:
 @pytest.mark.parametrize("centre", [0.0, 0.02])  # a pad is hardly ever quite centred
 def test_a_stop_is_measured(bounce: float, centre: float, tmp_path: Path) -> None:
     found = reviewed_stops(
-        dive("heave", rest=centre), sinking(bounce), None, settings(tmp_path), 0, None
+        dive("heave", rest=centre), sinking(bounce), None, settings(tmp_path), None
     )
     (stop,) = found.stops
     assert found.missing == []
@@ -91,11 +96,10 @@ def test_a_stop_is_measured(bounce: float, centre: float, tmp_path: Path) -> Non
 def test_a_stop_ends_where_the_drone_goes_on_by_itself(tmp_path: Path) -> None:
     """What a manoeuvre does after it is no coming back: the drone was sent there."""
     flown = dive("heave")
-    rows = np.zeros((2, len(STATUS)))
-    rows[:, STATUS.index("stamp")] = (1e9, (LET_GO + 3.5) * 1e9)
-    rows[:, STATUS.index("own way")] = (0.0, 1.0)
-    flown.streams[topics.STATUS.key] = StreamColumns(STATUS, rows)
-    (stop,) = reviewed_stops(flown, sinking(0.5), None, settings(tmp_path), 0, None).stops
+    rows = [(1e9, 2, 0, 3), ((LET_GO + 3.5) * 1e9, 2, 1, 3)]
+    words = "piloted goto none depth_hold"
+    flown.streams[topics.STATUS.key] = stream(*STATUS, rows=rows, words=words)
+    (stop,) = reviewed_stops(flown, sinking(0.5), None, settings(tmp_path), None).stops
     assert stop.bounced_back == pytest.approx(0.0, abs=1e-3)
 
 
@@ -104,12 +108,10 @@ def test_where_the_stick_is_a_force_coasting_is_no_stop(
     mode: FlightMode, stops: int, tmp_path: Path
 ) -> None:
     flown = dive("heave")
-    rows = np.zeros((1, len(STATUS)))
-    rows[:, STATUS.index("flight mode")] = FLIGHT_MODES.index(mode)
-    flown.streams[topics.STATUS.key] = StreamColumns(STATUS, rows)
-    lindys = StreamColumns(("valid", "epoch"), np.zeros((1, 2)))
-    flown.streams[topics.REFERENCE.key] = lindys
-    found = reviewed_stops(flown, sinking(0.0), None, settings(tmp_path), 0, None)
+    words = f"piloted none {mode}"
+    flown.streams[topics.STATUS.key] = stream(*STATUS, rows=[(0, 1, 0, 2)], words=words)
+    flown.streams[topics.REFERENCE.key] = stream("valid_ns", "epoch", rows=[(0, 0)])
+    found = reviewed_stops(flown, sinking(0.0), None, settings(tmp_path), None)
     assert len(found.stops) == stops
     assert any("is a force" in said for said in found.missing) == (stops == 0)
 
@@ -119,7 +121,7 @@ def test_a_recording_that_ends_in_a_stop_ends_the_stop(seconds: float, tmp_path:
     whole = sinking(0.5)
     there = LET_GO + seconds > T
     cut = Track(*(column[there] for column in whole))
-    found = reviewed_stops(dive("heave"), cut, None, settings(tmp_path), 0, None)
+    found = reviewed_stops(dive("heave"), cut, None, settings(tmp_path), None)
     assert len(found.stops) == (seconds > SHORTEST_S)
     for stop in found.stops:
         assert stop.ran_on == pytest.approx(SPEED * TAU * (1.0 - np.exp(-seconds / TAU)), rel=0.05)
@@ -128,7 +130,7 @@ def test_a_recording_that_ends_in_a_stop_ends_the_stop(seconds: float, tmp_path:
 def test_a_stop_in_which_the_motion_is_not_known_is_counted(tmp_path: Path) -> None:
     motion = sinking(0.0)
     motion.depth_rate[(LET_GO + 1.0 < T) & (LET_GO + 3.0 > T)] = nan
-    found = reviewed_stops(dive("heave"), motion, None, settings(tmp_path), 0, None)
+    found = reviewed_stops(dive("heave"), motion, None, settings(tmp_path), None)
     assert found.stops == []
     assert found.missing == [
         "Once a stick was let go, but the motion after it is not known throughout; that is left "
@@ -140,7 +142,7 @@ def test_a_stop_upwards_is_the_same(tmp_path: Path) -> None:
     down = sinking(0.05)
     up = down._replace(depth=-down.depth, depth_rate=-down.depth_rate)
     stops = [
-        reviewed_stops(dive("heave", full=full), motion, None, settings(tmp_path), 0, None).stops[0]
+        reviewed_stops(dive("heave", full=full), motion, None, settings(tmp_path), None).stops[0]
         for motion, full in ((down, 1.0), (up, -1.0))
     ]
     assert stops[0].ran_on == stops[1].ran_on
@@ -157,7 +159,7 @@ def test_of_an_axis_that_nothing_measures_only_the_jerk_is_known(
     values[:, 3] = np.sin(2.0 * pi * t)
     level = track(roll=np.zeros_like(T), pitch=np.zeros_like(T))
     imu = SensorColumns(t, t, values, 0)
-    found = reviewed_stops(dive("surge"), level, imu, settings(tmp_path), 0, None)
+    found = reviewed_stops(dive("surge"), level, imu, settings(tmp_path), None)
     assert "nothing in the recording measures surge" in found.missing[0]
     assert len(found.stops) == known
     if known:
@@ -167,9 +169,9 @@ def test_of_an_axis_that_nothing_measures_only_the_jerk_is_known(
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
-    assert reviewed_stops(dive("yaw"), None, None, settings(tmp_path), 0, None).missing != []
+    assert reviewed_stops(dive("yaw"), None, None, settings(tmp_path), None).missing != []
     still = track(depth=np.ones_like(T), depth_rate=np.zeros_like(T))
-    found = reviewed_stops(dive("heave"), still, None, settings(tmp_path), 0, None)
+    found = reviewed_stops(dive("heave"), still, None, settings(tmp_path), None)
     assert found.stops == []
     assert found.missing == ["No stick was let go while the vehicle moved along its axis."]
 
@@ -184,7 +186,7 @@ def test_a_stick_moves_an_armed_vehicle_only(
 ) -> None:
     armed = [ArmedSpan(*span, ended=True) for span in spans]
     flown = dive("heave", armed=armed)
-    found = reviewed_stops(flown, sinking(0.0), None, settings(tmp_path), 0, armed)
+    found = reviewed_stops(flown, sinking(0.0), None, settings(tmp_path), armed)
     assert len(found.stops) == stops
     assert bool(found.missing) == (stops == 0)
 
@@ -192,7 +194,7 @@ def test_a_stick_moves_an_armed_vehicle_only(
 def test_a_stick_against_the_motion_is_no_stop(tmp_path: Path) -> None:
     down = sinking(0.05)
     up = down._replace(depth=-down.depth, depth_rate=-down.depth_rate)
-    found = reviewed_stops(dive("heave"), up, None, settings(tmp_path), 0, None)
+    found = reviewed_stops(dive("heave"), up, None, settings(tmp_path), None)
     assert found.stops == []
     assert found.missing[0].startswith("Once a stick was let go while the vehicle still moved")
 
@@ -229,16 +231,18 @@ def test_a_heading_that_is_as_good_as_unknown_is_not_compared() -> None:
         (None, 0.1, 0.0),
         (None, 0.6, nan),
     ):
-        rows = TrackRows(0)
-        rows.add(
+        states = Gathering(STATE)
+        states.add(
             VehicleState(
                 stamp_ns=1, sensor_ns=1, phase="running", depth=known, depth_rate=known,
                 depth_acceleration=known, attitude=(1.0, 0.0, 0.0, 0.0), roll=known, pitch=known,
                 heading=Estimate(0.0, std), heading_navigation=compass, yaw_rate=known,
             )
         )  # fmt: skip
-        assert rows.track().bearing.tolist() == pytest.approx([expected], nan_ok=True)
-        assert rows.track().heading.tolist() == [0.0]  # of a stop: what it turned counts
+        found = track_of(states.columns())
+        assert found is not None
+        assert found.bearing.tolist() == pytest.approx([expected], nan_ok=True)
+        assert found.heading.tolist() == [0.0]  # of a stop: what it turned counts
 
 
 @pytest.mark.parametrize("count", [1, 10, MOST_POINTS, 100_003])

@@ -1,14 +1,13 @@
 """What the drone did by itself: each failsafe with its times, from the recorded status."""
 
+from typing import cast
+
 import msgspec
 import numpy as np
 
 from messages import topics
 from messages.vehicle import Failsafe, Reaction
-from tools.report.columns import FAILSAFES, REACTIONS
-from tools.report.dive import RecordedDive
-
-NONE = FAILSAFES.index("none")
+from tools.analysis.dive import RecordedDive
 
 
 class ActedReaction(msgspec.Struct, frozen=True):
@@ -26,21 +25,21 @@ def failsafes(dive: RecordedDive) -> list[ActedReaction]:
     status, armed = dive[topics.STATUS], dive.armed
     if armed is None or not status.count:
         return []
-    stamp, acting, doing = status["stamp"], status["failsafe"], status["reaction"]
-    since = status["since"]
-    changed = (np.diff(acting) != 0) | (np.diff(doing) != 0)
+    stamp, acting, doing = status["stamp_ns"], status["failsafe"], status["reaction"]
+    acts = ~status.said("failsafe", "none") & np.isfinite(doing)
+    changed = (np.diff(acting) != 0) | (np.diff(np.nan_to_num(doing, nan=-1.0)) != 0)
     begins = [0, *(np.flatnonzero(changed) + 1).tolist()]
     ends = [*begins[1:], status.count - 1]
     return [
         ActedReaction(
-            condition=FAILSAFES[int(acting[begin])],
-            reaction=REACTIONS[int(doing[begin])],
+            condition=cast(Failsafe, status.words[int(acting[begin])]),
+            reaction=cast(Reaction, status.words[int(doing[begin])]),
             t=float(stamp[begin] - armed[0]) / 1e9,
             seconds=float(stamp[end] - stamp[begin]) / 1e9,
-            noticed=_seconds(since[begin], armed[0]),
+            noticed=_seconds(status["since_ns"][begin], armed[0]),
         )
         for begin, end in zip(begins, ends, strict=True)
-        if acting[begin] != NONE and doing[begin] >= 0
+        if acts[begin]
     ]
 
 

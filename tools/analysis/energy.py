@@ -4,8 +4,8 @@ import msgspec
 import numpy as np
 
 from messages import topics
+from tools.analysis.dive import RecordedDive
 from tools.recordings.columns import StreamColumns
-from tools.report.dive import RecordedDive
 
 FASTEST = 20.0  # [1/h] no battery of a drone gives its whole capacity in three minutes
 ROUGH = 1e-3  # [-] of the capacity: a gauge may count in steps as large as this, so less used is
@@ -25,7 +25,7 @@ class Energy(msgspec.Struct, frozen=True):
 def energy(dive: RecordedDive) -> Energy:
     """Integrals over the whole recording by the trapezium rule, from `Actuation`."""
     actuation = dive[topics.ACTUATION]
-    seconds = (actuation["stamp"] - actuation["stamp"][:1]) / 1e9
+    seconds = (actuation["stamp_ns"] - actuation["stamp_ns"][:1]) / 1e9
     used, endurance = _battery(dive)
     return Energy(
         thrust_squared_n2s=float(np.trapezoid(actuation["thrust_squared"], seconds)),
@@ -41,10 +41,10 @@ def _battery(dive: RecordedDive) -> tuple[float | None, float | None]:
     battery = dive[topics.BATTERY]
     if battery.count < 2 or not np.isfinite(battery["used"]).all() or _jumped(battery):
         return None, None
-    used = float(battery["used"][-1] - battery["used"][0])
-    hours = float(battery["stamp"][-1] - battery["stamp"][0]) / 3.6e12
-    capacity = float(battery["capacity"][-1])
-    if not used > ROUGH * capacity or not capacity >= battery["used"][-1]:  # or not known
+    used = float(battery["used_wh"][-1] - battery["used_wh"][0])
+    hours = float(battery["stamp_ns"][-1] - battery["stamp_ns"][0]) / 3.6e12
+    capacity = float(battery["capacity_wh"][-1])
+    if not used > ROUGH * capacity or not capacity >= battery["used_wh"][-1]:  # or not known
         return used, None
     lasts = capacity * hours / used
     return used, lasts if lasts <= LONGEST_H else None
@@ -53,6 +53,6 @@ def _battery(dive: RecordedDive) -> tuple[float | None, float | None]:
 def _jumped(battery: StreamColumns) -> bool:
     """Did the used energy become less, or more by what no battery gives in that time? A fault, a
     restart or another battery does that."""
-    steps, hours = np.diff(battery["used"]), np.diff(battery["stamp"]) / 3.6e12
-    most = battery["capacity"][1:] * np.maximum(ROUGH, FASTEST * hours)  # NaN: not known
+    steps, hours = np.diff(battery["used_wh"]), np.diff(battery["stamp_ns"]) / 3.6e12
+    most = battery["capacity_wh"][1:] * np.maximum(ROUGH, FASTEST * hours)  # NaN: not known
     return bool(np.any(steps < 0.0) or np.any(steps > most))

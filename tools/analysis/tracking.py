@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from messages import topics
-from tools.report.dive import RecordedDive
+from tools.analysis.dive import FIELD, RecordedDive
 
 
 def error_rms(dive: RecordedDive, axis: str) -> float | None:
@@ -19,9 +19,9 @@ def error_rms(dive: RecordedDive, axis: str) -> float | None:
         return None
     times, true = truth
     reference = dive[topics.REFERENCE]
-    at = reference["valid"]
+    at = reference["valid_ns"]
     use = (reference["armed"] > 0) & (at >= times[0]) & (at <= times[-1])
-    error = np.interp(at[use], times, true) - reference[f"{axis} position"][use]
+    error = np.interp(at[use], times, true) - reference[f"{FIELD[axis]}.position"][use]
     return math.sqrt(float(np.mean(error * error))) if len(error) else None
 
 
@@ -29,14 +29,11 @@ def peak_jerk_ratio(dive: RecordedDive) -> float | None:
     """Largest |jerk| of the armed reference over the limit in force at that moment, of heave and
     yaw the worse. None: never armed, or a path set the pace all the time."""
     reference = dive[topics.REFERENCE]
-    ratios = np.concatenate(
-        [
-            (np.abs(reference[f"{axis} jerk"]) / reference[f"{axis} jerk limit"])[
-                reference["armed"] > 0
-            ]
-            for axis in ("heave", "yaw")
-        ]
-    )
-    if not np.isfinite(ratios).any():
-        return None
-    return float(np.max(ratios[~np.isnan(ratios)]))
+    armed = reference["armed"] > 0
+    ratios = [
+        (np.abs(reference[f"{field}.jerk"]) / reference[f"{field}.jerk_limit"])[armed]
+        for field in FIELD.values()
+    ]
+    known = np.concatenate(ratios)
+    known = known[~np.isnan(known)]
+    return float(np.max(known)) if np.isfinite(known).any() else None

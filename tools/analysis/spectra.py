@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 
 from messages import topics
+from tools.analysis.dive import FIELD, RecordedDive
 from tools.recordings.columns import Array
-from tools.report.dive import RecordedDive
 
 RATE = 100.0  # [1/s] at which all is compared
 SEGMENT = 1024  # samples, 10 s; a shorter dive is one segment
@@ -76,11 +76,13 @@ def axis_spectra(dive: RecordedDive, axis: str) -> AxisSpectra | None:
         return None
     at = np.arange(begin, end, 1e9 / RATE)
     reference, state = dive[topics.REFERENCE], dive[topics.STATE]
-    wanted = jerk_spectrum(np.interp(at, reference["valid"], reference[f"{axis} acceleration"]))
+    wanted = jerk_spectrum(
+        np.interp(at, reference["valid_ns"], reference[f"{FIELD[axis]}.acceleration"])
+    )
     if axis == "heave":
-        felt = np.interp(at, state["sensor"], state["heave acceleration"])
+        felt = np.interp(at, state["sensor_ns"], state["depth_acceleration.value"])
     else:
-        felt = np.gradient(np.interp(at, state["sensor"], state["yaw rate"]), 1.0 / RATE)
+        felt = np.gradient(np.interp(at, state["sensor_ns"], state["yaw_rate.value"]), 1.0 / RATE)
     return AxisSpectra(jerk_spectrum(felt), wanted)
 
 
