@@ -80,6 +80,10 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "doctor": Verb(
             "doctor.command:doctor", "Check a vehicle file, its ArduSub board and its instruments."
         ),
+        "check-driver": Verb(
+            "driver.command:check_driver",
+            "Check that a driver keeps what every vehicle side promises.",
+        ),
         "calibrate": Verb("calibrate.command:calibrate", "Find the errors of a vehicle's sensors."),
         "identify": Verb(
             "identify.command:identify", "Find inertia, drag, buoyancy and lag in a dive."

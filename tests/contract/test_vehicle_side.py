@@ -17,7 +17,7 @@ Side = tuple[str, str]  # stack, vehicle
 def test_it_keeps_every_rule(side: Side, rule: Rule, still: bool) -> None:
     if still and rule in MOVES:
         pytest.skip("on the bench nothing moves")
-    with bench(*side, still=still, may_turn=True) as made:
+    with bench(*side, may_turn=True) as made:
         made.settle()
         rule(made)
 

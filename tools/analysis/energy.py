@@ -39,7 +39,7 @@ def _battery(dive: RecordedDive) -> tuple[float | None, float | None]:
     """[Wh] used and [h] of endurance, where the battery reports them, what it reports was used in
     this dive, and it can be true."""
     battery = dive[topics.BATTERY]
-    if battery.count < 2 or not np.isfinite(battery["used"]).all() or _jumped(battery):
+    if battery.count < 2 or not np.isfinite(battery["used_wh"]).all() or _jumped(battery):
         return None, None
     used = float(battery["used_wh"][-1] - battery["used_wh"][0])
     hours = float(battery["stamp_ns"][-1] - battery["stamp_ns"][0]) / 3.6e12

@@ -58,10 +58,9 @@ class Bench:
     """What the vehicle side says is kept; what it is commanded is set by `ask`."""
 
     def __init__(
-        self, place: Place, node: Node, say: Say, stack: Stack, *, virtual: bool, still: bool
+        self, place: Place, node: Node, say: Say, stack: Stack, *, virtual: bool = True
     ) -> None:
-        """`still`: it is out of the water, and nothing moves."""
-        self.virtual, self.still = virtual, still
+        self.virtual = virtual
         self.vehicle = stack.section("vehicle", Vehicle)
         self.estimation = stack.section("estimation", EstimationSettings)
         self.heard: defaultdict[str, list[tuple[int, Any]]] = defaultdict(list)  # arrival, message
@@ -177,7 +176,7 @@ class Bench:
         return sum(n for name, n in self.counts.items() if name.endswith(":control/thrusters"))
 
 
-class _Virtual:
+class VirtualPlace:
     def __init__(self, host: VirtualHost) -> None:
         self._host = host
 
@@ -188,7 +187,7 @@ class _Virtual:
         self._host.run(self._host.now + round(seconds * S))
 
 
-class _Real:
+class RealPlace:
     def __init__(self, node: Node, woken: threading.Event, pump: Callable[[], None]) -> None:
         self._node, self._woken, self._pump = node, woken, pump
 
@@ -206,7 +205,7 @@ class _Real:
         self._pump()
 
 
-def _alone(stack: str, vehicle: str, folder: Path, *, virtual: bool) -> tuple[Registry, Stack]:
+def alone(stack: str, vehicle: str, folder: Path, *, virtual: bool) -> tuple[Registry, Stack]:
     """The vehicle side alone, checked as a dive is before it starts."""
     services = Registry.read(stack)
     services = services.only({name: services[name] for name in services.vehicle_side})
@@ -215,24 +214,24 @@ def _alone(stack: str, vehicle: str, folder: Path, *, virtual: bool) -> tuple[Re
     return services, made
 
 
-def virtual_bench(stack: str, vehicle: str, folder: Path, *, still: bool = False) -> Bench:
+def virtual_bench(stack: str, vehicle: str, folder: Path) -> Bench:
     """
     Raises:
         NeedsRealTimeError: the driver cannot run on virtual time.
     """
-    services, made = _alone(stack, vehicle, folder, virtual=True)
+    services, made = alone(stack, vehicle, folder, virtual=True)
     host = VirtualHost()
     node = host.node("contract", ["drone"])
     say = host.side("drone").say(topics.THRUSTERS)
-    bench = Bench(_Virtual(host), node, say, made, virtual=True, still=still)
+    bench = Bench(VirtualPlace(host), node, say, made)
     host.add_all(services, made)
     return bench
 
 
 @contextmanager
-def real_bench(stack: str, vehicle: str, folder: Path, *, still: bool = False) -> Generator[Bench]:
+def real_bench(stack: str, vehicle: str, folder: Path) -> Generator[Bench]:
     """As a process."""
-    services, made = _alone(stack, vehicle, folder, virtual=False)
+    services, made = alone(stack, vehicle, folder, virtual=False)
     with local_stack(Dive(made, services)) as local:
         local.start_services()
 
@@ -245,5 +244,5 @@ def real_bench(stack: str, vehicle: str, folder: Path, *, still: bool = False) -
         with open_bus(local.plan.endpoints["drone"], made.vehicle_name) as bus:
             node = Node("contract", {"drone": bus}, time.monotonic_ns, VolatileCheckpoint())
             node.wake = woken.set
-            place = _Real(node, woken, local.pump)
-            yield Bench(place, node, bus.say(topics.THRUSTERS), made, virtual=False, still=still)
+            place = RealPlace(node, woken, local.pump)
+            yield Bench(place, node, bus.say(topics.THRUSTERS), made, virtual=False)

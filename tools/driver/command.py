@@ -42,7 +42,7 @@ def check_driver(
             print(f"left out  {sentence(rule)}", flush=True)
             continue
         try:
-            with bench(stack, vehicle, still=still, may_turn=thrusters_may_turn) as made:
+            with bench(stack, vehicle, may_turn=thrusters_may_turn) as made:
                 made.settle()
                 rule(made)
         except BrokenRuleError as why:
@@ -54,16 +54,16 @@ def check_driver(
 
 
 @contextmanager
-def bench(stack: str, vehicle: str, *, still: bool, may_turn: bool) -> Generator[Bench]:
+def bench(stack: str, vehicle: str, *, may_turn: bool) -> Generator[Bench]:
     """On virtual time where the driver can."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         try:
-            made = virtual_bench(stack, vehicle, folder, still=still)
+            made = virtual_bench(stack, vehicle, folder)
         except NeedsRealTimeError:
             if not may_turn:
                 raise LindyError(TURNS) from None
-            with real_bench(stack, vehicle, folder, still=still) as made:
+            with real_bench(stack, vehicle, folder) as made:
                 yield made
         else:
             yield made

@@ -31,7 +31,7 @@ ORTHONORMAL = 1e-3  # [-] greatest error of a rotation
 Limits = tuple[float, float]  # least and most
 
 
-class Quantity(NamedTuple):
+class MappedQuantity(NamedTuple):
     """What a field of ours measures."""
 
     units: Mapping[str, float]  # that a map may name → SI; the first is SI
@@ -44,35 +44,35 @@ class Quantity(NamedTuple):
         return self.usual or self.possible
 
 
-QUANTITIES: Mapping[str, Quantity] = {
+QUANTITIES: Mapping[str, MappedQuantity] = {
     # Gravity is in every IMU; of a gyroscope 2000 deg/s are full scale.
-    "acceleration": Quantity(
+    "acceleration": MappedQuantity(
         {"m/s²": 1.0, "mm/s²": 1e-3, "g": GRAVITY, "mg": 1e-3 * GRAVITY}, (0.0, 320.0), (4.0, 25.0)
     ),
-    "angular rate": Quantity(
+    "angular rate": MappedQuantity(
         {"rad/s": 1.0, "mrad/s": 1e-3, "deg/s": pi / 180.0, "mdeg/s": 1e-3 * pi / 180.0},
         (0.0, 40.0), (0.0, 15.0),
     ),
-    "magnetic field": Quantity(
+    "magnetic field": MappedQuantity(
         {"T": 1.0, "mT": 1e-3, "µT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
         (1e-7, 2e-3), (2e-6, 1e-3),
     ),
-    "pressure": Quantity(  # usual: from a lake in the Andes to 6400 m
+    "pressure": MappedQuantity(  # usual: from a lake in the Andes to 6400 m
         {"Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "kPa": 1e3, "bar": 1e5}, (3e4, 1.2e8), (5e4, 6.5e7)
     ),
-    "temperature": Quantity({"°C": 1.0, "c°C": 0.01}, (-60.0, 150.0)),
-    "velocity": Quantity({"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}, (0.0, 20.0)),
-    "angle": Quantity({"rad": 1.0, "mrad": 1e-3, "deg": pi / 180.0}, (-7.0, 7.0)),
-    "quaternion": Quantity({"1": 1.0}, (0.9, 1.1)),
-    "depth": Quantity({"m": 1.0, "cm": 0.01, "mm": 1e-3}, (-100.0, 12e3)),
-    "depth rate": Quantity({"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}, (-20.0, 20.0)),
-    "length": Quantity({"m": 1.0, "cm": 0.01, "mm": 1e-3}, (0.0, 12e3)),
-    "voltage": Quantity({"V": 1.0, "mV": 1e-3}, (0.5, 1000.0)),
-    "current": Quantity({"A": 1.0, "cA": 0.01, "mA": 1e-3}, (-2000.0, 2000.0)),
-    "energy": Quantity({"Wh": 1.0, "hJ": 100.0 / 3600.0, "J": 1.0 / 3600.0}, (-1e6, 1e6)),
-    "force": Quantity({"N": 1.0, "kgf": GRAVITY}, (-1e5, 1e5)),
-    "share": Quantity({"1": 1.0, "%": 0.01, "‰": 1e-3}, (-1.1, 1.1)),
-    "word": Quantity({"1": 1.0}, (-1e18, 1e18)),
+    "temperature": MappedQuantity({"°C": 1.0, "c°C": 0.01}, (-60.0, 150.0)),
+    "velocity": MappedQuantity({"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}, (0.0, 20.0)),
+    "angle": MappedQuantity({"rad": 1.0, "mrad": 1e-3, "deg": pi / 180.0}, (-7.0, 7.0)),
+    "quaternion": MappedQuantity({"1": 1.0}, (0.9, 1.1)),
+    "depth": MappedQuantity({"m": 1.0, "cm": 0.01, "mm": 1e-3}, (-100.0, 12e3)),
+    "depth rate": MappedQuantity({"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}, (-20.0, 20.0)),
+    "length": MappedQuantity({"m": 1.0, "cm": 0.01, "mm": 1e-3}, (0.0, 12e3)),
+    "voltage": MappedQuantity({"V": 1.0, "mV": 1e-3}, (0.5, 1000.0)),
+    "current": MappedQuantity({"A": 1.0, "cA": 0.01, "mA": 1e-3}, (-2000.0, 2000.0)),
+    "energy": MappedQuantity({"Wh": 1.0, "hJ": 100.0 / 3600.0, "J": 1.0 / 3600.0}, (-1e6, 1e6)),
+    "force": MappedQuantity({"N": 1.0, "kgf": GRAVITY}, (-1e5, 1e5)),
+    "share": MappedQuantity({"1": 1.0, "%": 0.01, "‰": 1e-3}, (-1.1, 1.1)),
+    "word": MappedQuantity({"1": 1.0}, (-1e18, 1e18)),
 }  # fmt: skip
 
 
