@@ -36,7 +36,7 @@ def test_no_fault_at_a_seam_goes_unnoticed(copy: Path, seam: Seam) -> None:
     try:
         done = subprocess.run(
             [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider",
-             "-m", "not system", "--hypothesis-profile", "verdict", *seam.tests],
+             "-m", "not slow and not system", "--hypothesis-profile", "verdict", *seam.tests],
             cwd=copy,
             env=os.environ | {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1"},
             capture_output=True,

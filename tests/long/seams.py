@@ -107,7 +107,7 @@ SEAMS = (
     Seam(
         "a recording does not say how the clocks differ",
         "services/recorder/io/mcap_session.py",
-        'file.metadata("clock_offset", _clock_offset(self._clock))', "pass",
+        'self._file.metadata("clock_offset", _clock_offset(self._clock))', "pass",
         ("tests/services/recorder/test_recorder_service.py",),
     ),
     Seam(

@@ -160,6 +160,10 @@ def test_with_two_clocks_every_publish_time_is_by_the_recorders(tmp_path: Path, 
     assert set(late["health/pilot"]) == {0}
     there = "sensor/battery" if side == "topside" else "pilot/command"
     assert 0 < sum(delay == 0 for delay in late[there]) < len(late[there]) / 2
+    # By this the recordings of both machines are brought together.
+    said = open_recording(tmp_path).metadata("clock_offset")
+    assert int(said["offset_ns"]) == pytest.approx(10**13, abs=2_000_000)
+    assert 0 < int(said["bound_ns"]) < 5_000_000
 
 
 def test_a_killed_recorder_has_lost_at_most_a_quarter_of_a_second(tmp_path: Path):
