@@ -18,7 +18,8 @@ class Seam(NamedTuple):
 
 FAILSAFE = "services/reference/failsafe/watch.py"
 ROWS = ("tests/services/reference/failsafe/test_every_row.py",)
-ALTITUDE = ("tests/services/reference/guidance/test_altitude_hold.py",)
+ALTITUDE = "tests/services/reference/guidance/test_altitude_hold.py"
+GENERATOR = "tests/services/reference/test_reference_generator.py"
 BOTTOM = "services/reference/guidance/bottom.py"
 CORE = "services/reference/core.py"
 LINK = ("tests/services/tether/test_link_report.py",)
@@ -54,30 +55,34 @@ SEAMS = (
     Seam(
         "a pressure jump does not move the bottom",
         "services/reference/guidance/guidance.py",
-        "self.bottom.shift(moved - before)", "pass", ALTITUDE,
+        "self.bottom.shift(moved - before)", "pass",
+        (f"{ALTITUDE}::test_a_jump_of_the_pressure_moves_the_bottom_with_the_depth",),
     ),
-    Seam("no look-ahead over a slope", BOTTOM, "AHEAD_S = 1.5", "AHEAD_S = 0.0", ALTITUDE),
+    Seam("no look-ahead over a slope", BOTTOM, "AHEAD_S = 1.5", "AHEAD_S = 0.0",
+        (f"{ALTITUDE}::test_the_faster_it_goes_the_higher_a_stick_that_leads_down_ends",)),
     Seam(
         "a stop on a path says up for down",
         "services/reference/guidance/manoeuvre.py",
         "there.down - here.down", "here.down - there.down",
-        ("tests/services/reference/test_reference_generator.py",),
+        (f"{GENERATOR}::test_a_stop_on_a_path_that_slopes_says_how_far_down_it_goes",),
     ),
     Seam(
         "an old disarm ends a later arming",
         CORE, 'request.kind == "disarm" and request.stamp_ns >= self._armed_ns',
-        'request.kind == "disarm"', ("tests/services/reference/test_reference_generator.py",),
+        'request.kind == "disarm"',
+        (f"{GENERATOR}::test_a_disarm_that_control_hands_on_late_does_not_end_a_later_arming",),
     ),
     Seam(
         "home stays lost after an arming",
         CORE, "if guidance.home.lost:", "if False:",
-        ("tests/services/reference/test_reference_generator.py",),
+        (f"{GENERATOR}::test_a_home_that_was_lost_is_where_the_drone_is_armed_next",),
     ),
     Seam(
         "the place is held for ten times as long as promised without a position",
         "services/reference/guidance/guidance.py",
         "PLACE_PATIENCE_S = ", "PLACE_PATIENCE_S = 10.0 * ",
-        ("tests/services/reference/guidance/test_modes.py",),
+        ("tests/services/reference/guidance/test_modes.py"
+         "::test_a_place_not_measured_for_too_long_is_let_go_and_said",),
     ),
     Seam(
         "one command of a great epoch locks control out",
@@ -102,18 +107,20 @@ SEAMS = (
         "a disarm keeps the current that was known",
         "services/control/laws.py",
         "self._water = None\n        if self._coupling", "if self._coupling",
-        ("tests/services/control/test_horizontal_law.py",),
+        ("tests/services/control/test_horizontal_law.py"
+         "::test_a_current_that_was_known_before_a_disarm_pushes_nothing_after_it",),
     ),
     Seam(
         "a recording does not say how the clocks differ",
         "services/recorder/io/mcap_session.py",
         'self._file.metadata("clock_offset", _clock_offset(self._clock))', "pass",
-        ("tests/services/recorder/test_recorder_service.py",),
+        ("tests/services/recorder/test_recorder_service.py"
+         "::test_with_two_clocks_every_publish_time_is_by_the_recorders",),
     ),
     Seam(
         "a film that the disk did not take counts as recorded",
         "services/cockpit/filming.py", "elif answer.accepted:", "else:",
-        ("tests/services/cockpit",),
+        ("tests/services/cockpit/test_filming.py",),
     ),
     Seam(
         "the Pioneer's lateral thruster pushes the other way",
