@@ -55,7 +55,7 @@ def fault(
     if DRONE not in running.endpoints:
         raise LindyError(
             "parts are broken on the drone's machine only: no other machine can ask for it; call "
-            "this there"
+            "this there, and name the folder of the drone's side with --dive if this is one machine"
         )
     part = part.removeprefix("sensor/")  # as its topic is called
     request = FaultRequest(stamp_ns=0, id="", part=part, fault=kinds[kind], value=value)

@@ -140,8 +140,9 @@ def listening(
         said = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
         said = said.removeprefix('Json5Err(Message { msg: "')
         why = "is already in use" if taken else f"cannot be listened on ({said})"
+        free = 7457 if endpoint.endswith(":7447") else 7447
         raise LindyError(
-            f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:7447"
+            f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:{free}"
         ) from None
 
 
