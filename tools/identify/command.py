@@ -87,7 +87,8 @@ def recording_(
         raise LindyError(f"--net-buoyancy is {net_buoyancy:g}, expected a number of N other than 0")
     if out is not None:
         refuse_existing(out)
-    print("lindy: reads and fits, which may take minutes", file=sys.stderr, flush=True)
+    if sys.stderr.isatty():
+        print("lindy: reads and fits, which may take minutes", file=sys.stderr, flush=True)
     found = identify_dive(recording, vehicle, _axes(axes, motion_model.AXES))
     exact = identified(found.fit, found.start)
     scale = None if net_buoyancy is None else thrust_scale(found.fit, net_buoyancy)
