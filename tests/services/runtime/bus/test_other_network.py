@@ -4,6 +4,7 @@ import json
 import socket
 from collections.abc import Generator
 from contextlib import contextmanager
+from typing import Any
 
 import pytest
 import zenoh
@@ -57,8 +58,10 @@ def test_what_was_declared_is_there_once_the_router_is_and_again_after_it_was_go
                 there = [str(r.ok.key_expr) for r in other.liveliness().get("@ros2_lv/**") if r.ok]
                 assert there == [token]
                 got.clear()
-                other.put("0/in", b"x" * (LONGEST + 1))
-                other.put("0/in", b"hello", attachment=b"a")
+                sender: Any = other.declare_publisher("0/in")  # its stub calls `matching` a bool
+                until(lambda sender=sender: sender.matching_status.matching)
+                sender.put(b"x" * (LONGEST + 1))
+                sender.put(b"hello", attachment=b"a")
                 until(lambda: got)
                 assert got == [("0/in", b"hello", b"a")]
                 subscriber.undeclare()
