@@ -72,8 +72,8 @@ class CameraChoice(Message, frozen=True, kw_only=True):
 
 
 class CameraShares(Message, frozen=True, kw_only=True):
-    """What each camera may send, by `services.camera.pacing`. From the large camera, which alone
-    measures the link; with one camera nobody says it."""
+    """What each camera may send, by `services.camera.pacing`. The large camera says it, which alone
+    measures the link. A dive with one camera has none."""
 
     large: Name
     total_kbit: NotNegative  # [kbit/s] for the pictures of all cameras

@@ -27,19 +27,19 @@ from services.vehicle.actuator_gate import ActuatorGate
 
 
 class ThrustPath:
-    """What is permitted, the sticks for it, and the thrust that the motors are believed to give."""
+    """What is permitted, the sticks for it, and the thrust that a model of the motors gives."""
 
     def __init__(self, vehicle: Vehicle, settings: Settings, outbox: DriverOutbox) -> None:
         self._settings, self._outbox = settings, outbox
         self.gate = ActuatorGate(vehicle.thruster, outbox.events)
-        self._believed = OpenLoopThrust(vehicle.thruster)
+        self._modelled = OpenLoopThrust(vehicle.thruster)
         self._rest = at_rest(len(vehicle.thruster))
         self.mixed = self._rest
         self._mixed_for: tuple[Mixer | None, tuple[float, ...]] | None = None
         self._driven = self._rest.thrust  # [N] as the motors were driven last
         self._light, self._tilt = 0.0, 0.0
 
-    # Commands. Each returns whether to be armed is wished, or None where nobody says so.
+    # Commands. Each returns whether the vehicle should be armed; None: it does not say.
 
     def obey(self, asked: ThrusterCommand, now: Ns) -> bool | None:
         self.gate.obey(asked, now)
@@ -74,7 +74,7 @@ class ThrustPath:
         driven = (self.mixed if spooled else self._rest).thrust
         if driven is not self._driven:
             self._driven = driven
-            self._believed.drive(driven, now)
+            self._modelled.drive(driven, now)
 
     def sticks(self, *, lights: bool) -> MavlinkPacket:
         """All six axes, every time: a channel that is left out would keep its last value.
@@ -104,7 +104,7 @@ class ThrustPath:
         cause = self.gate.command
         return Actuation(
             stamp_ns=now,
-            thrust=self._believed.believed(now),
+            thrust=self._modelled.believed(now),
             measured=False,
             actuated_ns=self.gate.obeyed_ns,
             sensor_ns=cause.sensor_ns if cause else None,

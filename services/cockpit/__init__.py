@@ -2,7 +2,7 @@
 watches.
 
 page_messages   what a page may send, and how it is checked
-stick_page      which page has the sticks, and how old they are
+cockpit_pilot   which page has the sticks, and what it makes of them
 page_view       what every page is shown
 video           the camera's picture: as pages are sent it, and which pages get which
 core            the state machine of all pages

@@ -1,7 +1,7 @@
 """Which vehicle side, law and estimator are held to their contracts. Without options: what is
 shipped, and the examples.
 
-pytest tests/contract --stack my_stack.toml --vehicle my_vehicle.toml [--still]
+pytest tests/contract --stack my_stack.toml --vehicle my_vehicle.toml
 """
 
 from pathlib import Path
@@ -26,9 +26,6 @@ REAL = KNOWN[-1]  # the one that is also run as a process
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--stack", help="a name in deploy/stacks, or the path of a TOML file")
     parser.addoption("--vehicle", default="pioneer", help="a name, or the path of a TOML file")
-    parser.addoption(
-        "--still", action="store_true", help="on the bench, out of the water: nothing moves"
-    )
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -44,8 +41,3 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
             metafunc.parametrize(
                 fixture, [pytest.param(each, marks=marks) for each in sides], ids=names
             )
-
-
-@pytest.fixture
-def still(request: pytest.FixtureRequest) -> bool:
-    return bool(request.config.getoption("--still", False))

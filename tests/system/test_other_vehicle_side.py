@@ -54,10 +54,7 @@ def lindy(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.slow
 def test_it_keeps_its_contract_as_its_readme_checks_it() -> None:
-    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "tests/contract", *SIDE]
-    done = subprocess.run(
-        command, cwd=EXAMPLE.parents[1], capture_output=True, text=True, timeout=300, check=False
-    )
+    done = lindy("check-driver", SIDE[1], SIDE[3])
     assert done.returncode == 0, done.stdout
 
 

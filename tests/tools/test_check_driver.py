@@ -1,4 +1,4 @@
-"""`lindy check-driver` says which promise is broken, and by what. The rules: tests/contract."""
+"""`lindy check-driver` names the broken promise and what it saw. Rules: tools/driver/rules.py."""
 
 from pathlib import Path
 
