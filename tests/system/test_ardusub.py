@@ -216,22 +216,6 @@ def test_another_ground_station_is_obeyed_without_a_fight(tmp_path: Path, number
     assert flight.counts["outdone:ardusub"] == 1
 
 
-def test_leak_and_temperature_inside_are_published(tmp_path: Path) -> None:
-    flight = Flight(tmp_path)
-    for name in CHAIN[1:]:
-        flight.host.kill(name)
-    wet, inside = list[bool | None](), list[float]()
-    node = flight.host.node("inside", ["drone"])
-    node.each(topics.LEAK, lambda m, _: wet.append(m.wet))
-    node.each(topics.TEMPERATURE, lambda m, _: inside.append(m.temperature))
-    flight.run(5.0)
-    flight.double.leaking = True
-    flight.run(20.0)
-    assert inside[-1] == pytest.approx(31.5)
-    assert wet[4] is False
-    assert wet[-1] is True
-
-
 def test_a_wrong_parameter_is_named_and_nothing_starts(tmp_path: Path) -> None:
     flight = Flight(tmp_path, params={"FS_PILOT_INPUT": 0.0})
     flight.run(20.0)

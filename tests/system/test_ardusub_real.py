@@ -299,21 +299,6 @@ def test_another_ground_station_is_obeyed(
     wire.links.close()
 
 
-@pytest.mark.slow
-@pytest.mark.system
-@pytest.mark.parametrize("kind", BOARDS)
-def test_a_board_with_a_wrong_parameter_is_not_armed(tmp_path: Path, kind: str, port: int) -> None:
-    wire = Wire(port)
-    with board_process(kind, port, tmp_path, {"FS_PILOT_INPUT": 0.0}):
-        wire.thrust = DOWN
-        wire.wait_for(lambda: wire.driver.stage == "refused")
-        assert [text for text in wire.said if "FS_PILOT_INPUT is 0; allowed: 2" in text]
-        wire.run(3.0)
-        assert not wire.armed
-        assert not [sample for _, sample in wire.samples]
-    wire.links.close()
-
-
 class Beside:
     """The outputs of a firmware, on its second link, by the board's own clock."""
 

@@ -95,18 +95,6 @@ def test_the_drone_stops_where_the_stick_was_let_go(tmp_path: Path, seed: int) -
 
 
 @pytest.mark.slow
-def test_a_turn_ends_without_overshoot(tmp_path: Path) -> None:
-    dive = Dive(tmp_path, "0,0,0,0,0\n1,0,0,0.6,1\n6,0,0,0,0\n30,0,0,0,0")
-    dive.until_armed().run(6.0)
-    start = len(dive.truth)
-    dive.run(8.0)
-    offset = dive.truth[start].heading - dive.states[start].heading.value
-    final = dive.references[-1].heading.position + offset
-    overshoot = max(truth.heading for truth in dive.truth[start:]) - final
-    assert overshoot < 0.05
-
-
-@pytest.mark.slow
 @settings(
     max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

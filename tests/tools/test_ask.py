@@ -19,14 +19,12 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.vehicle import VehicleStatus
-from services.gamepad.io.path_file import PathFile as FollowedFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.patience import PATIENCE_S, until
 from tools.ask import ask, dive_in, dives_here, for_the_pilot, in_json, in_words, wanted_of
 from tools.live.asking import OneRequest
-from tools.path import PlannedPathFile
 
 S = 1_000_000_000  # [ns]
 GIVEN: dict[str, Any] = dict.fromkeys(("name", "depth", "heading", "path", "value", "force", "to"))
@@ -83,10 +81,6 @@ def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
     assert [(r.kind, r.flight_mode) for r in drone.heard] == [("mode", hold)]
 
 
-def test_a_path_file_may_have_every_key_that_lindy_path_knows():
-    assert set(FollowedFile.__struct_fields__) == set(PlannedPathFile.__struct_fields__)
-
-
 @pytest.mark.parametrize(
     ("kind", "given", "says"),
     [
@@ -130,13 +124,6 @@ def test_a_wrong_argument_is_explained_before_anybody_is_asked(
     with pytest.raises(LindyError) as caught:
         ask(kind, **given, dive=tmp_path)  # where no dive is: this would be said next
     assert says in str(caught.value)
-
-
-def test_a_path_with_turns_that_do_not_fit_is_named_with_its_file(tmp_path: Path):
-    file = tmp_path / "tight.toml"
-    file.write_text("waypoints = [[0, 0], [1, 0], [1, 1]]\n")
-    with pytest.raises(LindyError, match=r"tight\.toml: .*leg"):
-        wanted_of("follow", **GIVEN | {"path": str(file)})
 
 
 # Whom to ask.

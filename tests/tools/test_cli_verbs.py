@@ -1,7 +1,6 @@
 """Every mistake on the command line is one sentence and status 1, before anything starts."""
 
 import ast
-import json
 import os
 import re
 import subprocess
@@ -16,7 +15,6 @@ from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.running import RUNNING, Running
 from tools import exit_status
 from tools.__main__ import GONE, LOG, VERBS, Verb, command_line, main
-from tools.flowing_help import flowing
 from tools.live import pilots
 from tools.live.stop_signals import StopSignals
 
@@ -307,14 +305,6 @@ def test_the_list_of_verbs_says_of_each_what_its_own_help_says(words: tuple[str,
     assert help_of(words).splitlines()[0] == verb_of(words).help
 
 
-def test_the_lists_of_verbs_fit_on_a_terminal(capsys: pytest.CaptureFixture[str]):
-    for words, verbs in ((["--help"], VERBS), (["log", "--help"], LOG)):
-        assert main(words) == 0
-        said = capsys.readouterr().out
-        assert max(map(len, said.splitlines())) <= 80
-        assert all(f"│ {name} " in said for name in verbs)
-
-
 @pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["log"], ["diev"], ["log", "cot"]])
 def test_help_and_a_mistyped_verb_load_no_other_verb(words: list[str]):
     code = (
@@ -337,23 +327,6 @@ def test_one_verb_does_not_load_another():
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
     )
     assert answer.stdout.splitlines()[-1] == "[]"
-
-
-def test_a_simulated_dive_writes_its_files_and_the_same_seed_gives_the_same_bytes(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, script: str
-):
-    hashes: list[str] = []
-    for name, seed in (("one", "1"), ("same", "1")):
-        out = tmp_path / name
-        arguments = ["simulate", "--pilot", script, "--seconds", "1", "--seed", seed]
-        assert main([*arguments, "--out", str(out)]) == 0
-        assert {"dive.mcap", "report.json"} <= {path.name for path in out.iterdir()}
-        report = json.loads((out / "report.json").read_text())
-        assert report["exit"] == "clean"
-        assert report["speedup"] > 0
-        hashes.append(report["log_hash"])
-    assert hashes[0] == hashes[1]
-    assert "report.json" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -381,26 +354,6 @@ def test_a_seed_that_is_not_whole_is_refused(
     for arguments in (["simulate", "--pilot", script], ["link"]):
         said = complaint(capsys, *arguments, "--seed", seed)
         assert f"--seed is {seed!r}, expected a whole number" in said
-
-
-@pytest.mark.parametrize(
-    ("side", "option", "endpoint"),
-    [
-        ("drone", "--listen", "udp//x"),
-        ("drone", "--listen", "foo"),
-        ("drone", "--listen", "tcp/127.0.0.1"),
-        ("drone", "--listen", "carrier/127.0.0.1:7447"),
-        ("topside", "--connect", "tcp/:7447"),
-    ],
-)
-def test_an_endpoint_that_is_none_leaves_no_folder_behind(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, side: str, option: str, endpoint: str
-):
-    out = tmp_path / "out"
-    pilot = ("--pilot", "script:first_dive")
-    said = complaint(capsys, "up", side, *pilot, option, endpoint, "--out", str(out))
-    assert f"{option} {endpoint!r}: expected PROTOCOL/ADDRESS:PORT" in said
-    assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -453,9 +406,3 @@ def test_a_mistyped_command_line_is_said_in_plain_words(
 ) -> None:
     assert main(words.split()) == 1
     assert said in capsys.readouterr().err
-
-
-def test_the_help_flows_and_examples_stay_in_lines_of_their_own():
-    text = "First line of\na paragraph.\n\nExample: lindy a\n         lindy b\n\nAnother\none."
-    shown = "First line of a paragraph.\n\nExample: lindy a\n         lindy b\n\nAnother one."
-    assert flowing(text) == shown

@@ -87,23 +87,6 @@ def test_a_wish_that_no_thruster_can_fulfil_is_refused() -> None:
         gains("depth", error=-1.0)
 
 
-@pytest.mark.parametrize(
-    ("key", "says"),
-    [("nosuch.key=3", "nosuch: unknown table"), ("control.depth.kp=abc", "expected float")],
-)
-def test_a_setting_that_is_none_is_refused_though_no_gain_depends_on_it(
-    key: str, says: str
-) -> None:
-    with pytest.raises(LindyError, match=says):
-        gains("depth", set_=(key,))
-
-
 def test_weights_that_nothing_satisfies_are_one_sentence() -> None:
     with pytest.raises(LindyError, match="these weights have no settled solution; choose nearer"):
         gains("depth", rate=1e-300)
-
-
-@pytest.mark.parametrize("observer", [1e9, 50.1, -1.0, inf, float("nan")])
-def test_an_observer_that_a_vehicle_file_refuses_is_refused_here(observer: float) -> None:
-    with pytest.raises(LindyError, match=r"--observer is .*, expected 0 to 50 rad/s"):
-        gains("depth", observer=observer)

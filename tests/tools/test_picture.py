@@ -8,16 +8,15 @@ import pytest
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from tools.__main__ import main
 from tools.picture import IDLE_S, draw, loaded, picture, rrd_of
 from tools.replay.source import open_source
 
 rr = pytest.importorskip("rerun", reason="the viewer extra is not installed")
 
-from services.visualizer.blueprint import PAGES, blueprint  # noqa: E402 - needs rerun
-from tests.services.visualizer.test_visualizer_service import read_back  # noqa: E402
-from tests.tools.importing.logs import SLOW_HZ, ulog  # noqa: E402
-from tests.tools.importing.test_rosbags import imported  # noqa: E402
+from services.visualizer.blueprint import PAGES, blueprint
+from tests.services.visualizer.test_visualizer_service import read_back
+from tests.tools.importing.logs import SLOW_HZ, ulog
+from tests.tools.importing.test_rosbags import imported
 
 DRIVERS = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
 needs_vulkan = pytest.mark.skipif(
@@ -120,30 +119,6 @@ def test_a_folder_and_the_other_recording_stand_for_the_visualizer_s(
     assert rrd_of(tmp_path / name) == tmp_path / "dive.rrd"
 
 
-def test_what_is_no_recording_of_the_visualizer_is_said_at_once(tmp_path: Path) -> None:
-    (tmp_path / "dive.rrd").write_bytes(b"not a recording")
-    with pytest.raises(LindyError, match=r"dive\.rrd shows no dive: it does not begin"):
-        picture(tmp_path, out=tmp_path / "dive.png")
-    with pytest.raises(LindyError, match=r"no recording .*other\.rrd \(for .*other\.mcap\)"):
-        picture(tmp_path / "other.mcap", out=tmp_path / "dive.png")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(LindyError, match=r"no recording .*dive\.rrd \(for .*empty\)"):
-        picture(tmp_path / "empty", out=tmp_path / "dive.png")
-
-
-def test_an_unknown_page_is_refused_with_the_names(tmp_path: Path) -> None:
-    recording(tmp_path / "dive.rrd")
-    with pytest.raises(LindyError, match=r"unknown page 'lnk'; did you mean 'link'.* dive, motion"):
-        picture(tmp_path, out=tmp_path / "dive.png", page="lnk")
-
-
-def test_the_pages_of_the_help_are_those_there_are(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["picture", "--help"]) == 0
-    assert f"dive, {', '.join([*PAGES][:-1])} or {[*PAGES][-1]}" in " ".join(
-        capsys.readouterr().out.replace("│", " ").split()
-    )
-
-
 class Viewer:
     """Reads for a while and then shows no dive."""
 
@@ -168,11 +143,6 @@ def test_a_viewer_that_has_read_everything_and_has_no_dive_is_not_waited_for(
     with pytest.raises(LindyError, match="shows no dive"):
         loaded(cast(Any, Viewer(200)), Path("x.rrd"))
     assert 20.0 < now[0] < 20.0 + IDLE_S + 1.0
-
-
-def test_a_recording_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(LindyError, match=r"there is no recording .*nothing\.rrd"):
-        picture(tmp_path / "nothing.rrd", out=tmp_path / "dive.png")
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")

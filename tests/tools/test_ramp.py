@@ -64,20 +64,6 @@ def test_every_rule_integrates_its_own_velocity(run: Any, rule: Rule) -> None:
     assert len(rows) == 4001
 
 
-def test_the_start_is_where_it_is_put(run: Any) -> None:
-    rows = run("5,1\n6,1\n", jerk=1.0, dt=0.5, v0=0.2, a0=-0.1)
-    assert [row["t"] for row in rows] == [5.0, 5.5, 6.0]
-    assert (rows[0]["x"], rows[0]["v"], rows[0]["a"], rows[0]["j"]) == (0.0, 0.2, -0.1, 1.0)
-
-
-def test_one_line_is_one_sample(run: Any) -> None:
-    assert len(run("\n0,1\n\n", jerk=1.0, dt=0.1)) == 1
-
-
-def test_of_two_targets_at_one_time_the_later_counts(run: Any) -> None:
-    assert run("0,1\n0,-1\n1,0\n", jerk=1.0, dt=0.5)[1]["v"] < 0
-
-
 # rule, v0, a0, to, J, A → T, peak acceleration, peak jerk, displacement, with 40 digits
 PLANS: list[tuple[Rule, float, float, float, float, float | None, list[float]]] = [
     ("bounded", 0.5, -0.3, 2.0, 1.0, 0.5, [4.0566666667, 0.5, 1.0, 4.7523083333]),

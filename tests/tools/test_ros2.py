@@ -56,10 +56,3 @@ def test_what_cannot_be_is_one_sentence(
     said = capsys.readouterr().err
     assert sentence in said
     assert len(said.splitlines()) == 1
-
-
-def test_where_no_dive_goes_on_it_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["ros2", "--dive", str(tmp_path)]) == 1
-    assert "no dive is going on" in capsys.readouterr().err

@@ -265,11 +265,6 @@ def test_the_drone_s_side_alone_makes_such_a_recording(
     assert densities["accelerometer x"] == pytest.approx(put_in.accelerometer_noise, rel=0.1)
 
 
-def test_a_missing_recording_is_refused(tmp_path: Path):
-    with pytest.raises(LindyError, match="there is no recording"):
-        noise(tmp_path)
-
-
 def test_the_deviation_is_the_textbook_s_for_two_samples_at_a_time():
     values = np.random.default_rng(7).standard_normal(200)
     tau, adev = deviation(values, 10.0)

@@ -8,7 +8,6 @@ import time
 from collections import Counter
 from contextlib import suppress
 from math import inf, nan
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,14 +15,12 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from messages.events import Outbox
 from services.ardusub import board_check
 from services.ardusub.service import ONE_BOARD
 from services.ardusub.settings import Settings
 from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
 from services.mavlink_io.io.links import Links
 from services.mavlink_io.packet import MavlinkPacket
-from services.runtime.config.errors import LindyError
 from services.simulator.core import Settings as SimulatorSettings
 from tests.support.ardusub_double.board import BoardDouble
 from tests.support.ardusub_double.cable import STACK, VEHICLE
@@ -96,14 +93,6 @@ def one(findings: list[VehicleFinding], what: str) -> VehicleFinding:
     return found
 
 
-def test_a_flood_of_what_looks_like_frames_is_said() -> None:
-    bench = Bench()
-    bench.board, bench.noise = None, b"\xfd" * 280
-    [found] = bench.visited()
-    assert "frames at" in found.text
-    assert "were of no message of MAVLink" in found.text
-
-
 @pytest.mark.parametrize(("accepts", "why"), [(False, "refused"), (True, "closed by the other")])
 def test_a_connection_that_fails_is_said(*, accepts: bool, why: str) -> None:
     server = socket.create_server(("127.0.0.1", 0))
@@ -127,13 +116,6 @@ def test_a_connection_that_fails_is_said(*, accepts: bool, why: str) -> None:
     server.close()
     assert found.verdict == "missing"
     assert why in found.text
-
-
-def test_a_device_that_is_not_there_is_said_without_what_is_allowed() -> None:
-    with pytest.raises(
-        LindyError, match=r"^ardusub.url serial:/dev/none:115200: No such file .*y$"
-    ):
-        Links(["serial:/dev/none:115200"], "ardusub.url", ONE_BOARD, Outbox())
 
 
 def wrong(findings: list[VehicleFinding]) -> list[VehicleFinding]:
@@ -370,26 +352,6 @@ def test_without_pymavlink_the_vehicle_file_is_checked_all_the_same(
     assert lines[0].startswith("ok       vehicle file")
     assert lines[-2].startswith("missing  board")
     assert "needs pymavlink" in lines[-2]
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["dive", "--stack", "mavlink"],
-        ["dive", "--stack", "ardusub", "--vehicle", "bluerov2_heavy"],
-        ["up", "drone", "--stack", "ardusub", "--vehicle", "bluerov2_heavy"],
-    ],
-)
-def test_without_pymavlink_nothing_is_written_and_it_is_said_once(
-    words: list[str],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-) -> None:
-    monkeypatch.setattr("tools.packages.find_spec", nothing)
-    monkeypatch.chdir(tmp_path)
-    assert "needs pymavlink, which is missing: in the folder" in complaint(capsys, *words)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_stack_that_does_not_go_with_the_vehicle_file_is_said(

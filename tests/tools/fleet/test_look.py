@@ -1,12 +1,10 @@
 """Looking at who is there, with real sessions on a hub of this test's own."""
 
 import json
-import os
 import socket
 import threading
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -22,7 +20,6 @@ from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
 from services.runtime.bus.zenoh_bus import announce_here, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
-from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
 from tools.__main__ import main
 from tools.fleet import drones, meeting
@@ -234,32 +231,3 @@ def test_with_watch_the_drones_are_listed_again_until_it_is_stopped(
     assert main([*words, "--json"]) == 0
     lists = [json.loads(line)["drones"] for line in capsys.readouterr().out.splitlines()]
     assert [[row["name"] for row in rows] for rows in lists] == [["rov1", "rov2"]] * 2
-
-
-def test_with_watch_an_endpoint_where_nobody_is_yet_is_waited_for(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(drones, "WATCH_S", 0.01)
-    monkeypatch.setattr(drones, "StopSignals", StopsAfterTwo)
-    assert main(["drones", "--router", free_endpoint(), "--watch"]) == 0
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.endswith("; waits for it\n")
-    assert said.err.count("\n") == 1
-
-
-def test_where_nobody_answers_a_dive_of_this_folder_is_named_with_what_to_do(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    words = ["drones", "--router", free_endpoint()]
-    assert main(words) == 1
-    assert "--listen" not in capsys.readouterr().err
-    going_on = Running("rov2", {}, os.getpid(), {})
-    (tmp_path / RUNNING).write_bytes(msgspec.json.encode(going_on))
-    assert main(words) == 1
-    complaint = capsys.readouterr().err
-    assert (
-        "the dive of rov2 that is going on here is reached with `lindy dive --listen" in complaint
-    )
-    assert complaint.count("\n") == 1

@@ -8,10 +8,7 @@ import pytest
 
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
 from tools.__main__ import main
-from tools.checks import checked, pilot_of
-from tools.choices import Choices
 from tools.fleet.meeting import Meeting, drones_credentials, drones_name
 from tools.fleet.names import own_name
 from tools.keys import authority
@@ -56,17 +53,6 @@ def test_both_ways_in_have_keys_or_none_has(keys: Path) -> None:
     assert Meeting(LISTEN, ROUTER, both).link == f"{LISTEN} and {ROUTER}"
     with pytest.raises(LindyError, match="both with tls, or none of them"):
         drones_credentials("tcp/127.0.0.1:7447", ROUTER, keys, insecure=False)
-
-
-@pytest.mark.parametrize("name", ["", "a/b", "*", "a b", "ä", "x" * 65, "@v1", "$*", "a?b#c"])
-def test_a_name_that_no_key_may_have_is_one_sentence(name: str) -> None:
-    with pytest.raises(LindyError, match=r"--name .* 1 to 55 of them"):
-        checked(Choices(name=name), pilot_of("gamepad"), Registry.read("simulated"))
-
-
-def test_on_virtual_time_a_drone_is_called_as_its_file() -> None:
-    stack = checked(Choices(), pilot_of("gamepad"), Registry.read("simulated"))
-    assert stack.drone_name == stack.vehicle_name == "pioneer"
 
 
 @pytest.mark.parametrize(

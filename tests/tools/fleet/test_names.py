@@ -14,7 +14,7 @@ from services.runtime.bus.spaces import (
     namespace,
 )
 from services.runtime.config.errors import LindyError
-from tools.fleet.names import in_words, missing, other_drone, own_name
+from tools.fleet.names import other_drone, own_name
 
 LETTERS = "[A-Za-z0-9_.-]"
 NAME = st.from_regex(rf"{LETTERS}{{0,27}}[A-Za-z0-9]{LETTERS}{{0,27}}", fullmatch=True)
@@ -64,26 +64,6 @@ def test_a_drone_is_named_by_its_type_and_the_computers_own_name() -> None:
     assert own_name("pioneer", "boat.example.org") == "pioneer-boat"
     assert own_name("pioneer", "Käpt'n's rov") == "pioneer-K-pt-n-s-rov"
     assert own_name("pioneer", "") == "pioneer"
-
-
-def test_a_list_of_a_thousand_is_one_sentence() -> None:
-    names = [f"rov{k:04}" for k in range(1000)]
-    assert in_words(names) == (
-        "rov0000, rov0001, rov0002, rov0003, rov0004, rov0005, rov0006, rov0007 and 992 more"
-    )
-    assert len(missing("pioneer", names, "tcp/127.0.0.1:7447")) < 200
-    assert in_words(["b", "a"]) == "a, b"
-
-
-def test_a_pilot_whose_drone_is_not_there_hears_who_is() -> None:
-    assert missing("c", ["a", "b"], "E") == "no drone is called c at E; there are a, b"
-    assert missing("c", [], "E") == "no drone is called c at E; nobody is there"
-
-
-def test_a_topside_of_another_name_is_told() -> None:
-    assert other_drone("a", []) == other_drone("a", ["a", "b"]) == ""
-    assert "topside of a, and only b can be reached" in other_drone("a", ["b"])
-    assert "--name b" in other_drone("a", ["b", "c"])
 
 
 def test_a_topside_that_had_its_drone_is_told_to_wait_and_not_to_leave_it():

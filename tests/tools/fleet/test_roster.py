@@ -103,13 +103,6 @@ def test_other_messages_two_of_a_name_and_silence_are_said() -> None:
     assert "is announced, but says nothing" in table(roster, "E", "same")
 
 
-def test_where_nobody_is_one_sentence_says_so() -> None:
-    assert table(Roster(), "tcp/127.0.0.1:7447", "") == (
-        "no drone can be reached at tcp/127.0.0.1:7447"
-    )
-    assert not Roster().complete
-
-
 def test_a_thousand_announced_by_a_stranger_are_counted_and_hide_nobody_who_was_there() -> None:
     roster = whole()
     for k in range(1000):

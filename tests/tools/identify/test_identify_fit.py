@@ -26,7 +26,7 @@ from tools.identify.motion_model import (
     predict,
     start_of,
 )
-from tools.identify.search import descended, first_guess
+from tools.identify.search import descended
 
 FILE = Stack().section("vehicle", Vehicle)
 TRUTH = in_the_water(
@@ -132,14 +132,6 @@ def test_without_any_excitation_nothing_is_fitted() -> None:
     found = fit(made("none"), start_of(FILE))
     assert found.axes == ()
     assert set(found.refused) >= set(AXES)
-
-
-def test_a_guess_from_regression_is_near() -> None:
-    start = start_of(FILE)
-    guess = first_guess(made(), start, ("heave", "yaw"), lag=True)
-    expected = truth(start)
-    assert guess[[6, 9]] == pytest.approx(expected[[6, 9]], abs=0.1)  # of inertias
-    assert guess[LAG] == pytest.approx(expected[LAG], abs=0.25)
 
 
 @pytest.mark.slow

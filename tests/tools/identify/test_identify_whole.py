@@ -144,14 +144,6 @@ def test_a_plan_below_the_depth_limit_is_refused(depth: float) -> None:
         plan(stack.section("vehicle", Vehicle), stack.section("reference", Settings), AXES, depth)
 
 
-@pytest.mark.parametrize("buoyancy", ["nan", "inf", "0"])
-def test_a_net_buoyancy_that_is_no_number_is_refused_before_anything_is_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], buoyancy: str
-) -> None:
-    assert main(["identify", str(tmp_path / "none"), "--net-buoyancy", buoyancy]) == 1
-    assert capsys.readouterr().err.startswith(f"lindy: --net-buoyancy is {buoyancy}, expected")
-
-
 @pytest.mark.parametrize("name", ["pioneer", "bluerov2_heavy", "minerva"])
 def test_only_the_numbers_of_a_file_change(name: str) -> None:
     text = (DEPLOY / "vehicles" / f"{name}.toml").read_text()

@@ -102,11 +102,6 @@ def test_a_name_that_is_taken_off_is_off_and_nothing_else_changes(text: str, who
     assert without(after, who) == after
 
 
-def test_a_bad_line_of_a_list_is_named_by_its_number() -> None:
-    with pytest.raises(ValueError, match="line 3: "):
-        without("pilot:ann\n# friends\nbob\n", parse("pilot:ann"))
-
-
 def test_a_drone_lets_in_who_calls_and_a_caller_speaks_to_drones_and_routers_alone() -> None:
     assert {*LETS_IN["drone"]} == {"pilot", "observer", "router"}
     assert {*LETS_IN["pilot"]} == {*LETS_IN["observer"]} == {"drone", "router"}

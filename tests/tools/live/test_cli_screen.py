@@ -8,7 +8,7 @@ from rich.console import Console
 
 from messages.health import LogLine
 from services.vehicle_view.log_lines import LogEntry, LogLines
-from tools.live.screen import HALF, LINES, ServiceView, View, bar, plain, render
+from tools.live.screen import LINES, ServiceView, View, plain, render
 
 NAMES = ["simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder"]
 WIDTHS = pytest.mark.parametrize("width", [80, 120])
@@ -112,20 +112,6 @@ def test_whatever_the_height_nothing_that_a_pilot_needs_is_cut(
         assert f"service_{services - 1} gone" in text
 
 
-def test_a_terminal_of_24_rows_shows_all_log_lines_and_says_how_many_services_are_left_out():
-    lines = text_of(replace(FULL, words=""), 80, 23)
-    assert len(lines) == 23
-    assert sum(" [ms] long" in line for line in lines) == LINES
-    assert lines[-1].startswith("and 6 more")
-    assert any(line.startswith("visualizer gone") for line in lines)
-
-
-def test_units_in_brackets_survive_in_log_lines_and_only_the_newest_are_shown():
-    text = "\n".join(text_of(FULL, 120))
-    assert f"line {LINES + 2} [ms]" in text
-    assert "line 2 " not in text
-
-
 def test_what_is_not_known_is_shown_as_a_dash_and_not_as_zero():
     text = "\n".join(text_of(View(title="x", services=(ServiceView("control", True),)), 80))
     assert "– m" in text
@@ -133,25 +119,11 @@ def test_what_is_not_known_is_shown_as_a_dash_and_not_as_zero():
     assert "--:--" in text
 
 
-@settings(max_examples=100, deadline=None)
-@given(st.floats(-1.5, 1.5))
-def test_a_bar_always_has_the_same_width_and_grows_on_the_side_of_the_stick(value: float):
-    left, right = bar(value).split("│")
-    assert len(left) == len(right) == HALF
-    assert left.count("█") == max(0, -round(max(-1.0, min(1.0, value)) * HALF))
-    assert right.count("█") == max(0, round(max(-1.0, min(1.0, value)) * HALF))
-
-
 def test_one_plain_line_says_the_same():
     line = plain(FULL)
     assert "\n" not in line
     for value in ("01:23", "armed stopping", "12.35 m", "359.9°", "221.2 ms", "FAILSAFE", "3"):
         assert value in line
-
-
-def test_old_figures_are_said_to_be_old_in_one_line_too() -> None:
-    assert "heading  359.9°  2.0 s old  rtt" in plain(replace(FULL, age_ms=2000.0))
-    assert "old" not in plain(replace(FULL, age_ms=20.0, words=""))
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -210,15 +182,6 @@ def test_what_is_wrong_with_the_picture_is_said_on_screen_and_in_a_line(height: 
     assert height is None or len(rows) <= height
     assert "CAMERA no picture for 4 s" in plain(view)
     assert "CAMERA" not in plain(WORST)
-
-
-def test_a_long_warning_takes_a_second_row_while_there_is_one_free():
-    text = "the drone holds its depth only; calibrate the compass before the next dive, on land"
-    line = LogLine(stamp_ns=0, service="estimation", level="warning", text=text)
-    lines = text_of(replace(WORST, lines=(LogEntry(line, 1, 3.0, 3.0),)), 80, 23)
-    assert text in " ".join(" ".join(lines).split())
-    crowded = (LogEntry(line, 1, 3.0, 3.0),) * LINES
-    assert sum("calibrate" in line for line in text_of(replace(WORST, lines=crowded), 80)) == LINES
 
 
 @pytest.mark.parametrize(

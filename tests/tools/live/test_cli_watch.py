@@ -204,18 +204,6 @@ def test_disarming_is_asked_for_with_one_id_until_it_is_answered(deaf_for: int):
     assert {(request.id, request.kind) for request in heard} == {(heard[0].id, "disarm")}
 
 
-def test_the_answer_to_somebody_elses_request_is_not_ours():
-    host = VirtualHost()
-    pilot = host.node("supervisor", ["topside"])
-    disarming = Disarming(pilot, OwnPilot(pilot))
-    pilot.every(50.0, disarming.ask)
-    other = host.node("reference", ["topside"]).publisher(topics.PILOT_ANSWER)
-    host.run(SECOND // 2)
-    other.put(PilotAnswer(stamp_ns=0, id="another", accepted=True))
-    host.run(SECOND)
-    assert not disarming.done
-
-
 def test_the_end_of_a_dive_is_asked_in_the_name_of_this_sides_pilot():
     host, heard = VirtualHost(), list[PilotRequest]()
     node = host.node("supervisor", ["topside"])

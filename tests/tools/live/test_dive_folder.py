@@ -261,14 +261,6 @@ def test_two_dives_that_begin_together_do_not_share_a_folder(tmp_path: Path) -> 
     first.communicate("")
 
 
-def test_links_that_lead_in_a_circle_are_one_sentence(tmp_path: Path) -> None:
-    (tmp_path / "a").symlink_to("b")
-    (tmp_path / "b").symlink_to("a")
-    for place in (tmp_path / "a", tmp_path / "a" / "dive"):
-        with pytest.raises(LindyError, match="cannot write into --out"):
-            out_folder(place)
-
-
 def test_a_tilde_is_the_home_and_letters_that_are_no_utf_8_are_refused(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

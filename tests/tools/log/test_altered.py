@@ -78,24 +78,3 @@ def test_what_is_wrong_in_its_vehicle_file_is_said_of_the_recording(
     path = rewritten(dive, tmp_path / "wrong.mcap", attached=no_mass)
     assert main([words[0], str(path), *words[1:]]) == 1
     assert f"lindy: {path}: my_drone.toml:" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("data", [b"", b"\x89MCAP0", b"\x89MCAP0\r\n"])
-@pytest.mark.parametrize(
-    "verb",
-    ["log sticks --out x.csv", "log film --out x.mp4", "log snapshots --out x", "log check",
-     "log csv", "identify", "simulate --from"],
-)  # fmt: skip
-def test_a_recording_that_had_only_begun_is_not_something_else(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    verb: str,
-    data: bytes,
-) -> None:
-    """Such as one in which nobody flew, or one that Lindy did not record."""
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "empty.mcap"
-    path.write_bytes(data)
-    assert main([*verb.split(), str(path)]) == 1
-    assert capsys.readouterr().err.startswith(f"lindy: {path} holds no messages; ")

@@ -8,9 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages import topics
 from messages.vehicle import VehicleStatus
-from services.runtime.config.errors import LindyError
 from tools.__main__ import main
 from tools.log.armed_spans import ArmedSpan, ArmedSpans, armed_spans, around
 from tools.recordings.mcap_records import StoredMessage
@@ -106,16 +104,6 @@ def test_a_dive_cut_by_its_number_is_a_recording_like_any_other(
     assert main(["log", "compare", str(out), str(out)]) == 0  # what it reports of the dive
 
 
-def test_people_read_the_number_of_each_dive(
-    two_dives: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["log", "info", str(two_dives)]) == 0
-    said = capsys.readouterr().out
-    first, second = armed_spans(open_recording(two_dives))
-    assert f"\ndive 1: armed {first.words} ({first.seconds:.1f} s)\n" in said
-    assert f"\ndive 2: armed {second.words} ({second.seconds:.1f} s)\n" in said
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -139,17 +127,6 @@ def test_a_number_that_is_not_there_is_one_sentence(
     assert said in error
     assert error.count("\n") == 1
     assert not out.exists()
-
-
-def test_a_recording_that_was_never_armed_has_no_dives() -> None:
-    with pytest.raises(LindyError, match=f"no {topics.STATUS.key} says that the drone was armed"):
-        around([], 1, "here")
-
-
-def test_of_many_dives_the_sentence_shows_some() -> None:
-    spans = [ArmedSpan(10.0 * n, 10.0 * n + 5.0, ended=True) for n in range(40)]
-    with pytest.raises(LindyError, match=r"there are 40 dives .*, and 28 more"):
-        around(spans, 41, "here")
 
 
 @given(heard(), st.floats(0.0, 1000.0))

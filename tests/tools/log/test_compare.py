@@ -1,16 +1,13 @@
 """What two dives differ in is found: where, when first, and by how much."""
 
-from array import array
 from pathlib import Path
 
 import msgspec
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.records import Metadata
 
-from messages import topics
 from tools.__main__ import main
 from tools.log.cut import WantedPart, cut_out
 from tools.log.flatten import Flattening
@@ -153,21 +150,3 @@ def test_dives_of_two_vehicles_are_one_sentence(
     said = capsys.readouterr().err
     assert "is of the vehicle my_drone" in said
     assert "of minerva: compare two dives of one vehicle" in said
-
-
-def test_series_of_a_dive_are_what_it_recorded(dive: ShortDive) -> None:
-    found = DiveSeries(open_recording(dive.folder), Words())
-    depth = found.of(topics.TRUTH, "position.down")
-    assert depth is not None
-    assert isinstance(found.topics["state"].log_ns, array)
-    assert np.all(np.diff(depth[0]) > 0.0)
-    assert found.of(topics.TRUTH, "position.up") is None
-    assert found.unread == 0
-
-
-def test_pictures_are_not_kept() -> None:
-    words = Words()
-    picture = "A" * 500_000
-    assert words.number(picture) == words.number(picture)
-    assert words.number(picture) != words.number(f"{picture}B")
-    assert len(words.word(words.number(picture))) == 64

@@ -99,19 +99,6 @@ def test_of_a_whole_recording_nothing_is_said(dive: ShortDive) -> None:
     assert recording.damage == []
 
 
-def test_views_for_foxglove_are_not_missing_messages(tmp_path: Path) -> None:
-    path = tmp_path / "dive.mcap"
-    file = McapFile(path)
-    file.metadata("dive", {"vehicle": "pioneer"})
-    for key in (KEY, "foxglove/pose"):
-        file.open_channel(key, "PressureSample", b"{}")
-        for n in range(20):
-            file.write(key, b'{"stamp_ns": 1, "pressure": 1e5}', n, n, n)
-    file.metadata("losses", {})
-    file.finish()
-    assert remarks(open_source(path)) == []
-
-
 @pytest.mark.parametrize("byte", range(2, 9))  # 1: less than what ends the frame
 def test_what_follows_a_chunk_with_a_damaged_length_is_recovered(tmp_path: Path, byte: int) -> None:
     path, out = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
@@ -158,13 +145,6 @@ def test_a_part_keeps_the_seconds_of_the_whole_in_a_replay(dive: ShortDive, tmp_
         span_of(source, None, 1.0)
 
 
-def test_duplicates_are_in_the_table_of_check(
-    dive: ShortDive, capsys: pytest.CaptureFixture[str]
-) -> None:
-    main(["log", "check", str(dive.folder)])
-    assert "duplicated" in capsys.readouterr().out
-
-
 def test_losses_are_counted_by_the_rule_of_the_summary(
     dive: ShortDive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,13 +158,3 @@ def test_losses_are_counted_by_the_rule_of_the_summary(
     monkeypatch.setattr("tools.log.compare.report_on", same)
     sides = figures(recording, recording)
     assert [each.a for each in sides if each.name.startswith("losses")] == [5.0]
-
-
-def test_a_table_in_place_of_a_file_is_one_sentence(
-    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "mine"
-    out.write_bytes(b"mine")
-    assert main(["log", "csv", str(dive.folder), "--out", str(out)]) == 1
-    assert "choose another --out" in capsys.readouterr().err
-    assert out.read_bytes() == b"mine"

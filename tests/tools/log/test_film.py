@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -347,13 +346,3 @@ def test_what_was_filmed_is_of_the_camera_that_was_large_when_it_began() -> None
         for name in ("front", "down")
     }
     assert snapshots == {"front": [6], "down": []}
-
-
-def test_without_pillow_there_is_a_sentence_and_no_empty_film(
-    dive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "PIL", None)
-    monkeypatch.delitem(sys.modules, "tools.log.film_overlay", raising=False)
-    with pytest.raises(LindyError, match="not installed"):
-        filmed(open_recording(dive), tmp_path / "film.mp4", overlay=True)
-    assert list(tmp_path.iterdir()) == []

@@ -69,12 +69,6 @@ def test_the_recording_carries_every_file_that_the_dive_was_flown_with(dive: Sho
     assert about["stack"]["overrides"][1] == "control.depth.kp=3"
 
 
-def test_attachments_have_the_times_of_their_files(dive: ShortDive) -> None:
-    found = attached(dive.folder)
-    for name in ("my_drone.toml", "script.csv", DIVE):
-        assert found[name].create_time > 10**18  # [ns] UTC: this century
-
-
 def test_it_is_the_same_dive_again(
     dive: ShortDive,
     tmp_path: Path,
@@ -200,9 +194,3 @@ def test_no_other_file_is_taken_for_the_vehicle(
         assert main([*verb, str(path)]) == 1
         said = capsys.readouterr().err
         assert "my_drone.toml is damaged; name one with --vehicle" in said
-
-
-def test_a_damaged_dive_json_is_one_sentence(dive: ShortDive, tmp_path: Path) -> None:
-    path = with_dive_file(dive, tmp_path / "wrong.mcap", stack=[])
-    with pytest.raises(LindyError, match=r"wrong\.mcap: the attachment dive\.json: "):
-        fly_again(path, Choices())

@@ -39,16 +39,6 @@ def test_topics_and_attachments_are_counted(
     assert found["dive"]["stack"]["seed"] == 7
 
 
-def test_people_read_what_happened(dive: ShortDive, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["log", "info", str(dive.folder)]) == 0
-    said = capsys.readouterr().out
-    assert "s  armed\n" in said
-    assert "s  disarmed\n" in said
-    assert "Lindy             0." in said
-    assert "set               estimation.calibration.still_time=1, control.depth.kp=3" in said
-    assert "sensor/imu" in said
-
-
 def test_an_empty_or_a_missing_recording_is_no_traceback(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

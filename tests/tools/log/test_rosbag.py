@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
 
@@ -106,23 +105,3 @@ def test_it_says_what_has_no_place_in_ros(
     assert "not in ROS 2's words: " in said
     assert "control/wrench" in said
     assert "sensor/imu" not in said
-
-
-def test_of_a_recording_without_messages_there_is_no_bag_but_a_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with (tmp_path / "bare.mcap").open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        writer.finish()
-    assert main(["log", "rosbag", str(tmp_path / "bare.mcap")]) == 1
-    assert "bare.mcap holds no messages" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["bare.mcap"]
-
-
-def test_a_folder_that_cannot_be_written_is_one_sentence(
-    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("")
-    assert main(["log", "rosbag", str(dive.folder), "--out", str(tmp_path / "file" / "b")]) == 1
-    assert "cannot write" in capsys.readouterr().err

@@ -53,13 +53,6 @@ def test_the_verb_writes_a_stick_log_and_its_path_and_overwrites_nothing(
     assert out.read_bytes() == before
 
 
-def test_a_name_that_no_stick_log_has_is_refused(
-    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["log", "sticks", str(clean_dive.folder), "--out", str(tmp_path / "a.txt")]) == 1
-    assert "expected a name that ends in .csv" in capsys.readouterr().err
-
-
 @given(st.integers(-36_000, 36_000).map(lambda hundredths: hundredths / 100.0))
 def test_a_heading_comes_back_as_it_was_written(heading: float) -> None:
     assert float(in_degrees(radians(heading))) == heading

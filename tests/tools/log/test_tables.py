@@ -18,7 +18,7 @@ from mcap.writer import Writer
 from messages import topics
 from messages.components import COMPONENTS
 from services.recorder.foxglove.channel import is_view
-from services.runtime.config.errors import EndedByUserError, LindyError
+from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY
 from tools.__main__ import main
 from tools.log.export import CsvTable, RowTable, line_of, thruster_names, write_tables
@@ -199,19 +199,6 @@ def foreign(path: Path, payloads: list[bytes], encoding: str = "json") -> Path:
     return path
 
 
-def test_tables_that_ctrl_c_ended_are_said_not_to_be_whole(dive: ShortDive, tmp_path: Path) -> None:
-    made = list[Path]()
-
-    def new(path: Path, columns: list[TableColumn]) -> RowTable:
-        made.append(path)
-        if len(made) == 3:
-            raise KeyboardInterrupt
-        return CsvTable(path, columns)
-
-    with pytest.raises(EndedByUserError, match=r"interrupted; the tables in .* are not whole"):
-        write_tables(dive.folder, tmp_path / "tables", "csv", new)
-
-
 def test_tables_on_a_full_disk_are_said_not_to_be_whole(dive: ShortDive, tmp_path: Path) -> None:
     made = list[Path]()
 
@@ -246,10 +233,3 @@ def test_an_older_or_a_foreign_schema_becomes_a_table_and_what_does_not_fit_is_c
     ]
     said = capsys.readouterr().out
     assert "1 messages left out: /of/others: list has 3 numbers, not 2" in said
-
-
-def test_what_is_not_json_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = foreign(tmp_path / "other.mcap", [b"\x00"], "protobuf")
-    assert main(["log", "csv", str(path)]) == 3
-    said = "1 messages left out: /of/others: it is protobuf, not JSON"
-    assert said in capsys.readouterr().out

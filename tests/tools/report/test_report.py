@@ -20,7 +20,6 @@ from messages.state import VehicleState
 from messages.vehicle import Actuation, VehicleStatus
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
-from tools.analysis.stops import StickStop
 from tools.health_sums import HealthOfAll
 from tools.recordings.recording import open_recording
 from tools.report import Extras, encode, make_report, read_dive, summary
@@ -145,16 +144,6 @@ def test_a_report_has_exactly_the_promised_keys_in_their_order(tmp_path: Path):
     assert list(json.loads(encode(report))) == KEYS
     simulated = report_of(tmp_path / "b", [], Extras(speedup=31.5, log_hash="abc"))
     assert list(json.loads(encode(simulated))) == [*KEYS, "speedup", "log_hash"]
-
-
-def test_an_empty_recording_still_has_a_report_and_a_summary(tmp_path: Path):
-    report = report_of(tmp_path, [], Extras())
-    assert report.seconds == 0.0
-    assert report.depth_error_rms_m is None
-    assert report.peak_jerk_ratio is None
-    assert report.latency_ms.stick_to_thruster.p50 is None
-    assert "NaN" not in encode(report).decode()
-    assert "pioneer" in summary(report)
 
 
 def test_the_whole_length_and_the_armed_length_are_both_said(tmp_path: Path):
@@ -295,16 +284,6 @@ def test_a_service_is_followed_through_its_restarts(tmp_path: Path):
     assert "restarted         control 1 ×\n                  gamepad 2 ×\n" in summary(report)
 
 
-def test_services_that_share_a_process_are_reported_with_it(tmp_path: Path):
-    shared = {"control": "onboard", "reference": "onboard"}
-    extras = Extras(restarts={"control": 1, "reference": 1, "gamepad": 0}, shared=shared)
-    report = report_of(tmp_path, [], extras)
-    assert [report.services[name].process for name in extras.restarts] == [
-        "onboard", "onboard", None,
-    ]  # fmt: skip
-    assert "restarted         onboard (control, reference) 1 ×\n" in summary(report)
-
-
 def test_losses_are_summed_by_name_over_everybody_who_counted(tmp_path: Path):
     said: Said = [
         health("control", MS, sent=1, stale=1),
@@ -318,14 +297,6 @@ def test_losses_are_summed_by_name_over_everybody_who_counted(tmp_path: Path):
     expected = {"clamped": 4, "crashed": 1, "malformed": 5, "stale": 13, "unknown": 3}
     assert report.losses == expected
     assert report.services["recorder"].sent == 1
-
-
-def test_a_dive_is_of_a_drone_and_its_type_is_named_where_it_is_another(tmp_path: Path):
-    report = report_of(tmp_path, [])
-    assert report.drone == report.vehicle  # nothing says its name: an older recording
-    for drone, words in (("pioneer", "pioneer, "), ("boat-2", "boat-2 (pioneer), ")):
-        named = msgspec.structs.replace(report, drone=drone, vehicle="pioneer")
-        assert words in summary(named).splitlines()[0].replace("Dive", "", 1)
 
 
 def test_an_imu_that_falls_silent_makes_no_dive_longer(tmp_path: Path) -> None:
@@ -349,35 +320,6 @@ def test_the_deepest_is_of_a_depth_that_was_known(tmp_path: Path) -> None:
     assert read_dive(open_recording(record(tmp_path, said))).max_depth_m == 2.25
     said = said[-1:]
     assert read_dive(open_recording(record(tmp_path / "lost", said))).max_depth_m is None
-
-
-def test_the_summary_fits_and_says_what_a_pilot_cares_about(tmp_path: Path):
-    said = one_way_through(START, START - 20 * MS, [2, 3, 1, 4])
-    said += [truth(START, depth=4.25), truth(START + MS, depth=7.96)]
-    dive = read_dive(open_recording(record(tmp_path, said)))
-    report = msgspec.structs.replace(
-        make_report(open_recording(tmp_path), Extras(exit="control kept crashing")),
-        seconds=93.2,
-        stops=[
-            StickStop("heave", 10.0, 0.012, 1.0),
-            StickStop("heave", 20.0, 0.034, 1.0),
-            StickStop("yaw", 30.0, radians(0.7), None),
-        ],
-        losses={f"{kind}:state": 2 for kind in ("lost", "stale", "expired", "odd", "malformed")},
-    )
-    text = summary(report, dive.max_depth_m, [tmp_path / "dive.mcap", tmp_path / "report.json"])
-    assert len(text.splitlines()) <= 15
-    for word in (
-        *("1 min 33 s", "8.0 m", "3.4 cm", "at 20.0 s", "0.7°", "30 ms", "tether"),
-        *("control kept crashing", "2 × odd", "report.json", "dive.mcap", str(tmp_path)),
-    ):
-        assert word in text
-
-
-def test_a_dive_without_losses_says_so(tmp_path: Path):
-    lines = summary(report_of(tmp_path, CLEAN)).splitlines()
-    assert lines[0].endswith("ended cleanly")
-    assert any(line.split() == ["losses", "none"] for line in lines)
 
 
 CLEAN = [

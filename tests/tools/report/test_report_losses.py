@@ -17,7 +17,6 @@ from tools.health_sums import HealthSums
 from tools.recordings.recording import open_recording
 from tools.report.report import Extras, make_report
 from tools.report.summary import summary
-from tools.report.troubles import counted, ending
 
 FATES = {row.name for row in (events.LOST, *NOT_CARRIED, *NOT_USED)} - {events.OVERFLOWED.name}
 STATE = "state"  # goes up
@@ -162,25 +161,3 @@ def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_import
     whole = summary(msgspec.structs.replace(report, losses=counts), all_losses=True)
     assert " more kinds" not in whole
     assert len(whole.splitlines()) == len(text.splitlines()) + 2
-
-
-def test_water_in_the_enclosure_goes_before_what_happens_more_often(severe: Path):
-    report = make_report(open_recording(severe), Extras())
-    counts = {events.LEAK.noticed.name: 1, events.SERVICE_LATE.noticed.name: 99}
-    text = summary(msgspec.structs.replace(report, losses=counts))
-    assert text.index(events.LEAK.sentence) < text.index(events.SERVICE_LATE.sentence)
-
-
-@pytest.mark.parametrize(
-    ("reason", "counts", "words"),
-    [
-        ("clean", {}, "ended cleanly"),
-        ("clean", {"thinned:state": 5, "failsafe:pilot_lost": 0}, "ended cleanly"),
-        ("clean", {"failsafe:pilot_lost": 106}, "ended; pilot lost 106 times"),
-        ("clean", {"failsafe:leak": 1}, "ended; leak once"),
-        ("clean", {"hung:control": 2}, "ended; control did not answer 2 times"),
-        ("interrupted", {"failsafe:pilot_lost": 1}, "broke off: interrupted"),
-    ],
-)
-def test_how_a_dive_ended(reason: str, counts: dict[str, int], words: str):
-    assert ending(reason, counted(counts)) == words

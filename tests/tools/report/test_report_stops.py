@@ -243,11 +243,6 @@ def test_after_a_stop_request_only_centred_sticks_count_as_deflected_again():
     assert stop.settle_s == pytest.approx(9.0 - RELEASE, abs=0.011)
 
 
-def test_other_requests_stop_nothing():
-    said = sticks("heave", held) + request(RELEASE, "arm")
-    assert stops(dive_of(moving("heave", lambda _: 0.0) + said)) == []
-
-
 @pytest.mark.slow
 @given(ahead=st.integers(-START, 10**16))
 @settings(max_examples=10, deadline=None)

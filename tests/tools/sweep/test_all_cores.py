@@ -42,10 +42,6 @@ def test_each_job_is_done_once():
     assert sorted(found) == [(n, n * n) for n in range(20)]
 
 
-def test_no_jobs_are_no_results():
-    assert [r for r in on_all_cores(square, [], 2) if r is not None] == []
-
-
 def test_an_error_in_a_job_is_raised():
     with pytest.raises(ValueError, match="no 1"):
         list(on_all_cores(fail, [1], 1))

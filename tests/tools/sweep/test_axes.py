@@ -85,10 +85,3 @@ def test_a_mistake_is_one_sentence(options: dict[str, str], says: str):
     with pytest.raises(LindyError) as error:
         read(**options)
     assert says in str(error.value)
-
-
-def test_a_key_that_is_set_twice_is_refused():
-    with pytest.raises(
-        LindyError, match=r"--set a\.b is there twice; write --set a\.b=value,value"
-    ):
-        axes(["pioneer"], ["tether"], ["script:a"], ["a.b=1", "a.b=2"], ["0"])

@@ -8,7 +8,6 @@ import pytest
 
 import tools.sweep.sweep as module
 from tools.__main__ import main
-from tools.report import Report
 from tools.sweep.axes import Combination, PlannedDive, axes
 from tools.sweep.finished import rows_file
 from tools.sweep.one_dive import Job, fly_one, killed_row
@@ -93,38 +92,6 @@ def test_the_row_is_the_report(script: str, tmp_path: Path):
     assert json.loads(str(in_memory["losses"])) == report["losses"]
 
 
-@pytest.mark.slow
-def test_a_dive_in_memory_reports_what_its_recording_would(script: str, tmp_path: Path):
-    import msgspec
-
-    from services.runtime.config.stack import Stack
-    from services.runtime.hosts.registry import Registry
-    from tools.checks import pilot_of
-    from tools.live.dive_timeline import DiveTimeline
-    from tools.live.outcome import Outcome
-    from tools.live.virtual_dive import MemoryRecorder, fly, without_files
-    from tools.recordings.recording import log_hash, open_recording
-    from tools.report import read_dive
-
-    pilot, services = pilot_of(script), without_files(Registry.read())
-    reports: list[Report] = []
-    for memory in (MemoryRecorder(), None):
-        stack = Stack(
-            pilot=script, link="severe", virtual=True, out=str(tmp_path), overrides=[QUICK]
-        )
-        outcome = Outcome(stack)
-        timeline = DiveTimeline(pilot.script_s)
-        fly(stack, services, timeline, outcome, stop=lambda: False, memory=memory)
-        if memory is not None:
-            report = outcome.report_in_memory(memory.dive(), memory.log_hash())
-        else:
-            dive = read_dive(open_recording(tmp_path))
-            report = outcome.report_in_memory(dive, log_hash(tmp_path) or "")
-        reports.append(msgspec.structs.replace(report, speedup=0.0))
-    assert reports[0] == reports[1]
-    assert reports[0].log_hash
-
-
 def test_parquet_has_the_same_rows_with_types(tmp_path: Path):
     parquet = pytest.importorskip("pyarrow.parquet")
     from tools.sweep.rows import encoded
@@ -179,15 +146,6 @@ def test_a_mistake_is_one_sentence_before_the_first_dive(
     assert says in err
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_picture_that_is_there_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    picture = tmp_path / "x.png"
-    picture.write_text("mine")
-    words = ["--out", str(tmp_path / "x.csv"), "--picture", str(picture)]
-    assert main(["sweep", *words]) == 1
-    assert "it exists already; choose another --picture" in capsys.readouterr().err
-    assert picture.read_text() == "mine"
 
 
 def test_without_pyarrow_parquet_is_refused_with_what_installs_it(
@@ -250,29 +208,6 @@ def test_the_picture_is_a_png_with_every_figure():
         "remote": 2,
     }
     assert drawn(rows, found.varied).startswith(b"\x89PNG")
-
-
-def test_a_figure_that_no_dive_has_gets_no_panel():
-    from tools.sweep.picture import MAIN, drawn
-
-    empty: Row = dict.fromkeys(columns([])) | {"end": "clean"}
-    heights: list[int] = []
-    for measured in (MAIN[:1], MAIN[:2], MAIN, ()):
-        png = drawn([empty | {main.column: 1.0 for main in measured}], [])
-        heights.append(int.from_bytes(png[20:24]))
-    one, two, every, none = heights
-    assert one == none < two < every
-
-
-@pytest.mark.slow
-def test_one_dive_on_one_core_is_written_so(
-    tmp_path: Path, script: str, capsys: pytest.CaptureFixture[str]
-):
-    out = tmp_path / "x.csv"
-    assert main(["sweep", "--pilot", script, "--set", QUICK, "--out", str(out)]) == 0
-    said = capsys.readouterr().out
-    assert f"1 dive, on 1 core → {out}" in said
-    assert f"written {out} (1 row)" in said
 
 
 def test_a_dive_whose_process_is_killed_each_time_is_a_row_that_says_so():

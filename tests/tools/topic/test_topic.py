@@ -21,7 +21,7 @@ from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
-from tools.topic.figures import HeardStream, SenderClock, aligned
+from tools.topic.figures import HeardStream, SenderClock
 from tools.topic.listening import named, side_of
 from tools.topic.top import SILENT_NS, table
 
@@ -46,11 +46,6 @@ def test_rate_pauses_and_amount_are_those_of_what_came(gaps: list[int], size: in
     _, kbit, mean, largest = figures.cells("bw", topics.STATE)
     assert float(kbit) == pytest.approx(hz * size * 8e-3, abs=0.051)
     assert (mean, largest) == (str(size), str(size))
-
-
-def test_of_a_stream_that_did_not_come_nothing_is_known() -> None:
-    for what in ("hz", "delay", "bw"):
-        assert "–" in HeardStream().cells(what, topics.STATE)
 
 
 @given(st.integers(-(10**15), 10**15), st.integers(0, 10**9), st.sampled_from(["topside", "drone"]))
@@ -118,14 +113,6 @@ def test_top_ranks_and_says_who_is_late_or_silent_and_what_was_counted_in_the_la
     assert lines[2][-1] == "–"
     assert [line.split()[0] for line in table(heard, 10 * S, "name")[1:]] == ["a", "b", "c"]
     assert [line.split()[0] for line in table(heard, 10 * S, "late")[1:]] == ["b", "a", "c"]
-
-
-@given(st.lists(st.tuples(st.text("ab", max_size=9), st.text("1", max_size=9)), min_size=1))
-def test_columns_are_aligned(lines: list[tuple[str, str]]) -> None:
-    for line, (first, second) in zip(aligned(lines), lines, strict=True):
-        assert line == line.rstrip()
-        assert line.startswith(first)
-        assert line.endswith(second)
 
 
 @contextmanager
