@@ -13,6 +13,7 @@ import pytest
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.running import RUNNING, Running
+from tests.support.cli import complaint as complaint
 from tools import exit_status
 from tools.__main__ import GONE, LOG, VERBS, Verb, command_line, main
 from tools.live import pilots
@@ -28,18 +29,6 @@ def script(tmp_path: Path) -> str:
     path = tmp_path / "good.csv"
     path.write_text(GOOD)
     return f"script:{path}"
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Runs a command that must fail well, and returns what it says."""
-    assert main(arguments) == 1
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("lindy: ")
-    assert err.count("\n") == 1
-    assert "Traceback" not in err
-    assert "error in Lindy" not in err
-    return err
 
 
 @BOTH

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.tools.test_cli_verbs import complaint
+from tests.support.cli import complaint
 
 
 def nothing(_: str) -> None:

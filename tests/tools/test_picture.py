@@ -8,15 +8,14 @@ import pytest
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
+from tools.importing.command import import_log
 from tools.picture import IDLE_S, draw, loaded, picture, rrd_of
 from tools.replay.source import open_source
 
 rr = pytest.importorskip("rerun", reason="the viewer extra is not installed")
 
-from services.visualizer.blueprint import PAGES, blueprint
-from tests.services.visualizer.test_visualizer_service import read_back
-from tests.tools.importing.logs import SLOW_HZ, ulog
-from tests.tools.importing.test_rosbags import imported
+from services.visualizer.blueprint import PAGES, blueprint  # noqa: E402 - needs rerun
+from tests.tools.importing.logs import SLOW_HZ, ulog  # noqa: E402
 
 DRIVERS = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
 needs_vulkan = pytest.mark.skipif(
@@ -147,10 +146,15 @@ def test_a_viewer_that_has_read_everything_and_has_no_dive_is_not_waited_for(
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_an_imported_recording_is_drawn(tmp_path: Path) -> None:
-    out = imported(ulog(tmp_path / "1.ulg"), tmp_path / "dive")
+    out = tmp_path / "dive"
+    import_log(ulog(tmp_path / "1.ulg"), map_=None, out=out, vehicle=None)
     before = sorted(path.name for path in out.iterdir())
     draw(open_source(out), tmp_path / "dive.rrd")
-    times, depths = read_back(tmp_path / "dive.rrd", "/depth/autopilot")
+    reader = rr.chunk.RrdReader(str(tmp_path / "dive.rrd"))
+    drawn = reader.stream().filter(content="/depth/autopilot", is_static=False)
+    batches = [part.to_record_batch() for part in drawn]
+    times = np.concatenate([np.asarray(b["dive"]).astype(np.int64) / 1e9 for b in batches]).tolist()
+    depths = np.concatenate([b["Scalars:scalars"].flatten() for b in batches]).tolist()
     assert depths == pytest.approx([k / SLOW_HZ for k in range(2 * SLOW_HZ)])
     assert times == pytest.approx(depths)  # it sinks by 1 m/s
     assert sorted(path.name for path in out.iterdir()) == before

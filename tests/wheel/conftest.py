@@ -4,17 +4,18 @@ The libraries it depends on are those of this environment. In the user's folder 
 as the folders of this repository; nothing of Lindy may import them.
 """
 
-import fcntl
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from sysconfig import get_path
 
 import pytest
+
+from tests.support.once import once
 
 ROOT = Path(__file__).parents[2]
 USERS = ("services.py", "messages/__init__.py", "tools/__init__.py", "deploy.py", "tests.py")
@@ -58,25 +59,9 @@ class Installed:
 
 @pytest.fixture(scope="session")
 def installed(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Installed:
-    base = tmp_path_factory.getbasetemp()
-    shared = base if worker_id == "master" else base.parent
-    folder = once(shared / "wheel", install)
+    folder = once(tmp_path_factory, worker_id, "wheel", install)
     (wheel,) = folder.glob("*.whl")
     return Installed(folder, wheel, folder / "desk")
-
-
-def once(folder: Path, make: Callable[[Path], None]) -> Path:
-    """Made by the first process of a run that needs it."""
-    with folder.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not folder.exists():
-            unfinished = folder.with_suffix(".unfinished")
-            shutil.rmtree(unfinished, ignore_errors=True)
-            unfinished.mkdir()
-            make(unfinished)
-            # A venv's programs name their own place.
-            folder.symlink_to(unfinished, target_is_directory=True)
-    return folder.resolve()
 
 
 def install(folder: Path) -> None:

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.once import once
 from tests.support.patience import PATIENCE_S, until
-from tests.wheel.conftest import ROOT, Installed, once
+from tests.wheel.conftest import ROOT, Installed
 
 pytestmark = [pytest.mark.slow, pytest.mark.system]
 
@@ -100,9 +101,7 @@ def desk(
         whole = (flown / "dive.mcap").read_bytes()
         (at / "broken.mcap").write_bytes(whole[: len(whole) * 2 // 3])
 
-    base = tmp_path_factory.getbasetemp()
-    shared = base if worker_id == "master" else base.parent
-    return replace(installed, desk=once(shared / "desk", lay) / "desk")
+    return replace(installed, desk=once(tmp_path_factory, worker_id, "desk", lay) / "desk")
 
 
 @pytest.fixture

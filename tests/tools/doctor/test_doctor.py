@@ -26,7 +26,7 @@ from tests.support.ardusub_double.board import BoardDouble
 from tests.support.ardusub_double.cable import STACK, VEHICLE
 from tests.support.ardusub_double.memory import MemoryLink
 from tests.support.ardusub_double.settings import defaults
-from tests.tools.test_cli_verbs import complaint
+from tests.support.cli import complaint
 from tools.__main__ import main
 from tools.doctor.board_checks import of_board, remedy
 from tools.doctor.command import go_through

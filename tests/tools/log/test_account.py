@@ -11,12 +11,11 @@ from mcap.writer import Writer
 
 from messages.health import Health
 from services.recorder.foxglove.channel import is_view
+from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
 from tools.log.check import Accounts, LinkReports, Numbering, account_for, accounts
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
-
-from .conftest import ShortDive, rewritten
 
 KEY = "pilot/command"
 numbers = st.integers(0, 300)

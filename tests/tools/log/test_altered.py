@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.recorded import Alter, ShortDive, rewritten
 from tools.__main__ import main
 from tools.recordings.mcap_records import StoredMessage
-
-from .conftest import Alter, ShortDive, rewritten
 
 # What no message of ours holds, as JSON.
 STRANGE = ["1e309", "-1e308", "NaN", "9" * 400, '"x"', "null", "[]", "{}", "[[[1]]]", "-0.5"]

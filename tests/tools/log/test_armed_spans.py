@@ -9,12 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.vehicle import VehicleStatus
+from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
 from tools.log.armed_spans import ArmedSpan, ArmedSpans, armed_spans, around
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
-
-from .conftest import ShortDive, rewritten
 
 Heard = list[tuple[float, VehicleStatus]]
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.records import Metadata
 
+from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
 from tools.log.cut import WantedPart, cut_out
 from tools.log.flatten import Flattening
@@ -22,8 +23,6 @@ from tools.log.series import (
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
-
-from .conftest import ShortDive, rewritten
 
 SCHEMA = {"type": "object", "properties": {"x": {"type": "number"}, "word": {"type": "string"}}}
 

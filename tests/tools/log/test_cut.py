@@ -10,12 +10,10 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from services.runtime.config.errors import LindyError
+from tests.support.recorded import ShortDive, foreign
 from tools.__main__ import main
 from tools.log.cut import WantedPart, cut_out
 from tools.recordings.recording import is_whole, open_recording
-
-from .conftest import ShortDive
-from .test_recover import foreign
 
 times = st.floats(0.0, 8.0)
 patterns = st.sampled_from([(), ("sensor/*", "state"), ("state", "reference", "pilot/*")])

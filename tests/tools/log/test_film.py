@@ -26,8 +26,6 @@ from messages import topics
 from messages.film import FilmKind, FilmRequest
 from services.marine import time_stripe
 from services.runtime.config.errors import LindyError
-from services.runtime.hosts.registry import Registry
-from tools.choices import Choices
 from tools.log import film_file
 from tools.log.film import STEP_NS, Subtitles, filmed
 from tools.log.film_scenes import (
@@ -39,28 +37,8 @@ from tools.log.film_scenes import (
     within,
 )
 from tools.recordings.recording import Recording, open_recording
-from tools.simulate import simulated
 
-SERVICES = [name for name in Registry.read("camera") if name != "visualizer"]
-SETTINGS = ("estimation.calibration.still_time=1", "simulator.floor_depth=8")
 ffprobe = pytest.mark.skipif(shutil.which("ffprobe") is None, reason="no ffprobe program")
-
-
-@pytest.fixture(scope="module")
-def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With a camera over a link that makes its bitrate change."""
-    out = tmp_path_factory.mktemp("film") / "dive"
-    choices = Choices(
-        pilot="script:first_dive", stack="camera", link="wifi_buoy", seconds=6.0, out=out,
-        set_=SETTINGS,
-    )  # fmt: skip
-    simulated(choices, running=SERVICES)
-    return out
-
-
-@pytest.fixture(scope="module")
-def filmed_pictures(dive: Path) -> list[FilmedPicture]:
-    return list(pictures(open_recording(dive)))
 
 
 def probed(path: Path, *words: str) -> dict[str, Any]:
@@ -73,10 +51,10 @@ def probed(path: Path, *words: str) -> dict[str, Any]:
 @pytest.mark.slow
 @ffprobe
 def test_every_picture_is_in_the_film_at_the_time_of_its_light(
-    dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
+    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:
     out = tmp_path / "dive.mp4"
-    filmed(open_recording(dive), out)
+    filmed(open_recording(filmed_dive), out)
     found = probed(out, "-count_frames", "-show_streams", "-show_packets")
     (stream,) = found["streams"]
     assert (stream["codec_name"], stream["codec_tag_string"]) == ("h264", "avc1")
@@ -96,7 +74,7 @@ def test_every_picture_is_in_the_film_at_the_time_of_its_light(
 @pytest.mark.skipif(shutil.which("cvlc") is None, reason="no VLC program (cvlc)")
 @pytest.mark.parametrize("overlay", [False, True])
 def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
-    dive: Path, filmed_pictures: list[FilmedPicture], *, overlay: bool
+    filmed_dive: Path, filmed_pictures: list[FilmedPicture], *, overlay: bool
 ) -> None:
     """At three times its speed, and without a screen: VLC writes what it shows, as pictures."""
     image = pytest.importorskip("PIL.Image")
@@ -104,7 +82,7 @@ def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
     with tempfile.TemporaryDirectory(prefix="lindy-vlc-") as folder:
         home = Path(folder)
         home.chmod(0o777)
-        filmed(open_recording(dive), home / "dive.mp4", overlay=overlay)
+        filmed(open_recording(filmed_dive), home / "dive.mp4", overlay=overlay)
         answer = subprocess.run(
             ["cvlc", "-vv", "-I", "dummy", "--vout", "dummy", "--no-audio", "--play-and-exit",
              "--rate", "3", "--video-filter", "scene", "--scene-format", "png", "--scene-ratio",
@@ -138,11 +116,11 @@ def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
 @pytest.mark.skipif(shutil.which("melt") is None, reason="no MLT program (melt)")
 @pytest.mark.parametrize("overlay", [False, True])
 def test_an_editor_s_engine_opens_it_and_reads_all_of_its_pictures(
-    dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path, *, overlay: bool
+    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path, *, overlay: bool
 ) -> None:
     """MLT, the engine of Kdenlive and Shotcut, without either's window: it writes what it reads."""
     film, read = tmp_path / "dive.mp4", tmp_path / "read.yuv"
-    filmed(open_recording(dive), film, overlay=overlay)
+    filmed(open_recording(filmed_dive), film, overlay=overlay)
     for _ in range(3):  # on a busy computer it may end, content, before it has written anything
         answer = subprocess.run(
             ["melt", "-silent", str(film), "-consumer", f"avformat:{read}", "f=rawvideo",
@@ -165,10 +143,10 @@ def test_an_editor_s_engine_opens_it_and_reads_all_of_its_pictures(
 
 
 def test_subtitles_say_where_the_drone_was(
-    dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
+    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:
     out = tmp_path / "dive.mp4"
-    filmed(open_recording(dive), out)
+    filmed(open_recording(filmed_dive), out)
     text = out.with_suffix(".srt").read_text()
     lines = [block.split("\n")[2] for block in text.strip().split("\n\n")]
     said = {picture.drone.words for picture in filmed_pictures}
@@ -182,11 +160,11 @@ def test_subtitles_say_where_the_drone_was(
 
 @pytest.mark.slow
 def test_the_overlay_is_as_long_and_needs_no_other_names(
-    dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
+    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:
     pytest.importorskip("PIL")
     out = tmp_path / "shown.mp4"
-    filmed(open_recording(dive), out, overlay=True)
+    filmed(open_recording(filmed_dive), out, overlay=True)
     with av.open(str(out)) as opened:
         frames = list(opened.decode(video=0))
     assert len(frames) == len(filmed_pictures)
@@ -198,16 +176,16 @@ def test_the_overlay_is_as_long_and_needs_no_other_names(
 
 
 @pytest.mark.parametrize("name", ["dive.mp4", "dive.srt"])
-def test_nothing_is_overwritten(dive: Path, tmp_path: Path, name: str) -> None:
+def test_nothing_is_overwritten(filmed_dive: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("mine")
     with pytest.raises(LindyError, match="it exists already"):
-        filmed(open_recording(dive), tmp_path / "dive.mp4")
+        filmed(open_recording(filmed_dive), tmp_path / "dive.mp4")
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert (tmp_path / name).read_text() == "mine"
 
 
 def test_a_full_disk_is_one_sentence_and_leaves_nothing(
-    dive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    filmed_dive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Full:
         """The file of a disk with room for 100 kB."""
@@ -237,7 +215,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(
 
     monkeypatch.setattr(Path, "open", on_a_full_disk)
     with pytest.raises(LindyError, match="the disk is full"):
-        filmed(open_recording(dive), tmp_path / "dive.mp4")
+        filmed(open_recording(filmed_dive), tmp_path / "dive.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -292,9 +270,9 @@ def test_a_line_is_shown_until_the_next_and_never_twice_in_a_row(
     assert times[0][0] == "00:00:00,000"
 
 
-def test_pictures_that_cannot_be_decoded_are_said(dive: Path) -> None:
+def test_pictures_that_cannot_be_decoded_are_said(filmed_dive: Path) -> None:
     """Those after a part that is missing, up to the next keyframe."""
-    whole, left_out = open_recording(dive), set[int]()
+    whole, left_out = open_recording(filmed_dive), set[int]()
     every = list(pictures(whole, left_out))
     assert not left_out
 

@@ -13,6 +13,7 @@ from services.marine.vehicle import Vehicle
 from services.recorder.io.attachments import DIVE
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
+from tests.support.recorded import ShortDive
 from tools.__main__ import main
 from tools.choices import Choices
 from tools.fly_again import fly_again
@@ -20,8 +21,6 @@ from tools.recordings.dive_file import flown_section
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import Damage, salvaged
 from tools.recordings.recording import open_recording
-
-from .conftest import ShortDive
 
 
 def attached(folder: Path) -> dict[str, Attachment]:

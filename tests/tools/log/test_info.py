@@ -7,12 +7,11 @@ import pytest
 from mcap.reader import make_reader
 
 from services.recorder.foxglove.channel import is_view
+from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import open_recording
-
-from .conftest import ShortDive, rewritten
 
 
 def test_topics_and_attachments_are_counted(

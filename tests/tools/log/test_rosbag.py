@@ -12,10 +12,9 @@ from messages import topics
 from messages.vehicle import Truth
 from services.ros2.mapping import MADE, STORE
 from services.runtime.config.settings import deploy_file
+from tests.support.recorded import ShortDive
 from tools.__main__ import main
 from tools.recordings.recording import open_recording
-
-from .conftest import ShortDive
 
 
 @pytest.fixture(scope="module")

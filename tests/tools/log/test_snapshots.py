@@ -14,8 +14,6 @@ from PIL.ExifTags import GPS, IFD, Base
 
 from services.marine import time_stripe
 from services.runtime.config.errors import LindyError
-from tests.tools.log.test_film import dive as dive
-from tests.tools.log.test_film import filmed_pictures as filmed_pictures
 from tools.log.film_scenes import FilmedPicture
 from tools.log.snapshot_file import TEMPERATURE, jpeg, last_of
 from tools.log.snapshots import taken
@@ -31,11 +29,11 @@ def luma_of_each(pictures: list[FilmedPicture]) -> list[np.ndarray]:
 
 @pytest.mark.slow
 def test_a_snapshot_is_the_newest_picture_by_then_and_says_where(
-    dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
+    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:
     frames = luma_of_each(filmed_pictures)
     seconds = (1.5, 5.0, 6.02)
-    written = taken(open_recording(dive), tmp_path / "pictures", seconds)
+    written = taken(open_recording(filmed_dive), tmp_path / "pictures", seconds)
     assert len(written) == len(seconds)
     for at, path in zip(seconds, written, strict=True):
         until = filmed_pictures[0].light_ns + round(1e9 * at)
@@ -73,8 +71,8 @@ def test_place_is_in_the_comment(filmed_pictures: list[FilmedPicture]) -> None:
     assert "water 7.2 C" in exif[Base.ImageDescription]
 
 
-def test_nothing_is_overwritten_and_none_is_one_sentence(dive: Path, tmp_path: Path) -> None:
-    recording = open_recording(dive)
+def test_nothing_is_overwritten_and_none_is_one_sentence(filmed_dive: Path, tmp_path: Path) -> None:
+    recording = open_recording(filmed_dive)
     (path,) = taken(recording, tmp_path, (3.0,))
     before = path.read_bytes()
     with pytest.raises(LindyError, match="it exists already"):
@@ -85,7 +83,9 @@ def test_nothing_is_overwritten_and_none_is_one_sentence(dive: Path, tmp_path: P
 
 
 @pytest.mark.parametrize("at", [float("nan"), float("inf"), -1.0, 1e300])
-def test_a_time_that_cannot_be_is_one_sentence(dive: Path, tmp_path: Path, at: float) -> None:
+def test_a_time_that_cannot_be_is_one_sentence(
+    filmed_dive: Path, tmp_path: Path, at: float
+) -> None:
     with pytest.raises(LindyError, match="expected seconds from 0 to"):
-        taken(open_recording(dive), tmp_path, (at,))
+        taken(open_recording(filmed_dive), tmp_path, (at,))
     assert not list(tmp_path.iterdir())

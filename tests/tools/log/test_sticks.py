@@ -14,11 +14,10 @@ from services.gamepad.io.path_file import course_named, course_of
 from services.gamepad.stick_log import StickLogRow, parse
 from services.piloting.pilot_intents import OutputIntent
 from services.piloting.sticks import CENTRED, Sticks
+from tests.support.recorded import ShortDive
 from tools.__main__ import main
 from tools.log.sticks import RecordedSticks, RequestEvents, SticksRow, as_csv, in_degrees, sticks_of
 from tools.recordings.recording import open_recording
-
-from .conftest import ShortDive
 
 
 def rows(text: str, folder: Path) -> tuple[StickLogRow, ...]:

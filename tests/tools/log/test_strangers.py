@@ -9,12 +9,11 @@ import pytest
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import Writer
 
+from tests.support.recorded import ShortDive
 from tools.__main__ import GROUPS, LOG, main
 from tools.log.check import Account, unrecorded_in
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import StoredMessage, records
-
-from .conftest import ShortDive
 
 Tree = dict[str, Any]
 Edit = Callable[[str, Tree], Tree]  # a message of a key

@@ -20,12 +20,11 @@ from messages.components import COMPONENTS
 from services.recorder.foxglove.channel import is_view
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY
+from tests.support.recorded import ShortDive
 from tools.__main__ import main
 from tools.log.export import CsvTable, RowTable, line_of, thruster_names, write_tables
 from tools.log.flatten import TableColumn
 from tools.recordings.recording import open_recording
-
-from .conftest import ShortDive
 
 cells = st.one_of(
     st.none(),

@@ -125,7 +125,7 @@ class Recorded:
     def __init__(self, states: list[dict[str, float]]) -> None:
         self._states = iter(states)
 
-    def read(self, now_s: float) -> dict[str, float]:
+    def read(self, now_s: float) -> dict[str, float]:  # noqa: ARG002
         if (controls := next(self._states, None)) is None:
             raise LindyError("the pad Recorded was unplugged; nothing was written")
         return controls

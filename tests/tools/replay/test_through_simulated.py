@@ -7,10 +7,7 @@ from pathlib import Path
 import pytest
 
 from services.runtime.config.errors import LindyError
-from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
-from tests.golden.dives import OVERRIDES, SCRIPT
 from tools.recordings.recording import Raw, always
 from tools.replay.differences import in_words
 from tools.replay.source import ReplaySource, open_source
@@ -19,39 +16,25 @@ from tools.replay.through import CANNOT, POSSIBLE, through
 SECONDS = 8.0
 
 
-def dive(folder: Path, link: str) -> ReplaySource:
-    (folder / "script.csv").write_text(SCRIPT)
-    stack = Stack(
-        vehicle="minerva",  # it has every sensor
-        link=link,
-        pilot=f"script:{folder / 'script.csv'}",
-        out=str(folder),
-        seed=5,
-        virtual=True,
-        overrides=OVERRIDES,
-    )
-    services = Registry.read()
-    shown = {name: spec for name, spec in services.items() if name != "visualizer"}
-    host = VirtualHost()
-    host.add_all(services.only(shown), stack)
-    host.run(round(SECONDS * 1e9))
-    host.close()
-    return open_source(folder)
+def first_of(source: ReplaySource) -> tuple[int, int]:
+    """[ns] Begin and end of what is compared: power-on, arming and all axes."""
+    begin, _ = source.span
+    return begin, begin + round(SECONDS * 1e9)
 
 
 @pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> ReplaySource:
-    return dive(tmp_path_factory.mktemp("good"), "tether")
+def good(whole_dive: Path) -> ReplaySource:
+    return open_source(whole_dive)
 
 
 @pytest.fixture(scope="module")
-def bad(tmp_path_factory: pytest.TempPathFactory) -> ReplaySource:
-    return dive(tmp_path_factory.mktemp("bad"), "severe")
+def bad(severe_dive: Path) -> ReplaySource:
+    return open_source(severe_dive)
 
 
 @pytest.mark.parametrize("name", POSSIBLE)
 def test_the_same_input_is_the_same_output(good: ReplaySource, name: str) -> None:
-    found = through(good, [name])
+    found = through(good, [name], span=first_of(good))
     assert [in_words(one, found.begin_ns) for one in found.differences] == []
     assert sum(found.compared.values()) > SECONDS * 5
     assert f"health/{name}" in found.compared
@@ -59,7 +42,7 @@ def test_the_same_input_is_the_same_output(good: ReplaySource, name: str) -> Non
 
 @pytest.mark.parametrize("name", ["estimation", "reference", "control"])
 def test_on_board_a_bad_link_changes_nothing(bad: ReplaySource, name: str) -> None:
-    found = through(bad, [name])
+    found = through(bad, [name], span=first_of(bad))
     assert [in_words(one, found.begin_ns) for one in found.differences] == []
 
 

@@ -5,13 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import events
 from messages.health import Health
-from tools.__main__ import main
 from tools.analysis.losses import NOT_CARRIED, NOT_USED, losses
 from tools.health_sums import HealthSums
 from tools.recordings.recording import open_recording
@@ -105,18 +103,8 @@ def test_what_happens_to_each_service_by_itself_is_added_up():
     assert seen(control={"stale:state": 2}, reference={"stale:state": 3}) == {"stale:state": 5}
 
 
-@pytest.fixture(scope="module")
-def severe(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("severe")
-    assert (
-        main(["simulate", "--link", "severe", "--seed", "1", "--seconds", "12", "--out", str(out)])
-        == 0
-    )
-    return out
-
-
-def test_no_more_is_lost_over_a_bad_link_than_was_sent(severe: Path):
-    recording = open_recording(severe)
+def test_no_more_is_lost_over_a_bad_link_than_was_sent(severe_dive: Path):
+    recording = open_recording(severe_dive)
     sent: dict[str, int] = {}
     for entry in recording:
         sent[entry.key] = max(sent.get(entry.key, 0), entry.message.seq + 1)
@@ -130,8 +118,8 @@ def test_no_more_is_lost_over_a_bad_link_than_was_sent(severe: Path):
         assert lost[key] <= sent[key]
 
 
-def test_a_dive_in_which_a_failsafe_acted_does_not_end_cleanly(severe: Path):
-    report = make_report(open_recording(severe), Extras())
+def test_a_dive_in_which_a_failsafe_acted_does_not_end_cleanly(severe_dive: Path):
+    report = make_report(open_recording(severe_dive), Extras())
     times = report.losses["failsafe:pilot_lost"]
     first, second, *rest = summary(report).splitlines()
     assert first.endswith(f"ended; pilot lost {times} times" if times > 1 else "pilot lost once")
@@ -143,8 +131,10 @@ def test_a_dive_in_which_a_failsafe_acted_does_not_end_cleanly(severe: Path):
     assert not any("failsafe" in line for line in rest)
 
 
-def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_important(severe: Path):
-    report = make_report(open_recording(severe), Extras())
+def test_failsafes_are_never_pushed_out_and_what_is_left_out_is_the_least_important(
+    severe_dive: Path,
+):
+    report = make_report(open_recording(severe_dive), Extras())
     counts = dict.fromkeys(("thinned:state", "burst:state", "lost:state", "loss:state"), 99_999)
     counts |= {"failsafe:state_lost": 1, "failsafe:pilot_lost": 1, "empty:battery": 1}
     counts |= {"lost:depth": 1, "saturated:port": 500}

@@ -1,6 +1,7 @@
 """`lindy review` on a dive of ours and on a log of another program."""
 
 import json
+import shutil
 from pathlib import Path
 
 import msgspec
@@ -8,10 +9,6 @@ import pytest
 
 from messages import topics
 from services.runtime.config.errors import LindyError
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
-from tests.golden.dives import OVERRIDES, SCRIPT
 from tests.tools.importing.logs import dataflash
 from tools.importing.command import import_log
 from tools.replay.source import open_source
@@ -28,25 +25,9 @@ SECONDS = 12.0
 
 
 @pytest.fixture(scope="module")
-def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("review") / "dive"
-    folder.mkdir()
-    (folder / "script.csv").write_text(SCRIPT)
-    stack = Stack(
-        vehicle="minerva",
-        link="tether",
-        pilot=f"script:{folder / 'script.csv'}",
-        out=str(folder),
-        seed=5,
-        virtual=True,
-        overrides=OVERRIDES,
-    )
-    services = Registry.read()
-    host = VirtualHost()
-    host.add_all(services.only({n: s for n, s in services.items() if n != "visualizer"}), stack)
-    host.run(round(SECONDS * 1e9))
-    host.close()
-    return folder
+def dive(whole_dive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy, which pages are written beside."""
+    return Path(shutil.copytree(whole_dive, tmp_path_factory.mktemp("review") / "dive"))
 
 
 @pytest.mark.slow

@@ -1,14 +1,19 @@
-"""A short dive with files of its own: vehicle, link with a trace, script with a path and a link."""
+"""Short recorded dives that many tests read; `once` flies each one time in a run of the tests."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import pytest
+from mcap.reader import make_reader
 from mcap.records import Attachment, Channel
 
 from services.runtime.config.settings import DEPLOY
+from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
+from services.runtime.hosts.virtual_host import VirtualHost
+from tests.golden.dives import OVERRIDES
+from tests.golden.dives import SCRIPT as MOVES
 from tools.choices import Choices
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
@@ -28,29 +33,29 @@ SCRIPT = """t,surge,sway,heave,yaw,tilt,event
 """
 LINK = '[down]\ndelay = {{kind = "trace", file = "{}"}}\nduplicate = 0.1\ncorrupt = 0.02\n'
 QUICK = "estimation.calibration.still_time=1"
-SERVICES = [name for name in Registry.read() if name != "visualizer"]  # its libraries are slow
+
+
+def without_viewer(stack: str = "simulated") -> list[str]:
+    """All services but the one whose libraries are slow."""
+    return [name for name in Registry.read(stack) if name != "visualizer"]
 
 
 class ShortDive(NamedTuple):
+    """With files of its own: vehicle, link with a trace, script with a path and a link. The files
+    that it was flown with are gone."""
+
     folder: Path  # of the recording
     log_hash: str
     script: str
 
 
-@pytest.fixture(scope="session")
-def dive(tmp_path_factory: pytest.TempPathFactory) -> ShortDive:
-    """Over a bad link. The files that it was flown with are gone."""
-    return flown(tmp_path_factory, "first.toml")
-
-
-@pytest.fixture(scope="session")
-def clean_dive(tmp_path_factory: pytest.TempPathFactory) -> ShortDive:
-    """The same over a link that loses nothing."""
-    return flown(tmp_path_factory, "clean.toml")
-
-
-def flown(tmp_path_factory: pytest.TempPathFactory, link: str) -> ShortDive:
-    files = tmp_path_factory.mktemp("files")
+def fly_short_dive(folder: Path, link: str) -> None:
+    """
+    Args:
+        link: `first.toml`, a bad one; `clean.toml` loses nothing.
+    """
+    files = folder / "files"
+    files.mkdir()
     bad = "second" if link == "first.toml" else "clean"
     own = {
         "my_drone.toml": (DEPLOY / "vehicles" / "pioneer.toml").read_text(),
@@ -70,14 +75,53 @@ def flown(tmp_path_factory: pytest.TempPathFactory, link: str) -> ShortDive:
         link=f"{files}/{link}",
         seed=7,
         set_=(QUICK, "control.depth.kp=3"),
-        out=tmp_path_factory.mktemp("recorded") / "dive",
+        out=folder / "dive",
     )
-    done = simulated(choices, running=SERVICES)
+    done = simulated(choices, running=without_viewer())
     for name in own:
         (files / name).unlink()
-    assert done.folder is not None
-    assert done.log_hash is not None
-    return ShortDive(done.folder, done.log_hash, own["script.csv"])
+    (folder / "about.json").write_text(json.dumps([done.log_hash, own["script.csv"]]))
+
+
+def short_dive(folder: Path) -> ShortDive:
+    """What `fly_short_dive` left in this folder."""
+    return ShortDive(folder / "dive", *json.loads((folder / "about.json").read_text()))
+
+
+def fly_filmed_dive(folder: Path) -> None:
+    """With a camera over a link that makes its bitrate change."""
+    choices = Choices(
+        pilot="script:first_dive", stack="camera", link="wifi_buoy", seconds=6.0,
+        out=folder / "dive", set_=(QUICK, "simulator.floor_depth=8"),
+    )  # fmt: skip
+    simulated(choices, running=without_viewer("camera"))
+
+
+def fly_whole_dive(folder: Path) -> None:
+    """Twelve seconds from power-on: calibration, all axes, and a stop; Minerva has every sensor."""
+    (folder / "script.csv").write_text(MOVES)
+    stack = Stack(
+        vehicle="minerva",
+        link="tether",
+        pilot=f"script:{folder / 'script.csv'}",
+        out=str(folder),
+        seed=5,
+        virtual=True,
+        overrides=OVERRIDES,
+    )
+    services = Registry.read()
+    host = VirtualHost()
+    host.add_all(services.only({name: services[name] for name in without_viewer()}), stack)
+    host.run(12_000_000_000)
+    host.close()
+
+
+def fly_severe_dive(folder: Path) -> None:
+    """Over a link so bad that the pilot is lost."""
+    choices = Choices(
+        link="severe", seed=1, seconds=12.0, pilot="script:first_dive", out=folder / "dive"
+    )
+    simulated(choices, running=without_viewer())
 
 
 Alter = Callable[[str, StoredMessage], StoredMessage | None]
@@ -105,3 +149,12 @@ def rewritten(
             else:
                 copy.add(record)
     return out
+
+
+def foreign(path: Path) -> list[tuple[str, int, int, int, bytes]]:
+    """Every message, as a reader of others finds it."""
+    with path.open("rb") as stream:
+        return [
+            (channel.topic, m.log_time, m.publish_time, m.sequence, m.data)
+            for _, channel, m in make_reader(stream).iter_messages(log_time_order=False)
+        ]
