@@ -37,7 +37,7 @@ def test_bash_completes(script: Path, typed: str, meant: str) -> None:
     assert done.stdout.split() == meant.split(), done.stderr
 
 
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
+@pytest.mark.parametrize("shell", ["zsh", pytest.param("fish", marks=pytest.mark.slow)])
 def test_other_shells_know_every_verb(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["completion", shell]) == 0
     said = capsys.readouterr().out

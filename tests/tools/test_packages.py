@@ -19,6 +19,11 @@ def nothing(_: str) -> None:
         (("--stack", "foxglove", "--pilot", "script:first_dive"), "foxglove needs foxglove"),
         (("--pilot", "keyboard"), "pads and the keyboard need pygame"),
         (("--pilot", "gamepad"), "pads and the keyboard need pygame"),
+        (("--stack", "mavlink"), "needs pymavlink, which is missing: in the folder"),
+        (
+            ("--stack", "ardusub", "--vehicle", "bluerov2_heavy"),
+            "needs pymavlink, which is missing",
+        ),
     ],
 )
 def test_without_its_packages_a_dive_is_not_begun(

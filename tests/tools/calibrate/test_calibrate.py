@@ -84,7 +84,7 @@ def values(setting: object) -> list[float]:
 
 def test_the_gyroscopes_bias_is_found_as_well_as_it_says() -> None:
     offset, ratios = (0.01, -0.02, 0.005), list[float]()
-    for seed in range(12):
+    for seed in range(8):
         of, guide = sensors(seed, SensorErrors(gyro_offset=offset)), GyroscopeGuide()
         (setting,), (remark,) = found(guide, lying(of, from_euler(0.1, 0.0, 0.0), 0.0, 31.0))
         assert guide.done
@@ -154,7 +154,7 @@ def in_air(of: Sensors, seconds: float, sinking: float = 0.0) -> Iterator[Pressu
 
 def test_the_pressures_offset_is_found_as_well_as_it_says() -> None:
     ratios = list[float]()
-    for seed in range(30):
+    for seed in range(12):
         of, guide = sensors(seed, SensorErrors(pressure_offset=850.0)), PressureGuide(ATMOSPHERE)
         (setting,), _ = found(guide, in_air(of, 21.0))
         assert guide.done
@@ -200,8 +200,9 @@ def test_what_does_not_tell_is_refused_in_one_sentence(
 
 
 def test_a_field_that_changes_meanwhile_is_refused() -> None:
-    before = list(turning(sensors(0, GOOD), 220.0))
-    after = list(turning(sensors(0, SensorErrors(hard_iron=(9e-6, 0.0, 0.0))), 400.0))
+    before = list(turning(sensors(0, GOOD), 220.0, 15.0))
+    wrong = sensors(0, SensorErrors(hard_iron=(9e-6, 0.0, 0.0)))
+    after = list(turning(wrong, 400.0, 25.0))
     later = [
         msgspec.structs.replace(s, stamp_ns=s.stamp_ns + 41_000_000_000)  # type: ignore[type-var]
         for s in after

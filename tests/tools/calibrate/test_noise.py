@@ -37,25 +37,26 @@ GYRO, FORCE, FIELD, PASCAL = 1.2e-3, 0.03, 0.4e-6, 480.0  # one sample's std
 decode: Callable[..., Any] = msgspec.toml.decode
 
 
-def imu(
+def felt(
     seconds: float, *, rate: np.ndarray | None = None, force: np.ndarray | None = None
-) -> list[Message]:
-    """At rest on the bench; with what is added to the rate or the force along z."""
+) -> np.ndarray:
+    """Turn rates and forces at rest on the bench, n × 6; with what is added along z."""
     rng, n = np.random.default_rng(1), round(seconds * 100)
     turns, forces = GYRO * rng.standard_normal((n, 3)), FORCE * rng.standard_normal((n, 3))
     turns += np.array([0.01, -0.004, 0.002])
     forces[:, 2] -= 9.8
     turns[:, 2] += 0.0 if rate is None else rate
     forces[:, 2] += 0.0 if force is None else force
+    return np.hstack([turns, forces])
+
+
+def imu(
+    seconds: float, *, rate: np.ndarray | None = None, force: np.ndarray | None = None
+) -> list[Message]:
     return [
-        ImuSample(
-            stamp_ns=k * 10_000_000,
-            angular_rate=(p, q, r), specific_force=(x, y, z),
-        )
-        for k, ((p, q, r), (x, y, z)) in enumerate(
-            zip(turns.tolist(), forces.tolist(), strict=True)
-        )
-    ]  # fmt: skip
+        ImuSample(stamp_ns=k * 10_000_000, angular_rate=(p, q, r), specific_force=(x, y, z))
+        for k, (p, q, r, x, y, z) in enumerate(felt(seconds, rate=rate, force=force).tolist())
+    ]
 
 
 def pressures(seconds: float, *, step: float = 0.0, writer: float = 0.0) -> list[Message]:
@@ -229,21 +230,12 @@ def test_of_a_recording_with_motion_in_it_the_longest_rest_is_used_and_said(
 def test_motion_is_never_inside_the_rest_that_is_used(at: int, size: float):
     turn = np.zeros(6000)
     turn[10 * at : 10 * at + 100] = size
-    heard = HeardAtRest({topics.IMU.key: samples_of(imu(60, rate=turn))}, [])
+    samples = RestingSamples(np.arange(6000) * 0.01, felt(60, rate=turn))
+    heard = HeardAtRest({topics.IMU.key: samples}, [])
     rest = resting(heard, Path("x"))
     begin, end = rest.begin, rest.begin + rest.seconds
     assert end <= at / 10 + 0.51 or begin >= at / 10 + 0.99
     assert np.all(np.abs(rest.samples[topics.IMU.key].values[:, 2]) < 0.02 + 5 * GYRO)
-
-
-def samples_of(messages: list[Message]) -> RestingSamples:
-    rows = [
-        (m.stamp_ns * 1e-9, *m.angular_rate, *m.specific_force)
-        for m in messages
-        if isinstance(m, ImuSample)
-    ]
-    found = np.array(rows)
-    return RestingSamples(found[:, 0], found[:, 1:])
 
 
 @pytest.mark.slow

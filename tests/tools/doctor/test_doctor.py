@@ -189,7 +189,7 @@ def test_a_parameter_that_is_wrong_is_named_with_what_to_set(
 
 
 @BOTH
-@examples(max_examples=60)
+@examples(max_examples=30)
 @given(data=st.data())
 def test_what_it_says_to_set_is_allowed(version: str, data: st.DataObject) -> None:
     release, own = NUMBER_OF[version], Settings(system=245)
@@ -383,7 +383,7 @@ def test_a_mistake_is_one_sentence(
 
 
 @pytest.mark.system
-@BOTH
+@pytest.mark.parametrize("version", ["4.5", pytest.param("4.8", marks=pytest.mark.slow)])
 def test_over_udp_with_a_board_that_is_a_process(
     capsys: pytest.CaptureFixture[str], version: str
 ) -> None:

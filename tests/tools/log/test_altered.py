@@ -48,9 +48,12 @@ def test_it_is_compared_as_far_as_it_can_be_read_and_the_rest_is_counted(
     assert "an error in Lindy itself" not in out + err
 
 
-@pytest.mark.parametrize("alter", [years_later, at_no_time])
 @pytest.mark.parametrize(
-    "words", [("replay", "--through", "control", "--diff"), ("review", "--quick")]
+    ("alter", "words"),
+    [
+        (years_later, ("replay", "--through", "control", "--diff")),
+        (at_no_time, ("review", "--quick")),
+    ],
 )
 def test_nobody_walks_through_the_years_between_two_messages(
     dive: ShortDive,

@@ -50,20 +50,29 @@ def test_an_empty_or_a_missing_recording_is_no_traceback(
     assert "there is no recording in" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("verb", ["info", "check", "csv", "sticks", "cut", "recover", "compare"])
+@pytest.mark.parametrize(
+    "verb",
+    [
+        *(f"log {verb}" for verb in ("info", "check", "csv", "sticks", "cut", "recover")),
+        *("log compare", "log film", "log snapshots", "identify", "simulate --from"),
+    ],
+)
 @pytest.mark.parametrize("data", [b"", b"t,surge\n0,0\n", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n\x06"])
 def test_what_is_no_recording_is_one_sentence_or_nothing_in_it(
     tmp_path: Path, verb: str, data: bytes, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "dive.mcap"
     path.write_bytes(data)
-    more = {
-        "compare": [str(path)],
-        "sticks": ["--out", str(tmp_path / "s.csv")],
-        "cut": ["--out", str(tmp_path / "c.mcap")],
-        "recover": ["--out", str(tmp_path / "r.mcap")],
-    }.get(verb, [])
-    status = main(["log", verb, str(path), *more])
+    out = {
+        "sticks": "s.csv",
+        "cut": "c.mcap",
+        "recover": "r.mcap",
+        "film": "f.mp4",
+        "snapshots": "p",
+    }
+    name = out.get(verb.removeprefix("log "))
+    more = ["--out", str(tmp_path / name)] if name else [str(path)] * (verb == "log compare")
+    status = main([*verb.split(), str(path), *more])
     said = capsys.readouterr().err
     assert "an error in Lindy itself" not in said
     assert status == 1

@@ -104,24 +104,44 @@ def test_every_verb_of_recordings_is_among_them() -> None:
     assert {words[0] for words in VERBS_OF_A_FILE} >= {*GROUPS["Recordings"]}
 
 
-# Also in what makes a verb refuse the file; or only where each goes on.
-@pytest.mark.parametrize("name", [CLEAR, ""], ids=["names too", "not in names"])
-@pytest.mark.parametrize("words", VERBS_OF_A_FILE, ids=" ".join)
+@pytest.fixture(scope="module")
+def hostile(clean_dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Recordings with orders to a terminal everywhere: in names too, which makes a verb refuse the
+    file, and not in names, where each goes on."""
+    files = dict[str, Path]()
+    for how, name in (("names too", CLEAR), ("not in names", "")):
+        dive = {"vehicle": f"pioneer{name}", "drone": f"x{CLEAR}", "side": "drone"}
+        dive |= dict.fromkeys(("pilot", "link", "seed", "overrides"), CLEAR)
+        about = {"dive": dict[str, Any](dive)}
+        about |= {"recovered": {"found": CLEAR}, "losses": {CLEAR: "3"}, "cut": {"topics": CLEAR}}
+        out = tmp_path_factory.mktemp("hostile") / f"forged{name}.mcap"
+        source = clean_dive.folder / "dive.mcap"
+        files[how] = forged(source, out, orders, metadata=about, named=name)
+    return files
+
+
+SOME = {("log", "info"), ("log", "check"), ("log", "csv"), ("review",), ("import",)}
+
+
+@pytest.mark.parametrize(
+    ("words", "how"),
+    [
+        pytest.param(words, how, marks=() if words in SOME else pytest.mark.slow)
+        for words in VERBS_OF_A_FILE
+        for how in ("names too", "not in names")
+    ],
+)
 def test_no_verb_prints_what_a_terminal_would_obey(
-    clean_dive: ShortDive,
+    hostile: dict[str, Path],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     words: tuple[str, ...],
-    name: str,
+    how: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    dive = {"vehicle": f"pioneer{name}", "drone": f"x{CLEAR}", "side": "drone"}
-    dive |= dict.fromkeys(("pilot", "link", "seed", "overrides"), CLEAR)
-    about = {"dive": dict[str, Any](dive)}
-    about |= {"recovered": {"found": CLEAR}, "losses": {CLEAR: "3"}, "cut": {"topics": CLEAR}}
-    source = clean_dive.folder / "dive.mcap"
-    path = forged(source, tmp_path / f"forged{name}.mcap", orders, metadata=about, named=name)
+    path = tmp_path / hostile[how].name
+    path.symlink_to(hostile[how])
     more = [str(path) if word == "FORGED" else word for word in VERBS_OF_A_FILE[words]]
     status = main([*words, str(path), *more])
     said = capsys.readouterr()
@@ -132,25 +152,27 @@ def test_no_verb_prints_what_a_terminal_would_obey(
     assert not {"\x1b", "\x07"} & {*said.out, *said.err}
 
 
-@pytest.mark.parametrize(
-    ("name", "entries"),
-    [("losses", {"lost state": "many"}), ("losses", {"lost state": "9" * 5000}),
-     ("cut", {"origin_ns": "9" * 5000}), ("cut", {"origin_ns": "²"}),
-     ("dive", {"overrides": "no list"}), ("hash", {"parts": "x", "sha256": "y"})],
-)  # fmt: skip
-@pytest.mark.parametrize("verb", ["info", "check"])
+NONSENSE: list[dict[str, Tree]] = [
+    {
+        "losses": {"lost state": "many"}, "cut": {"origin_ns": "9" * 5000},
+        "dive": {"overrides": "no list"}, "hash": {"parts": "x", "sha256": "y"},
+    },
+    {"losses": {"lost state": "9" * 5000}, "cut": {"origin_ns": "²"}},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("metadata", NONSENSE, ids=["one", "other"])
 def test_metadata_of_no_sense_is_no_error_of_lindy(
     clean_dive: ShortDive,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-    verb: str,
-    name: str,
-    entries: Tree,
+    metadata: dict[str, Tree],
 ) -> None:
     source = clean_dive.folder / "dive.mcap"
-    path = forged(source, tmp_path / "forged.mcap", metadata={name: entries})
-    assert main(["log", verb, str(path)]) in (0, 3)
-    assert "in Lindy itself" not in capsys.readouterr().err
+    path = forged(source, tmp_path / "forged.mcap", metadata=metadata)
+    for verb in ("info", "check"):
+        assert main(["log", verb, str(path)]) in (0, 3)
+        assert "in Lindy itself" not in capsys.readouterr().err
 
 
 def test_what_is_nested_without_end_is_one_message_left_out(

@@ -208,7 +208,6 @@ def test_what_cannot_be_read_is_no_message_of_the_count(
     [
         (("top",), "control"),
         (("topic", "hz", "health/*"), "health/control"),
-        (("topic", "delay", "health/*"), "health/control"),
         (("topic", "echo", "health/*"), '"service":"control'),
     ],
 )
