@@ -1,8 +1,6 @@
 """Today's estimation, reference and control on a recorded dive of each vehicle: nothing changed
 that nobody wanted to change. Where it was wanted: `python -m tests.golden.update`."""
 
-from pathlib import Path
-
 import pytest
 
 from services.control.axis.axis import Axis, Motion
@@ -79,30 +77,3 @@ def test_a_dropped_message_is_caught(
     found = replayed(vehicle)
     assert len(dropped) == 1
     assert where in {one.key for one in found.differences}
-
-
-def test_an_update_prints_what_changed(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from tests.golden import update
-
-    def put(vehicle: str, path: Path) -> None:
-        path.write_bytes(golden(vehicle).read_bytes())
-
-    monkeypatch.setattr(update, "make", put)
-
-    def kept(vehicle: str) -> Path:
-        return tmp_path / f"{vehicle}.mcap"
-
-    def wrongly(law: Axis, reference: Motion, water: float = 0.0) -> float:  # noqa: ARG001
-        return 1.0
-
-    monkeypatch.setattr(update, "golden", kept)
-    monkeypatch.setattr(update, "VEHICLES", ("pioneer",))
-    update.update()
-    assert "it is new" in capsys.readouterr().out
-    monkeypatch.setattr(Axis, "feed_forward", wrongly)
-    update.update()
-    said = capsys.readouterr().out
-    assert "control/wrench: wanted[" in said
-    assert "first at" in said

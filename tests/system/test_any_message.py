@@ -91,9 +91,9 @@ def said(draw: st.DrawFn) -> tuple[AnyTopic, Message]:
     return topic, draw(whole(topic.message))
 
 
-@pytest.mark.parametrize("topic", topics.ALL, ids=lambda topic: topic.key)
-def test_every_field_of_every_message_has_limits(topic: AnyTopic) -> None:
-    whole(topic.message)
+def test_every_field_of_every_message_has_limits() -> None:
+    for topic in topics.ALL:
+        whole(topic.message)
 
 
 @st.composite

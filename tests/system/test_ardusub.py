@@ -201,7 +201,7 @@ def test_when_the_service_dies_the_boards_own_failsafe_acts(tmp_path: Path) -> N
     assert flight.double.texts[-2:] == ["Lost manual control", "Disarming motors"]
 
 
-@pytest.mark.parametrize("number", ["disarm", "mode"])
+@pytest.mark.parametrize("number", ["disarm", pytest.param("mode", marks=pytest.mark.slow)])
 def test_another_ground_station_is_obeyed_without_a_fight(tmp_path: Path, number: str) -> None:
     flight = Flight(tmp_path).until_armed().run(2.0)
     flight.another(*((400, 0) if number == "disarm" else (176, 1, 2)))

@@ -190,6 +190,7 @@ NEUTRAL = [1500] * 8
 DOWN = (0.0, 0.0, 0.0, 0.0, 6.0, 6.0, 6.0, 6.0)  # [N]
 
 
+@pytest.mark.slow
 @pytest.mark.system
 @pytest.mark.parametrize("kind", BOARDS)
 def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> None:

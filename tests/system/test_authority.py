@@ -239,6 +239,7 @@ def test_a_silent_pilot_goes_on_unless_another_one_has_taken_control(hand_over: 
     assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
 
 
+@pytest.mark.slow
 def test_who_has_released_control_moves_nothing_and_the_next_one_gets_it_at_once(
     hand_over: Scene,
 ) -> None:
@@ -252,6 +253,7 @@ def test_who_has_released_control_moves_nothing_and_the_next_one_gets_it_at_once
     assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
 
 
+@pytest.mark.slow
 def test_an_epoch_that_was_never_given_opens_no_door(hand_over: Scene) -> None:
     host, _, first, _ = hand_over
     first.epoch = 7

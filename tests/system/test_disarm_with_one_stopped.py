@@ -172,6 +172,7 @@ def test_a_disarm_and_a_later_arm_in_one_silence(dive: Dive, stopped: str) -> No
     assert dive.turning
 
 
+@pytest.mark.slow
 def test_screens_say_disarmed_while_the_reference_that_says_armed_hangs(dive: Dive) -> None:
     assert dive.shown.armed
     dive.stop("reference", 3.0)
@@ -186,6 +187,7 @@ def test_screens_say_disarmed_while_the_reference_that_says_armed_hangs(dive: Di
     assert not dive.shown.last_known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stopped", ["control", ELSE])
 def test_what_hangs_without_a_disarm_is_shown_as_armed(dive: Dive, stopped: str) -> None:
     dive.stop(stopped, 1.0)
@@ -212,6 +214,7 @@ def test_a_reference_that_lost_the_request_is_told_of_it(dive: Dive) -> None:
     assert not dive.turning
 
 
+@pytest.mark.slow
 def test_one_answer_while_nobody_is_stopped(dive: Dive) -> None:
     name = dive.ask("disarm")
     dive.run(1.0)

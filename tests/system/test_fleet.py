@@ -145,6 +145,7 @@ def test_each_drone_has_a_pilot_of_its_own_and_hears_nothing_of_the_others(world
     assert bob.statuses[-1].pilot == "bob"
 
 
+@pytest.mark.slow
 def test_of_two_drones_of_one_name_that_meet_later_none_arms(world: World) -> None:
     """A router that was away when the second one started could not be asked."""
     first, second = Drone(world, "a", 1), Drone(world, "a", 2)

@@ -26,7 +26,7 @@ S = 1_000_000_000  # [ns]
 BUSY = ("estimation", "reference", "control", "tether", "gamepad")
 CHAIN = ("simulator", *BUSY)
 JITTER = Jitter(delay=0.02, stall=0.1, stall_every=3.5)
-SEEDS = 3
+SEEDS = 2
 MOST = 1.5  # times the error of the punctual dives
 STANDING = radians(1.0)  # the dead-band of the thrusters leaves the heading alone within this
 # Down, turn, ahead in a curve, up, turn back, down again: no axis is spared.

@@ -59,19 +59,6 @@ def test_it_keeps_its_contract_as_its_readme_checks_it() -> None:
 
 
 @pytest.mark.slow
-def test_the_example_dives_on_virtual_time_and_ends_cleanly(
-    tmp_path: Path, pilot: tuple[str, str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    assert main(["simulate", *SIDE, *QUICK, *pilot, "--out", str(out)]) == 0
-    report = json.loads((out / "report.json").read_text())
-    assert report["exit"] == "clean"
-    assert report["services"].keys() >= {"driver", "control", "estimation"}
-    assert (read_dive(open_recording(out)).max_depth_m or 0.0) > 0.8
-    assert "ended cleanly" in capsys.readouterr().out
-
-
-@pytest.mark.slow
 def test_a_driver_of_a_user_that_falls_silent_is_named_to_the_pilot() -> None:
     services = Registry.read(SIDE[1])
     choices = Choices(stack=SIDE[1], vehicle=SIDE[3], set_=QUICK[1:])
@@ -135,6 +122,7 @@ def test_a_stack_that_cannot_be_started_leaves_no_folder(
     assert not out.exists()
 
 
+CLOSES = "    node.on_close(lambda: {}['port'])\n"  # which fails as well
 DYING = """
 from examples_driver import Settings, wire as wire_all
 def wire(node, stack):
@@ -145,12 +133,11 @@ def wire(node, stack):
 CLOSER"""
 
 
-@pytest.mark.parametrize("closer", ["", "    node.on_close(lambda: {}['port'])\n"])
 @pytest.mark.parametrize(
-    ("code", "how"),
+    ("code", "how", "closer"),
     [
-        ("raise SystemExit(0)", "ended itself at {}: SystemExit: 0"),
-        ("{}['thrust']", "failed at {}: KeyError: 'thrust'"),
+        ("raise SystemExit(0)", "ended itself at {}: SystemExit: 0", ""),
+        ("{}['thrust']", "failed at {}: KeyError: 'thrust'", CLOSES),
     ],
 )
 def test_a_driver_that_dies_in_mid_dive_is_named_with_its_line_and_what_was_flown_is_kept(

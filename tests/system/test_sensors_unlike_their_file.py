@@ -8,7 +8,7 @@ an honest spread, above is one that is too small.
 
 from collections import Counter
 from functools import cache
-from math import degrees, pi, remainder
+from math import degrees, inf, pi, remainder
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +30,8 @@ from services.simulator.settings import Settings
 from services.simulator.vessel import STEP, Vessel
 from services.simulator.waves import Sea, Waves
 from services.vehicle.mounting import place_of
+
+pytestmark = pytest.mark.slow
 
 PIONEER = Stack().section("vehicle", Vehicle)
 FILE = Stack().section("estimation", EstimationSettings)
@@ -172,7 +174,6 @@ ROLLED = rotated((1.0, 0.0, 0.0), (0.0, 0.9962, -0.0872), (0.0, 0.0872, 0.9962))
 PITCHED = rotated((0.9986, 0.0, 0.0523), (0.0, 1.0, 0.0), (-0.0523, 0.0, 0.9986))  # by 3°
 
 
-@pytest.mark.slow
 def test_spreads_are_honest_where_the_file_is_right() -> None:
     found = row(24)  # of 8 the mean of roll and pitch is within 15 %
     for part in ("yaw rate", "roll", "pitch", "north", "depth", "rate"):
@@ -182,60 +183,49 @@ def test_spreads_are_honest_where_the_file_is_right() -> None:
     assert found.events[INCONSISTENT] == 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("hz", [50.0, 200.0])
-def test_a_slower_or_faster_imu_is_as_good(hz: float) -> None:
-    found = row(2, imu_rate=hz)
-    assert found.rms("depth") < 0.011
-    assert found.rms("rate") < 0.010
-    assert max(found.nees("depth"), found.nees("rate")) < 1.5
-    assert found.events["rate:sensor/imu"] == 2  # counted: it is not what the topic says
-
-
-@pytest.mark.slow
-def test_pressure_at_10_hz_is_worse_by_what_the_spread_says() -> None:
-    found = row(3, pressure_rate=10.0)
-    assert found.rms("depth") < 0.020
-    assert max(found.nees("depth"), found.nees("rate")) < 1.5
-    assert found.events[INCONSISTENT] == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("late", "worst", "nees"), [(0.03, 0.020, 3.0), (0.1, 0.045, 9.0)])
-def test_a_wrong_latency_moves_the_depth_by_no_more_than_itself(
-    late: float, worst: float, nees: float
-) -> None:
-    """At a steady rate a latency cannot be told from depth: the spread does not hold 0.1 s."""
-    found = row(5, says={"pressure_latency": late})
-    assert found.rms("depth") < worst
-    assert found.nees("depth") < nees
-    assert found.nees("rate") < 2.5
-
-
-@pytest.mark.slow
-def test_a_noisier_accelerometer_is_seen_in_the_depth() -> None:
-    found = row(3, accelerometer_noise=0.015)
-    assert found.nees("depth") < 1.5
-    assert found.nees("rate") < 5.0
-
-
-@pytest.mark.slow
-def test_an_accelerometer_with_three_times_the_bias_is_seen_in_the_depth() -> None:
-    found = row(4, accelerometer_bias=0.294)
-    assert found.nees("depth") < 1.8
-    assert found.nees("rate") < 3.0
-
-
-@pytest.mark.slow
-def test_a_lever_arm_that_the_file_does_not_say_is_no_disaster() -> None:
-    found = row(2, real=Mounting(imu=ImuMount(position=(0.2, 0.05, 0.1))))
-    assert found.rms("rate") < 0.021  # [m/s]
-    assert found.nees("depth") < 1.5
+LATE = {"pressure_latency": 0.03}
+VERY_LATE = {"pressure_latency": 0.1}
+ARM = Mounting(imu=ImuMount(position=(0.2, 0.05, 0.1)))
+NONE = inf
 
 
 @pytest.mark.parametrize(
-    ("real", "off"), [(ROLLED, 18.0), pytest.param(PITCHED, 4.5, marks=pytest.mark.slow)]
+    ("seeds", "sensors", "depth", "rate", "nees_depth", "nees_rate"),
+    [
+        (2, {"imu_rate": 50.0}, 0.011, 0.010, 1.5, 1.5),
+        (2, {"imu_rate": 200.0}, 0.011, 0.010, 1.5, 1.5),
+        (3, {"pressure_rate": 10.0}, 0.020, NONE, 1.5, 1.5),
+        # At a steady rate a latency cannot be told from depth: the spread does not hold 0.1 s.
+        (5, {"says": LATE}, 0.020, NONE, 3.0, 2.5),
+        (5, {"says": VERY_LATE}, 0.045, NONE, 9.0, 2.5),
+        (3, {"accelerometer_noise": 0.015}, NONE, NONE, 1.5, 5.0),
+        (4, {"accelerometer_bias": 0.294}, NONE, NONE, 1.8, 3.0),  # three times the file's
+        (2, {"real": ARM}, NONE, 0.021, 1.5, NONE),
+        # Until the filter knows the waves, for some seconds, its spread is too small.
+        (3, {"waves": Waves(height=0.3, period=4.0, lines=1, begins=12.0)}, 0.03, 0.02, 3.0, 2.5),
+    ],
 )
+def test_what_is_unlike_the_file_costs_no_more_than_this(
+    seeds: int,
+    sensors: dict[str, Any],
+    depth: float,
+    rate: float,
+    nees_depth: float,
+    nees_rate: float,
+) -> None:
+    """Errors [m] and [m/s], and how much too small the stated spread may be."""
+    found = row(seeds, **sensors)
+    assert found.rms("depth") < depth
+    assert found.rms("rate") < rate
+    assert found.nees("depth") < nees_depth
+    assert found.nees("rate") < nees_rate
+    if "imu_rate" in sensors:
+        assert found.events["rate:sensor/imu"] == seeds  # counted: not what the topic says
+    if "pressure_rate" in sensors:
+        assert found.events[INCONSISTENT] == 0
+
+
+@pytest.mark.parametrize(("real", "off"), [(ROLLED, 18.0), (PITCHED, 4.5)])
 def test_a_turned_imu_that_the_file_does_not_say_costs_the_compass(
     real: Mounting, off: float
 ) -> None:
@@ -245,16 +235,6 @@ def test_a_turned_imu_that_the_file_does_not_say_costs_the_compass(
     assert degrees(found.rms("north")) < off
     assert found.events["disturbed:sensor/magnetometer"] == 2
     assert found.nees("depth") < 1.5
-
-
-@pytest.mark.slow
-def test_waves_that_begin_at_once_are_filtered_out() -> None:
-    """Until the filter knows the waves, for some seconds, its spread is too small."""
-    found = row(3, waves=Waves(height=0.3, period=4.0, lines=1, begins=12.0))
-    assert found.rms("depth") < 0.03
-    assert found.rms("rate") < 0.02
-    assert found.nees("depth") < 3.0
-    assert found.nees("rate") < 2.5
 
 
 def test_the_hull_goes_where_the_tests_think() -> None:

@@ -4,7 +4,6 @@ pilot's choice changes, and that both are recorded and filmed."""
 import json
 import shutil
 import subprocess
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -34,6 +33,8 @@ from tools.recordings.recording import open_recording
 from tools.report.report import Extras, encode, make_report
 from tools.report.summary import summary
 from tools.simulate import simulated
+
+pytestmark = pytest.mark.slow
 
 S = 1_000_000_000
 SETTINGS = ("simulator.floor_depth=4", "camera.more.down.tilt=-1.5", "camera.more.down.rate=12")
@@ -99,7 +100,6 @@ def kbit(parts: list[tuple[int, VideoPart]], begin: int, end: int) -> float:
     return sum(len(part.data) for at, part in parts if begin <= at < end) * 8e6 / (end - begin)
 
 
-@pytest.mark.slow
 def test_the_large_picture_keeps_its_part_and_the_small_one_is_there(flown: Flown) -> None:
     begin, end = 3 * S, CHOSEN
     front, down = (kbit(flown.arrived[name], begin, end) for name in ("front", "down"))
@@ -109,7 +109,6 @@ def test_the_large_picture_keeps_its_part_and_the_small_one_is_there(flown: Flow
     assert sum(begin < at < end for at, _ in flown.arrived["down"]) >= 3  # slides
 
 
-@pytest.mark.slow
 def test_the_pilots_choice_turns_it_round_within_a_second(flown: Flown) -> None:
     begin, end = CHOSEN + S, NARROW
     front, down = (kbit(flown.arrived[name], begin, end) for name in ("front", "down"))
@@ -120,7 +119,6 @@ def test_the_pilots_choice_turns_it_round_within_a_second(flown: Flown) -> None:
     assert {said.large for _, said in flown.shares["down"]} == {"down"}
 
 
-@pytest.mark.slow
 def test_what_each_may_send_is_all_there_is_and_what_it_sends(flown: Flown) -> None:
     said = [m for _, m in sorted(flown.shares["front"] + flown.shares["down"], key=lambda e: e[0])]
     assert len(said) > 100
@@ -132,7 +130,6 @@ def test_what_each_may_send_is_all_there_is_and_what_it_sends(flown: Flown) -> N
         assert kbit(flown.sent[name], 0, END) < 1.1 * may
 
 
-@pytest.mark.slow
 def test_where_there_is_no_room_the_small_one_stops_first_and_says_so(flown: Flown) -> None:
     begin = NARROW + 6 * S
     assert not [at for at, _ in flown.sent["front"] if at > begin]
@@ -144,7 +141,6 @@ def test_where_there_is_no_room_the_small_one_stops_first_and_says_so(flown: Flo
     assert not any("front" in age.words for _, age in flown.ages["down"])
 
 
-@pytest.mark.slow
 def test_a_slide_show_is_no_alarm(flown: Flown) -> None:
     """A small picture may be older than a large one before it is said to be old."""
     small = [age for at, age in flown.ages["down"] if 4 * S < at < CHOSEN]
@@ -152,7 +148,6 @@ def test_a_slide_show_is_no_alarm(flown: Flown) -> None:
     assert {age.words for age in small} == {""}
 
 
-@pytest.mark.slow
 def test_a_large_camera_that_dies_takes_no_other_along() -> None:
     """The small one goes on as a slide show, is the large one if the pilot wants it, and is small
     again once the other has come back and is chosen."""
@@ -186,7 +181,6 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.mark.slow
 def test_the_report_says_how_old_the_picture_of_each_is(dive: Path) -> None:
     report = make_report(open_recording(dive), Extras())
     assert report.picture
@@ -221,7 +215,6 @@ def test_both_are_recorded_and_each_has_a_film(dive: Path, tmp_path: Path) -> No
     assert films[0] == films[1]
 
 
-@pytest.mark.slow
 def test_each_picture_is_of_its_camera_at_its_time(dive: Path) -> None:
     """By the time in it; and the camera that looks down sees the floor alone, which is darker than
     the water far ahead."""
@@ -249,23 +242,3 @@ def test_a_snapshot_of_each_camera_says_which(dive: Path, tmp_path: Path) -> Non
     pytest.importorskip("PIL")
     written = taken(open_recording(dive), tmp_path, at=(2.0,), camera="all")
     assert [path.stem.rpartition("-")[2] for path in written] == ["front", "down"]
-
-
-def test_viewers_have_every_picture_of_both(dive: Path) -> None:
-    """rerun's own reader, and the channels for Foxglove."""
-    chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
-    from mcap.reader import make_reader
-
-    for name, path in (("front", "camera"), ("down", "camera_down")):
-        sent = {message.stamp_ns for message in messages(dive, cameras.video(name).key)}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a file that is written as the dive goes on
-            stream = chunk.RrdReader(str(dive / "dive.rrd")).stream()
-        batches = [
-            part.to_record_batch() for part in stream.filter(content=f"/{path}", is_static=False)
-        ]
-        drawn = sum(len(batch) for batch in batches)  # topside: the last ones are on their way
-        assert len(sent) - 5 <= drawn <= len(sent)
-        with (dive / "dive.mcap").open("rb") as file:
-            views = list(make_reader(file).iter_messages(topics=[f"foxglove/{path}"]))
-        assert len(views) == len(sent)

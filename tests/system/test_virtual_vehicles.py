@@ -21,9 +21,8 @@ from tests.support.sortie import HANDS_OFF, Sortie
 VEHICLES = ("pioneer", "bluerov2_heavy", "minerva")
 
 
-@pytest.mark.parametrize(
-    "vehicle", [VEHICLES[0], *(pytest.param(v, marks=pytest.mark.slow) for v in VEHICLES[1:])]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("vehicle", VEHICLES)
 def test_every_vehicle_dives_stops_and_holds(vehicle: str) -> None:
     rows = [(1.0, (0.0, 0.0, 1.0, 0.5)), (9.0, HANDS_OFF)]
     sortie = Sortie(rows, vehicle=vehicle, seed=1).until(24.0)

@@ -5,67 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from messages import topics
-from messages.control import ThrusterCommand, Wrench
-from messages.reference import Motion, Reference
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.node.node import Node
-from tests.support import said
 
 ROW = ServiceSpec(sides=["drone"])
-S = 1_000_000_000  # [ns]
-LATERAL = 2
-
-
-class Bench:
-    """The control service, and a node that says state and reference."""
-
-    def __init__(self) -> None:
-        self.host = VirtualHost()
-        self.service = self.host.add("control", ROW, Stack())
-        self.wrenches = list[Wrench]()
-        self.commands = list[ThrusterCommand]()
-        vehicle = self.host.node("vehicle", ["drone"])
-        vehicle.each(topics.WRENCH, lambda wrench, _: self.wrenches.append(wrench))
-        self.play(vehicle)
-
-    def play(self, vehicle: Node) -> None:
-        state, reference = vehicle.publisher(topics.STATE), vehicle.publisher(topics.REFERENCE)
-
-        def move(now: int) -> None:
-            state.put(said.state(now, depth=3.0))
-            reference.put(sideways(now))
-
-        vehicle.each(topics.THRUSTERS, lambda command, _: self.commands.append(command))
-        vehicle.every(100, move)
-
-    def run(self, seconds: float) -> Wrench:
-        self.host.run(self.host.now + round(seconds * S))
-        return self.wrenches[-1]
-
-
-def sideways(now: int) -> Reference:
-    return Reference(
-        stamp_ns=now,
-        sensor_ns=now,
-        pilot_ns=now,
-        armed=True,
-        depth=Motion(3.0, 0.0, 0.0, 0.0),
-        heading=Motion(0.0, 0.0, 0.0, 0.0),
-        surge_force=0.0,
-        sway_force=10.0,
-    )
-
-
-def test_each_reference_becomes_a_wrench_and_a_command() -> None:
-    bench = Bench()
-    last = bench.run(1.0)
-    assert (last.wanted[1], last.achieved[1]) == pytest.approx((10.0, 10.0))
-    assert len(bench.commands) == len(bench.wrenches) > 90
-    assert bench.commands[-1].thrust[LATERAL] == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize(

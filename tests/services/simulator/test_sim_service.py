@@ -116,15 +116,6 @@ def test_when_control_falls_silent_the_thrusters_stop_and_it_is_counted_once() -
     assert sea.simulator.counts["stale:control/thrusters"] == 1
 
 
-def test_limits_and_wrong_commands_are_counted() -> None:
-    sea = Sea(None, 50.0, 0.0, 0.0, 0.0)
-    sea.run(1)
-    assert sea.simulator.counts["saturated:port"] >= 99
-    sea.thrust = (1.0, 2.0)
-    sea.run(1)
-    assert sea.simulator.counts["wrong_length:control/thrusters"] == 100
-
-
 def test_the_floor_is_felt_and_said() -> None:
     sea = Sea(Stack(overrides=["simulator.floor_depth=2.0"]), 0.0, 0.0, 0.0, 20.0)
     sea.run(8)
@@ -217,16 +208,6 @@ def fault(part: str, kind: Any, name: str = "a") -> FaultRequest:
     return FaultRequest(stamp_ns=0, id=name, part=part, fault=kind)
 
 
-def test_a_request_breaks_a_thruster_and_the_truth_says_so() -> None:
-    sea = Sea(None, *DIVE)
-    sea.run(1)
-    answers = ask_for(sea, fault("vertical", "dead"))
-    sea.run(2)
-    assert [(a.id, a.accepted) for a in answers] == [("a", True)]
-    assert sea.truth().faults == ("vertical: dead",)
-    assert sea.messages(topics.ACTUATION)[-1].thrust[3] == pytest.approx(0.0, abs=1e-6)
-
-
 def test_a_repeated_request_is_done_once_and_answered_each_time() -> None:
     sea = Sea(None, *DIVE)
     sea.run(1)
@@ -244,14 +225,6 @@ def test_a_fault_is_a_warning_and_its_repair_is_information() -> None:
     sea.host.show(lambda line: shown.append((line.level, line.text)))
     ask_for(sea, fault("port", "dead", "1"), fault("all", "none", "2"))
     assert shown == [("warning", "simulated fault: port dead"), ("info", "mended: all")]
-
-
-def test_an_unknown_part_is_refused_with_the_nearest_name() -> None:
-    sea = Sea()
-    (answer,) = ask_for(sea, fault("verticle", "dead"))
-    assert not answer.accepted
-    assert "there is no part 'verticle'; did you mean 'vertical'?" in answer.reason
-    assert sea.simulator.counts["refused:simulator/request"] == 1
 
 
 def test_a_silent_sensor_is_counted_and_a_broken_one_is_malformed_at_every_receiver() -> None:

@@ -271,15 +271,6 @@ def test_a_lane_change_without_room_is_passed_on_the_bisecting_courses() -> None
     assert 2 * bisecting == pytest.approx(atan2(10, 20))
 
 
-def test_a_straight_line_has_no_turns() -> None:
-    for points in ([[0, 0], [3, 4]], [[0, 0], [3, 4], [6, 8]], [[0, 0], [3, 4], [6 + 1e-11, 8]]):
-        for kind in ("approximating", "interpolating"):
-            path = through(points, 5.0, kind)
-            assert {part.kind for part in path.parts} == {"line"}
-            assert path.max_curvature == 0.0
-            assert path.length == pytest.approx(5.0 * (len(points) - 1))
-
-
 @pytest.mark.parametrize("angle", [1e-8, 1e-6, 1e-3])
 @pytest.mark.parametrize("kind", ["approximating", "interpolating"])
 def test_a_corner_that_is_hardly_one_is_still_smooth(angle: float, kind: Kind) -> None:
@@ -349,21 +340,6 @@ def test_a_path_that_cannot_be_is_refused_with_the_reason(
 ) -> None:
     with pytest.raises(ValueError, match=says):
         through(points, radius, kind)
-
-
-@pytest.mark.parametrize("kind", ["approximating", "interpolating"])
-def test_a_leg_as_long_as_the_refusal_asks_for_is_long_enough(kind: Kind) -> None:
-    def middle(length: float) -> Points:
-        return [[0.0, 0.0], [50.0, 0.0], [50.0, length], [0.0, length]]
-
-    with pytest.raises(ValueError, match="leg 2") as refused:
-        through(middle(8.0), 5.0, kind)
-    need = float(str(refused.value).split("need")[1].split()[0])
-    parts = through(middle(need * 1.001), 5.0, kind).parts
-    for before, after in pairwise(parts):
-        assert before.at(before.length)[:4] == pytest.approx(after.at(0.0)[:4], abs=1e-9)
-    with pytest.raises(ValueError, match="leg 2"):
-        through(middle(need * 0.999), 5.0, kind)
 
 
 def test_a_tangent_that_just_fits_leaves_no_line() -> None:
