@@ -47,12 +47,9 @@ LAWS: dict[str, tuple[str, ...]] = {
     "services/reference/trajectory/position.py": (f"{REFERENCE}/trajectory/test_position.py",),
     "services/reference/trajectory/time_scaling.py": (
         f"{REFERENCE}/trajectory/test_time_scaling.py",
-        f"{REFERENCE}/trajectory/test_time_scaling_stop.py",
     ),
     "services/reference/guidance/guards.py": (
-        f"{REFERENCE}/guidance/test_reference_governor.py",
-        f"{REFERENCE}/guidance/test_standstill.py",
-        f"{REFERENCE}/guidance/test_tilt_limit.py",
+        f"{REFERENCE}/guidance/test_guards.py",
     ),
     "services/reference/failsafe/machine.py": (f"{REFERENCE}/failsafe",),
     "services/reference/failsafe/watch.py": (f"{REFERENCE}/failsafe",),
@@ -71,7 +68,6 @@ LAWS: dict[str, tuple[str, ...]] = {
     "services/vehicle/actuator_gate.py": ("tests/services/vehicle",),
     "services/simulator/vessel.py": (
         "tests/services/simulator/test_sim_vessel.py",
-        "tests/services/simulator/test_sim_equations.py",
         "tests/services/simulator/test_sim_surroundings.py",
     ),
 }  # fmt: skip

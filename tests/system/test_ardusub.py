@@ -1,7 +1,6 @@
-"""The whole stack with a board under ArduSub: the double of tests/support/ardusub_double.
-
-On virtual time, over an in-memory link that still encodes and decodes every frame.
-"""
+"""The whole stack, and the contract of every vehicle side, with a board under ArduSub: the double
+of tests/support/ardusub_double, on virtual time, over a link that encodes and decodes every
+frame."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -27,6 +26,8 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings
 from tests.support.ardusub_double.board import BoardDouble
 from tests.support.ardusub_double.memory import BoardOnHost
+from tools.driver.bench import Bench, VirtualPlace, alone
+from tools.driver.rules import RULES, Rule
 
 S = 1_000_000_000  # [ns]
 CHAIN = ("ardusub", "estimation", "reference", "control", "tether", "gamepad")
@@ -295,3 +296,23 @@ def test_an_imu_quieter_than_its_steps_is_believed_until_the_thrust_changes(tmp_
     flight.double.hull.message = frozen
     flight.run(3.0)
     assert said["frozen:sensor/imu"] == 1
+
+
+def bench_on_a_board(folder: Path, version: str) -> Bench:
+    """The bench of the contract, with this vehicle side alone."""
+    services, stack = alone("ardusub", "bluerov2_heavy", folder, virtual=True)
+    host = VirtualHost()
+    vehicle, place = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
+    board = BoardOnHost(host, BoardDouble(vehicle, place, version=version))
+    node, say = host.node("contract", ["drone"]), host.side("drone").say(topics.THRUSTERS)
+    bench = Bench(VirtualPlace(host), node, say, stack)
+    host.add_all(services, stack, {"ardusub": partial(wire_to, board.link)})
+    bench.settle()
+    return bench
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+@pytest.mark.parametrize("version", ["4.5", "4.8"])
+def test_it_is_kept(tmp_path: Path, rule: Rule, version: str) -> None:
+    rule(bench_on_a_board(tmp_path, version))

@@ -1,6 +1,9 @@
-"""Ctrl-C while the command still loads, and terminals of all kinds."""
+"""The command as it begins and ends: Ctrl-C while it loads, terminals of all kinds, nobody who
+reads, and shells that complete it."""
 
 import io
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -8,7 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from tools.__main__ import main
+from messages.health import LogLine
+from tools import completion
+from tools.__main__ import LOG, VERBS, main
+from tools.live.display import LineDisplay
+from tools.live.screen import View
 
 ROOT = Path(__file__).parents[2]
 # As the installed `lindy` begins; it then loads one module for ever.
@@ -100,3 +107,77 @@ def test_too_little_memory_is_no_error_of_lindy(
     monkeypatch.setattr("tools.__main__._run", fails)
     assert main(["simulate"]) == 1
     assert f"lindy: {sentence}" in capsys.readouterr().err
+
+
+UNREAD = 141
+
+
+def unread(*words: str, unbuffered: bool) -> subprocess.CompletedProcess[str]:
+    """Runs a verb whose output nobody reads."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        return subprocess.run(
+            [sys.executable, "-m", "tools", *words],
+            env={**os.environ, "PYTHONUNBUFFERED": "1" if unbuffered else ""},
+            cwd=ROOT, stdout=writer, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    finally:
+        os.close(writer)
+
+
+@pytest.mark.parametrize(
+    ("words", "unbuffered"),
+    [(("log", "--help"), False), (("gains", "depth"), True)],
+)
+def test_output_that_nobody_reads_ends_a_verb_quietly(words: tuple[str, ...], unbuffered: bool):
+    ended = unread(*words, unbuffered=unbuffered)
+    assert (ended.returncode, ended.stderr) == (UNREAD, "")
+
+
+def test_a_dive_goes_on_when_nobody_reads_its_lines(monkeypatch: pytest.MonkeyPatch):
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w", buffering=1) as nobody:
+        monkeypatch.setattr(sys, "stdout", nobody)
+        shown = LineDisplay()
+        shown.show(lambda: View(title="x"))
+        shown.line(LogLine(stamp_ns=0, service="x", level="warning", text="x"), 1.0)
+        shown.finish()
+        monkeypatch.undo()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), nobody.fileno())
+
+
+ASK = """
+source "$1"; shift
+how=$(complete -p lindy | sed 's/.*-F \\([^ ]*\\).*/\\1/')
+COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); "$how"; echo "${COMPREPLY[@]}"
+"""
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("completion") / "lindy.bash"
+    path.write_text(completion.script("bash"))
+    return path
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("lindy simul", "simulate"), ("lindy simulate --see", "--seed"), ("lindy log comp", "compare"),
+     ("lindy link pro", "profile"), ("lindy keys re", "renew revoke")],
+)  # fmt: skip
+def test_bash_completes(script: Path, typed: str, meant: str) -> None:
+    done = subprocess.run(
+        ["bash", "-c", ASK, "bash", str(script), *typed.split()],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.split() == meant.split(), done.stderr
+
+
+@pytest.mark.parametrize("shell", ["zsh", pytest.param("fish", marks=pytest.mark.slow)])
+def test_other_shells_know_every_verb(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", shell]) == 0
+    said = capsys.readouterr().out
+    assert all(verb in said for verb in {*VERBS, *LOG} - {"figures", "bench"})

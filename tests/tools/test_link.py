@@ -1,21 +1,34 @@
-"""`lindy link`: the model without a network, and requests to a running tether."""
+"""`lindy link`: the model without a network, requests to a running tether, links that cannot be
+flown, and traces of recordings."""
 
 import csv
 import io
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from messages import topics
-from messages.link import LinkAnswer, LinkRequest
+from messages.link import Clock, LinkAnswer, LinkRequest
+from messages.message import Message
+from messages.pilot import TTL_MS, PilotCommand
+from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
+from services.tether.delay import Delay, Pareto, Table
+from services.tether.io.profile_file import named
+from services.tether.link_model import LinkDirection, fates
+from services.tether.profile import DirectionProfile
 from tools.__main__ import main
 from tools.link import link, require_link
+from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
+from tools.link_trace import trace_of
 from tools.live.asking import OneRequest, at_once
 
 S = 1_000_000_000  # [ns]
@@ -131,3 +144,165 @@ def test_a_profile_that_cannot_be_flown_is_taken_with_a_warning(
     monkeypatch.setattr("tools.link._ask", accepted)
     assert main(["link", "profile", name]) == 0
     assert (f"lindy: {name} cannot be flown" in capsys.readouterr().err) == warned
+
+
+DELAY_MS = st.floats(0.0, 500.0)
+
+
+def table(delays: list[float]) -> Table:
+    return Table(ms=tuple(delays))
+
+
+DELAYS: st.SearchStrategy[Delay | None] = st.one_of(
+    st.none(),
+    st.builds(Pareto, mean_ms=DELAY_MS),
+    st.builds(table, st.lists(DELAY_MS, min_size=2, max_size=5)),
+)
+LEGS = st.builds(
+    DirectionProfile, delay_ms=DELAY_MS, delay=DELAYS, rate_kbit=st.sampled_from([0.0, 5.0, 500.0]),
+    overhead_bytes=st.integers(0, 200),
+)  # fmt: skip
+
+
+@given(LEGS, st.integers(0, 1000))
+def test_no_command_is_ever_faster_than_the_shortest_delay(leg: DirectionProfile, seed: int):
+    line: LinkDirection[int] = LinkDirection(leg, np.random.default_rng(seed))
+    for second in range(5):
+        entered = second * 10_000_000_000
+        line.enter(second, entered, COMMAND_BYTES)
+        before = entered + round(1e6 * shortest_ms(leg)) - 2
+        assert line.leave(before) is None
+        while line.leave(entered + 9_999_999_999) is not None:
+            pass
+
+
+def test_all_profiles_but_the_acoustic_one_can_be_flown():
+    assert set(profiles()) - set(flyable()) == {"acoustic"}
+
+
+def test_the_shortest_delay_of_a_trace_is_that_of_its_fastest_message(tmp_path: Path):
+    (tmp_path / "trace.csv").write_text("sent_s,arrived_s\n0,0.5\n1,1.42\n2,\n")
+    profile = tmp_path / "mine.toml"
+    profile.write_text('[down]\ndelay = { kind = "trace", file = "trace.csv" }\n')
+    assert shortest_ms(named(str(profile)).profile.down) == pytest.approx(420.0)
+
+
+@pytest.mark.parametrize("verb", ["dive", "simulate"])
+def test_a_link_that_cannot_be_flown_is_refused_at_once_with_those_that_can(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+):
+    out = tmp_path / "dive"
+    assert main([verb, "--pilot", "script:first_dive", "--link", "acoustic", "--out", str(out)])
+    sentence = capsys.readouterr().err
+    ms = shortest_ms(named("acoustic").profile.down)
+    for words in (f"{ms:.0f} ms", f"{TTL_MS:g} ms", "tether, wifi_buoy", "satellite", "never arm"):
+        assert words in sentence
+    assert not out.exists()
+
+
+MS = 1_000_000  # [ns]
+UTC = 1_700_000_000_000_000_000  # [ns]
+Said = list[tuple[str, Message, int]]  # key, message, delay until it is recorded [ns]
+
+
+def write(path: Path, said: Said) -> None:
+    file = McapFile(path)
+    for key, kind in ((topics.PILOT_COMMAND.key, "PilotCommand"), (topics.CLOCK.key, "Clock")):
+        file.open_channel(key, kind, b"{}")
+    for key, message, delay in said:
+        sent = UTC + message.stamp_ns
+        file.write(key, msgspec.json.encode(message), sent + delay, sent, message.seq)
+    file.finish()
+
+
+def command(seq: int, delay_ms: float) -> tuple[str, Message, int]:
+    message = PilotCommand(seq=seq, stamp_ns=seq * 20 * MS, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
+    return topics.PILOT_COMMAND.key, message, round(delay_ms * MS)
+
+
+def clock(n: int, offset_ms: float, rtt_ms: float | None) -> tuple[str, Message, int]:
+    message = Clock(
+        seq=n, stamp_ns=n * 200 * MS, offset_ns=round(offset_ms * MS), bound_ns=MS, drift_ppm=0.0,
+        rtt_ms=rtt_ms, rtt_min_ms=rtt_ms, answered_ms=0.0,
+    )  # fmt: skip
+    return topics.CLOCK.key, message, 5 * MS
+
+
+def test_delays_and_losses_of_commands_are_found_and_replayed_exactly(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    random = np.random.default_rng(1)
+    delays = {
+        seq: float(random.uniform(5.0, 19.0)) for seq in range(100) if seq not in (10, 40, 41)
+    }
+    write(tmp_path / "dive.mcap", [command(seq, delay) for seq, delay in delays.items()])
+    out = tmp_path / "trace.csv"
+    assert link(["trace", str(tmp_path), "--out", str(out)], result_action="return_value") == 0
+    assert "100 messages, 3 lost; one way, down" in capsys.readouterr().out
+    assert out.read_text().startswith("# one way, down: arrival of pilot/command on board")
+
+    profile = tmp_path / "mine.toml"
+    profile.write_text("[down]\ndelay = { kind = 'trace', file = 'trace.csv' }\n")
+    rows = fates(named(str(profile)).profile.down, 50.0, 200, 1.98, 0)
+    for seq, sent, arrived, reason in rows:
+        if seq in delays:
+            assert arrived is not None
+            assert 1e3 * (arrived - sent) == pytest.approx(delays[seq], abs=2e-3)
+        else:
+            assert (arrived, reason) == (None, "trace")
+
+
+def test_a_command_whose_stamp_the_recorder_did_not_know_tells_no_delay(tmp_path: Path) -> None:
+    write(tmp_path / "dive.mcap", [command(seq, 0.0 if seq < 5 else 8.0) for seq in range(9)])
+    assert [arrived - sent for sent, arrived in trace_of(tmp_path).rows if arrived] == (
+        pytest.approx([8e-3] * 4)
+    )
+
+
+def test_a_command_recorded_twice_counts_once_and_a_restart_is_no_loss(tmp_path: Path) -> None:
+    said = [command(seq, 8.0) for seq in (0, 1, 1, 2)]
+    later = [
+        (key, msgspec.structs.replace(message, seq=message.seq - 50), delay)
+        for key, message, delay in (command(seq, 8.0) for seq in (50, 51))
+    ]
+    write(tmp_path / "dive.mcap", said + later)
+    rows = trace_of(tmp_path).rows
+    assert len(rows) == 5
+    assert all(arrived is not None for _, arrived in rows)
+
+
+def test_where_clocks_differ_half_of_each_round_trip_counts(tmp_path: Path) -> None:
+    clocks = [clock(n, 5000.0, 30.0 + n if n != 3 else None) for n in range(10)]
+    write(tmp_path / "dive.mcap", [command(n, 5010.0) for n in range(100)] + clocks)
+    found = trace_of(tmp_path)
+    assert found.remarks == [
+        "half of each round trip of clock/ping, so the same in both directions",
+        "the clocks of both ends differ",
+    ]
+    assert found.rows[3][1] is None
+    for n, (sent, arrived) in enumerate(found.rows):
+        assert sent == pytest.approx(0.2 * n)
+        if arrived is not None:
+            assert arrived - sent == pytest.approx((30.0 + n) / 2e3)
+
+
+def test_clocks_that_are_known_to_agree_let_commands_count(tmp_path: Path) -> None:
+    said = [command(n, 10.0) for n in range(50)] + [clock(n, 0.2, 20.0) for n in range(5)]
+    write(tmp_path / "dive.mcap", said)
+    found = trace_of(tmp_path)
+    assert found.remarks[1] == "the clocks of both ends are known to be one"
+    assert len(found.rows) == 50
+
+
+@pytest.mark.parametrize(
+    ("said", "says"),
+    [
+        ([], "neither pilot commands on one clock nor clock round trips"),
+        ([command(0, -5.0), command(1, 5.0)], "the clocks of both ends differ"),
+        ([command(0, 5.0), command(1, 70_000.0)], "the clocks of both ends differ"),
+    ],
+)
+def test_what_cannot_be_told_is_refused(tmp_path: Path, said: Said, says: str) -> None:
+    write(tmp_path / "dive.mcap", said)
+    with pytest.raises(LindyError, match=says):
+        trace_of(tmp_path)

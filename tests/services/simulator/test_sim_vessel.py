@@ -1,7 +1,8 @@
-"""The vehicle in the water keeps the laws of physics."""
+"""Physics of the hull: its equations, energy, floor, surface and thrusters."""
 
 from itertools import pairwise
 from math import degrees, dist, exp, pi, sin, sqrt
+from typing import Any
 
 import msgspec
 import pytest
@@ -14,7 +15,7 @@ from services.marine.hydrodynamics import full_buoyancy, system_inertia
 from services.marine.vehicle import GRAVITY, Vehicle, driven
 from services.runtime.config.stack import Stack
 from services.simulator.settings import Settings
-from services.simulator.vessel import STEP, State, Vessel
+from services.simulator.vessel import STEP, State, Vessel, equations_of_motion
 from tests.support.textbook_vessel import TextbookVessel, kinetic_energy
 
 PIONEER = Stack().section("vehicle", Vehicle)
@@ -264,3 +265,32 @@ def test_a_motion_that_diverges_ends_the_simulator_with_a_sentence() -> None:
     ship = vessel(nu=(1e7, 0.0, 0.0, 0.0, 0.0, 0.0))
     with pytest.raises(FloatingPointError, match="diverged"):
         sail(ship, 0.1)
+
+
+def six(least: float, most: float) -> Any:
+    return st.tuples(*[st.floats(least, most)] * 6)
+
+
+def hull(added: Vec6, linear: Vec6, quadratic: Vec6, height: float, floats: float) -> Vehicle:
+    return msgspec.structs.replace(
+        PIONEER,
+        added_mass=added,
+        linear_damping=linear,
+        quadratic_damping=quadratic,
+        metacentric_height=height,
+        net_buoyancy=floats,
+    )
+
+
+hulls = st.builds(hull, six(0.1, 50), six(0, 50), six(0, 50), st.floats(0, 0.3), st.floats(-20, 20))
+
+
+@settings(max_examples=150, deadline=None)
+@given(hulls, st.floats(0, 1), st.floats(-1, 3), attitude, motion, six(-50, 50))
+def test_every_term_is_there_with_its_sign(
+    vehicle: Vehicle, wake: float, depth: float, q_NB: Quaternion, nu: Vec6, tau: Vec6
+) -> None:
+    state = (0.0, 0.0, depth, *q_NB, *nu)
+    expected = TextbookVessel(vehicle, wake, state, [0.0] * 4).rates(state, tau)[7:]
+    ours = equations_of_motion(vehicle, wake)(depth, q_NB, nu, tau)
+    assert ours == pytest.approx(expected, rel=1e-9, abs=1e-7)

@@ -1,13 +1,17 @@
 """The status screen as text: nothing wraps, nothing is lost, unknown is said so."""
 
+from io import StringIO
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from rich.console import Console
+from rich.text import Text
 
 from messages.health import LogLine
 from services.vehicle_view.log_lines import LogEntry, LogLines
+from tools.live.display import drawn_anew
 from tools.live.screen import LINES, ServiceView, View, plain, render
 
 NAMES = ["simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder"]
@@ -191,3 +195,31 @@ def test_a_service_is_gone_only_if_it_was_there(alive: int, begun: int, said: st
     service = ServiceView("visualizer", bool(alive), begun=bool(begun))
     lines = text_of(replace(FULL, services=(service,)), 80)
     assert any(line.split()[:2] == ["visualizer", said or "–"] for line in lines)
+
+
+CLEARED = "\x1b[2J\x1b[H"
+
+
+def test_a_terminal_of_another_size_is_cleared_once_before_it_is_drawn_on() -> None:
+    console = Console(file=StringIO(), force_terminal=True, width=80, height=24)
+    file = console.file
+    assert isinstance(file, StringIO)
+    with drawn_anew(console) as draw:
+
+        def drawn(width: int, height: int) -> str:
+            console.size = (width, height)
+            begin = len(file.getvalue())
+            draw(lambda size: Text(f"{size.width} x {size.height}"))
+            return file.getvalue()[begin:]
+
+        for width, height, cleared in (
+            (80, 24, 0),
+            (80, 24, 0),
+            (200, 50, 1),
+            (200, 50, 0),
+            (80, 50, 1),
+        ):
+            said = drawn(width, height)
+            assert f"{width} x {height}" in said
+            assert said.count(CLEARED) == cleared
+            assert said.rindex(f"{width} x {height}") > said.rfind(CLEARED)

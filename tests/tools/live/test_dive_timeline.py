@@ -1,4 +1,8 @@
-"""When a dive is over."""
+"""When a dive is over, how long it is kept running, and where its page is."""
+
+import socket
+from collections.abc import Callable
+from typing import cast
 
 import pytest
 from hypothesis import given, settings
@@ -6,7 +10,12 @@ from hypothesis import strategies as st
 
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
+from services.runtime.config.stack import Stack
+from services.runtime.launch.local_stack import LocalStack
+from tools.live.cockpit import announce
 from tools.live.dive_timeline import ARMING_S, PATIENCE_S, DiveTimeline
+from tools.live.session import keep_running
+from tools.live.stop_signals import StopSignals
 
 LENGTHS = st.floats(0.5, 600.0)
 WAITS = st.floats(0.0, 0.9 * ARMING_S)
@@ -97,3 +106,49 @@ def test_the_arming_by_another_sides_pilot_is_not_the_beginning_of_this_dive():
     ours = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, pilot="bob", epoch=2)
     timeline.see(ours, ns(2))
     assert (timeline.armed, timeline.controlled, timeline.armed_ns) == (True, True, ns(2))
+
+
+class NeverAllAlive:
+    """A stack of which one service never comes: it waits as long as it is looked at."""
+
+    looks = 0
+
+    def start_services(self) -> None:
+        pass
+
+    def wait_alive(self, _: float, look: Callable[[], bool]) -> None:
+        while look() and self.looks < 1000:
+            self.looks += 1
+
+    class stack:  # noqa: N801
+        insecure = False
+
+
+def test_a_dive_is_over_in_time_though_a_service_is_still_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = 0
+
+    def look() -> bool:
+        nonlocal now
+        now += 100_000_000
+        if now == 1_000_000_000:
+            timeline.see(VehicleStatus(stamp_ns=now, armed=True, activity="ready"), now)
+        return True
+
+    monkeypatch.setattr("time.monotonic_ns", lambda: now)
+    timeline, local = DiveTimeline(None, 2.0), NeverAllAlive()
+    with StopSignals() as stop:
+        assert keep_running(cast(LocalStack, local), timeline, stop, look) == "clean"
+    assert now == 3_000_000_000 + 100_000_000
+
+
+def test_no_address_is_printed_of_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        stack = Stack(vehicle="pioneer", overrides=[f"cockpit.port={port}"])
+        with pytest.raises(LindyError, match=rf"cannot listen on 127\.0\.0\.1:{port}"):
+            announce(stack, browser=False)
+    assert capsys.readouterr().out == ""
+    announce(stack, browser=False)
+    assert f"http://127.0.0.1:{port}/" in capsys.readouterr().out

@@ -1,18 +1,22 @@
-"""A part of a recording is a recording: cutting twice is cutting once to what both keep."""
+"""A part of a recording is a recording, by times or by the number of the dive in it."""
 
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
-from tests.support.recorded import ShortDive, foreign
+from tests.support.recorded import ShortDive, foreign, rewritten
 from tools.__main__ import main
+from tools.log.armed_spans import ArmedSpan, ArmedSpans, armed_spans, around
 from tools.log.cut import WantedPart, cut_out
+from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import is_whole, open_recording
 
 times = st.floats(0.0, 8.0)
@@ -113,3 +117,127 @@ def test_what_cannot_be_cut_is_one_sentence_and_leaves_no_file(
     assert main(["log", "cut", str(dive.folder), "--out", str(out), *options]) == 1
     assert said in capsys.readouterr().err
     assert not out.exists()
+
+
+Heard = list[tuple[float, VehicleStatus]]
+
+
+@st.composite
+def heard(draw: st.DrawFn) -> Heard:
+    """Statuses with the times of their arrival, up to 20 s apart: a drone may not be heard."""
+    t, found = 0.0, list[tuple[float, VehicleStatus]]()
+    for armed, step in draw(st.lists(st.tuples(st.booleans(), st.floats(0.01, 20.0)), max_size=40)):
+        t += step
+        found.append((t, VehicleStatus(stamp_ns=round(t * 1e9), activity="ready", armed=armed)))
+    return found
+
+
+def spans_of(statuses: Heard) -> list[ArmedSpan]:
+    spans = ArmedSpans()
+    for t, status in statuses:
+        spans.see(status, t)
+    return spans.found
+
+
+@given(heard())
+def test_each_dive_that_is_cut_out_is_the_only_one_and_whole(statuses: Heard) -> None:
+    spans = spans_of(statuses)
+    assert [s.ended for s in spans[:-1]] == [True] * len(spans[:-1])
+    assert sum(status.armed for _, status in statuses) >= len(spans)
+    for number, span in enumerate(spans, start=1):
+        from_s, to_s = around(spans, number, "here")
+        assert 0.0 <= from_s <= span.from_s <= span.to_s < to_s
+        assert span.from_s - from_s <= 5.0
+        assert span.ended == (to_s < inf) or to_s - span.to_s <= 5.0
+        part = [(t, status) for t, status in statuses if from_s <= t < to_s]
+        assert spans_of(part) == [span]
+
+
+@given(heard(), st.data())
+def test_what_a_link_delivers_late_or_twice_makes_no_dive(
+    statuses: Heard, data: st.DataObject
+) -> None:
+    arrivals = Heard()
+    for number, (t, status) in enumerate(statuses):
+        arrivals.append((t, status))
+        if (back := data.draw(st.integers(0, 3))) <= number:
+            earlier = statuses[number - back][1]
+            if t - earlier.stamp_ns / 1e9 < 9.9:
+                arrivals.append((t, earlier))
+    assert spans_of(arrivals) == spans_of(statuses)
+
+
+def test_a_drone_that_was_started_again_is_believed_though_its_clock_begins_anew() -> None:
+    spans = ArmedSpans()
+    for t, stamp_s, armed in [(0.0, 900, True), (1.0, 901, True), (60.0, 12, False)]:
+        spans.see(VehicleStatus(stamp_ns=stamp_s * 10**9, activity="ready", armed=armed), t)
+    assert spans.found == [ArmedSpan(0.0, 60.0, ended=True)]
+
+
+@pytest.fixture(scope="module")
+def two_dives(dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The short dive, as if it had been disarmed in the middle of its armed time."""
+    (whole,) = armed_spans(open_recording(dive.folder))
+    origin = open_recording(dive.folder).origin_ns() or 0
+    third = whole.seconds / 3.0
+
+    def disarmed(_: str, message: StoredMessage) -> StoredMessage:
+        t = (message.log_ns - origin) / 1e9 - whole.from_s
+        if not third < t < 2.0 * third:
+            return message
+        return message._replace(data=message.data.replace(b'"armed":true', b'"armed":false'))
+
+    return rewritten(dive, tmp_path_factory.mktemp("two") / "dive.mcap", disarmed)
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_dive_cut_by_its_number_is_a_recording_like_any_other(
+    two_dives: Path, number: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "info", str(two_dives), "--json"]) == 0
+    dives = msgspec.json.decode(capsys.readouterr().out)["dives"]
+    assert len(dives) == 2
+    out = tmp_path / "cut.mcap"
+    assert main(["log", "cut", str(two_dives), "--dive", str(number), "--out", str(out)]) == 0
+    for verb in ("check", "info"):
+        assert main(["log", verb, str(out)]) == 0
+    capsys.readouterr()
+    assert main(["log", "info", str(out), "--json"]) == 0
+    assert msgspec.json.decode(capsys.readouterr().out)["dives"] == [dives[number - 1]]
+    assert main(["log", "compare", str(out), str(out)]) == 0  # what it reports of the dive
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--dive", "3"], "there are 2 dives (1: "),
+        (["--dive", "0"], "there are 2 dives (1: "),
+        (["--dive", "-1"], "there are 2 dives (1: "),
+        (["--dive", "1", "--from", "2"], "leave out --from and --to"),
+        (["--dive", "1", "--to", "nan"], "leave out --from and --to"),
+    ],
+)
+def test_a_number_that_is_not_there_is_one_sentence(
+    two_dives: Path,
+    tmp_path: Path,
+    options: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "cut.mcap"
+    assert main(["log", "cut", str(two_dives), "--out", str(out), *options]) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+@given(heard(), st.floats(0.0, 1000.0))
+def test_who_is_armed_last_is_so_to_the_end_of_the_recording(statuses: Heard, after: float) -> None:
+    spans, end = ArmedSpans(), after + (statuses[-1][0] if statuses else 0.0)
+    for t, status in statuses:
+        spans.see(status, t)
+    ended = [span for span in spans.found if span.ended]
+    found = spans.until(end)
+    assert [span for span in found if span.ended] == ended
+    assert [span.to_s for span in found if not span.ended] == [end] * (len(found) - len(ended))

@@ -9,7 +9,7 @@ import pytest
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import Writer
 
-from tests.support.recorded import ShortDive
+from tests.support.recorded import Alter, ShortDive, rewritten
 from tools.__main__ import GROUPS, LOG, main
 from tools.log.check import Account, unrecorded_in
 from tools.recordings.mcap_copy import new_mcap
@@ -205,3 +205,76 @@ def test_a_replay_says_what_makes_no_sense_in_a_recording(
     path = forged(source, tmp_path / "forged.mcap", metadata={"dive": entries})
     assert main(["replay", str(path), "--through", "control", "--diff"]) == 1
     assert "does not say with which seed and settings it was flown" in capsys.readouterr().err
+
+
+# What no message of ours holds, as JSON.
+STRANGE = ["1e309", "-1e308", "NaN", "9" * 400, '"x"', "null", "[]", "{}", "[[[1]]]", "-0.5"]
+
+
+def with_strange_fields(_: str, message: StoredMessage) -> StoredMessage:
+    """Every third message: all fields but stamp and number."""
+    if message.sequence % 3:
+        return message
+    tree = json.loads(message.data)
+    kept = {name: json.dumps(tree[name]) for name in ("stamp_ns", "seq") if name in tree}
+    strange = {
+        name: STRANGE[(message.sequence + place) % len(STRANGE)]
+        for place, name in enumerate(tree)
+        if name not in kept
+    }
+    said = ",".join(f'"{name}":{text}' for name, text in (kept | strange).items())
+    return message._replace(data=f"{{{said}}}".encode())
+
+
+def years_later(_: str, message: StoredMessage) -> StoredMessage:
+    return message._replace(log_ns=message.log_ns + message.sequence % 2 * 10**18)
+
+
+def at_no_time(_: str, message: StoredMessage) -> StoredMessage:
+    return message._replace(log_ns=2**64 - 1) if message.sequence % 100 == 7 else message
+
+
+def test_it_is_compared_as_far_as_it_can_be_read_and_the_rest_is_counted(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strange = rewritten(dive, tmp_path / "strange.mcap", with_strange_fields)
+    assert main(["log", "compare", str(strange), str(dive.folder)]) == 3
+    assert "messages could not be read" in capsys.readouterr().out
+    assert main(["replay", str(strange), "--through", "control", "--diff"]) == 1
+    out, err = capsys.readouterr()
+    assert "messages could not be read" in out + err
+    assert "an error in Lindy itself" not in out + err
+
+
+@pytest.mark.parametrize(
+    ("alter", "words"),
+    [
+        (years_later, ("replay", "--through", "control", "--diff")),
+        (at_no_time, ("review", "--quick")),
+    ],
+)
+def test_nobody_walks_through_the_years_between_two_messages(
+    dive: ShortDive,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    alter: Alter,
+    words: tuple[str, ...],
+) -> None:
+    path = rewritten(dive, tmp_path / "far.mcap", alter)
+    assert main([words[0], str(path), *words[1:]]) == 1
+    assert f"{path}: its messages are" in (said := capsys.readouterr().err)
+    assert said.endswith("some have a wrong time\n")
+
+
+@pytest.mark.parametrize(
+    "words", [("replay", "--through", "control", "--diff"), ("review", "--quick")]
+)
+def test_what_is_wrong_in_its_vehicle_file_is_said_of_the_recording(
+    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    def no_mass(name: str, data: bytes) -> bytes:
+        return data.replace(b"\nmass = ", b"\nmass = nan # ") if name.endswith(".toml") else data
+
+    path = rewritten(dive, tmp_path / "wrong.mcap", attached=no_mass)
+    assert main([words[0], str(path), *words[1:]]) == 1
+    assert f"lindy: {path}: my_drone.toml:" in capsys.readouterr().err

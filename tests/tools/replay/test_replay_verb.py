@@ -12,6 +12,7 @@ from messages import topics
 from messages.identity import SideIdentity
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
+from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from services.runtime.config.stack import Stack
 from services.runtime.node.checkpoint import VolatileCheckpoint
@@ -19,7 +20,7 @@ from services.runtime.node.node import Node
 from services.visualizer.service import wire
 from tests.golden.dives import golden
 from tools.__main__ import main
-from tools.replay.play import Republisher
+from tools.replay.play import Replay, Republisher, Wish
 from tools.replay.source import open_source
 
 GOLDEN = str(golden("pioneer"))
@@ -247,3 +248,37 @@ def test_the_visualizer_shows_a_replay(tmp_path: Path) -> None:
     stream = chunk.RrdReader(str(tmp_path / "dive.rrd")).stream()
     shown = list(stream.filter(content="/depth/estimate", is_static=False))
     assert sum(part.to_record_batch().num_rows for part in shown) > 20
+
+
+SECOND = 1_000_000_000
+
+
+def played(
+    begin_s: float, end_s: float, *, loop: bool = False, most: int = 10**9
+) -> list[Envelope]:
+    """What is heard of a replay until its end, or until so many messages were heard."""
+    source, hub, heard = open_source(golden("pioneer")), MemoryBus(), list[Envelope]()
+    MemoryBusPort(hub).hear("**", heard.append)
+    first = source.span[0]
+    span = first + round(begin_s * SECOND), first + round(end_s * SECOND)
+    replay = Replay(source, Wish(span, loop=loop), MemoryBusPort(hub))
+    assert replay.play(lambda: len(heard) >= most) == 0
+    return heard
+
+
+def in_recording(begin_s: float, end_s: float) -> int:
+    source = open_source(golden("pioneer"))
+    first = source.span[0]
+    return sum(begin_s * SECOND <= raw.log_ns - first <= end_s * SECOND for raw in source.raw())
+
+
+def test_to_the_end_every_message_once() -> None:
+    heard = played(5.0, 5.1)
+    assert len(heard) == in_recording(5.0, 5.1)
+    assert all(envelope.encoding.endswith(";replayed") for envelope in heard)
+
+
+def test_it_repeats_itself() -> None:
+    once = in_recording(5.0, 5.05)
+    heard = played(5.0, 5.05, loop=True, most=3 * once)
+    assert [e.key for e in heard[:once]] == [e.key for e in heard[once : 2 * once]]

@@ -1,11 +1,15 @@
-"""Spectra find the noise and the lines that were put in, in the part where they are."""
+"""Spectra find the noise and the lines that were put in; what is odd about a sensor is said."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages import topics
+from services.estimation.core import AID_SOURCES
+from tools.review.estimated import MEANS, in_words
 from tools.review.recorded import SensorColumns
+from tools.review.sensor_table import sensor_table
 from tools.review.vibration import vibration
 
 RATE = 100.0
@@ -71,3 +75,22 @@ def test_what_is_missing_is_said(columns: SensorColumns, words: str) -> None:
     found = vibration(columns)
     assert isinstance(found, str)
     assert words in found
+
+
+@pytest.mark.parametrize(
+    ("hz", "words"),
+    [(2.0, "fast motion is missed"), (45.0, "fast motion is missed"), (55.0, ""), (100.0, ""),
+     (190.0, ""), (400.0, "takes longer")],
+)  # fmt: skip
+def test_a_rate_is_odd_beyond_a_factor_of_two(hz: float, words: str) -> None:
+    t = np.arange(200) / hz
+    imu = SensorColumns(t, t, np.random.default_rng(4).standard_normal((len(t), 6)), 0)
+    (stream,) = sensor_table({topics.IMU.key: imu})
+    assert len(stream.remarks) == bool(words)
+    assert words in "".join(stream.remarks)
+
+
+def test_what_no_owner_knows_is_explained() -> None:
+    assert set(MEANS) < {name.partition("_")[0] for name in AID_SOURCES}
+    assert in_words("hull_north") == "hull north (level acceleration by thrust and drag)"
+    assert in_words("dvl_surge") == "dvl surge"

@@ -1,6 +1,6 @@
-"""Where the drone is, as whoever watches many drones is told."""
+"""Where the drone is, as its status says it, and the way home."""
 
-from math import pi
+from math import pi, tau
 
 import pytest
 from hypothesis import given
@@ -10,9 +10,16 @@ from msgspec.structs import replace
 
 from messages.events import Outbox
 from messages.message import Estimate
-from services.marine.attitude import from_euler, to_body, wrapped
+from services.marine.attitude import from_euler, to_body, whole_turns, wrapped
 from services.reference.core import ReferenceGenerator, Settings
-from services.reference.guidance.ground_motion import Whereabouts, ground_of, whereabouts
+from services.reference.guidance.ground_motion import (
+    MOST_GAP_S,
+    Home,
+    HomePlace,
+    Whereabouts,
+    ground_of,
+    whereabouts,
+)
 from tests.support.said import state
 
 ZERO = Estimate(0.0, 0.01)
@@ -71,3 +78,75 @@ def test_a_vehicle_that_dives_nose_down_does_not_move_over_the_ground() -> None:
     found = ground_of(seen)
     assert found is not None
     assert found.velocity == pytest.approx((0.0, -0.1), abs=1e-9)
+
+
+metres = st.floats(-1000.0, 1000.0)
+places = st.tuples(metres, metres)
+
+
+def seen(
+    home: Home, place: tuple[float, float], t: float, origin: int = 1, armed: bool = True
+) -> None:
+    here = state(
+        north=place[0], east=place[1], surge_velocity=0.0, sway_velocity=0.0, origin=origin
+    )
+    home.see(here, ground_of(here), t, armed=armed)
+
+
+@given(places, places)
+def test_it_is_the_first_position_while_armed(
+    deck: tuple[float, float], later: tuple[float, float]
+):
+    home = Home()
+    assert "since the drone was armed" in home.missing
+    seen(home, (5.0, 5.0), 0.0, armed=False)
+    assert home.place is None
+    seen(home, deck, 0.1)
+    seen(home, later, 0.2)
+    seen(home, later, 0.3, armed=False)
+    seen(home, later, 0.4)
+    assert home.place == HomePlace(*deck, 1)
+    assert not home.missing
+
+
+@given(places, places, places)
+def test_it_stays_the_same_place_where_another_origin_takes_over(
+    deck: tuple[float, float], here: tuple[float, float], anew: tuple[float, float]
+) -> None:
+    """As with the first acoustic fix after a DVL: the drone has not moved, only its numbers."""
+    home = Home()
+    seen(home, deck, 0.0)
+    seen(home, here, 0.1)
+    seen(home, anew, 0.2, origin=0)
+    assert home.place is not None
+    assert abs(home.place.north - anew[0] - (deck[0] - here[0])) < 1e-9
+    assert abs(home.place.east - anew[1] - (deck[1] - here[1])) < 1e-9
+    assert home.place.origin == 0
+
+
+def test_after_a_gap_with_another_origin_it_is_lost_for_good_and_says_so() -> None:
+    home = Home()
+    seen(home, (1.0, 2.0), 0.0)
+    seen(home, (0.0, 0.0), MOST_GAP_S + 0.5, origin=7)
+    assert home.place is None
+    assert "began anew" in home.missing
+    seen(home, (3.0, 0.0), MOST_GAP_S + 0.6, origin=7)
+    assert home.place is None
+    again = Home(home.place, home.lost)  # after a restart
+    seen(again, (3.0, 0.0), 100.0, origin=7)
+    assert again.place is None
+
+
+def test_a_gap_with_the_same_origin_and_a_restart_change_nothing() -> None:
+    home = Home()
+    seen(home, (1.0, 2.0), 0.0)
+    home.see(None, None, 5.0, armed=True)
+    seen(home, (4.0, 2.0), 60.0)
+    again = Home(home.place, home.lost)
+    seen(again, (5.0, 2.0), 61.0)
+    assert again.place == HomePlace(1.0, 2.0, 1)
+
+
+@given(st.floats(-100.0, 100.0))
+def test_less_than_half_a_turn_is_left_after_the_whole_ones(heading: float) -> None:
+    assert abs(heading - tau * whole_turns(heading)) <= tau / 2 + 1e-9

@@ -1,19 +1,74 @@
-"""A flood of messages that cannot be read is said, a damaged one now and then is not."""
+"""What the pilot is told of the link: risen delays, silence, floods of junk; and both of its
+ends."""
 
 from collections import Counter
+from collections.abc import Sequence
+from random import Random
 
 import msgspec
-from hypothesis import given
+import pytest
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
 from messages.health import Health
-from services.link_monitor.core import MOST_HZ, RECENT_NS, SERVICES, JunkWatch
+from messages.link import Clock
+from services.link_monitor.core import MOST_HZ, RECENT_NS, SERVICES, JunkWatch, LinkAlarm
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.hosts.stack_file import ServiceSpec
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.loop_stats import LoopStats
+from tools.up import on_side
+
+MS, SECOND = 1_000_000, 1_000_000_000
+PING = SECOND // 5
+
+
+def sound(rtts_ms: Sequence[float | None]) -> list[tuple[int, str]]:
+    """The alarm's text every 50 ms, for pings that take this long (None: never come back)."""
+    alarm, texts = LinkAlarm(), list[tuple[int, str]]()
+    back = sorted(
+        (k * PING + round(rtt * MS), rtt) for k, rtt in enumerate(rtts_ms) if rtt is not None
+    )
+    for now in range(0, len(rtts_ms) * PING, 50 * MS):
+        while back and back[0][0] <= now:
+            alarm.answered(back.pop(0)[1])
+        if now % PING == 0:
+            alarm.sent(now)
+        texts.append((now, alarm.text(now)))
+    return texts
+
+
+@given(rtt=st.floats(0.1, 400.0), jitter=st.floats(0.0, 40.0), random=st.randoms())
+@settings(max_examples=50, deadline=None)
+def test_a_link_as_it_always_is_raises_no_alarm(rtt: float, jitter: float, random: Random) -> None:
+    pings: list[float | None] = [rtt + jitter * random.random() for _ in range(60)]
+    assert {text for now, text in sound(pings) if now > rtt * MS + PING} == {""}
+
+
+@given(before=st.floats(0.1, 100.0), rise=st.floats(2.0, 50.0))
+@settings(max_examples=50, deadline=None)
+def test_a_rise_is_told_within_a_second_beyond_the_new_delay(before: float, rise: float) -> None:
+    after = before * rise + 60.0
+    texts = sound([before] * 50 + [after] * 50)
+    limit = 50 * PING + SECOND
+    assert all(text == "" for now, text in texts if now < 50 * PING)
+    told = next(now for now, text in texts if text)
+    assert told <= limit
+
+
+def test_silence_is_told_and_its_end_too() -> None:
+    texts = sound([20.0] * 20 + [None] * 20 + [20.0] * 20)
+    told = [now for now, text in texts if text]
+    assert 20 * PING + 500 * MS <= told[0] <= 20 * PING + SECOND
+    assert told[-1] <= 40 * PING + 100 * MS
+
+
+def test_before_the_first_answer_nothing_is_known_and_that_is_said() -> None:
+    assert sound([None] * 20)[-1][1] == "no answer from the drone yet"
+
 
 S = 1_000_000_000  # [ns]
 
@@ -118,3 +173,48 @@ def test_the_pilot_reads_of_a_flood_and_of_its_end_and_of_no_other_lindy() -> No
     host.run(9 * S)
     assert "somebody else" not in alarms[-1]
     assert sum("somebody else" in text for text in told) == 1
+
+
+EVERY = Registry.read()
+ROWS = EVERY.only({name: EVERY[name] for name in ("tether", "link_monitor")})
+
+
+@pytest.mark.parametrize("ahead", [None, 0, 3_600 * S])
+def test_pings_are_answered_from_the_other_realm_on_one_machine_and_on_two(
+    ahead: int | None,
+) -> None:
+    host = VirtualHost(None if ahead is None else {"drone": Skew(ahead)})
+    rows = ROWS if ahead is None else ROWS.apart()
+    host.add_all(rows, Stack(link="remote", apart=ahead is not None))
+    clocks, health = list[Clock](), dict[str, Health]()
+    ears = host.node("ears", ["topside"])
+    ears.each(topics.CLOCK, lambda m, _: clocks.append(m))
+    ears.each(topics.HEALTH, lambda m, _: health.update({m.service: m}))
+    host.run(3 * S)
+    assert clocks[-1].rtt_ms is not None
+    assert clocks[-1].rtt_ms >= 100.0  # over the link and back, not from neighbour to neighbour
+    assert clocks[-1].offset_ns is not None
+    assert clocks[-1].bound_ns is not None
+    assert abs(clocks[-1].offset_ns - (ahead or 0)) <= clocks[-1].bound_ns
+    assert set(rows) <= set(health)
+
+
+def test_once_the_drone_has_answered_the_topside_says_again_who_it_is_and_its_clock() -> None:
+    """What was said before the two have met was heard by nobody."""
+    host = VirtualHost({"drone": Skew(5 * S)})
+    host.add_all(ROWS.apart(), Stack(link="remote", apart=True))
+    said, answered, known = list[int](), list[int](), list[int]()
+    ears = host.node("ears", ["topside"])
+    ears.each(topics.IDENTITY.of("topside"), lambda _, now: said.append(now))
+    ears.each(topics.CLOCK_PONG, lambda _, now: answered.append(now))
+    ears.each(topics.CLOCK, lambda m, now: known.append(now) if m.offset_ns is not None else None)
+    host.run(3 * S)
+    assert said.count(answered[0]) == 1
+    assert known[0] == answered[0]
+
+
+def test_on_two_machines_no_name_is_there_twice() -> None:
+    topside, drone = (on_side(EVERY, side, gateway=False) for side in ("topside", "drone"))
+    assert set(topside) & set(drone) == set()
+    assert topside["link_monitor"] == ServiceSpec(sides=["topside"], service="link_monitor")
+    assert drone["link_monitor_drone"] == ServiceSpec(sides=["drone"], service="link_monitor")

@@ -1,4 +1,5 @@
-"""A vehicle that tilts too far gets less surge and sway than the pilot asks for."""
+"""Guards of a reference: it waits for a vehicle that is held back, goes to where that comes to
+rest, and asks for no more than the tilt allows."""
 
 from itertools import pairwise
 from math import exp, hypot, pi
@@ -16,15 +17,182 @@ from services.reference.guidance.guards import (
     AHEAD_S,
     FALL_S,
     MOST_TILT,
+    PATIENCE_S,
+    RETURN_S,
     RISE_S,
     SMOOTH_S,
+    WORTH,
+    ReferenceGovernor,
+    Standstill,
     TiltLimit,
+    is_released,
     rate,
     tilt_of,
 )
+from services.reference.trajectory.minimum_jerk import Sample
 from tests.support.said import state
 
+size = st.floats(0.0, 1e6)
+most = st.floats(1e-3, 1e3)
+
+
+@given(most, st.lists(st.tuples(size, st.floats(0.0, 1.0), st.booleans())))
+def test_never_more_than_the_most_remains_and_never_more_than_there_was(
+    most: float, steps: list[tuple[float, float, bool]]
+) -> None:
+    guard = ReferenceGovernor(most)
+    for error, dt, released in steps:
+        share = guard.keep(error, dt, released=released)
+        assert 0.0 <= share <= 1.0
+        assert share * error <= most * (1 + 1e-12)
+
+
+@given(most, st.lists(st.floats(0.0, 1.0)))
+def test_an_error_within_the_limit_is_left_alone(most: float, shares: list[float]) -> None:
+    guard = ReferenceGovernor(most)
+    assert all(guard.keep(most * x, 0.01, released=True) == 1.0 for x in shares)
+
+
+@given(most)
+def test_blocked_and_released_it_comes_to_the_vehicle_and_is_done(most: float) -> None:
+    guard, error, seconds = ReferenceGovernor(most), 2 * most, 0.0
+    error *= guard.keep(error, 0.01, released=False)
+    while guard.blocked and seconds < 10 * RETURN_S:
+        error *= guard.keep(error, 0.01, released=True)
+        seconds += 0.01
+    assert not guard.blocked
+    assert error <= most / 10
+    assert guard.keep(error, 0.01, released=True) == 1.0
+
+
+@given(most, st.floats(0.0, 0.99) | st.floats(0.09, 0.11), st.booleans())
+def test_it_holds_back_until_half_the_limit_and_once_released_until_a_tenth(
+    most: float, share: float, released: bool
+) -> None:
+    guard = ReferenceGovernor(most)
+    guard.keep(2 * most, 0.01, released=False)
+    assert guard.blocked
+    guard.keep(share * most, 0.01, released=released)
+    end = 0.1 if released else 0.5
+    assert guard.blocked == (share >= end) or abs(share - end) < 1e-9
+
+
+@given(most, st.floats(0.2, 1.0), st.floats(0.0, 2.0))
+def test_once_released_the_error_falls_to_a_third_every_half_second(
+    most: float, begin: float, seconds: float
+) -> None:
+    """e⁻¹, with a tick of a thousandth of a second, until a tenth of the limit is left."""
+    guard, error = ReferenceGovernor(most, blocked=True), begin * most
+    for _ in range(round(1000 * seconds)):
+        error *= guard.keep(error, 0.001, released=True)
+    expected = max(begin * exp(-seconds / 0.5), 0.1)
+    assert error == pytest.approx(expected * most, rel=0.01)
+
+
+@given(most, st.floats(0.11, 1.0), st.floats(0.0, 5.0), st.floats(0.0, 5.0))
+def test_a_longer_tick_leaves_less_and_the_longest_nothing(
+    most: float, share: float, one: float, other: float
+) -> None:
+    short, long = (
+        ReferenceGovernor(most, blocked=True).keep(share * most, dt, released=True)
+        for dt in sorted((one, other))
+    )
+    assert 1.0 >= short >= long >= 0.0
+    assert (long == 0.0) == (max(one, other) >= 0.5)
+
+
+speed = st.floats(0.01, 2.0)
+
+
+@given(speed, speed, st.booleans())
+def test_a_stick_counts_as_released_when_the_reference_slows_down_or_rests(
+    velocity: float, acceleration: float, down: bool
+) -> None:
+    v, a = (velocity, acceleration) if down else (-velocity, -acceleration)
+    assert is_released(Sample(1.0, v, -a, 0.0))
+    assert is_released(Sample(1.0, 0.0, 0.0, 0.0))
+    assert not is_released(Sample(1.0, v, a, 0.0))
+    assert not is_released(Sample(1.0, v, 0.0, 0.0))  # the stick is kept
+    assert not is_released(Sample(1.0, 0.0, a, 0.0))  # it begins
+
+
+@given(speed, speed, speed)
+def test_a_place_is_released_by_all_of_its_motion(north: float, east: float, slower: float) -> None:
+    """Slowing down north while speeding up east is a turn unless the speed falls."""
+    motions = Sample(0.0, north, -slower, 0.0), Sample(0.0, east, slower, 0.0)
+    assert is_released(*motions) == (east * slower < north * slower)
+    assert not is_released(Sample(0.0, 0.0, 0.0, 0.0), Sample(0.0, east, 0.0, 0.0))
+
+
+MOST_MOVED = 0.05  # [m]
 DT = 0.01  # [s]
+error = st.floats(-1.0, 1.0)
+rates = st.floats(-0.5, 0.5)
+row = st.tuples(error, rates, st.booleans())
+
+
+def flown(stop: Standstill, rows: list[tuple[float, float, bool]]) -> list[float]:
+    return [
+        stop.step(error, rates, DT * k, resting=resting, velocity=rates)
+        for k, (error, rates, resting) in enumerate(rows)
+    ]
+
+
+@given(st.lists(row, max_size=300))
+def test_it_moves_once_for_each_motion_at_rest_and_never_further_than_allowed(
+    rows: list[tuple[float, float, bool]],
+) -> None:
+    moves = flown(Standstill(MOST_MOVED), rows)
+    open_motions = 0
+    for by, (off, _, resting) in zip(moves, rows, strict=True):
+        open_motions = open_motions if resting else 1
+        if by != 0.0:
+            assert resting
+            assert open_motions == 1
+            open_motions = 0
+            assert WORTH * MOST_MOVED <= abs(by) <= MOST_MOVED
+            assert 0.0 <= by / off <= 1.0 + 1e-12
+
+
+@given(error, st.floats(0.001, 0.5), st.integers(0, 70))
+def test_it_waits_for_the_vehicle_to_turn_round(off: float, speed: float, steps: int) -> None:
+    stop = Standstill(MOST_MOVED)
+    coasting = [(0.0, speed, False), *[(2 * off, speed, True)] * (steps + 1)]
+    assert not any(flown(stop, coasting))
+    at = DT * len(coasting)
+    expected = max(-MOST_MOVED, min(MOST_MOVED, off)) if abs(off) >= WORTH * MOST_MOVED else 0.0
+    assert stop.step(off, -speed, at, resting=True) == expected == stop.moved
+    assert stop.step(off, speed, at + DT, resting=True) == 0.0
+
+
+@given(error, st.floats(0.001, 0.5), st.sampled_from([-1.0, 1.0]))
+def test_a_vehicle_that_comes_back_already_is_held_at_once(
+    off: float, speed: float, way: float
+) -> None:
+    stop = Standstill(MOST_MOVED)
+    stop.step(off, speed * way, 0.0, resting=False, velocity=speed * way)
+    expected = max(-MOST_MOVED, min(MOST_MOVED, off)) if abs(off) >= WORTH * MOST_MOVED else 0.0
+    assert stop.step(off, -speed * way, DT, resting=True) == expected
+
+
+def test_it_does_not_wait_longer_than_its_patience() -> None:
+    rows = [(0.0, 0.02, False), *[(0.03, 0.02, True)] * round(2 * PATIENCE_S / DT)]
+    moves = flown(Standstill(MOST_MOVED), rows)
+    (when,) = [k for k, by in enumerate(moves) if by != 0.0]
+    assert abs(DT * (when - 1) - PATIENCE_S) < 1.5 * DT
+    assert moves[when] == 0.03
+
+
+@given(st.lists(row, max_size=50), st.lists(st.tuples(error, rates, st.just(True))))
+def test_a_motion_to_a_place_that_was_asked_for_is_left_there(
+    before: list[tuple[float, float, bool]], after: list[tuple[float, float, bool]]
+) -> None:
+    stop = Standstill(MOST_MOVED)
+    flown(stop, before)
+    stop.cancel()
+    assert not any(flown(stop, after))
+
+
 MOST = MOST_TILT
 tilt = st.floats(0.0, 3.14159)
 maybe = st.one_of(st.none(), tilt)
