@@ -115,6 +115,19 @@ def _drawn(recording: Path) -> Generator[Path]:
         yield rrd
 
 
+def write_rrd(recording: Path, rrd: Path) -> int:
+    """Write a file for rerun, and say so. Returns the exit status.
+
+    Raises:
+        LindyError: as `draw`, or the file is there already.
+    """
+    refuse_existing(rrd)
+    source = open_source(recording)
+    draw(source, rrd)
+    print(harmless(f"written {rrd} ({rrd.stat().st_size / 1e6:.1f} MB)"), flush=True)
+    return 0
+
+
 def draw(source: ReplaySource, rrd: Path) -> None:
     """The visualizer's recording of a dive, made from the recorder's where the dive has none.
 
