@@ -40,6 +40,7 @@ GONE = {
     "log rosbag": "`lindy log export RECORDING --as rosbag`",
     "log scene": "open several .rrd files in one rerun",
     "log sticks": "`lindy log export RECORDING --as sticks`",
+    "picture": "`lindy log export RECORDING --as rrd`, then `rerun` shows it",
     "record": "each drone records on board; fetch its files after the dive",
     "router-config": "change deploy/router.json5, whose comments say what",
     "topic bw": "`lindy topic hz`, which shows this, too",
@@ -85,7 +86,6 @@ GROUPS: dict[str, dict[str, Verb]] = {
         ),
         "log": Verb("", "Look into recordings: check, cut, mend, convert, compare."),
         "replay": Verb("replay.command:replay", "Play a dive again, or compare today's code."),
-        "picture": Verb("picture:picture", "Draw a recorded dive as the viewer shows it."),
     },
     "Vehicle": {
         "doctor": Verb(

@@ -109,7 +109,7 @@ def export(
 
             return write_trace(recording, out or beside(recording, "trace.csv"))
         case "rrd":
-            from tools.picture import write_rrd
+            from tools.log.rrd import write_rrd
 
             return write_rrd(recording, out or beside(recording, "dive.rrd"))
 

@@ -97,7 +97,7 @@ VERBS_OF_A_FILE: dict[tuple[str, ...], tuple[str, ...]] = {  # what each needs b
     ("log", "export", "--as", "rosbag"): ("--out", "bag"),
     ("review",): ("--out", "page.html"), ("replay",): ("--through", "control", "--diff"),
     ("import",): ("--out", "imported"), ("log", "export", "--as", "trace"): ("--out", "trace.csv"),
-    ("calibrate", "gyroscope"): ("--vehicle", "pioneer"), ("picture",): ("--out", "picture.png"),
+    ("calibrate", "gyroscope"): ("--vehicle", "pioneer"),
     ("identify",): ("--vehicle", "pioneer"), ("simulate", "--from"): ("--no-files",),
 }  # fmt: skip
 
