@@ -28,8 +28,8 @@ from services.tether.profile import DirectionProfile
 from tools.__main__ import main
 from tools.link import link, require_link
 from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
-from tools.link_trace import trace_of
 from tools.live.asking import OneRequest, at_once
+from tools.log.link_trace import trace_of
 
 S = 1_000_000_000  # [ns]
 Lines = list[dict[str, str]]
@@ -37,7 +37,7 @@ Lines = list[dict[str, str]]
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> Lines:
     status = link(
-        list(arguments), exit_on_error=False, print_error=False, result_action="return_value"
+        ["show", *arguments], exit_on_error=False, print_error=False, result_action="return_value"
     )
     assert status == 0
     return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
@@ -62,7 +62,7 @@ def test_every_message_has_a_line_and_either_an_arrival_or_a_reason(
 def test_the_declared_delay_is_printed_beside_the_measured_one(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    arguments = ["--profile", "severe", "--rate", "50", "--seconds", "100", "--seed", "1"]
+    arguments = ["show", "--profile", "severe", "--rate", "50", "--seconds", "100", "--seed", "1"]
     link(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     captured = capsys.readouterr()
     rows = list(csv.DictReader(io.StringIO(captured.out)))
@@ -70,9 +70,8 @@ def test_the_declared_delay_is_printed_beside_the_measured_one(
     assert captured.err.startswith("lindy: declared delay: mean 108 ms; measured")
     assert f"mean {1e3 * sum(delays) / len(delays):.0f}, median" in captured.err
     assert f"longest {1e3 * max(delays):.0f} ms" in captured.err
-    link(
-        ["--profile", "acoustic", "--rate", "25", "--bytes", "10000"], result_action="return_value"
-    )
+    words = ["show", "--profile", "acoustic", "--rate", "25", "--bytes", "10000"]
+    link(words, result_action="return_value")
     assert capsys.readouterr().err.endswith("nothing arrived\n")
 
 
@@ -84,17 +83,16 @@ def test_video_does_not_go_over_sound(capsys: pytest.CaptureFixture[str]) -> Non
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--rate", "0"], "--rate is 0, expected"),
-        (["--rate", "nan"], "--rate is nan, expected"),
-        (["--seconds", "-1"], "--seconds is -1, expected"),
-        (["--rate", "1e9"], "the most is 5e6"),
-        (["--seed", "-1"], "--bytes and --seed are whole numbers from 0"),
-        (["--profile", "tehter"], "did you mean 'tether'"),
-        (["profile", "remote", "--dive", "nowhere"], "no dive is going on in nowhere"),
+        (["show", "--rate", "0"], "--rate is 0, expected"),
+        (["show", "--rate", "nan"], "--rate is nan, expected"),
+        (["show", "--seconds", "-1"], "--seconds is -1, expected"),
+        (["show", "--rate", "1e9"], "the most is 5e6"),
+        (["show", "--seed", "-1"], "--bytes and --seed are whole numbers from 0"),
+        (["show", "--profile", "tehter"], "did you mean 'tether'"),
+        (["set", "remote", "--dive", "nowhere"], "no dive is going on in nowhere"),
         (["set", "up.delay_ms=3", "--dive", "nowhere"], "no dive is going on in nowhere"),
-        (["down", "--dive", "nowhere"], "no dive is going on in nowhere"),
-        (["up", "--dive", "nowhere"], "no dive is going on in nowhere"),
-        (["trace", "nowhere.mcap"], "cannot read .*nowhere.mcap"),
+        (["set", "down", "--dive", "nowhere"], "no dive is going on in nowhere"),
+        (["set", "up", "--dive", "nowhere"], "no dive is going on in nowhere"),
     ],
 )
 def test_a_wrong_argument_is_explained(arguments: list[str], says: str) -> None:
@@ -142,7 +140,7 @@ def test_a_profile_that_cannot_be_flown_is_taken_with_a_warning(
         return 0
 
     monkeypatch.setattr("tools.link._ask", accepted)
-    assert main(["link", "profile", name]) == 0
+    assert main(["link", "set", name]) == 0
     assert (f"lindy: {name} cannot be flown" in capsys.readouterr().err) == warned
 
 
@@ -237,7 +235,7 @@ def test_delays_and_losses_of_commands_are_found_and_replayed_exactly(
     }
     write(tmp_path / "dive.mcap", [command(seq, delay) for seq, delay in delays.items()])
     out = tmp_path / "trace.csv"
-    assert link(["trace", str(tmp_path), "--out", str(out)], result_action="return_value") == 0
+    assert main(["log", "export", "--as", "trace", str(tmp_path), "--out", str(out)]) == 0
     assert "100 messages, 3 lost; one way, down" in capsys.readouterr().out
     assert out.read_text().startswith("# one way, down: arrival of pilot/command on board")
 

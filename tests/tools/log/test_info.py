@@ -53,7 +53,8 @@ def test_an_empty_or_a_missing_recording_is_no_traceback(
 @pytest.mark.parametrize(
     "verb",
     [
-        *(f"log {verb}" for verb in ("info", "check", "csv", "sticks", "cut", "recover")),
+        *("log info", "log check", "log export --as csv", "log export --as sticks"),
+        *("log cut", "log recover"),
         *("log compare", "log film", "log snapshots", "identify", "simulate --from"),
     ],
 )
@@ -70,7 +71,7 @@ def test_what_is_no_recording_is_one_sentence_or_nothing_in_it(
         "film": "f.mp4",
         "snapshots": "p",
     }
-    name = out.get(verb.removeprefix("log "))
+    name = out.get(verb.split()[-1])
     more = ["--out", str(tmp_path / name)] if name else [str(path)] * (verb == "log compare")
     status = main([*verb.split(), str(path), *more])
     said = capsys.readouterr().err
@@ -91,7 +92,7 @@ def test_what_a_file_that_was_cut_off_still_holds_is_read(
     assert main(["log", "info", str(path)]) == 3
     assert "dive.mcap was not finished" in capsys.readouterr().out
     assert main(["log", "check", str(path)]) == (3 if holds else 1)
-    assert main(["log", "csv", str(path)]) == (3 if holds else 1)
+    assert main(["log", "export", "--as", "csv", str(path)]) == (3 if holds else 1)
     assert "an error in Lindy itself" not in capsys.readouterr().err
 
 
@@ -105,7 +106,7 @@ def test_a_message_of_an_older_lindy_is_counted_without_its_new_field(
 
     path = rewritten(dive, tmp_path / "older.mcap", older)
     assert main(["log", "check", str(path)]) == 0
-    assert main(["log", "csv", str(path)]) == 0
+    assert main(["log", "export", "--as", "csv", str(path)]) == 0
     assert main(["log", "info", str(path), "--json"]) == 0
     found = capsys.readouterr().out
     whole = msgspec.json.decode(found[found.index("\n{") :])

@@ -167,7 +167,7 @@ def test_where_no_message_can_be_read_the_damage_is_said(
         broken[end - 20] ^= 0xFF
     path = tmp_path / "dive.mcap"
     path.write_bytes(broken)
-    assert main(["log", "csv", str(path), "--out", str(tmp_path / "csv")]) == 1
+    assert main(["log", "export", "--as", "csv", str(path), "--out", str(tmp_path / "csv")]) == 1
     said = capsys.readouterr().err
     assert "holds no messages; dive.mcap is damaged at byte" in said
     assert "120 of its 120 messages cannot be read" in said
@@ -246,7 +246,7 @@ def test_no_file_is_overwritten(
 
 
 IN_CHUNK = 80  # [bytes] behind the beginning of a chunk: in its data
-VERBS = ["info", "check", "csv", "cut", "compare", "sticks"]
+VERBS = ["info", "check", "export --as csv", "cut", "compare", "export --as sticks"]
 
 
 def chunks_of(path: Path) -> list[int]:
@@ -266,12 +266,12 @@ def flipped(source: Path, out: Path, at: int) -> Path:
 
 def arguments(verb: str, path: Path, folder: Path) -> list[str]:
     rest = {
-        "csv": ["--out", str(folder / "tables")],
+        "export --as csv": ["--out", str(folder / "tables")],
         "cut": ["--out", str(folder / "part.mcap")],
         "compare": [str(path)],
-        "sticks": ["--out", str(folder / "again.csv")],
+        "export --as sticks": ["--out", str(folder / "again.csv")],
     }
-    return ["log", verb, str(path), *rest.get(verb, [])]
+    return ["log", *verb.split(), str(path), *rest.get(verb, [])]
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -285,7 +285,7 @@ def test_every_verb_says_that_a_chunk_is_damaged(
     assert f"broken.mcap is damaged at byte {begin}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("verb", ["info", "check", "csv", "cut"])
+@pytest.mark.parametrize("verb", ["info", "check", "export --as csv", "cut"])
 def test_a_recording_that_ended_on_a_full_disk_was_not_finished(
     tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

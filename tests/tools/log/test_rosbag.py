@@ -20,7 +20,7 @@ from tools.recordings.recording import open_recording
 @pytest.fixture(scope="module")
 def bag(dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("bag") / "bag"
-    assert main(["log", "rosbag", str(dive.folder), "--out", str(out)]) == 0
+    assert main(["log", "export", "--as", "rosbag", str(dive.folder), "--out", str(out)]) == 0
     return out
 
 
@@ -91,7 +91,7 @@ def test_what_is_there_already_is_not_touched(
     mine = tmp_path / "bag"
     mine.mkdir()
     (mine / "mine.txt").write_text("mine")
-    assert main(["log", "rosbag", str(dive.folder), "--out", str(mine)]) == 1
+    assert main(["log", "export", "--as", "rosbag", str(dive.folder), "--out", str(mine)]) == 1
     assert "it exists already" in capsys.readouterr().err
     assert [file.name for file in mine.iterdir()] == ["mine.txt"]
 
@@ -99,7 +99,10 @@ def test_what_is_there_already_is_not_touched(
 def test_it_says_what_has_no_place_in_ros(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["log", "rosbag", str(dive.folder), "--out", str(tmp_path / "b")]) == 0
+    assert (
+        main(["log", "export", "--as", "rosbag", str(dive.folder), "--out", str(tmp_path / "b")])
+        == 0
+    )
     said = capsys.readouterr().out
     assert "not in ROS 2's words: " in said
     assert "control/wrench" in said
