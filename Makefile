@@ -24,7 +24,7 @@ slow: $(READY) ## what `make test` leaves out: flights by the dozen, the wheel, 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
 	$(BIN)/python tests/long/mutants.py
 
-bench: $(READY) ## every figure of `lindy bench` three times, judged beside the last, into docs/performance.md
+bench: $(READY) ## every figure of `lindy bench` three times, judged beside the last, into research/measurements
 	$(BIN)/python -m lindy_research.bench $(BENCH)
 
 check: $(READY) ## format, lint, types, import contracts, links of docs/

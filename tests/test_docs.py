@@ -26,7 +26,6 @@ NAMED = [
     )
 ]
 WHOLE = {  # shown from the first line to the last
-    "your-own-vehicle": ["examples/point_vehicle/driver.py"],
     "your-own-service": [
         "examples/depth_alarm/depth_alarm.py",
         "examples/depth_alarm/alarm_service.py",
@@ -52,7 +51,7 @@ def test_a_program_is_shown_whole(page: str, file: str) -> None:
 
 
 def test_the_mounting_and_the_outputs_that_are_shown_are_some() -> None:
-    blocks = re.findall(r"```toml\n(.*?)```", text("your-own-vehicle"), flags=re.DOTALL)
+    blocks = re.findall(r"```toml\n(.*?)```", text("vehicle-file"), flags=re.DOTALL)
     mounted, fitted = (tomllib.loads(block)["vehicle"] for block in blocks)
     outputs = msgspec.convert(fitted["output"], tuple[Output, ...])
     checked(outputs, 8)

@@ -8,10 +8,8 @@ from services.reference.settings import FailsafeSettings
 
 HEADING = """# Failsafes
 
-What the drone watches, what it does by itself, and what ends that. `make docs` writes this page
-from `services/reference/failsafe/table.py`.
-
-The drone acts on board, so it needs no link. Times and thresholds are the defaults of the table
+What the drone watches, what it does by itself, and what ends that. The drone acts on board, so it
+needs no link. `make docs` writes this page from `services/reference/failsafe/table.py`. Times and thresholds are the defaults of the table
 `[reference.failsafe]` of a vehicle file.
 
 - **notice**: the pilot reads it. Nothing else happens.
@@ -50,7 +48,7 @@ def _line(row: FailsafeRow) -> str:
 
 def _ends_by(row: FailsafeRow) -> str:
     if not row.acts:
-        return "the end of the condition"
+        return "itself"
     if row.overrule:
         return "resume, at any time"
     ended = "once the condition has ended"
