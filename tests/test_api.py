@@ -3,7 +3,6 @@
 import ast
 import inspect
 import re
-import textwrap
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -30,7 +29,7 @@ def programs() -> Iterator[tuple[str, str]]:
     for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         text = page.read_text(encoding="utf-8")
         for number, block in enumerate(re.findall(r"^```python.*?\n(.*?)^```", text, re.S | re.M)):
-            yield f"{page.name}, program {number}", textwrap.dedent(block)
+            yield f"{page.name}, program {number}", block
 
 
 @pytest.mark.parametrize(("where", "text"), [*programs()], ids=lambda value: str(value)[:40])

@@ -9,8 +9,8 @@ from services.reference.settings import FailsafeSettings
 HEADING = """# Failsafes
 
 What the drone watches, what it does by itself, and what ends that. The drone acts on board, so it
-needs no link. `make docs` writes this page from `services/reference/failsafe/table.py`. Times and thresholds are the defaults of the table
-`[reference.failsafe]` of a vehicle file.
+needs no link. `make docs` writes this page from `services/reference/failsafe/table.py`. Times and
+thresholds are the defaults of the table `[reference.failsafe]` of a vehicle file.
 
 - **notice**: the pilot reads it. Nothing else happens.
 - **limit**: the drone comes to rest at the limit and goes no further; `goto` and `follow` beyond
@@ -26,8 +26,8 @@ where the table says "at any time": the condition then acts again only when it h
 worse. A loss of state, link or pilot of less than 2 s ends by itself once the same pilot's sticks
 were centred for 0.3 s. A script resumes by itself.
 
-STOP of a pilot is no failsafe: it brakes, holds and stays armed, and the sticks act again once they
-were centred.
+STOP of a pilot is no failsafe: it brakes, holds and stays armed, and the sticks act again once
+they were centred.
 
 | condition | the pilot reads | when | what the drone does | ended by | what to do |
 |---|---|---|---|---|---|
