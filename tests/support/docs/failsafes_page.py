@@ -51,9 +51,9 @@ def _ends_by(row: FailsafeRow) -> str:
         return "itself"
     if row.overrule:
         return "resume, at any time"
-    ended = "once the condition has ended"
-    short = f"after less than {SHORT_NS / 1e9:g} s "
-    return f"{short}by centred sticks, else by resume, {ended}" if row.brief else f"resume, {ended}"
+    ended = "once it has ended"
+    short = f"centred sticks after less than {SHORT_NS / 1e9:g} s, else "
+    return f"{short}resume, {ended}" if row.brief else f"resume, {ended}"
 
 
 def _stage(stage: FailsafeStage) -> str:
