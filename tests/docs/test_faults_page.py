@@ -5,14 +5,12 @@ from pathlib import Path
 
 from tests.support.faults.figures import Figures
 from tests.support.faults.goals import GOALS
-from tests.support.faults.page import COLUMNS, WORLDS, cells, flown, page_of, write_data
+from tests.support.faults.page import COLUMNS, PAGE, WORLDS, cells, flown, page_of, write_data
 from tests.support.faults.rows import CellRow
-
-PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
 
 
 def test_the_page_is_up_to_date() -> None:
-    assert PAGE.read_text(encoding="utf-8") == page_of(), "python -m tests.support.faults"
+    assert PAGE.read_text(encoding="utf-8") == page_of(), "make docs"
 
 
 def test_the_cells_miss_as_many_goals_as_are_counted() -> None:

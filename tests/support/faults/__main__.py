@@ -13,11 +13,10 @@ from pathlib import Path
 
 from services.runtime.os import system
 from tests.support.faults import real_cells, virtual_cells
-from tests.support.faults.page import DATA, page_of, summary, write_data
+from tests.support.faults.page import DATA, PAGE, page_of, summary, write_data
 from tests.support.faults.rows import CellRow, read_rows, row_of, write_row
 from tests.support.faults.virtual_cells import VirtualCell
 
-PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
 PLANNED = len(virtual_cells.ALL)
 
 

@@ -1,4 +1,4 @@
-"""The matrix as data (research/measurements/faults*), and docs/faults.md from that data."""
+"""The matrix as data (research/measurements/faults*), and docs/faults.md from that (`make docs`)."""
 
 import csv
 import re
@@ -13,6 +13,7 @@ from tests.support.faults.goals import GOALS
 from tests.support.faults.rows import CellRow
 
 DATA = Path(__file__).parents[3] / "research" / "measurements"
+PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
 CELLS, READ, FLOWN = "faults.csv", "faults_read.csv", "faults.json"
 WORLDS = {"virtual": "virtual time", "real": "real processes"}
 FOLDER = re.compile(r"/\S*lindy-faults-[^/ ]*/")  # of the run, in what was read
@@ -240,3 +241,11 @@ def _worst(found: Iterable[Cell], figure: str) -> str:
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [list(heads), ["---"] * len(heads), *rows]
     return [f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines]
+
+
+def main() -> None:
+    PAGE.write_text(page_of(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
