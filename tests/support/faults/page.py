@@ -1,4 +1,4 @@
-"""The matrix as data (research/measurements/faults*), and docs/faults.md from that (`make docs`)."""
+"""The matrix as data (research/measurements/faults*), and docs/faults.md from it (`make docs`)."""
 
 import csv
 import re
