@@ -1,5 +1,6 @@
 """The whole chain on virtual time: what a pilot may rely on, whatever he does with the sticks."""
 
+import hashlib
 from collections import Counter
 from pathlib import Path
 
@@ -104,3 +105,17 @@ def test_dead_control_means_thrusters_stop_within_their_time_to_live(tmp_path: P
     dive.host.kill("control")
     dive.run(1.2)
     assert dive.host.nodes["simulator"].counts["stale:control/thrusters"] == 1
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
+    def digest(seed: int) -> str:
+        dive = Dive(tmp_path, "0,0,0,0,0\n1,0.5,0,1,0.3\n3,0,0,0,0", seed=seed)
+        sha = hashlib.sha256()
+        for side in ("drone", "topside"):
+            dive.host.side(side).hear("**", lambda e: sha.update(e.key.encode() + e.payload))
+        dive.run(8.0)
+        return sha.hexdigest()
+
+    assert digest(1) == digest(1)
+    assert digest(1) != digest(2)
