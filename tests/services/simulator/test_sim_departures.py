@@ -20,8 +20,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.simulator.core import Simulator, at_the_surface
 from services.simulator.hull import Hull, ShiftedCentres
-from services.simulator.sensors import Sensors
-from services.simulator.settings import SensorErrors, Settings
+from services.simulator.settings import Settings
 from services.simulator.vessel import Vessel
 
 PIONEER = Stack().section("vehicle", Vehicle)
@@ -85,23 +84,6 @@ def test_sensors_may_sit_elsewhere_than_the_file_says() -> None:
     assert sample is not None
     # Gravity is to port as the vehicle leans to starboard; this IMU's x is the vehicle's -y.
     assert sample.specific_force[0] == pytest.approx(GRAVITY * np.sin(0.5), abs=0.1)
-
-
-def test_known_errors_of_the_sensors_are_added_to_the_truth() -> None:
-    wrong = SensorErrors(
-        accelerometer_offset=(0.1, 0.2, 0.3),
-        accelerometer_scale=(1.1, 1.0, 0.9),
-        hard_iron=(1e-6, 0.0, 0.0),
-        soft_iron=((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-        pressure_offset=300.0,
-    )
-    good, bad = Sensors(Settings(), 1), Sensors(Settings(sensor_errors=wrong), 1)
-    right, off = good.imu(0, LEVEL, REST, REST), bad.imu(0, LEVEL, REST, REST)
-    change = np.subtract(off.specific_force, right.specific_force)
-    assert change == pytest.approx([0.1, 0.2, 0.3 + 0.1 * GRAVITY])
-    field = np.subtract(bad.magnetometer(0, LEVEL).field, good.magnetometer(0, LEVEL).field)
-    assert field == pytest.approx([1e-6 - 15e-6, 15e-6, 0.0])
-    assert bad.pressure(0, 1.0).pressure - good.pressure(0, 1.0).pressure == pytest.approx(300.0)
 
 
 @pytest.mark.parametrize(

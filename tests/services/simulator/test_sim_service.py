@@ -10,7 +10,7 @@ from messages import topics
 from messages.control import ThrusterCommand
 from messages.sensors import ImuSample
 from messages.simulator import FaultAnswer, FaultRequest
-from messages.vehicle import Actuation, Truth
+from messages.vehicle import Truth
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -92,35 +92,6 @@ def test_stamps_are_the_instants_to_which_the_world_had_moved() -> None:
         ]
     stamps = [m.stamp_ns for m in sea.messages(topics.PRESSURE)]
     assert stamps == [round(SECOND / 42) * (i + 1) for i in range(len(stamps))]
-
-
-def test_commands_move_the_vehicle_and_actuation_names_their_cause() -> None:
-    sea = Sea(None, *DIVE)
-    sea.run(5)
-    newest: Actuation = sea.messages(topics.ACTUATION)[-1]
-    assert sea.truth().position[2] > 2.0
-    assert sea.truth().heading < -0.5  # more thrust to starboard turns to port
-    assert newest.sensor_ns == newest.actuated_ns == newest.stamp_ns - 10_000_000
-    assert not newest.stale
-    assert newest.thrust == pytest.approx(DIVE, abs=0.01)
-
-
-def test_when_control_falls_silent_the_thrusters_stop_and_it_is_counted_once() -> None:
-    sea = Sea(None, *DIVE)
-    sea.run(2)
-    sea.thrust = ()
-    sea.run(2)
-    newest: Actuation = sea.messages(topics.ACTUATION)[-1]
-    assert newest.stale
-    assert newest.thrust == pytest.approx((0, 0, 0, 0), abs=1e-3)
-    assert sea.simulator.counts["stale:control/thrusters"] == 1
-
-
-def test_the_floor_is_felt_and_said() -> None:
-    sea = Sea(Stack(overrides=["simulator.floor_depth=2.0"]), 0.0, 0.0, 0.0, 20.0)
-    sea.run(8)
-    assert sea.truth().on_floor
-    assert sea.truth().position[2] < 2.0
 
 
 def test_the_same_seed_says_the_same_bytes_and_another_seed_others() -> None:
@@ -242,12 +213,3 @@ def test_a_silent_sensor_is_counted_and_a_broken_one_is_malformed_at_every_recei
     assert len(sea.heard[topics.PRESSURE.key]) == pytest.approx(42, abs=1)
     assert heard == []
     assert receiver.counts["malformed:sensor/pressure"] >= 41
-
-
-def test_faults_outlive_the_simulator_that_was_killed() -> None:
-    sea = Sea()
-    ask_for(sea, fault("port", "dead"))
-    sea.host.kill("simulator")
-    sea.start()
-    sea.run(0.1)
-    assert sea.truth().faults == ("port: dead",)

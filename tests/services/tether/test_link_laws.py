@@ -204,22 +204,6 @@ def test_a_change_keeps_what_is_on_the_way() -> None:
     assert len(drain(line)) == 20
 
 
-def test_a_cut_link_loses_everything_with_the_reason_and_reports_no_delay() -> None:
-    line = line_of(DirectionProfile(delay_ms=20.0))
-    for k in range(10):
-        line.enter(k, k * MS)
-    assert len(drain(line, 21 * MS)) == 2
-    line.cut(22 * MS)
-    line.enter(10, 23 * MS)
-    assert drain(line) == []
-    report = line.report(30 * MS)
-    assert report.delay_p50_ms is None
-    assert report.lost == {"outage": 9}
-    line.restore(40 * MS)
-    line.enter(11, 41 * MS)
-    assert [item for item, _, _ in drain(line)] == [11]
-
-
 # Rate, queue, urgency.
 
 
@@ -232,13 +216,6 @@ def flood(queue: Queue, seconds: float, load: float) -> tuple[LinkDirection[int]
             delays.append((at - item * step) / MS)
         line.enter(k, k * step, 100)
     return line, delays
-
-
-def test_a_full_link_carries_its_rate_and_no_more() -> None:
-    line, delays = flood(Queue(limit_bytes=5000), 20.0, 1.5)
-    assert line.carried_bytes * 8 / 20.0 == pytest.approx(100_000.0, rel=1e-3)
-    assert max(delays) <= 51 * 8.0 + 1e-6  # the queue and the one that is leaving
-    assert set(line.lost) == {"queue_full"}
 
 
 def test_drop_oldest_brings_what_is_newer() -> None:
@@ -285,26 +262,3 @@ def test_memory_is_bounded_however_much_enters() -> None:
 
 
 # Outages and traces.
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.floats(0, 20), st.floats(0, 5))
-def test_an_outage_is_seen_by_whoever_is_on_the_way_meanwhile(since: float, length: float) -> None:
-    schedule = Outages((Outage(1.0, 0.5), Outage(2.0, 0.25)), repeat_s=4.0)
-    moments = np.linspace(since, since + length, 4001)
-    places = moments % 4.0
-    away = ((places >= 1.0) & (places < 1.5)) | ((places >= 2.0) & (places < 2.25))
-    if bool(away.any()):
-        assert schedule.touch(since, since + length)
-    elif not schedule.touch(since + 0.01, since + length - 0.01):
-        near = np.min(np.abs(places[:, None] - np.array([1.0, 1.5, 2.0, 2.25])[None, :]))
-        assert not schedule.touch(since, since + length) or near < 0.02
-
-
-def test_a_trace_gives_each_moment_the_delay_and_the_losses_it_had() -> None:
-    trace = Trace(sent_s=(0.0, 1.0, 2.0, 3.0), arrived_s=(0.1, None, 2.3, 3.2))
-    line = line_of(DirectionProfile(delay=trace))
-    out = passage(line, [(0, 0, 0)] + [(500 * MS, 0, 0)] * 7)
-    delays = [(item, round((at - item * 500 * MS) / MS)) for item, at, _ in out]
-    assert delays == [(0, 100), (1, 100), (4, 300), (5, 300), (6, 100), (7, 100)]
-    assert line.lost == {"trace": 2}

@@ -102,14 +102,6 @@ def test_a_schedule_counts_from_the_change_to_it() -> None:
     assert up == [True] * 4 + [False] * 2 + [True] * 4
 
 
-def test_a_line_that_is_cut_has_no_delay() -> None:
-    line = LinkDirection[int](DirectionProfile(delay_ms=5.0), np.random.default_rng(1))
-    flown(line, 0, 10, 100)
-    line.cut(SECOND)
-    assert line.report(SECOND).delay_p50_ms is None
-    assert line.report(SECOND).delay_p99_ms is None
-
-
 @given(
     st.floats(0.0, 100.0),
     st.lists(st.tuples(st.floats(0.01, 0.5), st.none() | st.floats(0.0, 2.0)), min_size=2),
