@@ -34,16 +34,8 @@ def state(depth: float = 1.0, *, valid: bool = True) -> VehicleState:
 
 
 def reference(depth: float = 1.0, surge: float = 0.0, *, armed: bool = True) -> Reference:
-    return Reference(
-        stamp_ns=0,
-        sensor_ns=7,
-        pilot_ns=5,
-        armed=armed,
-        depth=Motion(depth, 0.0, 0.0, 0.0),
-        heading=Motion(0.0, 0.0, 0.0, 0.0),
-        surge_force=surge,
-        sway_force=0.0,
-    )
+    moved = Motion(depth, 0.0, 0.0, 0.0)
+    return said.reference(0, sensor_ns=7, pilot_ns=5, armed=armed, depth=moved, surge_force=surge)
 
 
 def test_too_shallow_means_thrust_downwards() -> None:

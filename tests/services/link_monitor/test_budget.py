@@ -6,12 +6,10 @@ from hypothesis import strategies as st
 
 from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, LatencyBudget, Shown
-from messages.message import Estimate
 from messages.pilot import PilotCommand
-from messages.reference import Motion, Reference
-from messages.state import VehicleState
-from messages.vehicle import Actuation
+from messages.reference import Motion
 from services.link_monitor.latency_account import LatencyAccount
+from tests.support import said
 
 MS, S = 1_000_000, 1_000_000_000
 PERIOD = 20 * MS
@@ -34,20 +32,10 @@ def fly(budget: LatencyAccount, k: int, way: tuple[int, ...]) -> int:
     done = commanded + thruster * MS
     now = done + 10 * MS
     budget.ping(float(link), now)
-    budget.reference(
-        Reference(
-            stamp_ns=referred, sensor_ns=None, pilot_ns=sent, armed=True, depth=REST,
-            heading=REST, surge_force=0.0, sway_force=0.0,
-        ),
-        now,
-    )  # fmt: skip
+    budget.reference(said.reference(referred, sensor_ns=None, pilot_ns=sent), now)
     thrust = ThrusterCommand(stamp_ns=commanded, sensor_ns=None, pilot_ns=sent, thrust=())
     budget.thrusters(thrust, now)
-    actuation = Actuation(
-        stamp_ns=done, thrust=(), actuated_ns=done, sensor_ns=None, pilot_ns=sent, stale=False,
-        power=0.0,
-    )  # fmt: skip
-    budget.actuation(actuation, now)
+    budget.actuation(said.actuation(done, pilot_ns=sent), now)
     return now
 
 
@@ -96,22 +84,16 @@ def test_what_is_old_is_not_said() -> None:
 
 def test_the_way_back_adds_up_too_and_is_unknown_without_a_screen() -> None:
     budget = LatencyAccount()
-    here = Estimate(0.0, 0.1)
     for k in range(20):
         sensed = k * 10 * MS
-        state = VehicleState(
-            stamp_ns=sensed + 2 * MS, sensor_ns=sensed, phase="running", depth=here,
-            depth_rate=here, depth_acceleration=here, attitude=(1.0, 0.0, 0.0, 0.0), roll=here,
-            pitch=here, heading=here, heading_navigation=None, yaw_rate=here,
-        )  # fmt: skip
-        budget.state(state, sensed + 32 * MS)
+        budget.state(said.state(sensed + 2 * MS, sensor_ns=sensed), sensed + 32 * MS)
     assert budget.report(300 * MS, None, "").up is None
     for k in range(8):
         budget.shown(Shown(stamp_ns=k * 250 * MS + 50 * MS, sensor_ns=k * 250 * MS), 300 * MS)
-    said = budget.report(300 * MS, None, "")
-    assert said.up is not None
-    assert [round(stage.p50_ms) for stage in said.up] == [2, 30, 18]
-    assert said.sensor_to_screen_ms == 50.0
+    report = budget.report(300 * MS, None, "")
+    assert report.up is not None
+    assert [round(stage.p50_ms) for stage in report.up] == [2, 30, 18]
+    assert report.sensor_to_screen_ms == 50.0
 
 
 def test_a_command_that_was_held_up_for_longer_than_the_budget_looks_back_is_no_trouble() -> None:
@@ -132,29 +114,17 @@ def test_two_clocks_that_disagree_give_no_time_below_zero(error: int, delay: int
         budget.command(PilotCommand(stamp_ns=sent, surge=0.0, sway=0.0, heave=0.0, yaw=0.0), sent)
         budget.ping(float(delay), now)
         for hear, message in (
-            (
-                budget.reference,
-                Reference(
-                    stamp_ns=done, sensor_ns=None, pilot_ns=sent, armed=True, depth=REST,
-                    heading=REST, surge_force=0.0, sway_force=0.0,
-                ),
-            ),
+            (budget.reference, said.reference(done, sensor_ns=None, pilot_ns=sent)),
             (
                 budget.thrusters,
                 ThrusterCommand(stamp_ns=done, sensor_ns=None, pilot_ns=sent, thrust=()),
             ),
-            (
-                budget.actuation,
-                Actuation(
-                    stamp_ns=done, thrust=(), actuated_ns=done, sensor_ns=None, pilot_ns=sent,
-                    stale=False, power=0.0,
-                ),
-            ),
+            (budget.actuation, said.actuation(done, pilot_ns=sent)),
             (budget.shown, Shown(stamp_ns=now, sensor_ns=done)),
         ):  # fmt: skip
             hear(message, now)  # type: ignore[operator]
-    said = budget.report(now, 500.0, "")
+    report = budget.report(now, 500.0, "")
     # Whoever hears it opens it again, and there a time below zero is malformed.
-    again = msgspec.msgpack.decode(msgspec.msgpack.encode(said), type=LatencyBudget)
-    assert again == said
+    again = msgspec.msgpack.decode(msgspec.msgpack.encode(report), type=LatencyBudget)
+    assert again == report
     assert again.stick_to_thruster_ms is not None

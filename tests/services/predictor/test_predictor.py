@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.message import Estimate
 from messages.prediction import Miss, Prediction
-from messages.reference import Motion, Reference
+from messages.reference import Motion
 from messages.state import VehicleState
 from messages.vehicle import Truth
 from services.marine.vehicle import Vehicle
@@ -30,6 +29,7 @@ from services.reference.trajectory.minimum_jerk import Limits, Ramp
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
+from tests.support import said
 
 SECOND = 1_000_000_000
 LIMITS = Limits(1.5, 0.5)
@@ -124,25 +124,14 @@ def test_the_misses_are_the_root_mean_squares_of_what_the_guesses_were_off_by(
 def test_north_and_east_are_predicted_by_the_compass() -> None:
     """A drone that drives to the east at 0.5 m/s while its control heading is zero."""
     stack = Stack(vehicle="pioneer")
-    still = Estimate(0.0, 0.01)
     ours = Predictor(stack.section("reference", Settings), stack.section("vehicle", Vehicle))
     ours.state(
-        VehicleState(
-            stamp_ns=0, sensor_ns=0, phase="running", depth=still, depth_rate=still,
-            depth_acceleration=still, attitude=(1.0, 0.0, 0.0, 0.0), roll=still, pitch=still,
-            heading=still, heading_navigation=Estimate(pi / 2, 0.01), yaw_rate=still,
-            surge_velocity=Estimate(0.5, 0.01), sway_velocity=still, north=still, east=still,
+        said.state(
+            heading_navigation=pi / 2, surge_velocity=0.5, sway_velocity=0.0, north=0.0, east=0.0
         ),
         0,
-    )  # fmt: skip
-    rest, along = Motion(0.0, 0.0, 0.0, 0.0), Motion(0.0, 0.5, 0.0, 0.0)
-    ours.reference(
-        Reference(
-            stamp_ns=0, sensor_ns=0, pilot_ns=None, armed=True, depth=rest, heading=rest,
-            surge_force=0.0, sway_force=0.0, surge=along,
-        ),
-        0,
-    )  # fmt: skip
+    )
+    ours.reference(said.reference(surge=Motion(0.0, 0.5, 0.0, 0.0)), 0)
     found = ours.predict(SECOND)
     assert found is not None
     assert found.forward == pytest.approx(0.5)

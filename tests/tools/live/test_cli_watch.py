@@ -19,6 +19,7 @@ from messages.video import PictureAge
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from services.vehicle_view.words import notes
+from tests.support import said
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.screen import ServiceView, View, plain
 from tools.live.session import Disarming, OwnPilot
@@ -50,32 +51,12 @@ class Scene:
 
 
 def reference_at(heading: float, now: int) -> Reference:
-    still = Motion(0.0, 0.0, 0.0, 0.0)
-    return Reference(
-        stamp_ns=now,
-        sensor_ns=None,
-        pilot_ns=None,
-        armed=True,
-        depth=still,
-        heading=Motion(heading, 0.0, 0.0, 0.0),
-        surge_force=0.0,
-        sway_force=0.0,
-    )
+    return said.reference(now, heading=Motion(heading, 0.0, 0.0, 0.0))
 
 
 def health(sent: int, now: int) -> Health:
-    return Health(
-        stamp_ns=now,
-        service="toy",
-        loop_hz=100.0,
-        lateness_p50_ms=0.1,
-        lateness_p99_ms=0.5,
-        cpu_percent=4.0,
-        rss_mb=30.0,
-        sent=sent,
-        received=0,
-        counts={"stale:state": 2, "saturated:vertical": 5},
-    )
+    counts = {"stale:state": 2, "saturated:vertical": 5}
+    return said.health("toy", stamp_ns=now, sent=sent, counts=counts)
 
 
 def test_an_empty_bus_gives_a_screen_of_unknowns():

@@ -11,6 +11,7 @@ from mcap.writer import Writer
 
 from messages.health import Health
 from services.recorder.foxglove.channel import is_view
+from tests.support import said
 from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
 from tools.log.check import Accounts, LinkReports, Numbering, account_for, accounts
@@ -75,19 +76,7 @@ def test_a_recording_that_begins_late_has_lost_nothing() -> None:
 
 
 def health(service: str, seq: int, counts: dict[str, int]) -> Health:
-    return Health(
-        seq=seq,
-        stamp_ns=seq,
-        service=service,
-        loop_hz=0.0,
-        lateness_p50_ms=None,
-        lateness_p99_ms=None,
-        cpu_percent=None,
-        rss_mb=None,
-        sent=seq,
-        received=0,
-        counts=counts,
-    )
+    return said.health(service, seq=seq, stamp_ns=seq, sent=seq, counts=counts)
 
 
 @given(

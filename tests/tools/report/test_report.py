@@ -17,15 +17,14 @@ from messages.message import Estimate, Message
 from messages.reference import Motion
 from messages.sensors import BatterySample, PressureSample
 from messages.state import VehicleState
-from messages.vehicle import Actuation, VehicleStatus
+from messages.vehicle import VehicleStatus
 from services.recorder.foxglove_schema import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
+from tests.support import said as told
 from tools.health_sums import HealthOfAll
 from tools.recordings.recording import open_recording
 from tools.report import Extras, encode, make_report, read_dive, summary
 from tools.report.report import Report
-
-from . import said as told
 
 MS = 1_000_000  # [ns]
 START = 5_000 * MS
@@ -67,10 +66,9 @@ def reference(
     heading: float = 0.0,
     jerk: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[str, Message]:
-    message = told.reference(
-        stamp, sensor, Motion(depth, 0.0, 0.0, jerk[0], 1.5),
-        Motion(heading, 0.0, 0.0, jerk[1], 4.0), pilot=pilot, armed=armed,
-    )  # fmt: skip
+    moves = Motion(depth, 0.0, 0.0, jerk[0], 1.5), Motion(heading, 0.0, 0.0, jerk[1], 4.0)
+    fields = {"sensor_ns": sensor, "pilot_ns": pilot, "armed": armed}
+    message = told.reference(stamp, depth=moves[0], heading=moves[1], **fields)
     return topics.REFERENCE.key, message
 
 
@@ -80,7 +78,7 @@ def log_line(service: str, level: Level, stamp: int = START) -> tuple[str, Messa
 
 
 def state(stamp: int, sensor: int, heading: float = 0.0) -> tuple[str, Message]:
-    return topics.STATE.key, told.state(stamp, sensor, heading=heading)
+    return topics.STATE.key, told.state(stamp, sensor_ns=sensor, heading=heading)
 
 
 def truth(stamp: int, depth: float = 0.0, heading: float = 0.0) -> tuple[str, Message]:
@@ -99,31 +97,15 @@ def actuation(
     thrust: tuple[float, ...] = (),
     power: float = 0.0,
 ) -> tuple[str, Message]:
-    message = Actuation(
-        stamp_ns=stamp,
-        thrust=thrust,
-        actuated_ns=None if sensor is None else stamp,
-        sensor_ns=sensor,
-        pilot_ns=pilot,
-        stale=False,
-        power=power,
-    )
-    return topics.ACTUATION.key, message
+    fields = {"sensor_ns": sensor, "pilot_ns": pilot, "thrust": thrust, "power": power}
+    done = None if sensor is None else stamp
+    return topics.ACTUATION.key, told.actuation(stamp, actuated_ns=done, **fields)
 
 
 def health(service: str, stamp: int, sent: int, **counts: int) -> tuple[str, Health]:
-    message = Health(
-        stamp_ns=stamp,
-        service=service,
-        loop_hz=100.0,
-        lateness_p50_ms=0.1 * (stamp / MS),
-        lateness_p99_ms=None,
-        cpu_percent=10.0 * (stamp / MS),
-        rss_mb=50.0,
-        sent=sent,
-        received=0,
-        counts=counts,
-    )
+    at = stamp / MS
+    figures = {"lateness_p50_ms": 0.1 * at, "cpu_percent": 10.0 * at, "rss_mb": 50.0}
+    message = told.health(service, None, stamp_ns=stamp, sent=sent, counts=counts, **figures)
     return f"health/{service}", message
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import events
-from messages.health import Health
+from tests.support import said
 from tools.analysis.losses import NOT_CARRIED, NOT_USED, losses
 from tools.health_sums import HealthSums
 from tools.recordings.recording import open_recording
@@ -28,13 +28,8 @@ def seen(sides: Mapping[str, str] = HOMES, **by_service: dict[str, int]) -> dict
     """The losses of services by these names; home is topside where `sides` does not say it."""
     health = {name: HealthSums() for name in by_service}
     for name, sums in health.items():
-        sums.add(
-            Health(
-                stamp_ns=1, service=name, loop_hz=0.0, lateness_p50_ms=None, lateness_p99_ms=None,
-                cpu_percent=None, rss_mb=None, sent=1, received=0, counts=by_service[name],
-                side=sides.get(name, "topside"),
-            )
-        )  # fmt: skip
+        side = sides.get(name, "topside")
+        sums.add(said.health(name, stamp_ns=1, sent=1, counts=by_service[name], side=side))
     return dict(losses(health))
 
 
@@ -124,8 +119,8 @@ def test_a_dive_in_which_a_failsafe_acted_does_not_end_cleanly(severe_dive: Path
     first, second, *rest = summary(report).splitlines()
     assert first.endswith(f"ended; pilot lost {times} times" if times > 1 else "pilot lost once")
     sentence = events.PILOT_LOST.sentence
-    said = f"{times} × {sentence}; the drone came to rest and held, first at "
-    assert second.split(maxsplit=1)[1].startswith(said)
+    line = f"{times} × {sentence}; the drone came to rest and held, first at "
+    assert second.split(maxsplit=1)[1].startswith(line)
     assert {reaction.condition for reaction in report.failsafes} == {"pilot_lost"}
     assert {reaction.reaction for reaction in report.failsafes} == {"stop"}
     assert not any("failsafe" in line for line in rest)

@@ -19,13 +19,12 @@ from messages.state import VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.reference.guidance.axes import CENTRED
+from tests.support.said import reference, state, truth
 from tools.analysis.dive import RecordedDive, read_dive
 from tools.analysis.stops import releases, stops
 from tools.recordings.columns import StreamColumns
 from tools.recordings.mcap_records import ALWAYS, Span, Wants, always
 from tools.recordings.recording import Raw, Recording
-
-from .said import reference, state, truth
 
 START = 7_000_000_000  # [ns] the vehicle's clock at the beginning
 RELEASE, REST, END = 4.0, 5.0, 12.0  # [s] stick let go, reference at rest, end of recording
@@ -88,8 +87,8 @@ def moving(
         true_depth = true if axis == "heave" else 3.0
         true_heading = true if axis == "yaw" else 3.0
         said += [
-            (topics.REFERENCE, reference(ns(t), ns(t), depth, heading, armed=armed(t))),
-            (topics.STATE, state(ns(t), ns(t), Estimate(depth.position, 0.0), heading.position)),
+            (topics.REFERENCE, reference(ns(t), depth=depth, heading=heading, armed=armed(t))),
+            (topics.STATE, state(ns(t), depth=depth.position, heading=heading.position)),
             (topics.TRUTH, truth(ns(t), true_depth, true_heading + NORTH)),
         ]
     return said
