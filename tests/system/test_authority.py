@@ -64,7 +64,8 @@ class Rival:
 
 
 def on_board(folder: Path) -> tuple[HinderedHost, list[Reference], list[VehicleStatus]]:
-    host, rows, stack = HinderedHost(), Registry.read(), Stack(out=str(folder))
+    host, rows = HinderedHost(), Registry.read()
+    stack = Stack(out=str(folder), overrides=["estimation.calibration.still_time=3"])
     for name in ON_BOARD:
         host.add(name, rows[name], stack)
     references: list[Reference] = []
@@ -90,11 +91,11 @@ def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_n
     host, references, statuses = on_board(tmp_path)
     first, second = Rival(host, "first", 0.0), Rival(host, "second", 0.0)
     second.speaks = False
-    host.run(12 * SECOND)
+    host.run(6 * SECOND)
     assert asked(host, first, "lease") == ""
     assert (first.epoch, statuses[-1].pilot) == (1, "first")
     assert asked(host, first, "arm") == ""
-    host.run(13 * SECOND)
+    host.run(7 * SECOND)
     assert statuses[-1].armed
 
     words = "first has control since 1 s; ask for an offer, or take by force"
@@ -135,11 +136,11 @@ def test_no_epoch_that_was_not_given_is_ever_obeyed(tmp_path: Path, epochs: list
     host, references, _ = on_board(tmp_path)
     first, thief = Rival(host, "first", 0.0), Rival(host, "thief", 1.0)
     thief.speaks = False
-    host.run(12 * SECOND)
+    host.run(6 * SECOND)
     first.ask("lease", host.now)
-    host.run(12 * SECOND + SECOND // 5)
+    host.run(6 * SECOND + SECOND // 5)
     first.ask("arm", host.now)
-    host.run(13 * SECOND)
+    host.run(7 * SECOND)
     thief.speaks = True
     for epoch in epochs:
         thief.epoch = epoch
@@ -163,7 +164,7 @@ def hand_over(tmp_path: Path) -> tuple[HinderedHost, list[VehicleStatus], Rival,
     first, second = Rival(host, "first", 0.0), Rival(host, "second", 0.0)
     second.speaks = False
     for pilot, kind in ((first, "lease"), (second, "force")):
-        host.run(max(host.now, 12 * SECOND))
+        host.run(max(host.now, 6 * SECOND))
         pilot.ask(kind, host.now)
         host.run(host.now + SECOND // 5)
         pilot.speaks = True

@@ -151,12 +151,15 @@ def must_have_all(flown: Dive, running: Running, report: dict[str, Any]) -> None
     assert "Traceback" not in flown.said
 
 
-def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(tmp_path: Path):
-    with dive(tmp_path) as flown:
+@pytest.mark.parametrize("grouped", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(
+    tmp_path: Path, *, grouped: bool
+):
+    with dive(tmp_path, *["--grouped"] * grouped) as flown:
         running = flown.until_armed()
         report = flown.end()
     must_have_all(flown, running, report)
-    assert len(set(running.pids.values())) == len(running.pids)
+    assert (len(set(running.pids.values())) < len(running.pids)) == grouped
     assert not any(service["restarts"] for service in report["services"].values())
 
 

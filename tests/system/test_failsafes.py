@@ -49,9 +49,13 @@ class Dive:
         pilot.each(topics.PILOT_ANSWER, self._hear)
         pilot.every(topics.PILOT_COMMAND.hz, self._speak)
 
-    def armed_at(self, depth: float) -> "Dive":
-        self.run(12.0)
+    def armed(self) -> "Dive":
+        self.run(6.0)
         assert self.ask("arm") == ""
+        return self
+
+    def armed_at(self, depth: float) -> "Dive":
+        self.armed()
         assert self.ask("goto", depth=depth) == ""
         return self.run(15.0)
 
@@ -147,7 +151,7 @@ def test_moving_sticks_do_nothing_and_resume_hands_back(tmp_path: Path) -> None:
 
 
 def test_a_link_that_is_cut_is_told_from_a_pilot_who_is_silent(tmp_path: Path) -> None:
-    dive = Dive(tmp_path).armed_at(2.0)
+    dive = Dive(tmp_path).armed()
     dive.host.kill("tether")
     dive.run(0.6)
     assert dive.status.conditions == ("pilot_lost",)

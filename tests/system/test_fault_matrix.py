@@ -23,7 +23,6 @@ ROOT = Path(__file__).parents[2]
 CELLS = (
     "manual/none",
     "manual/kill -9 simulator",
-    "manual/exception in control",
     "depth_hold/none",
     "depth_hold/kill -9 control",
     "depth_hold/kill -9 reference",
@@ -49,11 +48,8 @@ CELLS = (
     "stabilised/stick down to the depth limit",
     "stabilised/magnetometer biased 2e-05",
     "station_keeping/none",
-    "station_keeping/kill -9 reference",
     "follow/none",
-    "follow/kill -9 control",
     "surfacing/none",
-    "surfacing/cable out 3 s",
 )
 
 

@@ -201,7 +201,8 @@ def test_without_rerun_a_dive_has_no_viewer_and_says_so(
 ):
     monkeypatch.setattr("tools.live.viewer.find_spec", lambda _: None)  # type: ignore[misc]
     out = tmp_path / "out"
-    assert main(["simulate", "--pilot", script, "--seconds", "1", "--out", str(out)]) == 0
+    quick = ("--set", "estimation.calibration.still_time=1", "--seconds", "1")
+    assert main(["simulate", "--pilot", script, *quick, "--out", str(out)]) == 0
     assert {path.name for path in out.iterdir()} == {"dive.mcap", "report.json"}
     said = capsys.readouterr().out
     assert "rerun is not installed, so this dive has no viewer and no dive.rrd" in said

@@ -40,7 +40,8 @@ def hashes(folder: Path) -> dict[str, str]:
 def simulate(tmp_path: Path, *options: str) -> int:
     script = tmp_path / "sticks.csv"
     script.write_text(SCRIPT)
-    return main(["simulate", "--pilot", f"script:{script}", "--seconds", "1", *options])
+    quick = ("--set", "estimation.calibration.still_time=1", "--seconds", "1")
+    return main(["simulate", "--pilot", f"script:{script}", *quick, *options])
 
 
 @pytest.mark.parametrize("name", OF_A_DIVE)
