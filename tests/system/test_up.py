@@ -177,30 +177,6 @@ def require_one_clock_in_each_recording(drone: Path, topside: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_drone_whose_recorder_died_says_that_its_recording_has_a_gap(tmp_path: Path):
-    with drone_alone(tmp_path / "drone") as drone:
-        drone.kill("recorder")
-        drone.until(lambda: (drone.out / "dive.part2.mcap").exists())
-        assert drone.end(signal.SIGINT) == 3, drone.said
-    assert drone.report()["services"]["recorder"]["restarts"] == 1
-    assert [path.name for path in drone.out.glob("*.mcap")] == ["dive.mcap"]
-    assert "the topside was never heard" in drone.said
-
-
-@pytest.mark.slow
-def test_a_report_that_fails_costs_the_exit_status_but_not_the_recording(tmp_path: Path):
-    with drone_alone(tmp_path / "drone") as drone:
-        (drone.out / "report.json").mkdir()
-        assert drone.end(signal.SIGTERM) == 1, drone.said
-    last = drone.said.strip().splitlines()[-1]
-    assert last.startswith("lindy: the report failed (cannot write ")
-    assert last.endswith(f"but the recording is kept: dive.mcap in {drone.out}")
-    assert "Traceback" not in drone.said
-    assert is_whole(drone.out / "dive.mcap")
-    assert topics.IMU.key in {entry.key for entry in open_recording(drone.out)}
-
-
-@pytest.mark.slow
 def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: Path):
     # A pad that is not plugged in: no script that would end, no window that needs a display.
     with side(
