@@ -30,6 +30,7 @@ from services.mavlink_io.packet import MavCommand, MavlinkPacket, command
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from tests.support.patience import PATIENCE_S, until
+from tests.support.ports import free_port
 from tools.recordings.recording import open_recording
 from tools.report import read_dive
 
@@ -97,9 +98,7 @@ def _root(kind: str, folder: Path) -> Path:
 
 @pytest.fixture
 def port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    return free_port(socket.SOCK_DGRAM)
 
 
 class Wire:
@@ -328,9 +327,7 @@ class Beside:
 def test_when_all_of_lindy_is_killed_the_board_is_neutral_after_its_timeout(
     tmp_path: Path, kind: str, port: int
 ) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        second = probe.getsockname()[1]
+    second = free_port(socket.SOCK_DGRAM)
     script = tmp_path / "script.csv"
     script.write_text("t,surge,sway,heave,yaw\n0,0,0,1,0\n60,0,0,0,0\n")
     words = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]

@@ -5,7 +5,6 @@ import math
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -28,6 +27,7 @@ from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
+from tests.support.ports import free_endpoint
 from tools.recordings.recording import open_recording
 
 pytestmark = pytest.mark.system
@@ -350,8 +350,7 @@ def test_ctrl_c_disarms_and_ends_the_dive_with_a_summary(tmp_path: Path):
 
 @pytest.mark.slow
 def test_a_taken_port_is_one_sentence(tmp_path: Path):
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    endpoint = free_endpoint()
     with dive(tmp_path / "first", "--grouped", "--listen", endpoint) as first:
         first.until(lambda: first.running is not None)
         second = Dive(tmp_path / "second", "--grouped", "--listen", endpoint)

@@ -3,7 +3,6 @@ to the other. The drones' own `reference` on real sessions, in this process.
 """
 
 import json
-import socket
 import time
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
@@ -26,12 +25,8 @@ from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
 from tests.support.patience import PATIENCE_S, until
+from tests.support.ports import free_endpoint
 from tests.support.router_file import router_tree
-
-
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
 
 
 class World:

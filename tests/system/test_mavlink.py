@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from tests.support.patience import PATIENCE_S, until
+from tests.support.ports import free_port
 
 pytestmark = pytest.mark.system
 
@@ -46,12 +47,6 @@ class Dive:
     @property
     def said(self) -> str:
         return self._screen.read_text()
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ import pytest
 
 from messages.control import ThrusterCommand
 from tests.support.patience import PATIENCE_S
+from tests.support.ports import free_port
 from tests.system.test_ardusub_real import BOARDS, DOWN, NEUTRAL, Wire, board_process
 
 pytestmark = pytest.mark.system
@@ -119,12 +120,6 @@ def station(name: str, port: int, folder: Path) -> Generator[Station]:
         process.communicate(timeout=PATIENCE_S)
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 def dives(wire: Wire) -> bool:
     """By Lindy's sticks: the verticals of the board as it was told to, the others at rest."""
     told = 1500 - (wire.driver.path.mixed.pulses[2] - 1500)
@@ -152,7 +147,7 @@ def disarm(wire: Wire) -> None:
 )
 @pytest.mark.parametrize("kind", BOARDS[1:])
 def test_a_second_ground_station_and_lindy(tmp_path: Path, kind: str, name: str) -> None:
-    port, beside = free_port(), free_port()
+    port, beside = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM)
     wire = Wire(port)
     with (
         board_process(kind, port, tmp_path, beside=beside),

@@ -3,7 +3,6 @@ when it is offered, and its end disarms nothing that the first one flies."""
 
 import re
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Generator
@@ -19,6 +18,7 @@ from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
+from tests.support.ports import free_endpoint
 
 pytestmark = pytest.mark.system
 
@@ -82,8 +82,7 @@ class Statuses:
 
 @pytest.mark.slow
 def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    endpoint = free_endpoint()
     drone, ann, bob = (tmp_path / name for name in ("drone", "ann", "bob"))
     for folder, script in ((ann, REST), (bob, DIVE)):
         folder.with_suffix(".csv").write_text(script)

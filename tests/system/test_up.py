@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Generator
@@ -22,6 +21,7 @@ from messages.link import Clock
 from messages.vehicle import VehicleStatus
 from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
+from tests.support.ports import free_endpoint
 from tools.__main__ import main
 from tools.fleet.names import own_name
 from tools.recordings.recording import is_whole, open_recording
@@ -96,11 +96,6 @@ def side(folder: Path, *words: str, clock: tuple[str, ...] = ()) -> Generator[Si
         if started.process.poll() is None:
             started.process.terminate()
             started.process.wait(PATIENCE_S)
-
-
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
 
 
 @contextmanager

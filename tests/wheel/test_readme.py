@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,6 +15,7 @@ import pytest
 
 from tests.support.once import once
 from tests.support.patience import PATIENCE_S, until
+from tests.support.ports import free_port
 from tests.wheel.conftest import ROOT, Installed
 
 pytestmark = [pytest.mark.slow, pytest.mark.system]
@@ -36,11 +36,6 @@ QUICK = "--set estimation.calibration.still_time=1"
 
 def without(option: str) -> Callable[[str], str]:
     return lambda line: re.sub(rf" {option} \S+", "", line)
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]
 
 
 def helped(line: str) -> str:

@@ -27,6 +27,7 @@ from tests.support.ardusub_double.cable import STACK, VEHICLE
 from tests.support.ardusub_double.memory import MemoryLink
 from tests.support.ardusub_double.settings import defaults
 from tests.support.cli import complaint
+from tests.support.ports import free_port
 from tools.__main__ import main
 from tools.doctor.board_checks import of_board, remedy
 from tools.doctor.command import go_through
@@ -387,9 +388,7 @@ def test_a_mistake_is_one_sentence(
 def test_over_udp_with_a_board_that_is_a_process(
     capsys: pytest.CaptureFixture[str], version: str
 ) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port(socket.SOCK_DGRAM)
     words = [sys.executable, "-P", "-m", "tests.support.ardusub_double.udp", "--to", str(port)]
     url = f"ardusub.url=udpin:127.0.0.1:{port}"
     said = ["doctor", "--vehicle", "bluerov2_heavy", "--seconds", "1", "--set", url, "--json"]

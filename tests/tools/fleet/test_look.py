@@ -21,6 +21,7 @@ from services.runtime.bus.zenoh_bus import announce_here, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from tests.support.patience import PATIENCE_S, until
+from tests.support.ports import free_endpoint
 from tools.__main__ import main
 from tools.fleet import drones, meeting
 from tools.fleet import look as looking
@@ -28,11 +29,6 @@ from tools.fleet.look import MOST, is_there, look, who_is_there
 from tools.fleet.meeting import drone_at, require_only
 
 TALK_S = 0.05  # [s] between two words of a drone here; a real one says them once a second
-
-
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
 
 
 @pytest.fixture
