@@ -16,9 +16,9 @@ from typing import Any, Protocol
 import pytest
 
 from messages.control import ThrusterCommand
+from tests.support.ardusub_double.wire import BOARDS, DOWN, NEUTRAL, Wire, board_process
 from tests.support.patience import PATIENCE_S
 from tests.support.ports import free_port
-from tests.system.test_ardusub_real import BOARDS, DOWN, NEUTRAL, Wire, board_process
 
 pytestmark = pytest.mark.system
 
