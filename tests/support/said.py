@@ -84,4 +84,5 @@ def health(service: str, late_ms: float | None = 0.0, /, **said: Any) -> Health:
     }  # fmt: skip
     own = {name: value for name, value in said.items() if name in Health.__struct_fields__}
     counts = {name: value for name, value in said.items() if name not in own}
-    return Health(service=service, **(fields | {"counts": counts} | own))
+    fields |= {"counts": counts, **own}
+    return Health(service=service, **fields)

@@ -230,7 +230,8 @@ def test_of_a_recording_with_motion_in_it_the_longest_rest_is_used_and_said(
 def test_motion_is_never_inside_the_rest_that_is_used(at: int, size: float):
     turn = np.zeros(6000)
     turn[10 * at : 10 * at + 100] = size
-    samples = RestingSamples(np.arange(6000) * 0.01, felt(60, rate=turn))
+    t = np.linspace(0.0, 59.99, 6000)
+    samples = RestingSamples(t, felt(60, rate=turn))
     heard = HeardAtRest({topics.IMU.key: samples}, [])
     rest = resting(heard, Path("x"))
     begin, end = rest.begin, rest.begin + rest.seconds
