@@ -221,3 +221,14 @@ def test_no_decoder_accepts_a_damaged_message(topic: topics.AnyTopic) -> None:
             msgspec.msgpack.decode(damaged(sound), type=topic.message)
         with pytest.raises(msgspec.DecodeError):
             msgspec.msgpack.decode(damaged(sound))
+
+
+def test_another_profile_is_in_force_at_once_and_named_in_the_status() -> None:
+    running = Running().run(1.0)
+    assert max(running.delays) < 20 * MS
+    running.delays.clear()
+    assert running.ask("profile", profile="remote").accepted
+    running.delays.clear()
+    running.run(2.0)
+    assert min(running.delays[1:]) >= 60 * MS  # the first one was on the way already
+    assert running.statuses[-1].profile == "remote"

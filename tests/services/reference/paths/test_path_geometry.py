@@ -346,3 +346,18 @@ def test_a_tangent_that_just_fits_leaves_no_line() -> None:
     tangent = TwinClothoids(pi / 2, 5.0).tangent
     path = through([[0, 0], [tangent, 0], [tangent, tangent]], 5.0)
     assert [part.kind for part in path.parts] == ["clothoids"]
+
+
+@pytest.mark.parametrize("kind", ["approximating", "interpolating"])
+def test_a_leg_as_long_as_the_refusal_asks_for_is_long_enough(kind: Kind) -> None:
+    def middle(length: float) -> Points:
+        return [[0.0, 0.0], [50.0, 0.0], [50.0, length], [0.0, length]]
+
+    with pytest.raises(ValueError, match="leg 2") as refused:
+        through(middle(8.0), 5.0, kind)
+    need = float(str(refused.value).split("need")[1].split()[0])
+    parts = through(middle(need * 1.001), 5.0, kind).parts
+    for before, after in pairwise(parts):
+        assert before.at(before.length)[:4] == pytest.approx(after.at(0.0)[:4], abs=1e-9)
+    with pytest.raises(ValueError, match="leg 2"):
+        through(middle(need * 0.999), 5.0, kind)

@@ -77,3 +77,8 @@ def test_known_motions(
 def test_the_run_of_the_reference_model_is_seventeen_percent_sooner() -> None:
     # 50 m at 0.3 m/s with Fernandes' own peak acceleration and jerk (xi = 10): 228.89 s there.
     assert pair(50.0, Limits(0.0084375, 0.015), 0.3).duration == pytest.approx(189.03703704)
+
+
+def test_a_speed_limit_of_zero_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"v_max: found 0.0, must be more than 0"):
+        pair(1.0, Limits(1.0), 0.0)

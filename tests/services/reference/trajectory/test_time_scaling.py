@@ -239,3 +239,8 @@ def test_a_motion_at_rest_is_stopped_where_it_is() -> None:
 def test_a_stop_that_makes_no_sense_is_refused(t: float, lim: Limits, says: str) -> None:
     with pytest.raises(ValueError, match=says):
         stop(MOTION, t, lim)
+
+
+def test_a_motion_that_is_no_number_is_refused() -> None:
+    with pytest.raises(ValueError, match="not finite at 3 s"):
+        stop_motion(lambda t: Sample(t, nan, 0.0, 0.0), 3.0, Limits(1.0))
