@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.faults.catalogue import FAULTS
-from tests.support.faults.goals import GOALS
 from tests.support.faults.modes import MODES
 from tests.support.faults.rows import CellRow, read_rows
 from tests.support.faults.virtual_dive import VirtualDive
@@ -146,25 +144,3 @@ def test_while_a_service_runs_twice_the_pilot_reads_it_and_the_drone_does_not_ar
         dive.run(1.0)
         assert [answer.accepted for answer in dive.seen.answers[-2:]] == [True, False]
         assert dive.seen.answers[-1].reason.startswith(twice)
-
-
-def test_every_fault_has_a_name_of_its_own_and_can_be_flown_somewhere() -> None:
-    names = [fault.name for fault in FAULTS]
-    assert len(set(names)) == len(names)
-    assert all(fault.virtual or fault.real for fault in FAULTS)
-    assert len({goal.name for goal in GOALS}) == len(GOALS)
-
-
-def test_a_copy_changes_nothing_of_its_parent_and_its_result_comes_back_whole() -> None:
-    code = """
-from tests.support.faults.copies import in_copies
-there = []
-def work(n):
-    there.append(n)
-    return bytes(there) * 100_000
-jobs = ((n, lambda n=n: work(n)) for n in range(5))
-found = dict(in_copies(jobs, workers=2))
-assert found == {n: bytes([n]) * 100_000 for n in range(5)}
-assert there == []
-"""
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

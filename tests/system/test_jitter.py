@@ -1,7 +1,6 @@
 """The whole chain on busy computers: late wake-ups and stalls cost little of what a punctual dive
 is worth."""
 
-import hashlib
 from collections import defaultdict
 from math import pi, radians, remainder
 from pathlib import Path
@@ -127,20 +126,3 @@ def test_a_busy_computer_costs_little(tmp_path: Path) -> None:
     ratios = {name: _rms(busy[name]) / _rms(punctual[name]) for name in punctual}
     assert max(ratios.values()) <= MOST, ratios
     assert busy.keys() == punctual.keys()
-
-
-def bytes_of(folder: Path, seed: int, jitter: Jitter | None) -> str:
-    dive, sha = Dive(folder, seed, jitter), hashlib.sha256()
-    for side in ("drone", "topside"):
-        dive.host.side(side).hear("**", lambda e: sha.update(e.key.encode() + e.payload))
-    dive.host.run(8 * S)
-    return sha.hexdigest()
-
-
-def test_the_same_seed_gives_the_same_bytes_and_another_others(tmp_path: Path) -> None:
-    assert bytes_of(tmp_path, 1, JITTER) == bytes_of(tmp_path, 1, JITTER)
-    assert bytes_of(tmp_path, 1, JITTER) != bytes_of(tmp_path, 2, JITTER)
-
-
-def test_without_delay_and_stalls_nothing_differs_from_the_punctual_host(tmp_path: Path) -> None:
-    assert bytes_of(tmp_path, 1, Jitter()) == bytes_of(tmp_path, 1, None)
