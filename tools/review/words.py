@@ -140,12 +140,15 @@ def _stops(found: Review) -> Iterator[str]:
             yield _stops_of(axis, of_axis)
 
 
+BY = {"truth": "the simulator's truth", "estimate": "the estimate"}
+
+
 def _stops_of(axis: str, stops: list[ReviewedStop]) -> str:
     unit = "rad" if axis == "yaw" else "m"
     ran = median(stop.ran_on or 0.0 for stop in stops)
     back = median(stop.bounced_back or 0.0 for stop in stops)
     said = (
-        f"{len(stops)} stop{'s' * (len(stops) > 1)} in {axis}: it ran on by "
+        f"{len(stops)} stop{'s' * (len(stops) > 1)} in {axis}, by {BY[stops[0].by]}: it ran on by "
         f"{amount(ran, unit)} (median) and came back by {amount(back, unit)}"
     )
     lindy = [stop.lindy_ran_on for stop in stops if stop.lindy_ran_on is not None]

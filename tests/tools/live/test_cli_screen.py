@@ -106,9 +106,9 @@ def test_whatever_the_height_nothing_that_a_pilot_needs_is_cut(
     assert "lost 1234.5 s" in text
     assert (FULL.alarm in text) == alarm
     assert FULL.words in text
-    if height >= 9 + alarm + 1 + LINES:  # there is room for every log line
+    if height >= 10 + alarm + 1 + LINES:  # there is room for every log line
         assert all(f"line {n} [ms]" in text for n in range(3, LINES + 3))
-    if height >= 9 + alarm + 1 + LINES + 4 and services:  # … and for a service or two
+    if height >= 10 + alarm + 1 + LINES + 4 and services:  # … and for a service or two
         assert f"service_{services - 1} gone" in text
 
 
