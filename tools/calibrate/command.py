@@ -104,7 +104,7 @@ def pressure(
     Example: lindy calibrate pressure --atmosphere 1009.4 --dive dives/on_the_bench
     """
     if not 500.0 <= atmosphere <= 1200.0:
-        raise LindyError(f"--atmosphere is {atmosphere:g}, expected 500 to 1200 hPa")
+        raise LindyError(f"--atmosphere is {atmosphere:g} hPa, expected 500 to 1200 hPa")
     return _calibrate(lambda _: PressureGuide(100.0 * atmosphere), recording, options)
 
 

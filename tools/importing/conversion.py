@@ -172,6 +172,7 @@ class Conversion:
 
         for name, field in stream.taken.fields.items():
             known, there = stream.known[name], stream.is_there(name)
+            unit = next(iter(QUANTITIES[known.quantity].units))
             values = stream.column(name)
             if known.required:
                 odd("rows without it, of another sensor", alive & ~there)
@@ -185,11 +186,11 @@ class Conversion:
             amounts = _amounts(values)
             believed = there & finite
             if name in contradicting:
-                odd(contradicting[name], believed, abs(amounts))
+                odd(f"{contradicting[name]} [{unit}]", believed, abs(amounts))
                 believed &= False
             elif known.quantity != "word":
                 possible = believed & _possible(stream, name, values, believed)
-                odd(f"{name} cannot be [SI], left out", believed & ~possible, abs(amounts))
+                odd(f"{name} cannot be [{unit}], left out", believed & ~possible, abs(amounts))
                 believed = possible
             if known.required:
                 alive &= believed
