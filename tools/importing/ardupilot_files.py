@@ -83,6 +83,7 @@ class DataflashFile(LogFile):
                     continue
             yield row
             before = row
+        self.damaged.clear()  # it may be read again
         self.damaged.update(left_out)
 
     def _all(self, wanted: Wanted) -> Iterator[LogRow]:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from mcap.records import Channel, Metadata, Schema
 
+from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import MCAP, ROSBAG, LogFile, LogRow, LogSource, Wanted, library
 from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
@@ -66,17 +67,14 @@ class TopicsLog(LogFile):
             raise LindyError("; ".join([f"{self.path} holds no message to read", *self.remarks]))
         return found
 
-    def _decoded(self, messages: Iterable[tuple[TypedTopic, bytes, int]]) -> Iterator[LogRow]:
-        """Those that can be read; the others are counted."""
-        damaged = Counter[str]()
-        for topic, data, at_ns in messages:
-            try:
-                fields = self._decoders[topic](data)
-            except Exception:  # of whatever kind: rosbags does not say
-                damaged[topic.name] += 1
-            else:
-                yield LogRow(topic.name, fields, at_ns)
-        self.damaged.update(damaged - self.damaged)
+    def _decoded(self, topic: TypedTopic, data: bytes, at_ns: Ns) -> Iterator[LogRow]:
+        """Nothing of a message that cannot be read, which is counted."""
+        try:
+            fields = self._decoders[topic](data)
+        except Exception:  # of whatever kind: rosbags does not say
+            self.damaged[topic.name] += 1
+        else:
+            yield LogRow(topic.name, fields, at_ns)
 
 
 class RosbagFile(TopicsLog):
@@ -93,6 +91,7 @@ class RosbagFile(TopicsLog):
             return self._known((_topic(each), each.msgcount) for each in reader.connections)
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
+        self.damaged.clear()
         with self._opened() as reader:
             topics = {each.id: _topic(each) for each in reader.connections}
             known = [
@@ -100,8 +99,15 @@ class RosbagFile(TopicsLog):
                 for each in reader.connections
                 if each.topic in wanted and topics[each.id] in self._decoders
             ]
-            messages = reader.messages(known)
-            yield from self._decoded((topics[each.id], data, at) for each, at, data in messages)
+            last_ns = 0
+            try:
+                for each, at_ns, data in reader.messages(known):
+                    yield from self._decoded(topics[each.id], data, at_ns)
+                    last_ns = at_ns
+            except Exception as error:  # of whatever kind: rosbags does not say
+                if not last_ns:
+                    raise
+                self.say(f"it is damaged, and what follows is left out: {_first_line(error)}")
 
     @contextmanager
     def _opened(self) -> Generator[Any]:
@@ -158,11 +164,10 @@ class McapLog(TopicsLog):
             for number, topic in self._topics.items()
             if topic.name in wanted and topic in self._decoders
         }
-        yield from self._decoded(
-            (taken[found.channel_id], found.data, found.log_ns)
-            for found in records(self._own)
-            if isinstance(found, StoredMessage) and found.channel_id in taken
-        )
+        self.damaged.clear()
+        for found in records(self._own):
+            if isinstance(found, StoredMessage) and found.channel_id in taken:
+                yield from self._decoded(taken[found.channel_id], found.data, found.log_ns)
 
 
 def _topic(connection: Any) -> TypedTopic:

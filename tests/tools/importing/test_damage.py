@@ -310,3 +310,14 @@ def test_what_is_refused_makes_no_folder_and_names_none(
     assert main(["import", str(tmp_path / "b.bag"), "--out", str(out)]) == 1
     assert capsys.readouterr().out == ""
     assert not (tmp_path / "dive-2").exists()
+
+
+def test_of_a_bag_with_a_damaged_part_what_is_before_it_is_kept(tmp_path: Path) -> None:
+    log = ros1(tmp_path / "a.bag")
+    data = bytearray(log.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 3000] = RUBBISH[:3000]
+    log.write_bytes(data)
+    out = imported(log, tmp_path / "dive")
+    assert SECONDS * IMU_HZ // 8 < imu_samples(out) < SECONDS * IMU_HZ
+    assert remarks(out) != ""
