@@ -210,30 +210,22 @@ def decoder(topic: TypedTopic) -> Decode:
             f"cdr with ros2msg or ros2idl, or json"
         )
     typesys = library("rosbags.typesys", "messages of ROS")
-    standard = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs
-    try:
-        # Their own words first: a type of the same name may be another one elsewhere.
-        types = _types(topic, typesys)
-    except Exception as error:  # of whatever kind: rosbags does not say
-        raise LindyError(f"its type cannot be read: {_first_line(error)}") from None
-    named = [kind]
-    for name in named:
-        if name not in types and name not in standard:
-            raise LindyError(
-                "its type is not in the log"
-                if name == kind
-                else f"{name}, a part of its type, is not in the log"
-            )
-        types.setdefault(name, standard.get(name))
-        named += [part for part in _parts(types[name][1]) if part not in named]
-    try:
-        store = typesys.get_typestore(typesys.Stores.EMPTY)
-        store.register({name: types[name] for name in named})
-        store.get_msgdef(kind)
-    except Exception as error:  # of whatever kind: rosbags does not say
-        raise LindyError(f"its type cannot be read: {_first_line(error)}") from None
-    read = store.deserialize_ros1 if topic.encoding == "ros1" else store.deserialize_cdr
-    return lambda data: read(data, kind)
+    why: list[str] = []
+    for others in (typesys.Stores.EMPTY, typesys.Stores.ROS2_HUMBLE):
+        # Its own words first: a type of the same name may be another one elsewhere.
+        try:
+            store = typesys.get_typestore(others)
+            store.register(_types(topic, typesys))
+            store.get_msgdef(kind)
+        except KeyError as error:
+            part = f"{error.args[0]}, a part of its type," if error.args[0] != kind else "its type"
+            why.append(f"{part} is not in the log")
+        except Exception as error:  # of whatever kind: rosbags does not say
+            why.append(f"its type cannot be read: {_first_line(error)}")
+        else:
+            read = store.deserialize_ros1 if topic.encoding == "ros1" else store.deserialize_cdr
+            return lambda data: read(data, kind)
+    raise LindyError(why[0])
 
 
 def _types(topic: TypedTopic, typesys: Any) -> dict[str, Any]:
@@ -246,15 +238,6 @@ def _types(topic: TypedTopic, typesys: Any) -> dict[str, Any]:
         return found
     # A log that did not find the words of a type has none.
     return typesys.get_types_from_msg(topic.words, topic.kind) if topic.words.strip() else {}
-
-
-def _parts(fields: Iterable[tuple[str, Any]]) -> Iterator[str]:
-    """Types that a message is made of, which are messages themselves."""
-    for _, (form, what) in fields:
-        if form.name == "NAME":
-            yield what
-        elif form.name != "BASE":
-            yield from _parts([("", what[0])])
 
 
 def _first_line(error: Exception) -> str:
