@@ -31,7 +31,8 @@ REPORT = "import.json"
 UNTAKEN = 8  # of what a log also has, so many are printed
 TAKES = (
     "a bag of ROS 1 (.bag) or of ROS 2 (its folder), a recording of another program (.mcap), a log "
-    "of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table (.csv, .parquet)"
+    "of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table "
+    "(.csv, .tsv, .txt, .parquet)"
 )
 
 FORMATS: dict[str, Callable[[Path], LogFile]] = {  # by how the file's name ends
@@ -39,7 +40,7 @@ FORMATS: dict[str, Callable[[Path], LogFile]] = {  # by how the file's name ends
     ".bin": DataflashFile,
     ".mcap": McapLog,
     ".ulg": UlogFile,
-    ".csv": TableFile,
+    **dict.fromkeys((".csv", ".tsv", ".txt"), TableFile),  # Excel writes its Unicode text as .txt
     ".parquet": TableFile,
 }
 
@@ -93,9 +94,9 @@ def import_log(
     """Make a recording of a log that another program wrote.
 
     FILE is a bag of ROS 1 (.bag) or of ROS 2 (its folder), a recording of another program (.mcap),
-    a log of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table (.csv,
-    .parquet). Several files of one clock, such as a table for each sensor or the pieces of a bag,
-    become one recording, which `lindy log` and `lindy replay` read. What is odd in the log is
+    a log of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table (.csv, .tsv,
+    .txt, .parquet). Several files of one clock, such as a table for each sensor or the pieces of a
+    bag, become one recording, which `lindy log` and `lindy replay` read. What is odd in the log is
     counted, printed and written into import.json beside it.
 
     Example: lindy import 00000042.BIN

@@ -125,7 +125,8 @@ class RosbagFile(TopicsLog):
             why = (str(error) or "a record cannot be read").rstrip(".")
             raise LindyError(
                 f"{self.path} is damaged or was not finished: {why}; `rosbag reindex` or "
-                f"`ros2 bag reindex` mends what can be read"
+                f"`ros2 bag reindex` mends what can be read, and a .mcap file of a bag can be "
+                f"imported by itself"
             ) from None
 
 

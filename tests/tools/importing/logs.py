@@ -22,13 +22,20 @@ def noise(seed: int) -> Iterator[float]:
     yield from np.random.default_rng(seed).normal(0.0, 0.01, 10_000)
 
 
-def ros1(path: Path, kind: str = "plain", *, unit: float = 1.0) -> Path:
+def ros1(
+    path: Path,
+    kind: str = "plain",
+    *,
+    unit: float = 1.0,
+    clock: Callable[[int], int] = lambda at: at,
+) -> Path:
     """A bag of ROS 1 with an IMU, pressure, a DVL that is not valid half of the time, and a pad.
 
     Args:
         kind: plain; unset: stamps of 1970; board: stamps since the board began, arriving late;
             nan, twice, gap: what happens at 2 s; old: the logger's clock was never set.
         unit: by which specific force is divided.
+        clock: what the computer's clock says at a time [ns], with which all is stamped.
     """
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
@@ -49,7 +56,7 @@ def ros1(path: Path, kind: str = "plain", *, unit: float = 1.0) -> Path:
 
         random, before = noise(1), None
         for k in range(SECONDS * IMU_HZ):
-            at = began + k * S // IMU_HZ
+            at = clock(began + k * S // IMU_HZ)
             if kind == "gap" and 2.0 <= k / IMU_HZ < 3.0:
                 continue
             stamp = {"unset": 0, "board": at - began + 77 * S}.get(kind, at)

@@ -171,6 +171,18 @@ def test_a_table_s_clock_that_is_set_goes_on_too(tmp_path: Path, kind: str) -> N
     )
 
 
+@pytest.mark.parametrize("kind", ["set once", "set at the end", "never set, then set"])
+def test_a_bag_s_clock_that_is_set_goes_on_too(tmp_path: Path, kind: str) -> None:
+    """Also its stamps, which are by the same clock."""
+    ahead = CLOCKS[kind]
+    log = ros1(tmp_path / "a.bag", clock=lambda at: at + ahead[(at - BEGAN_NS) // S])
+    out = imported(log, tmp_path / "dive")
+    samples = messages(out, "sensor/imu")
+    wanted = [BEGAN_NS + k * S // IMU_HZ for k in range(SECONDS * IMU_HZ)]
+    assert [one.log_ns for one in samples] == pytest.approx(wanted, abs=1_000_000)
+    assert [one.publish_ns for one in samples] == pytest.approx(wanted, abs=1_000_000)
+
+
 def test_one_wrong_time_does_not_date_a_log(tmp_path: Path) -> None:
     def clock(at: int) -> int:
         return at + (20_000 * DAY if at == BEGAN_NS + S else 0)

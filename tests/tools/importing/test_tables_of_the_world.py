@@ -115,9 +115,11 @@ WHOLE: dict[str, str | bytes] = {
 }  # fmt: skip
 
 
-def found(folder: Path, content: str | bytes, unit: str = "Pa") -> tuple[list[int], list[float]]:
+def found(
+    folder: Path, content: str | bytes, unit: str = "Pa", name: str = "a.csv"
+) -> tuple[list[int], list[float]]:
     """[ns] When and [Pa] what."""
-    log, own = folder / "a.csv", folder / "map.toml"
+    log, own = folder / name, folder / "map.toml"
     log.write_bytes(content if isinstance(content, bytes) else content.encode())
     own.write_text(MAP.format(unit=unit))
     samples = messages(imported(log, folder / "dive", "--map", str(own)), "sensor/pressure")
@@ -132,6 +134,12 @@ def test_a_whole_table_gives_every_sample(tmp_path: Path, kind: str) -> None:
     assert times == pytest.approx([BEGAN_NS + k * S // 10 for k in range(ROWS)], abs=1000)
     assert report(tmp_path / "dive")["remarks"] == []
     assert odd(tmp_path / "dive") == {}
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.TSV"])
+def test_the_unicode_text_of_a_spreadsheet_is_a_table(tmp_path: Path, name: str) -> None:
+    _, values = found(tmp_path, WHOLE["utf-16, tabs and commas"], name=name)
+    assert len(values) == ROWS
 
 
 WRONG: dict[str, tuple[str | bytes, set[int], str]] = {  # content, rows that are lost, what is said
