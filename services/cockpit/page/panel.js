@@ -46,7 +46,7 @@ export function show(connection, you, view, steeredBy) {
   const who = words.t(you.who ?? "");
   put("who", silent + (you.watcher ? `${words.t("watching")} · ${who}` : who + (you.has_sticks ? ` · ${words.t(steeredBy)}` : "")));
   put("numbers", (view.numbers ?? []).map(([label, text]) => `${words.t(label)} ${units.said(text)}`).join(" · ") || UNKNOWN);
-  const loss = view.loss === undefined ? "" : ` ${words.t("loss")} ${units.number(100 * view.loss)} %`;
+  const loss = view.lost_s ? ` ${words.t("loss")} ${seconds(view.lost_s)}` : "";
   put("link", view.link_up === false ? words.t("link_down") : `${words.t("link")} ${ms(view.rtt_ms)}${loss}`, view.link_up === false ? "old" : "");
   const old = age(you, view, connection.arrived);
   const grey = old > connection.ages.state[0];
