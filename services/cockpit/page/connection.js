@@ -17,8 +17,7 @@ export class Connection {
     this.picture = null; // the newest
     this.arrived = 0; // [ms] when, by this page's clock
     this.track = []; // of the map: north and east [dm] and how it goes on, for each point
-    this.log = []; // all warnings and errors of the dive
-    this.listed = -Infinity; // [ms] when that arrived
+    this.log = null; // warnings and errors of the dive; null: not heard yet
     this.ages = { state: [Infinity, Infinity], picture: [1000, 3000] }; // until said
     this.words = "connecting"; // what is wrong; empty: nothing
     this.old = false; // this page is of another version than the service

@@ -3,6 +3,7 @@
 
 const OWNED = /^(Control|Alt|Meta|OS|F\d|Tab|Escape|ContextMenu|CapsLock|PrintScreen)/; // by browser and system
 const STORE = "keys";
+const ARROWS = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→" };
 
 export class Keys {
   constructor(table) {
@@ -45,5 +46,5 @@ export class Keys {
 
 // How a key is called.
 export function keyName(code) {
-  return code.replace(/^(Key|Digit|Arrow)/, "").replace(/(\w)(Left|Right)$/, "$1");
+  return ARROWS[code] ?? code.replace(/^(Key|Digit)/, "").replace(/(\w)(Left|Right)$/, "$1");
 }

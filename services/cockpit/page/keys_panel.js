@@ -1,14 +1,14 @@
 // The map of keys, and changing it: press the key that an action is to have.
 
+import { $, make } from "./dom.js";
 import { keyName } from "./keys.js";
 import { words } from "./words.js";
-
-const $ = (id) => document.getElementById(id);
 
 export class KeysPanel {
   // say(words): a sentence for the pilot
   constructor(keys, say) {
-    Object.assign(this, { keys, say });
+    this.keys = keys;
+    this.say = say;
     this.waits = ""; // the action that waits for its key
     $("keys-reset").addEventListener("click", () => { keys.reset(); this.draw(); });
     // Before the keyboard's own listener: what is given to an action does nothing else.
@@ -26,14 +26,11 @@ export class KeysPanel {
 
   draw() {
     $("keys").querySelector("ul").replaceChildren(...this.keys.table.map((row) => {
-      const [line, name, button] = ["li", "span", "button"].map((tag) => document.createElement(tag));
-      const text = words.t(`key.${row.action}`);
-      name.textContent = row.kind === "hold" ? `${text} (${words.t("hold")})` : text;
-      const waits = this.waits === row.action;
-      button.textContent = waits ? words.t("press_now") : [...new Set(this.keys.codes(row.action).map(keyName))].join(", ") || "–";
-      button.className = waits ? "waits" : "";
+      const line = make("li"), text = words.t(`key.${row.action}`), waits = this.waits === row.action;
+      const names = [...new Set(this.keys.codes(row.action).map(keyName))].join(", ") || "–";
+      const button = make("button", waits ? words.t("press_now") : names, waits ? "waits" : "");
       button.addEventListener("click", () => { this.waits = waits ? "" : row.action; button.blur(); this.draw(); });
-      line.append(name, button);
+      line.append(make("span", row.kind === "hold" ? `${text} (${words.t("hold")})` : text), button);
       return line;
     }));
   }

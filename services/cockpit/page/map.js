@@ -1,8 +1,9 @@
 // The map: where the drone is and how surely, where it has been, its home, where it goes. A tap names
 // a place; a held button sends the drone there. North and east are those of the drone's state.
 
+import { $, write } from "./dom.js";
 import { HoldButton } from "./hold_button.js";
-import { UNKNOWN, units } from "./units.js";
+import { units } from "./units.js";
 import { words } from "./words.js";
 
 const RAD = Math.PI / 180;
@@ -10,7 +11,6 @@ const TAP_PX = 10, SHOWN_M = 30; // [m] from side to side, at first
 const CLOSEST = 400, FURTHEST = 0.02; // [px/m]
 const BEGINS = 2, RECKONED = 1; // how a point of the track follows the one before
 
-const $ = (id) => document.getElementById(id);
 export const way = ([n, e], [to, aside]) => {
   const north = to - n, east = aside - e;
   return { m: Math.hypot(north, east), deg: (Math.atan2(east, north) / RAD + 360) % 360 };
@@ -19,7 +19,11 @@ export const way = ([n, e], [to, aside]) => {
 export class SeaMap {
   // may(): this page flies the drone; wish(what, fields); say(key): why not
   constructor(connection, settings, may, wish, say) {
-    Object.assign(this, { connection, settings, may, wish, say });
+    this.connection = connection;
+    this.settings = settings;
+    this.may = may;
+    this.wish = wish;
+    this.say = say;
     this.canvas = $("map").querySelector("canvas");
     this.g = this.canvas.getContext("2d");
     this.scale = 0; // [px/m]
@@ -153,8 +157,7 @@ export class SeaMap {
       here && view.home ? words.t("map.home_is", said(way(here, view.home))) : "",
       here && goal ? words.t(wanted ? "map.go_to" : "map.goes", said(way(here, goal))) : "",
     ];
-    const text = rows.filter(Boolean).join(" · ");
-    if ($("map-said").textContent !== text) $("map-said").textContent = text;
+    write($("map-said"), rows.filter(Boolean).join(" · "));
     $("map-said").className = this.measured ? "" : "warning";
     // Where it is not offered its place stays empty: nothing else comes to lie under the finger.
     $("map-go").classList.toggle("away", !wanted);

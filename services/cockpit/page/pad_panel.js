@@ -1,9 +1,9 @@
 // The pad's mapping: a picture of it in which what is pressed lights up, and what does what.
 
+import { $, make } from "./dom.js";
 import { PAD_ACTIONS } from "./pad.js";
 import { words } from "./words.js";
 
-const $ = (id) => document.getElementById(id);
 // Where the buttons of a standard pad are, in the order of the W3C's Gamepad; then its two sticks.
 const AT = [[158, 66], [172, 52], [144, 52], [158, 38], [40, 14], [160, 14], [40, 4], [160, 4], [82, 46], [118, 46], [74, 78], [126, 78], [42, 38], [42, 66], [28, 52], [56, 52], [100, 34]];
 const STICKS = [[74, 78], [126, 78]];
@@ -14,7 +14,7 @@ export class PadPanel {
     this.shown = "";
     $("pad-reset").addEventListener("click", () => { pad.reset(); this.shown = ""; });
     $("pad").querySelector("ul").replaceChildren(...PAD_ACTIONS.map((action) => {
-      const [row, name, button] = ["li", "span", "button"].map((tag) => document.createElement(tag));
+      const [row, name, button] = ["li", "span", "button"].map((tag) => make(tag));
       name.dataset.t = `key.${action}`;
       button.dataset.action = action;
       button.addEventListener("click", () => pad.wait(pad.waits?.action === action ? null : action));

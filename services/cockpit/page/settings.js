@@ -1,5 +1,5 @@
-// What this browser remembers for its pilot. Each setting has a few values; a button goes through
-// them.
+// What this browser remembers for its pilot. Each setting has a few values, of which the first is as
+// shipped; a button goes through them.
 
 const VALUES = {
   theme: ["dark", "bright", "contrast"],
@@ -21,7 +21,7 @@ export class Settings {
       this[name] = VALUES[name].includes(stored) ? stored : VALUES[name][0];
     }
     if (read("language") === null) this.language = spoken();
-    this.chosen = read("theme") !== null; // by the pilot; else as the system wants it
+    if (read("theme") === null && matchMedia("(prefers-contrast: more)").matches) this.theme = "contrast";
   }
 
   next(name) { this.set(name, VALUES[name][(VALUES[name].indexOf(this[name]) + 1) % VALUES[name].length]); }
@@ -30,7 +30,6 @@ export class Settings {
 
   set(name, value) {
     this[name] = value;
-    if (name === "theme") this.chosen = true;
     try { localStorage.setItem(name, value); } catch { /* not allowed: not remembered */ }
     this.changed(name);
   }

@@ -11,7 +11,9 @@ const RETRY_MS = 700, RATE_MS = 2000;
 export class Video {
   // name: of the camera; empty: the first one
   constructor(canvas, connection, name = "") {
-    Object.assign(this, { canvas, connection, name });
+    this.canvas = canvas;
+    this.connection = connection;
+    this.name = name;
     this.g = canvas.getContext("2d");
     this.light = null; // [ms] of the shown picture, by the service's clock …
     this.exact = false; // … and not earlier

@@ -29,6 +29,7 @@ from tests.support.page_screen import (
 )  # fmt: skip
 from tests.support.patience import until
 
+NOW = "document.getElementById('now').textContent"
 PLACE = "document.getElementById('disarm').getBoundingClientRect()"
 PROGRAM = chromium()
 pytestmark = [
@@ -106,18 +107,16 @@ def test_a_note_is_said_in_the_pilots_language_and_who_lacks_the_sticks_is_told_
     choice = "document.getElementById('language')"
     page.look(f"{choice}.value = 'de'; {choice}.dispatchEvent(new Event('change'))")
     page.wait("document.documentElement.lang === 'de'")
-    late = [["a service on board is late (ardusub); the battery is low", "warning"]]
-    served.becomes(page, said=late)
-    said = page.look("document.getElementById('note').textContent")
-    assert said == "ein Dienst an Bord ist verspätet (ardusub); die Batterie ist schwach"
+    served.becomes(page, notes=[["note", "notice:battery_low", {}, " (20 %)"]])
+    assert page.look(NOW) == "Die Batterie ist schwach (20 %)."
     assert "15,9 V, 80 %" in page.look("document.getElementById('numbers').textContent")
     resume = "document.getElementById('arm').checkVisibility({ visibilityProperty: true })"
-    for control, word in ((True, "fortsetzen."), (False, "nehmen")):
+    for control, word in ((True, "Fortsetzen"), (False, "nehmen")):
         served.you = {**PILOT, "in_control": control}
-        served.becomes(page, **ACTING)
-        assert word in page.look("document.querySelector('#failsafe p:last-child').textContent")
+        served.becomes(page, **ACTING, resumable=True)
+        assert word in page.look(NOW)
         assert page.look(resume)
-    served.becomes(page, **ACTING, returns="centre")
+    served.becomes(page, **ACTING, resumable=True, returns="centre")
     assert not page.look(resume)  # centred sticks are enough
     page.close()
 
@@ -134,8 +133,8 @@ def test_in_every_language_nothing_is_cut(browser: Browser, served: Served, lang
         for state in (READY, {}, ACTING):
             served.becomes(page, **state)
             assert page.look(UNPRESSED) == "", state
-        said = page.look("document.getElementById('failsafe').textContent")
-        assert said.count(".") >= 4
+        said = page.look(NOW)
+        assert said.count(".") == 3
         assert "lost" not in said
         page.close()
 
@@ -145,7 +144,7 @@ def test_in_every_language_nothing_is_cut(browser: Browser, served: Served, lang
 def test_every_text_can_be_read_in_every_state(browser: Browser, served: Served, theme: str):
     page = served.open(browser, Size(844, 390, touch=True), theme)
     page.look(FINGER)
-    for opened in ("", "menu", "keys", "pad"):
+    for opened in ("", "menu", "keys", "pad", "drawer"):
         if opened:
             page.look(f"document.getElementById('{opened}-open').click()")
         for name, state in STATES.items():
@@ -212,16 +211,16 @@ def test_an_alarm_is_heard_once_whatever_its_numbers_do_and_water_always(
     served.becomes(page)
     page.look("window.beeps = 0")
     for worst in range(40, 240, 20):
-        served.becomes(page, said=[[f"LINK delayed, up to {worst} ms", "alarm"]])
+        served.becomes(page, notes=[["link", "link.rtt", {"from": 40.0, "to": worst}, ""]])
     assert page.look("window.beeps") == 1
     served.becomes(page)
-    served.becomes(page, said=[["LINK delayed, up to 40 ms", "alarm"]])
+    served.becomes(page, notes=[["link", "link.never", {}, ""]])
     assert page.look("window.beeps") == 2  # it had ended
     page.look("document.getElementById('silence').click()")
     served.becomes(page)
-    served.becomes(page, said=[["LINK delayed, up to 40 ms", "alarm"]])
+    served.becomes(page, notes=[["link", "link.never", {}, ""]])
     assert page.look("window.beeps") == 2
-    served.becomes(page, said=[["water inside the drone", "alarm"]])
+    served.becomes(page, wet=True)
     assert page.look("window.beeps") == 3
     page.close()
 
@@ -230,13 +229,10 @@ def test_the_link_and_the_picture_are_spoken_of_in_the_pilots_language(
     browser: Browser, served: Served
 ):
     page = served.open(browser, Size(1280, 720), before="localStorage.setItem('language', 'de');")
-    served.becomes(page, said=[["LINK no answer from the drone for 1.1 s", "alarm"]])
-    note = "document.getElementById('note').textContent"
-    page.wait(f"{note} === 'VERBINDUNG seit 1.1 s keine Antwort der Drohne'")
-    served.becomes(
-        page, said=[["LINK round trip has risen from 40 to 237 ms; the drone waits", "alarm"]]
-    )
-    page.wait(f"{note}.startsWith('VERBINDUNG Hin und zurück dauert es nun 237 statt 40 ms; ')")
+    served.becomes(page, notes=[["link", "link.silent", {"s": 1.1}, ""]])
+    page.wait(f"{NOW} === 'VERBINDUNG seit 1,1 s keine Antwort der Drohne.'")
+    served.becomes(page, notes=[["link", "link.rtt", {"from": 40.0, "to": 237.0}, ""]])
+    page.wait(f"{NOW} === 'VERBINDUNG Hin und zurück dauert es nun 237 statt 40 ms.'")
     page.look("void import('/video.js').then(({ Video }) => { window.Pictures = Video; })")
     page.wait("window.Pictures")
     words = "Object.getOwnPropertyDescriptor(window.Pictures.prototype, 'words').get"
@@ -342,10 +338,10 @@ def test_an_alarm_is_heard_and_spoken_once_until_one_tap_ends_the_sound(
     page.look("document.getElementById('speech').click()")  # on
     served.becomes(page, **ACTING)
     page.wait("heard.said.length > 0 && heard.tones > 0")
-    for seconds in (3, 4, 5):
-        acting = [[key, {"s": seconds} if "s" in more else more] for key, more in ACTING["acting"]]
-        served.becomes(page, **{**ACTING, "acting": acting})
-    assert page.look("heard.said") == ["Pilot lost. Centre the sticks and resume."]
+    for seconds in (56, 55, 54):
+        served.becomes(page, **{**ACTING, "next_s": seconds})
+    said = "Pilot lost. It has stopped and holds; it rises in 57 s. Centre the sticks and resume."
+    assert page.look("heard.said") == [said]
     tones = page.look("heard.tones")
     page.touch("touchStart", page.middle("#silence"))
     page.touch("touchEnd")
@@ -376,38 +372,39 @@ def test_a_stop_that_does_not_arrive_is_said_and_sent_again(browser: Browser, se
     page.look(FINGER)
     page.touch("touchStart", page.middle("#stop"))
     page.touch("touchEnd")
-    lost, own = (f"document.getElementById('{name}').textContent" for name in ("lost", "own"))
-    until(lambda: "STOP has not arrived yet" in page.look(lost))
-    assert page.look(own) != "STOP was sent"
+    stopped = "Stopped and holding. Still armed."
+    until(lambda: "STOP has not arrived yet" in page.look(NOW))
     page.look("window.deaf = false")
     until(lambda: "stop" in [wish.what for wish in served.wishes])
     served.you = {**PILOT, "stops": 1, "stop_waits": True}
-    until(lambda: page.look(own) == "STOP was sent")
-    until(lambda: "has not answered STOP" in page.look(lost))
+    until(lambda: "has not answered STOP" in page.look(NOW))
     served.you = {**PILOT, "stops": 1}
-    until(lambda: page.look(lost) == "")
+    until(lambda: page.look(NOW) == stopped)
+    served.becomes(page, sticks=[0.2, 0.0, 0.0, 0.0])
+    assert page.look(NOW) == ""
     page.close()
 
 
 def test_a_link_that_is_cut_is_red_and_says_what_the_drone_does(browser: Browser, served: Served):
     page = served.open(browser, SIZES[5])
-    served.becomes(page, **SILENT)
-    said = "document.getElementById('lost').textContent"
-    assert page.look(said).startswith("nothing from the drone for 9 s: by itself it stops")
+    served.becomes(page, **SILENT, next_s=34.0)
+    assert page.look(NOW) == "Link gone. The drone holds; it rises in 34 s."
     assert page.look("document.getElementById('who').textContent").startswith("last known: ")
     served.becomes(page, **SILENT, armed=False)
-    assert page.look(said) == ""
+    assert page.look("document.getElementById('now').className") != "alarm"
     page.close()
 
 
 def test_what_is_grave_is_red(browser: Browser, served: Served):
     page = served.open(browser, SIZES[5])
-    colour = "getComputedStyle(document.getElementById('note')).backgroundColor"
-    served.becomes(page, said=[["the bottom is close", "warning"]])
+    colour = "getComputedStyle(document.getElementById('now')).backgroundColor"
+    close = ["note", "notice:near_floor", {}, ""]
+    served.becomes(page, notes=[close])
     before = page.look(colour)
-    served.becomes(page, said=[["water in the enclosure", "alarm"]])
+    served.becomes(page, notes=[close, ["note", "notice:leak", {}, ""]], wet=True)
     assert page.look(colour) != before
-    assert page.look("document.getElementById('note').textContent") == "water in the enclosure"
+    assert page.look(NOW).startswith("Water in the enclosure. Bring the drone up")
+    assert page.look("document.getElementById('drawer-open').textContent") == "1"
     page.close()
 
 

@@ -1,0 +1,36 @@
+// What steers and what stops, on the first visit: it goes with the first arming.
+
+import { $, put, write } from "./dom.js";
+import { keyName } from "./keys.js";
+import { words } from "./words.js";
+
+const STORE = "flown";
+
+export class Card {
+  constructor(keys, pad) {
+    this.keys = keys;
+    this.pad = pad;
+    try { this.flown = localStorage.getItem(STORE) !== null; } catch { this.flown = false; }
+    $("card-shut").addEventListener("click", () => this.end());
+  }
+
+  end() {
+    this.flown = true;
+    try { localStorage.setItem(STORE, "yes"); } catch { /* not allowed: not remembered */ }
+  }
+
+  show(view, watching) {
+    if (view.armed && !this.flown) this.end();
+    const hidden = this.flown || watching;
+    $("card").hidden = hidden;
+    document.body.classList.toggle("first", !hidden);
+    if (hidden) return;
+    for (const cell of $("card").querySelectorAll("[data-keys]"))
+      write(cell, cell.dataset.keys.split(" ").map((action) => keyName(this.keys.codes(action)[0] ?? "")).join(" "));
+    put("card-pad", words.t("pad"), this.pad.any ? "on" : "");
+    put("card-pad-name", this.pad.any ? padName(this.pad.any) : words.t("pad.none"), this.pad.any ? "on" : "");
+  }
+}
+
+// Browsers add maker and product to it.
+export const padName = (raw) => raw.id.replace(/\s*\(.*/, "") || raw.id;
