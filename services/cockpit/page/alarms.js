@@ -9,6 +9,7 @@ export class Alarms {
   constructor(settings, words) {
     this.settings = settings;
     this.words = words;
+    this.audio = null;
     this.since = new Map(); // by name: when it was last heard [ms]
     // Browsers let a page sound once somebody has touched it.
     for (const name of ["pointerdown", "keydown"]) addEventListener(name, () => this.wake(), { once: true, capture: true });

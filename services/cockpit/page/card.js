@@ -19,6 +19,7 @@ export class Card {
     try { localStorage.setItem(STORE, "yes"); } catch { /* not allowed: not remembered */ }
   }
 
+  /** @param {PageView} view */
   show(view, watching) {
     if (view.armed && !this.flown) this.end();
     const hidden = this.flown || watching;

@@ -3,6 +3,9 @@
 /** @type {(id: string) => any} */
 export const $ = (id) => document.getElementById(id);
 
+// Takes the focus from what has it: a key would click that too.
+export const blur = () => /** @type {any} */ (document.activeElement)?.blur();
+
 export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }

@@ -1,7 +1,7 @@
 // A depth and a heading that the drone goes to by itself: typed, or in steps. A deflected stick takes
 // over at any moment.
 
-import { $ } from "./dom.js";
+import { $, blur } from "./dom.js";
 import { stepped } from "./shape.js";
 import { units } from "./units.js";
 
@@ -16,7 +16,8 @@ export class Goto {
     $("goto").addEventListener("submit", (e) => { e.preventDefault(); this.go(); });
     for (const button of $("goto").querySelectorAll("[data-step]"))
       button.addEventListener("click", () => this.turn(button.parentElement.querySelector("input"), Number(button.dataset.step)));
-    for (const [id, way] of [["brighter", 1], ["darker", -1]]) $(id).addEventListener("click", () => this.light(way));
+    $("brighter").addEventListener("click", () => this.light(1));
+    $("darker").addEventListener("click", () => this.light(-1));
   }
 
   // The fields say what the drone holds now.
@@ -41,7 +42,7 @@ export class Goto {
       ...(depth === undefined ? {} : { depth: units.metres(depth) }),
       ...(heading_deg === undefined ? {} : { heading_deg }),
     });
-    document.activeElement?.blur();
+    blur();
   }
 
   deeper(way) {

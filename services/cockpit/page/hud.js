@@ -34,6 +34,7 @@ export class Hud {
   }
 
   // axis: of the camera on the screen; boxes: of the digits of heading and depth, DOMRects
+  /** @param {PageView} view */
   draw(view, old, axis, boxes) {
     const { canvas, g } = this;
     const ratio = devicePixelRatio || 1;
@@ -86,6 +87,7 @@ export class Hud {
     else { g.strokeStyle = colour; g.stroke(); }
   }
 
+  /** @param {PageView} view */
   horizon(view, width, height, axis, top, bottom) {
     const { g, u, c } = this;
     if (view.roll_deg === undefined || view.pitch_deg === undefined) return;
@@ -119,6 +121,7 @@ export class Hud {
     this.path([[x - 3 * u, y], [x - u, y], [x, y + 0.8 * u], [x + u, y], [x + 3 * u, y]], this.ink);
   }
 
+  /** @param {PageView} view */
   heading(view, width, axis, box) {
     const { g, u, c } = this;
     const y = (box.top + box.bottom) / 2, tall = box.height / 2, half = Math.min(width * 0.36, 26 * u), x = axis.x;
@@ -144,6 +147,7 @@ export class Hud {
     }
   }
 
+  /** @param {PageView} view */
   depth(view, box, height, top) {
     const { g, u, c } = this;
     const x = box.left, right = box.right, y = (box.top + box.bottom) / 2;

@@ -1,6 +1,7 @@
 // Keys that are down. Another window gets their release, so all count as released with the focus. The
 // same holds for Ctrl, Alt and Meta: what is pressed with them is the browser's.
 
+import { blur } from "./dom.js";
 import { level } from "./shape.js";
 
 export class Keyboard {
@@ -26,7 +27,7 @@ export class Keyboard {
     if (!row) return event.repeat || this.idle(event);
     // A button that has the focus would be clicked by Space or Enter as well.
     event.preventDefault();
-    document.activeElement?.blur();
+    blur();
     if (event.repeat) return;
     this.down.add(event.code);
     if (row.kind === "steer" || row.kind === "tool") this.moved();

@@ -14,6 +14,7 @@ const BUSY = "notice:service_late"; // is nothing to fly by
 const sentences = (parts) =>
   parts.filter(Boolean).map((each) => `${each[0].toUpperCase()}${each.slice(1).replace(/[.。]$/, "")}.`).join(" ");
 
+/** @param {PageView} view */
 export const acts = (view) => Boolean(view.failsafe && view.failsafe !== "none");
 
 // Of an event its name without its kind: a condition is one, whether it is noticed or acts.
@@ -28,7 +29,9 @@ export const codeOf = (name) => name.replace(/^(notice|failsafe):/, "");
  * @returns {Message[]}
  */
 export function messages(view, you, page) {
-  const all = [], notes = view.notes ?? [], silent = view.silent_s !== undefined;
+  /** @type {Message[]} */
+  const all = [];
+  const notes = view.notes ?? [], silent = view.silent_s !== undefined;
   const add = (code, tone, ...parts) => all.push({ code, tone, text: sentences(parts), loud: tone === "alarm" });
   if (page.stop) add(page.stop, "alarm", words.t(page.stop));
   if (view.wet) add(LEAK, "alarm", words.t("notice:leak"), words.t("notice:leak.do"));
@@ -58,12 +61,14 @@ function said([, key, numbers, more]) {
 }
 
 // What a drone does that hears nobody either.
+/** @param {PageView} view */
 function gone(view) {
   if (acts(view)) return words.t(`does.${view.doing}`);
   return view.next_s ? words.t("gone.rises", { s: units.number(view.next_s) }) : words.t("does.rising");
 }
 
 // What is lost, what the drone does, and what the pilot must.
+/** @param {PageView} view @param {Personal} you @returns {Message} */
 function failsafe(view, you) {
   const name = view.failsafe, over = view.resumable && BACK.includes(name);
   const mine = you.watcher || (you.has_sticks && you.in_control);

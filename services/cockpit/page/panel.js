@@ -10,17 +10,20 @@ const degrees = (value) => value && `${value > 0 ? "+" : ""}${units.number(value
 const share = (value) => `${units.number(100 * value)} %`;
 
 // [ms] Age of depth and attitude on this screen; undefined: not known.
+/** @param {Personal} you @param {PageView} view */
 function age(you, view, arrived) {
   if (view.age_ms === undefined) return undefined;
   return view.age_ms + (you.delay_ms ?? 0) / 2 + performance.now() - arrived;
 }
 
 // Whether depth and attitude are old.
+/** @param {import("./connection.js").Connection} connection @param {Personal} you @param {PageView} view */
 export function stale(connection, you, view) {
   const old = age(you, view, connection.arrived);
   return old === undefined || old > connection.ages.state[0] || Boolean(connection.words);
 }
 
+/** @param {PageView} view */
 function battery(view) {
   if (view.battery_v === undefined) return UNKNOWN;
   const volts = `${units.number(view.battery_v, 1)} V`;
@@ -28,6 +31,7 @@ function battery(view) {
 }
 
 // Figures that are fine are in the drawer; here they stand while they are not.
+/** @param {import("./connection.js").Connection} connection @param {Personal} you @param {PageView} view */
 export function status(connection, you, view, steeredBy, video) {
   const last = view.silent_s === undefined ? "" : `${words.t("last_known")} `;
   put("armed", view.activity ? words.t(view.armed ? "ARMED" : "DISARMED") : UNKNOWN, view.armed && !last ? "on" : "");
@@ -56,6 +60,7 @@ function picture({ age, least, words: wrong, silence, name, kbit }) {
   put("no-picture", wrong, wrong && known ? "old" : "");
 }
 
+/** @param {PageView} view */
 export function digits(view, stale) {
   const kind = stale ? "digits old" : "digits";
   put("heading", view.heading_deg === undefined ? UNKNOWN : `${units.number(Math.round(view.heading_deg) % 360).padStart(3, "0")}°`, kind);
@@ -69,6 +74,7 @@ const list = (id, all) => {
 };
 
 // Figures that help to fly, and those that a pilot looks at now and then: those that are known.
+/** @param {Personal} you @param {PageView} view */
 export function figures(you, view, limit) {
   const climb = view.depth_rate === undefined ? undefined : -view.depth_rate;
   const wanted = view.altitude_wanted_m === undefined ? "" : ` → ${units.number(units.length(view.altitude_wanted_m), 1)}`;
@@ -122,6 +128,7 @@ function deliberate(id, text, offered, taken) {
 }
 
 // Returns what the button that arms asks for now.
+/** @param {Personal} you @param {PageView} view */
 export function buttons(you, view, watching) {
   const mine = Boolean(you.has_sticks && you.in_control), acting = view.armed && acts(view);
   const resumes = acting && view.returns !== "centre"; // then centred sticks are enough

@@ -14,6 +14,16 @@ const VALUES = {
 };
 
 export class Settings {
+  theme = "";
+  crop = "";
+  sound = "";
+  speech = "";
+  speed = "";
+  map = "";
+  up = "";
+  units = "";
+  language = "";
+
   constructor(changed) {
     this.changed = changed;
     for (const name of Object.keys(VALUES)) {

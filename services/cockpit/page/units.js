@@ -1,5 +1,6 @@
 // Numbers as the pilot reads them: units, and digits by his language.
 
+/** @type {Record<string, { length: [number, string], speed: [number, string], temperature: (c: number) => [number, string] }>} */
 const SYSTEMS = {
   metric: { length: [1, "m"], speed: [1, "m/s"], temperature: (c) => [c, "°C"] },
   imperial: { length: [1 / 0.3048, "ft"], speed: [1 / 0.3048, "ft/s"], temperature: (c) => [c * 1.8 + 32, "°F"] },
@@ -8,11 +9,14 @@ const SYSTEMS = {
 export const UNKNOWN = "–";
 
 class Units {
-  constructor() { this.use("metric", "en"); }
+  system = SYSTEMS.metric;
+  language = "en";
+  formats = new Map(); // by number of decimals
 
   use(system, language) {
-    [this.system, this.language] = [SYSTEMS[system] ?? SYSTEMS.metric, language];
-    this.formats = new Map(); // by number of decimals
+    this.system = SYSTEMS[system] ?? SYSTEMS.metric;
+    this.language = language;
+    this.formats.clear();
   }
 
   number(value, decimals = 0) {

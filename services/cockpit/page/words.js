@@ -17,7 +17,9 @@ class Words {
     if (!(language in LANGUAGES)) return;
     this.own = language === "en" ? this.english : await read(language);
     this.language = document.documentElement.lang = language;
-    for (const element of document.querySelectorAll("[data-t]")) element.textContent = this.t(element.dataset.t);
+    /** @type {NodeListOf<HTMLElement>} */
+    const named = document.querySelectorAll("[data-t]");
+    for (const element of named) element.textContent = this.t(element.dataset.t);
   }
 
   t(key, values = {}) {
