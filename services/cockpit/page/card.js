@@ -1,14 +1,12 @@
 // What steers and what stops, on the first visit: it goes with the first arming.
 
-import { $, put, write } from "./dom.js";
-import { keyName } from "./keys.js";
+import { $, put } from "./dom.js";
 import { words } from "./words.js";
 
 const STORE = "flown";
 
 export class Card {
-  constructor(keys, pad) {
-    this.keys = keys;
+  constructor(pad) {
     this.pad = pad;
     try { this.flown = localStorage.getItem(STORE) !== null; } catch { this.flown = false; }
     $("card-shut").addEventListener("click", () => this.end());
@@ -26,10 +24,7 @@ export class Card {
     $("card").hidden = hidden;
     document.body.classList.toggle("first", !hidden);
     if (hidden) return;
-    for (const cell of $("card").querySelectorAll("[data-keys]"))
-      write(cell, cell.dataset.keys.split(" ").map((action) => keyName(this.keys.codes(action)[0] ?? "")).join(" "));
-    put("card-pad", words.t("pad"), this.pad.any ? "on" : "");
-    put("card-pad-name", this.pad.any ? padName(this.pad.any) : words.t("pad.none"), this.pad.any ? "on" : "");
+    put("card-pad", this.pad.any ? padName(this.pad.any) : words.t("pad"), this.pad.any ? "on" : "");
   }
 }
 

@@ -16,8 +16,6 @@ export class Goto {
     $("goto").addEventListener("submit", (e) => { e.preventDefault(); this.go(); });
     for (const button of $("goto").querySelectorAll("[data-step]"))
       button.addEventListener("click", () => this.turn(button.parentElement.querySelector("input"), Number(button.dataset.step)));
-    $("brighter").addEventListener("click", () => this.light(1));
-    $("darker").addEventListener("click", () => this.light(-1));
   }
 
   // The fields say what the drone holds now.

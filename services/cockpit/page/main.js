@@ -10,12 +10,11 @@ import { HoldButton } from "./hold_button.js";
 import { Hud } from "./hud.js";
 import { Keyboard } from "./keyboard.js";
 import { keyName, Keys } from "./keys.js";
-import { KeysPanel } from "./keys_panel.js";
 import { SeaMap } from "./map.js";
 import { Menu } from "./menu.js";
 import { codeOf, messages, Stopped } from "./messages.js";
 import { Pad } from "./pad.js";
-import { PadPanel } from "./pad_panel.js";
+import { PadSheet } from "./pad_sheet.js";
 import { buttons, digits, figures, stale, status, tell } from "./panel.js";
 import { Picture } from "./picture.js";
 import { Settings } from "./settings.js";
@@ -78,10 +77,9 @@ const OWN = { // what the page does itself
 const press = (what) => (what in OWN ? OWN[what]() : wish(what));
 const by = (device, act) => (...what) => { steering.used(device); act(...what); };
 const keys = await Keys.load();
-const keysPanel = new KeysPanel(keys, say); // hears a key before what steers does
 const pad = new Pad(by("pad", press), by("pad", hold));
-const padPanel = new PadPanel(pad);
-const card = new Card(keys, pad);
+const padSheet = new PadSheet(pad);
+const card = new Card(pad);
 const keyboard = new Keyboard(keys, by("keyboard", press), by("keyboard", hold), steer, (e) => {
   if (e.key.length === 1 && e.key !== "?") say(words.t("key.none", { key: keyName(e.code) }));
 });
@@ -91,15 +89,10 @@ const steering = new Steering(thumbs[0], thumbs[1], keyboard, pad, tools);
 const map = new SeaMap(connection, settings, mine, wish, (key) => say(words.t(key)));
 const menu = new Menu((name) => {
   if (name === "menu") goto.fill();
-  if (name === "keys") keysPanel.draw();
+  if (name === "keys") keys.draw();
   draw();
 });
 
-// On a small phone what is pressed less often stands in the menu.
-const phone = matchMedia("(min-aspect-ratio: 1/1) and (max-height: 560px), (max-width: 480px) and (max-height: 900px)");
-const gather = () => (phone.matches ? $("menu").querySelector("header").after($("extras")) : $("film").before($("extras")));
-phone.addEventListener("change", gather);
-gather();
 for (const id of ["tools-open", "map-open"]) $(id).addEventListener("click", () => menu.show(""));
 for (const id of ["take", "offer", "give_back", "home", "unwind", "film", "snapshot"]) $(id).addEventListener("click", () => wish(id));
 $("lamp").addEventListener("click", () => wish("light"));
@@ -137,7 +130,7 @@ function armKey() {
   const button = pad.pad ? pad.map.arm : -1;
   if (button >= 0) return pad.pad.mapping === "standard" && button === 9 ? "start" : `${words.t("button")} ${button}`;
   if (document.body.classList.contains("touch") || matchMedia("(pointer: coarse)").matches) return words.t("card.button");
-  return keys.codes("arm").map(keyName)[0] ?? words.t("card.button");
+  return keyName(keys.codes("arm")[0]);
 }
 // What comes next.
 function hint() {
@@ -272,7 +265,7 @@ function draw() {
   const loud = all.filter((each) => each.loud);
   alarms.look(loud.map(({ code, text }) => [code, text]), now);
   $("silence").hidden = !loud.length || settings.sound === "off";
-  if (menu.open === "pad") padPanel.draw();
+  if (menu.open === "pad") padSheet.draw();
   boxes = Object.fromEntries(["heading", "depth", "buttons"].map((id) => [id, $(id).getBoundingClientRect()]));
   drawMotion();
 }

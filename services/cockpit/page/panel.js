@@ -139,11 +139,10 @@ export function buttons(you, view, watching) {
   $("take").disabled = Boolean(you.taken || !view.activity);
   $("force").hidden = !(view.pilot && !you.in_control && !you.taken);
   for (const id of ["offer", "give_back"]) $(id).hidden = !mine;
-  for (const id of ["flight_mode", "lamp", "go", "home", "unwind", "darker", "brighter"]) $(id).disabled = !mine;
+  for (const id of ["flight_mode", "lamp", "go", "home", "unwind"]) $(id).disabled = !mine;
   for (const id of ["film", "snapshot"]) $(id).disabled = watching;
   const mode = $("flight_mode");
   if (view.flight_mode && document.activeElement !== mode && mode.value !== view.flight_mode) mode.value = view.flight_mode;
-  write($("brightness"), view.light === undefined ? UNKNOWN : share(view.light));
   // A film runs once the recorder says so.
   const clock = view.filming_s === undefined ? "" : `${Math.floor(view.filming_s / 60)}:${String(Math.floor(view.filming_s % 60)).padStart(2, "0")}`;
   write($("film"), clock ? `● ${clock}` : words.t("film"));

@@ -13,17 +13,8 @@ const VALUES = {
   language: ["en", "no", "sv", "de", "es", "zh"],
 };
 
-export class Settings {
-  theme = "";
-  crop = "";
-  sound = "";
-  speech = "";
-  speed = "";
-  map = "";
-  up = "";
-  units = "";
-  language = "";
-
+/** @type {new (changed: (name: string) => void) => any} */
+export const Settings = class {
   constructor(changed) {
     this.changed = changed;
     for (const name of Object.keys(VALUES)) {
@@ -43,7 +34,7 @@ export class Settings {
     try { localStorage.setItem(name, value); } catch { /* not allowed: not remembered */ }
     this.changed(name);
   }
-}
+};
 
 // The first language of the browser that the page has.
 function spoken() {

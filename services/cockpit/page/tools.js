@@ -37,10 +37,8 @@ export class Tools {
 
   // outputs: [name, kind, value] of each, undefined: not known; mine: this page has the sticks.
   show(outputs, mine) {
-    const others = outputs.some(([name]) => name !== "light"); // the light alone has its own buttons
-    $("tools-open").hidden = !others;
-    $("light-steps").hidden = others;
-    if (!others && !$("tools").hidden) this.open(false);
+    $("tools-open").hidden = !outputs.length;
+    if (!outputs.length && !$("tools").hidden) this.open(false);
     if (!mine) this.release();
     const made = words.language + outputs.map(([name, kind]) => `${name} ${kind}`).join();
     if (made !== this.made) {

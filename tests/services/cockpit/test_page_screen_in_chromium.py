@@ -31,6 +31,11 @@ from tests.support.patience import until
 
 NOW = "document.getElementById('now').textContent"
 PLACE = "document.getElementById('disarm').getBoundingClientRect()"
+OVERLAP = """(() => {
+  const [a, b] = ['SHEET', 'SEEN'].map((id) => document.getElementById(id).getBoundingClientRect());
+  return Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+    && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
+})()"""
 PROGRAM = chromium()
 pytestmark = [
     pytest.mark.system,
@@ -241,7 +246,7 @@ def test_the_link_and_the_picture_are_spoken_of_in_the_pilots_language(
     page.close()
 
 
-def test_no_key_acts_with_ctrl_and_a_pilot_gives_keys_of_his_own(browser: Browser, served: Served):
+def test_no_key_acts_with_ctrl_and_one_that_does_nothing_says_so(browser: Browser, served: Served):
     page = served.open(browser, Size(1280, 720))
 
     def pressed(code: str, key: str, modifiers: int = 0) -> None:
@@ -250,19 +255,49 @@ def test_no_key_acts_with_ctrl_and_a_pilot_gives_keys_of_his_own(browser: Browse
 
     pressed("KeyL", "l", modifiers=2)  # Ctrl
     pressed("KeyL", "l", modifiers=1)  # Alt
-    page.look("document.getElementById('keys-open').click()")
-    rows = "[...document.querySelectorAll('#keys li')]"
-    row = f"{rows}.find((row) => row.textContent.startsWith('light on'))"
-    page.look(f"{row}.querySelector('button').click()")
-    pressed("ControlLeft", "Control")
-    page.wait("document.getElementById('own').textContent.includes('belongs to the browser')")
-    page.look(f"{row}.querySelector('button').click()")
-    pressed("KeyJ", "j")
     assert served.wishes == []
-    pressed("KeyL", "l")  # has nothing any more
-    pressed("KeyJ", "j")
+    pressed("KeyL", "l")
     until(lambda: served.wishes)
     assert [wish.what for wish in served.wishes] == ["light"]
+    own = "document.getElementById('own').textContent"
+    pressed("KeyZ", "z")
+    page.wait(f"{own} === 'Z does nothing. ? shows the keys'")
+    pressed("Slash", "?")
+    assert page.look("document.getElementById('keys').innerText.includes('STOP')")
+    served.becomes(page, **READY)
+    pressed("KeyW", "w")
+    page.wait(f"{own} === 'The drone is disarmed: hold Enter first'")
+    page.close()
+
+
+def test_the_first_visit_shows_what_steers_until_the_first_arming(browser: Browser, served: Served):
+    served.view = {**served.view, **READY}
+    page = served.open(browser, Size(1280, 800), before=f"localStorage.removeItem('flown'); {PAD}")
+    shown = "document.getElementById('card').checkVisibility()"
+    assert page.look(shown)
+    assert page.look(NOW) == "Hold Enter to arm."
+    page.wait("document.getElementById('card-pad').textContent === 'unknown'")  # a pad, at once
+    page.wait("document.getElementById('own').textContent.startsWith('unknown is not known')")
+    served.becomes(page)
+    assert not page.look(shown)
+    assert page.look("localStorage.getItem('flown')") == "yes"  # remembered
+    served.becomes(page, **READY)
+    assert not page.look(shown)
+    page.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
+def test_no_sheet_covers_depth_heading_or_what_stops(browser: Browser, served: Served, size: Size):
+    page = served.open(browser, size)
+    page.look(FINGER if size.touch else "0")
+    for sheet in ("menu", "drawer", "keys", "pad"):
+        page.look(f"document.getElementById('{sheet}-open').click()")
+        for state in ({}, ACTING):
+            served.becomes(page, **state)
+            for seen in ("heading", "depth", "stop", "disarm", "now"):
+                covered = OVERLAP.replace("SHEET", sheet).replace("SEEN", seen)
+                assert not page.look(covered), (sheet, seen)
     page.close()
 
 
@@ -310,7 +345,7 @@ def test_any_pad_is_mapped_in_the_page_by_pressing_what_is_wanted(browser: Brows
         page.wait(f"{button}.className === 'waits'")
         looked()
         page.look(f"void ({push}, pad.timestamp++)")
-        page.wait(f"{button}.className === '' && {button}.textContent !== '–'")
+        page.wait(f"{button}.className !== 'waits' && {button}.textContent !== '–'")
         page.look(f"void ({let}, pad.timestamp++)")
 
     down = "pad.buttons[37] = { pressed: true, value: 1 }"
@@ -319,7 +354,6 @@ def test_any_pad_is_mapped_in_the_page_by_pressing_what_is_wanted(browser: Brows
     given("ahead", "pad.axes[1] = -1", "pad.axes[1] = 0")
     assert served.wishes == []
     assert all(each.surge == 0.0 for each in served.sticks)
-    assert page.look("document.querySelectorAll('#pad-picture circle').length") == 40
     page.look("document.querySelector('#pad .close').click()")
     looked()
     page.look("void (pad.axes[1] = -1, pad.timestamp++)")
