@@ -247,8 +247,8 @@ function notice() {
 let wordsAt = 0, boxes = {};
 function draw() {
   const now = (wordsAt = performance.now()), seen = view();
-  status(connection, you(), seen, steering.device, cameras.large);
   cameras.show(seen.cameras, seen.large);
+  status(connection, you(), seen, steering.device, cameras.large);
   picture.use(cameras.large.canvas);
   map.draw();
   arming = buttons(you(), seen, connection.watching);
