@@ -258,7 +258,8 @@ function draw() {
   notice();
   if (now - ownAt > SAID_MS) own = "";
   const all = messages(seen, you(), {
-    stop: connection.stopSaid(), cut: connection.words, stopped: stopped.look(seen, halted), hint: hint(), recent: listen(now),
+    stop: connection.stopSaid(), cut: connection.words, watching: connection.watching,
+    stopped: stopped.look(seen, halted), hint: hint(), recent: listen(now),
   });
   halted = false;
   tell(all, own, connection.log ?? []);

@@ -23,7 +23,7 @@ export const codeOf = (name) => name.replace(/^(notice|failsafe):/, "");
 /**
  * @param {PageView} view
  * @param {Personal} you
- * @param {{ stop?: string, cut?: string, stopped?: boolean, hint?: string, recent?: { code: string, text: string } }} page
+ * @param {{ stop?: string, cut?: string, watching?: boolean, stopped?: boolean, hint?: string, recent?: { code: string, text: string } }} page
  *   keys of what the page itself knows: of a STOP that is not answered, of a cut connection; sentences
  *   of what comes next, and of what has just been said
  * @returns {Message[]}
@@ -35,7 +35,8 @@ export function messages(view, you, page) {
   const add = (code, tone, ...parts) => all.push({ code, tone, text: sentences(parts), loud: tone === "alarm" });
   if (page.stop) add(page.stop, "alarm", words.t(page.stop));
   if (view.wet) add(LEAK, "alarm", words.t("notice:leak"), words.t("notice:leak.do"));
-  if (page.cut) add("cut", "alarm", words.t(page.cut), you.watcher ? "" : words.t("pilot_lost"));
+  if (page.cut === "connecting") add("cut", "plain", words.t(page.cut));
+  else if (page.cut) add("cut", "alarm", words.t(page.cut), page.watching ? "" : words.t("pilot_lost"));
   if (silent && view.armed) add("silent", "alarm", words.t("link.gone"), gone(view));
   else if (acts(view)) all.push(failsafe(view, you));
   else if (you.lost && view.armed) add("pilot_lost", "alarm", words.t(you.lost));

@@ -65,6 +65,12 @@ test("the gravest is first, and each is there once", () => {
   assert.deepEqual(messages({ ...FLIES, silent_s: 9, notes }, ME, {}).map(({ code }) => code), ["silent", "leak", "battery_low"]);
 });
 
+test("a cut connection is red for who flies and for who watches, and a page that begins is calm", () => {
+  assert.equal(first({}, {}, { cut: "no connection to the cockpit" }).text, "No connection to the cockpit. Pilot lost.");
+  assert.equal(first({}, {}, { cut: "no connection to the cockpit", watching: true }).text, "No connection to the cockpit.");
+  assert.deepEqual([first({}, {}, { cut: "connecting" }).tone, first({}, {}, { cut: "connecting" }).loud], ["plain", false]);
+});
+
 test("a busy computer is one grey word", () => {
   const notes = [["note", "notice:service_late", {}, " (ardusub)"]];
   const [busy, ...others] = messages({ ...FLIES, notes }, ME, {});

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from typing import Any
 
 import pytest
 
@@ -432,7 +433,7 @@ def test_a_link_that_is_cut_is_red_and_says_what_the_drone_does(browser: Browser
 def test_what_is_grave_is_red(browser: Browser, served: Served):
     page = served.open(browser, SIZES[5])
     colour = "getComputedStyle(document.getElementById('now')).backgroundColor"
-    close = ["note", "notice:near_floor", {}, ""]
+    close: list[Any] = ["note", "notice:near_floor", {}, ""]
     served.becomes(page, notes=[close])
     before = page.look(colour)
     served.becomes(page, notes=[close, ["note", "notice:leak", {}, ""]], wet=True)
