@@ -32,6 +32,7 @@ const WORDS_MS = 100; // words are drawn so often
 const TOGETHER_MS = 60; // what is new waits so long at most for a picture
 const SAID_MS = 5000; // a sentence of the page
 const RECENT_MS = 10000; // what the service has said is now; then it is past
+const STANDS = /^(lost|notice|failsafe):/; // events that are said for as long as they last
 const CLICKED_MS = 100; // after a touch: what it has clicked has heard of it
 const FOV_DEG = 80; // where the service does not say how wide the picture is
 
@@ -227,7 +228,7 @@ function say(sentence) {
 // What the service has just said to the pilot, after what this page found when it was opened.
 let newest = null, recent = null, recentAt = 0;
 function listen(now) {
-  const line = connection.log?.findLast((each) => each[5]), said = line ? line.join() : "";
+  const line = connection.log?.findLast((each) => each[5] && !STANDS.test(each[4])), said = line ? line.join() : "";
   if (newest !== null && said && said !== newest) [recent, recentAt] = [{ code: codeOf(line[4]), text: words.said(line[3], line[4]) }, now];
   if (connection.log) newest = said;
   return recent && now - recentAt < RECENT_MS ? recent : undefined;

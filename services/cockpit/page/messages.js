@@ -90,7 +90,7 @@ export class Stopped {
   look(view, asked) {
     const { activity } = view, moved = activity === "piloted" && (view.sticks ?? []).some(Boolean);
     if (asked || activity === "stopping") this.holds = true;
-    if (!view.armed || acts(view) || moved || activity === "goto" || activity === "follow") this.holds = false;
-    return this.holds;
+    if (!view.armed || moved || activity === "goto" || activity === "follow") this.holds = false;
+    return this.holds && !acts(view);
   }
 }

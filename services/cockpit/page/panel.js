@@ -6,7 +6,7 @@ import { UNKNOWN, units } from "./units.js";
 import { words } from "./words.js";
 
 const plain = (name) => (name ? words.t(name).replaceAll("_", " ") : UNKNOWN);
-const degrees = (value) => value && `${value > 0 ? "+" : ""}${units.number(value)}°`;
+const degrees = (value) => `${value > 0 ? "+" : ""}${units.number(value)}°`;
 const share = (value) => `${units.number(100 * value)} %`;
 
 // [ms] Age of depth and attitude on this screen; undefined: not known.
@@ -95,9 +95,9 @@ export function figures(you, view, limit) {
     ["page", whole(you.delay_ms, (ms) => units.ms(ms))],
     ["picture", $("picture-age").textContent.replace(words.t("picture"), "")],
     ["compass", whole(view.compass_deg, (deg) => `${units.number(Math.round(deg) % 360)}°`)],
-    ["pitch", degrees(view.pitch_deg)],
-    ["roll", degrees(view.roll_deg)],
-    ["camera", view.tilt_deg === undefined ? undefined : degrees((view.looks_deg ?? [view.tilt_deg])[0])],
+    ["pitch", whole(view.pitch_deg, degrees)],
+    ["roll", whole(view.roll_deg, degrees)],
+    ["camera", whole(view.tilt_deg, (deg) => degrees((view.looks_deg ?? [deg])[0]))],
     ["inside", whole(view.inside_c, (c) => units.temperature(c))],
     ["water", whole(view.water_c, (c) => units.temperature(c))],
   ]);

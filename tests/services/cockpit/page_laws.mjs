@@ -97,7 +97,9 @@ test("STOP is said for as long as it holds the drone", () => {
   assert.ok(!stopped.look({ ...rest, sticks: [0, 0.2, 0, 0] }, false));
   assert.ok(stopped.look({ ...rest, activity: "stopping", sticks: [0, 0.2, 0, 0] }, false));
   assert.ok(stopped.look(rest, false));
-  for (const ends of [{ activity: "goto" }, { armed: false }, { failsafe: "link_lost" }]) {
+  assert.ok(!stopped.look({ ...rest, failsafe: "pilot_lost" }, false)); // has a sentence of its own
+  assert.ok(stopped.look(rest, false)); // and that has not moved it
+  for (const ends of [{ activity: "goto" }, { activity: "follow" }, { armed: false }]) {
     stopped.look({ ...rest, activity: "stopping" }, false);
     assert.ok(!stopped.look({ ...rest, ...ends }, false), JSON.stringify(ends));
   }
