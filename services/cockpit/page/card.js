@@ -1,6 +1,6 @@
 // What steers and what stops, on the first visit: it goes with the first arming.
 
-import { $, put } from "./dom.js";
+import { $, put, remember, remembered } from "./dom.js";
 import { words } from "./words.js";
 
 const STORE = "flown";
@@ -8,13 +8,13 @@ const STORE = "flown";
 export class Card {
   constructor(pad) {
     this.pad = pad;
-    try { this.flown = localStorage.getItem(STORE) !== null; } catch { this.flown = false; }
+    this.flown = remembered(STORE) !== null;
     $("card-shut").addEventListener("click", () => this.end());
   }
 
   end() {
     this.flown = true;
-    try { localStorage.setItem(STORE, "yes"); } catch { /* not allowed: not remembered */ }
+    remember(STORE, "yes");
   }
 
   /** @param {PageView} view */

@@ -19,6 +19,15 @@ export function put(id, text, kind = "") {
 export const make = (tag, textContent = "", className = "") =>
   Object.assign(document.createElement(tag), { textContent, className });
 
+// What this browser remembers; a browser that may not remembers nothing.
+export function remembered(name) {
+  try { return localStorage.getItem(name); } catch { return null; }
+}
+
+export function remember(name, value) {
+  try { localStorage.setItem(name, value); } catch { /* not allowed */ }
+}
+
 const shown = new Map(); // by id
 
 // What an element shows of a list: made anew where the list or the language has changed.

@@ -78,7 +78,8 @@ function failsafe(view, you) {
   const more = view.next_s === undefined ? does : words.t("then", { what: does, s: units.number(view.next_s) });
   const must = view.returns === "centre" ? "do.centre" : over ? "do.resume" : `failsafe:${name}.do`;
   const lost = name === "pilot_lost" && you.lost ? words.t(you.lost) : words.t(`failsafe:${name}.short`);
-  const text = sentences([over ? words.t(`back.${name}`) : lost, more, words.t(mine || must.startsWith("failsafe") ? must : "do.take")]);
+  const takes = !mine && (over || view.returns === "centre" || name === "pilot_lost");
+  const text = sentences([over ? words.t(`back.${name}`) : lost, more, words.t(takes ? "do.take" : must)]);
   return { code: name, tone: over ? "warning" : "alarm", text, loud: true };
 }
 

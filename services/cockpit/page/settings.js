@@ -1,6 +1,8 @@
 // What this browser remembers for its pilot. Each setting has a few values, of which the first is as
 // shipped; a button goes through them.
 
+import { remember, remembered } from "./dom.js";
+
 const VALUES = {
   theme: ["dark", "bright", "contrast"],
   crop: ["fill", "whole"],
@@ -18,11 +20,11 @@ export const Settings = class {
   constructor(changed) {
     this.changed = changed;
     for (const name of Object.keys(VALUES)) {
-      const stored = read(name);
+      const stored = remembered(name);
       this[name] = VALUES[name].includes(stored) ? stored : VALUES[name][0];
     }
-    if (read("language") === null) this.language = spoken();
-    if (read("theme") === null && matchMedia("(prefers-contrast: more)").matches) this.theme = "contrast";
+    if (remembered("language") === null) this.language = spoken();
+    if (remembered("theme") === null && matchMedia("(prefers-contrast: more)").matches) this.theme = "contrast";
   }
 
   next(name) { this.set(name, VALUES[name][(VALUES[name].indexOf(this[name]) + 1) % VALUES[name].length]); }
@@ -31,7 +33,7 @@ export const Settings = class {
 
   set(name, value) {
     this[name] = value;
-    try { localStorage.setItem(name, value); } catch { /* not allowed: not remembered */ }
+    remember(name, value);
     this.changed(name);
   }
 };
@@ -40,8 +42,4 @@ export const Settings = class {
 function spoken() {
   const codes = (navigator.languages ?? []).map((each) => each.slice(0, 2).replace(/^n[bn]$/, "no"));
   return codes.find((code) => VALUES.language.includes(code)) ?? "en";
-}
-
-function read(name) {
-  try { return localStorage.getItem(name); } catch { return null; }
 }
