@@ -105,9 +105,9 @@ export function figures(you, view, limit) {
 
 // One line for what matters most, and beside it what the page answers; the rest in the drawer.
 export function tell(all, own, log) {
-  const [first] = all, danger = first?.tone === "alarm";
+  const [first] = all;
   put("now", first && first.tone !== "past" ? first.text : "", first?.tone);
-  $("now").hidden = !$("now").textContent || (own && !danger);
+  $("now").hidden = !$("now").textContent || (own && !first.loud);
   put("own", own, "warning");
   $("own").hidden = !own;
   const others = all.slice(1).filter(({ tone }) => tone === "alarm" || tone === "warning");
