@@ -27,7 +27,8 @@ export function stale(connection, you, view) {
 function battery(view) {
   if (view.battery_v === undefined) return UNKNOWN;
   const volts = `${units.number(view.battery_v, 1)} V`;
-  return view.charge === undefined ? volts : `${volts}, ${share(view.charge)}`;
+  if (view.charge !== undefined) return `${volts}, ${share(view.charge)}`;
+  return view.used_wh === undefined ? volts : `${volts}, ${units.number(view.used_wh, 1)} Wh`;
 }
 
 // Figures that are fine are in the drawer; here they stand while they are not.
