@@ -91,7 +91,7 @@ export function figures(you, view, limit) {
   if ($("drawer").hidden) return;
   list("figures", [
     ["link", units.ms(view.rtt_ms)],
-    ["loss", whole(view.lost_s, (s) => units.ms(1000 * s))],
+    ["loss", whole(view.lost_s, (s) => units.age(1000 * s))],
     ["stick", whole(view.stick_ms, (ms) => units.ms(ms))],
     ["page", whole(you.delay_ms, (ms) => units.ms(ms))],
     ["picture", $("picture-age").textContent.replace(words.t("picture"), "")],
