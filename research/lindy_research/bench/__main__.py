@@ -19,6 +19,7 @@ from pathlib import Path
 
 import msgspec
 
+from lindy.api import LindyError
 from lindy_research.bench import SECTIONS
 from lindy_research.bench.record import (
     QUIET,
@@ -31,7 +32,6 @@ from lindy_research.bench.record import (
     worse,
 )
 from lindy_research.bench.table import Figure, show
-from services.runtime.config.errors import LindyError
 
 STAT = Path("/proc/stat")
 MEASUREMENTS = Path(__file__).parents[2] / "measurements"

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from lindy_research.bench import control, control_cost, control_goals, control_loop, control_plant
+from lindy_research.bench import control, control_cost, control_loop, control_plant
 from lindy_research.bench.control_loop import NAMES, SEEDS, ControlScores
 from lindy_research.bench.drag_runs import worst_errors
 from lindy_research.bench.table import Figure
@@ -86,7 +86,7 @@ def test_known_quadratic_drag_is_what_the_error_was() -> None:
     assert known < 0.01 * linearised
 
 
-def test_the_section_joins_plant_goals_and_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_section_joins_plant_and_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, ...]] = []
 
     def scores(overrides: tuple[str, ...]) -> ControlScores:
@@ -94,13 +94,10 @@ def test_the_section_joins_plant_goals_and_loop(monkeypatch: pytest.MonkeyPatch)
         return ControlScores(*(1.0 + len(asked),) * len(NAMES))
 
     monkeypatch.setattr(control_loop, "scores", scores)
-    goal = Figure(section="control", name="a goal", unit="mm", ours=1.0, baseline=2.0)
     monkeypatch.setattr(control_plant, "figures", found)
-    monkeypatch.setattr(control_goals, "figures", lambda: [goal])
     figures = control.figures()
     assert figures[: len(found())] == found()
-    assert figures[len(found())] == goal
-    loop = figures[len(found()) + 1 :]
+    loop = figures[len(found()) :]
     assert asked == [(), control_loop.INTEGRAL]
     assert {(each.ours, each.baseline) for each in loop} == {(2.0, 3.0)}
     assert [each.unit for each in loop] == [unit for _, unit in NAMES.values()]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lindy.api.vehicle import GRAVITY, to_world
 from lindy_research.bench.depth_runs import (
     PER_METRE,
     TYPICAL,
@@ -13,8 +14,6 @@ from lindy_research.bench.depth_runs import (
     thesis,
     world,
 )
-from services.marine.attitude import to_world
-from services.marine.vehicle import GRAVITY
 
 pytestmark = pytest.mark.slow
 

@@ -3,9 +3,9 @@ flown. The dives themselves take minutes: `lindy bench --only hulls`."""
 
 import pytest
 
+from lindy.api.dives import Stack
 from lindy_research.bench.hull_runs import BUOYANCY, GOALS, HULLS, HullDive, file_of, settings
 from lindy_research.bench.hulls import judged
-from services.runtime.config.stack import Stack
 from services.simulator.hull import in_the_water
 from services.simulator.settings import Settings
 

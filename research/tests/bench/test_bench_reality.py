@@ -9,6 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lindy.api import LindyError
+from lindy.api.dives import Stack
+from lindy.api.recordings import open_recording
 from lindy_research.bench import reality, reality_real, reality_sim
 from lindy_research.bench.reality_dives import (
     ALL_PAIRS,
@@ -23,11 +26,8 @@ from lindy_research.bench.reality_dives import (
 )
 from lindy_research.bench.reality_logs import KnownLog, LoggedDive, judged, known
 from lindy_research.bench.reality_smoother import rotations
-from services.runtime.config.errors import LindyError
-from services.runtime.config.stack import Stack
+from lindy_research.releases import FULL, MOST, QUIET_S
 from services.simulator.settings import Settings
-from tests.support.goal_runs import FULL, MOST, QUIET_S
-from tools.recordings.recording import open_recording
 
 SEEDS = st.integers(min_value=0, max_value=2**31)
 SHORT = 1.0  # [s] the first move alone

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, solve
-from tools.generators.baselines import Direct, Filter, PlannedBaseline, minimum_time
+from lindy.api.references import Direct, Filter, Limits, PlannedBaseline, Ramp, minimum_time, solve
 
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lindy.api.references import Limits, Ramp, solve
 from lindy_research.laws import batch
 from lindy_research.laws.stepping import step
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, solve
 
 N = 400
 CLOSE = 1e-12  # relative to the size of the motion

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tools.generators.fernandes import MotionRequest, ReferenceModel, plan
+from lindy.api.references import MotionRequest, ReferenceModel, plan
 
 many = settings(max_examples=100, deadline=None)
 GOOD = MotionRequest(length=50.0, cruise=0.3, accel_time=20.0, decel_time=20.0)

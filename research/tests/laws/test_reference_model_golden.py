@@ -4,8 +4,8 @@ from math import exp
 
 import pytest
 
+from lindy.api.references import MotionRequest, plan
 from lindy_research.laws.model_as_printed import advanced_as_printed, basic_as_printed
-from tools.generators.fernandes import MotionRequest, plan
 from tools.generators.route import sequence
 
 # ξ: v_c, t1 … t5, P1 … P4 of L 50, V_d 0.3, T_a = T_d = 20, θ0 = e^(−100/9), corrected times

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from lindy.api.references import Limits, Ramp, Sample, solve
 from lindy_research.laws.stepping import step, stepper
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, reader, solve
+from services.reference.trajectory.minimum_jerk import reader
 
 velocity = st.one_of(st.floats(-3.0, 3.0), st.just(0.5))
 acceleration = st.one_of(st.floats(-4.0, 4.0), st.just(0.0))

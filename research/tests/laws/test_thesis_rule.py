@@ -6,9 +6,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from lindy.api.references import Limits, solve, thesis_rule
 from lindy_research.laws import thesis_steps
-from services.reference.trajectory.minimum_jerk import Limits, solve
-from tools.generators import thesis_rule
 
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)

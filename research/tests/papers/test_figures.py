@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
+from lindy.api import LindyError
 from lindy_research.papers import command
 from lindy_research.papers.catalogue import FIGURES, CatalogueEntry, drawn
 from lindy_research.papers.claims import Claim
 from lindy_research.papers.claims_fernandes_loop import FLOWN
 from lindy_research.papers.command import figures
-from services.runtime.config.errors import LindyError
 
 pytestmark = pytest.mark.slow
 

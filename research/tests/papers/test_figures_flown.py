@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
+from lindy.api.messages import Estimate, VehicleState
+from lindy.api.references import Limits
 from lindy_research.papers import fernandes_loop, style
 from lindy_research.papers.catalogue import FIGURES, flight_claims
 from lindy_research.papers.claims import table
@@ -24,10 +26,7 @@ from lindy_research.papers.fernandes_loop import PaperLimits as Errors
 from lindy_research.papers.fernandes_loop import RoutePair, rotation
 from lindy_research.papers.fernandes_loop_flight import LawName, flown, survey_route, trial_route
 from lindy_research.papers.fernandes_loop_guide import Guide
-from messages.message import Estimate
-from messages.state import VehicleState
 from services.reference.paths.path import Path
-from services.reference.trajectory.minimum_jerk import Limits
 from tools.generators.route import Route, stretch
 
 pytestmark = pytest.mark.slow

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lindy.api.references import Direct
 from lindy_research.bench.drag_runs import QuadraticWater
 from lindy_research.papers.identified_battery import hotel_power, longer, speed_for, thruster_energy
 from lindy_research.papers.identified_inputs import (
@@ -39,7 +40,6 @@ from lindy_research.papers.identified_runs import (
 )
 from lindy_research.papers.thesis_tables import PRINTED
 from services.control.axis.plant import Plant
-from tools.generators.baselines import Direct
 
 few = settings(max_examples=15, deadline=None)
 many = settings(max_examples=100, deadline=None)
