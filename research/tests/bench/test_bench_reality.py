@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lindy.api import LindyError
 from lindy.api.dives import Stack
 from lindy.api.recordings import open_recording
 from lindy_research.bench import reality, reality_real, reality_sim
@@ -87,23 +86,6 @@ def test_a_seed_gives_the_same_dive_again_and_its_recording(tmp_path: Path) -> N
     said = {figure.name: figure for figure in reality.simulated([wrong])}
     assert said["1 simulated dives, IMU inconsistent"].met is False
     assert any(str(dive.seed) in line for line in reality_sim.table([wrong]))
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("--seeds 0", "--seeds 1 or more"),
-        ("--seed -1", "0 or more"),
-        ("--out x.mcap", "name it by --seed"),
-        ("--seed 1 --out {0}/there.mcap", "must be a new file"),
-        ("--seed 1 --out {0}/none/x.mcap", "must be a new file in a folder that exists"),
-    ],
-)
-def test_a_wrong_option_flies_nothing(tmp_path: Path, words: str, said: str) -> None:
-    (tmp_path / "there.mcap").write_bytes(b"kept")
-    with pytest.raises(LindyError, match=said):
-        reality_sim.main(words.format(tmp_path).split())
-    assert (tmp_path / "there.mcap").read_bytes() == b"kept"
 
 
 @given(st.lists(st.floats(-7.0, 7.0), min_size=3, max_size=3), st.floats(-3.0, 3.0))
