@@ -49,6 +49,8 @@ def main(words: Sequence[str], folder: Path = MEASUREMENTS) -> int:
     parser.add_argument("--accept", action="store_true", help="keep also what is worse")
     args = parser.parse_args(words)
     record, page = folder / "performance.json", folder / "performance.md"
+    if not page.exists():
+        parser.error(f"{page} is not there: figures are kept in a clone; `lindy bench` shows them")
     last = _read(record)
     said = False
     for name in args.only:
