@@ -22,7 +22,6 @@ from lindy.api.messages import (
     VehicleStatus,
     topics,
 )
-from lindy.api.service import Node
 from services.runtime.hosts.garbage_collection import rare_collections
 
 Floats = NDArray[np.float64]
@@ -65,7 +64,6 @@ class Dive:
         self._said: defaultdict[str, list[Any]] = defaultdict(list)
         self._status: VehicleStatus | None = None
         self._asked = 0
-        self._voice: Node | None = None
         with tempfile.TemporaryDirectory() as folder:  # the script is read at once
             path = Path(folder) / "sticks.csv"
             text = sticks if isinstance(sticks, str) else script([*sticks, (3600.0, HANDS_OFF)])
@@ -76,6 +74,8 @@ class Dive:
             )  # fmt: skip
             for name in CHAIN:
                 self._host.add(name, self._rows[name], self._stack)
+        # Whoever speaks is heard over the link, if only by its health. A file's dive has nobody.
+        self._voice = None if isinstance(sticks, str) else self._host.node("voice", ["topside"])
         self._observer = self._host.node("observer", ["drone"])
         self._observer.each(topics.STATUS, self._see)
         self._armed_at = 0  # [ns]
@@ -201,8 +201,7 @@ class Dive:
         return f"voice-{self._asked}"
 
     def _speak(self, topic: Topic[M], message: M) -> None:
-        if self._voice is None:
-            self._voice = self._host.node("voice", ["topside"])
+        assert self._voice is not None, "a dive by a file is not interfered with"
         self._voice.publisher(topic).put(message)
 
 
