@@ -104,6 +104,16 @@ def test_reading_a_plan_is_evaluating_it(
     assert_jerk(read(middle)[3], ramp, middle)
 
 
+def test_the_jerk_is_that_of_the_plan_in_each_part_of_the_law() -> None:
+    lim = Limits(2.0, 0.5)
+    ramp, total = planned(0.0, -0.4, 1.5, lim)
+    advance = stepper(lim, total / 97)
+    here = (0.0, 0.0, -0.4, 0.0)
+    for k in range(97):
+        here = advance(*here[:3], 1.5)
+        assert_jerk(here[3], ramp, total * (k + 1) / 97)
+
+
 def test_no_change_at_all_stays_at_rest() -> None:
     assert stepper(Limits(1.0, 1.0), 0.1)(2.0, 0.5, 0.0, 0.5) == (2.05, 0.5, 0.0, 0.0)
     assert stepper(Limits(1.0), 0.1)(0.0, 0.0, 0.0, 5e-324)[1] == 5e-324
