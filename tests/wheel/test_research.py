@@ -9,7 +9,7 @@ import pytest
 from tests.wheel.conftest import ROOT, Installed
 
 pytestmark = [pytest.mark.slow, pytest.mark.system]
-FIGURES = ("andren-5.1", "fernandes-3")
+FIGURES = ("andren-5.1", "observer-depth")
 
 
 @pytest.fixture(scope="module")

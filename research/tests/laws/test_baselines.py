@@ -13,7 +13,7 @@ from lindy.api.references import Filter, Limits, PlannedBaseline, Ramp, minimum_
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)
 limits = st.builds(Limits, st.floats(0.1, 20.0), st.one_of(st.just(inf), st.floats(0.05, 5.0)))
-many = settings(max_examples=300, deadline=None)
+many = settings(max_examples=100, deadline=None)
 
 
 def total(v: float, a: float, target: float, lim: Limits) -> float:

@@ -12,7 +12,7 @@ from lindy_research.laws import thesis_steps
 velocity = st.floats(-3.0, 3.0)
 acceleration = st.floats(-4.0, 4.0)
 jerk = st.floats(0.1, 20.0)
-many = settings(max_examples=300, deadline=None)
+many = settings(max_examples=100, deadline=None)
 
 
 @many

@@ -11,17 +11,19 @@ import numpy as np
 import pytest
 
 from lindy.api import LindyError
+from lindy_research.papers import catalogue
 from lindy_research.papers.catalogue import FIGURES, CatalogueEntry, drawn
 from lindy_research.papers.claims import Claim
 from lindy_research.papers.claims_fernandes_loop import FLOWN
+from lindy_research.papers.claims_rule import rule_claims
 from lindy_research.papers.command import figures
 
 pytestmark = pytest.mark.slow
 
 ANDREN = ("4.2", "4.3", "5.1", "5.2", "5.3", "5.4", "5.5", "5.6", "5.7", "5.8", "5.9")
 FERNANDES = (1, 3, 4, 5, 9, 10, 11, 12, 13, 18)
-# Those of flights take a minute to fly and have tests of their own; those with dives and long links
-# are drawn by research/long/figures_of_dives.py.
+# Those of flights take a minute to fly and have tests of their own; of those with dives and long
+# links tests/wheel/test_research.py draws one.
 LONG = ("energy-dive", "link-profiles", "observer-depth", "observer-heading")
 UNFLOWN = [
     each
@@ -74,9 +76,11 @@ def test_two_processes_draw_the_same_bytes(tmp_path: Path) -> None:
     assert b"<dc:date>" not in (tmp_path / "first.svg").read_bytes()
 
 
-def test_the_verb_draws_what_is_asked_for_and_checks_every_claim(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_verb_draws_what_is_asked_for_and_checks_claims(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """All 136 of them: tests/wheel/test_research.py."""
+    monkeypatch.setattr(catalogue, "CLAIMS", (rule_claims,))
     out = tmp_path / "made" / "here"
     assert figures(out=out, only=("andren-5.1", "fernandes-3")) == 0
     names = {path.name for path in out.iterdir()}
