@@ -153,7 +153,7 @@ def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight
     insist(lambda: flight.is_so("any(each.heave < -0.3 for each in said)"), push, centre)
     # It stays connected, deflected, and says nothing.
     flight.until("self.dive.counts['lost:page_frozen'] >= 1 and said[-1].pilot == 'lost'")
-    page.wait("document.getElementById('alarms').textContent.includes('pad holds a stick')")
+    page.wait("document.getElementById('now').textContent.includes('pad holds a stick')")
     page.look("document.getElementById('arm').focus()")
     page.key("keyDown", "Space", " ")
     page.key("keyUp", "Space", " ")

@@ -192,14 +192,11 @@ def test_a_button_that_a_pilot_has_mapped_does_nothing_else(
     page.close()
 
 
-def test_a_vehicle_with_its_light_alone_has_no_panel_of_tools(
-    browser: Browser, served: Served
-) -> None:
+def test_a_vehicle_without_outputs_has_no_tools(browser: Browser, served: Served) -> None:
     page = opened(browser, served)
-    served.becomes(page, tools=MANY[:1])
+    served.becomes(page, tools=[])
     hidden = "['tools', 'tools-open'].every((id) => document.getElementById(id).hidden)"
     assert page.look(hidden)
-    assert not page.look("document.getElementById('light-steps').hidden")
     page.close()
 
 

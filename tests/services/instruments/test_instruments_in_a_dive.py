@@ -23,10 +23,10 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.ugps.core import PATHS, UgpsDriver
 from services.ugps.core import Settings as UgpsSettings
-from tests.support.flights import CHAIN
 from tests.support.instruments.ping1d import Ping1dDouble
 from tests.support.instruments.truth import SeenMotion
 from tests.support.instruments.ugps import Fault, answers
+from tests.support.sortie import CHAIN
 
 S = 1_000_000_000
 HERE = (63.4220, 10.4240)

@@ -8,6 +8,7 @@ from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, LatencyBudget, Shown
 from messages.pilot import PilotCommand
 from messages.reference import Motion
+from messages.state import VehicleState
 from services.link_monitor.latency_account import LatencyAccount
 from tests.support import said
 
@@ -17,6 +18,10 @@ REST = Motion(0.0, 0.0, 0.0, 0.0)
 ways = st.lists(
     st.tuples(*(st.integers(0, 80) for _ in range(5))), min_size=10, max_size=60
 )  # [ms] pad, link, reference, control, thruster
+
+
+def at_rest(sensed: int) -> VehicleState:
+    return said.state(sensed + 2 * MS, sensor_ns=sensed)
 
 
 def fly(budget: LatencyAccount, k: int, way: tuple[int, ...]) -> int:
@@ -86,7 +91,7 @@ def test_the_way_back_adds_up_too_and_is_unknown_without_a_screen() -> None:
     budget = LatencyAccount()
     for k in range(20):
         sensed = k * 10 * MS
-        budget.state(said.state(sensed + 2 * MS, sensor_ns=sensed), sensed + 32 * MS)
+        budget.state(at_rest(sensed), sensed + 32 * MS)
     assert budget.report(300 * MS, None, "").up is None
     for k in range(8):
         budget.shown(Shown(stamp_ns=k * 250 * MS + 50 * MS, sensor_ns=k * 250 * MS), 300 * MS)
@@ -128,3 +133,17 @@ def test_two_clocks_that_disagree_give_no_time_below_zero(error: int, delay: int
     again = msgspec.msgpack.decode(msgspec.msgpack.encode(report), type=LatencyBudget)
     assert again == report
     assert again.stick_to_thruster_ms is not None
+
+
+@given(arrivals=st.lists(st.integers(1, 3000), max_size=60), after=st.integers(0, 5000))
+def test_what_is_lost_is_the_time_in_which_no_state_arrived(
+    arrivals: list[int], after: int
+) -> None:
+    """Also while the pause lasts. A message that another one replaces at once is not missed."""
+    budget, now = LatencyAccount(), 0
+    assert budget.report(50 * S, None, "").lost_s == 0.0  # nothing was there yet
+    for pause_ms in (0, *arrivals):
+        now += pause_ms * MS
+        budget.state(at_rest(now), now)
+    pauses = [pause for pause in (*arrivals, after) if pause > 500]
+    assert budget.report(now + after * MS, None, "").lost_s * 1000 == sum(pauses)
