@@ -187,7 +187,3 @@ def hold_key(page: BrowserPage, code: str, key: str, happens: Callable[[], bool]
     let_go()
 
 
-def press(page: BrowserPage, selector: str) -> None:
-    """As a finger does: at its place on the screen, whatever lies there."""
-    page.touch("touchStart", page.middle(selector))
-    page.touch("touchEnd")

@@ -6,11 +6,9 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
-import pytest
 import zenoh
 
 from services.runtime.bus.other_network import LONGEST, OtherNetwork
-from services.runtime.config.errors import LindyError
 from tests.support.patience import until
 
 
@@ -77,8 +75,3 @@ def test_it_can_be_closed_while_nobody_answers() -> None:
     network.start()
     network.close()
     assert not network.connected
-
-
-def test_no_endpoint_is_one_sentence() -> None:
-    with pytest.raises(LindyError, match=r"ros2.router 'here': expected PROTOCOL/ADDRESS:PORT"):
-        OtherNetwork("here", "ros2.router")

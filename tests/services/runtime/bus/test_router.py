@@ -241,31 +241,6 @@ def test_a_router_that_is_started_again_is_joined_again_by_everybody(tmp_path: P
             until(lambda: network.tokens(DRONES) == [here_key(namespace("a"), "drone", "1")])
 
 
-def test_a_loop_of_routers_carries_every_message_once(tmp_path: Path) -> None:
-    ring = [free_endpoint() for _ in range(3)]
-    with ExitStack() as exits:
-        for k, here in enumerate(ring):
-            others = [each for each in ring if each != here]
-            exits.enter_context(zenohd(tmp_path, router_tree([here], others), f"r{k}"))
-        drone = Half("drone", "a", ring[0], tmp_path, exits)
-        desk = Half("topside", "a", ring[1], tmp_path, exits)
-        third = exits.enter_context(open_network(ring[2], PATIENCE_S))
-        meet(drone, desk)
-        meet(desk, drone)
-        until(lambda: third.tokens(DRONES) == [here_key(namespace("a"), "drone", "1")])
-        for half in (drone, desk):
-            half.heard.clear()
-        for k in range(200):
-            say(drone.session, topics.STATUS.key, b"%d" % k)
-            say(desk.session, topics.PILOT_REQUEST.key, b"%d" % k)
-        quiet(drone, desk)
-        quiet(desk, drone)
-        for half, row in ((desk, topics.STATUS), (drone, topics.PILOT_REQUEST)):
-            assert [e.payload for e in half.heard if e.key == row.key] == [
-                b"%d" % k for k in range(200)
-            ]
-
-
 class Keys:
     """Keys for two drones, a pilot, an observer and a router, all of one authority."""
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from services.runtime.bus.endpoint import EXAMPLE, checked_endpoint
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import convert, in_words, line_of, override
+from services.runtime.config.settings import convert, line_of, override
 
 NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
 NUMBERS = st.one_of(
@@ -29,10 +29,6 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     size: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 
 
-class Some(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    parts: list[Part] = []
-
-
 def setting(text: str) -> Any:
     tree: dict[str, Any] = {}
     override(tree, [f"key={text}"])
@@ -43,11 +39,6 @@ def setting(text: str) -> Any:
 def test_a_number_arrives_as_it_is(number: float) -> None:
     found = setting(repr(number))
     assert (found, type(found)) == (number, type(number))
-
-
-@given(st.lists(st.one_of(st.integers(0, 9), st.booleans(), NAMES), max_size=5))
-def test_an_array_arrives_as_it_is(values: list[int | bool | str]) -> None:
-    assert setting(msgspec.json.encode(values).decode()) == values
 
 
 @given(WORDS)
@@ -99,15 +90,6 @@ def test_of_several_for_one_key_the_last_wins(values: list[int]) -> None:
     assert tree == {"depth": {"kp": values[-1]}}
 
 
-@given(st.integers(0, 5), st.floats(1.001, 1e6))
-def test_the_entry_of_an_array_that_is_wrong_is_counted_from_1(place: int, size: float) -> None:
-    entries = [{"size": 0.5}] * place + [{"size": size}]
-    with pytest.raises(LindyError) as refused:
-        convert({"parts": entries}, Some, "vehicle")
-    begins = f"vehicle.parts number {place + 1}, size: expected float <= 1.0, found {size!r}"
-    assert str(refused.value) == begins
-
-
 class Named(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tables: dict[str, Part] = {}
 
@@ -127,24 +109,6 @@ def test_a_mistake_in_one_of_several_named_tables_says_in_which(
     tree = {"tables": {name: {"size": 1.0} for name in "abc"} | {wrong: table}}
     with pytest.raises(LindyError, match=re.escape(sentence.format(wrong))):
         convert(tree, Named, "x")
-
-
-@given(st.integers(0, 5), st.sampled_from(["sizes", "Size", "siz"]))
-def test_an_unknown_key_in_an_array_says_which_are_known(place: int, wrong: str) -> None:
-    entries = [{"size": 0.5}] * place + [{"size": 0.5, wrong: 2}]
-    with pytest.raises(LindyError) as refused:
-        convert({"parts": entries}, Some, "")
-    assert str(refused.value) == (
-        f"parts number {place + 1}, {wrong}: unknown key; did you mean 'size'? known: size"
-    )
-
-
-@given(st.lists(st.one_of(NAMES, st.integers(0, 99)), max_size=6))
-def test_a_key_in_words_names_each_of_its_parts_in_order(key: list[str | int]) -> None:
-    words = in_words(tuple(key))
-    for part in key:
-        before, found, words = words.partition(part if isinstance(part, str) else f"{part + 1}")
-        assert found, (key, before)
 
 
 @given(st.lists(NAMES, min_size=1, max_size=8, unique=True), st.integers(0, 3))

@@ -8,7 +8,7 @@ import pytest
 
 from services.camera.core import Settings as Camera
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import GONE, convert, deploy_file, override, read, read_toml
+from services.runtime.config.settings import GONE, deploy_file, override, read, read_toml
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.simulator.core import Settings as Simulator
@@ -113,12 +113,6 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         read(tmp_path / "none.toml", Some)
 
 
-def test_overrides_reach_into_tables() -> None:
-    tree = {"depth": {"kp": 1.0}}
-    override(tree, ["depth.kp=3", "name=deep water", "depth.kd = 0.5"])
-    assert convert(tree, Some, "") == Some(Depth(3.0, 0.5), "deep water")
-
-
 @pytest.mark.parametrize("bad", ["depth", "=3", "name.first=3"])
 def test_a_malformed_override_is_refused(bad: str) -> None:
     with pytest.raises(LindyError, match=f"--set {bad}"):
@@ -136,22 +130,12 @@ def test_a_path_that_is_no_file_of_the_kind_is_said(path: str) -> None:
         deploy_file("vehicles", path)
 
 
-@pytest.mark.parametrize("vehicle", ["pioneer"])
-def test_every_shipped_vehicle_is_valid(vehicle: str) -> None:
-    Stack(vehicle=vehicle).check(known_tables(Registry.read()))
-
-
 def test_an_unknown_table_is_refused() -> None:
     with pytest.raises(
         LindyError,
         match=r"^--set contol\.depth\.kp=3: contol: unknown table .* did you mean 'control'",
     ):
         Stack(overrides=["contol.depth.kp=3"]).check(known_tables(Registry.read()))
-
-
-def test_a_table_that_is_no_vehicle_s_is_not_the_vehicle_file_s_fault() -> None:
-    with pytest.raises(LindyError, match=r"^--set link\.down\.delay_ms=5: link: unknown table"):
-        Stack(overrides=["link.down.delay_ms=5"]).check(known_tables(Registry.read()))
 
 
 @pytest.mark.parametrize(
@@ -190,26 +174,6 @@ def test_two_thrusters_of_one_name_are_refused(tmp_path: Path) -> None:
     path = file(tmp_path, pioneer.replace('name = "starboard"', 'name = "port"'))
     with pytest.raises(LindyError, match=r"number 1 and .* 2 are both called 'port'"):
         Stack(vehicle=str(path)).check(known_tables(Registry.read()))
-
-
-@pytest.mark.parametrize(
-    "assignment", ["vehicle.size=[1.0,.38,1.0]", "vehicle.mass=.38", "vehicle.size=[1.0", 'name="x']
-)
-def test_what_is_meant_as_a_value_and_is_no_toml_is_said_so(assignment: str) -> None:
-    with pytest.raises(LindyError, match=r"^--set .*: not valid TOML"):
-        Stack(overrides=[assignment]).check(known_tables(Registry.read()))
-
-
-@pytest.mark.parametrize("word", ["deep water", "-righty", "3rd", "a.b"])
-def test_a_bare_word_is_a_string(word: str) -> None:
-    tree: dict[str, str] = {}
-    override(tree, [f"name={word}"])
-    assert tree == {"name": word}
-
-
-def test_a_value_out_of_limits_stops_the_dive_before_it_starts() -> None:
-    with pytest.raises(LindyError, match=r"^--set vehicle.mass=-1: expected float > 0.0, found -1"):
-        Stack(overrides=["vehicle.mass=-1"]).check(known_tables(Registry.read()))
 
 
 @pytest.mark.parametrize(

@@ -225,13 +225,6 @@ def test_the_processor_time_of_a_group_is_divided_among_its_nodes(costs: list[in
         assert reports[node.name].rss_mb == 50.0
 
 
-def test_a_node_that_is_alone_reports_its_whole_process() -> None:
-    machine = Machine()
-    node = machine.node("alone")
-    machine.host(node)
-    assert node.usage() == Usage(cpu_s=7.0, rss_mb=50.0)
-
-
 def test_a_slow_start_of_the_group_is_no_missed_tick_of_the_first() -> None:
     machine, rung = Machine(), list[int]()
     first = machine.node("first")

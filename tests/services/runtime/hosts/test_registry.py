@@ -132,14 +132,6 @@ def test_a_cockpit_has_a_picture_where_there_can_be_one_and_else_says_why(
     flown.require_whole()
 
 
-def test_a_stack_with_a_camera_and_no_cockpit_is_left_as_it_is(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("tools.live.cockpit.find_spec", {"av": None}.get)
-    camera = Registry.read("camera")
-    assert with_picture(camera, Choices()) is camera
-
-
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -295,13 +287,6 @@ def test_what_must_be_one_is_not_there_twice(tmp_path: Path, name: str) -> None:
     more = f'[services.second]\nsides = ["drone"]\nservice = "{name}"\n'
     with pytest.raises(LindyError, match=rf"services.second: it runs the code of {name}, and so"):
         without(tmp_path, more=more)
-
-
-def test_without_shared_names_every_service_is_a_process_of_its_own_name() -> None:
-    for stack in ("simulated", "real"):
-        services = Registry.read(stack)
-        assert services.processes == {name: [name] for name in services}
-        assert services.shared == {}
 
 
 def test_grouped_services_without_a_process_share_that_of_their_home() -> None:

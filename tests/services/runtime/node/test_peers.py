@@ -53,18 +53,6 @@ def test_the_identity_of_an_older_and_of_a_newer_version_is_understood() -> None
     assert decoder.read(topics.IDENTITY.key, topics.IDENTITY.encoding, empty) == SideIdentity()
 
 
-def test_a_side_that_is_the_same_is_no_difference() -> None:
-    assert difference(TOPSIDE, DRONE) == ""
-    other_commit = msgspec.structs.replace(DRONE, commit="1234567")
-    assert difference(TOPSIDE, other_commit) == ""
-
-
-def test_who_names_no_side_is_no_lindy() -> None:
-    peers = Peers(TOPSIDE)
-    peers.identity(SideIdentity(instance=7), 0)
-    assert peers.wrong(0) == ""
-
-
 def test_a_difference_says_what_to_do() -> None:
     old = msgspec.structs.replace(DRONE, version="0.0.4", messages="xyz")
     assert difference(TOPSIDE, old) == (
@@ -189,15 +177,6 @@ def test_two_references_are_on_the_pilots_screen() -> None:
     twin_of(host, "reference")
     host.run(4 * S)
     assert told[-1].startswith("two services call themselves reference: pids 7, 8")
-
-
-def test_bytes_that_nobody_understands_are_counted() -> None:
-    host, _ = stack_with({})
-    say = host.side("drone").say(topics.IDENTITY.of("drone"))
-    say(b"\xff\x00")
-    host.run(S)
-    counts = host.nodes["link_monitor"].counts
-    assert counts["malformed:identity/*"] + counts["malformed:identity/drone"] == 1
 
 
 def test_nobody_arms_while_two_services_on_board_have_one_name() -> None:

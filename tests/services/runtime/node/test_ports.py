@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.events import Outbox
 from messages.pilot import PilotCommand
-from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from services.runtime.hosts.virtual_host import VirtualHost
@@ -108,14 +107,6 @@ def test_what_does_not_fit_between_two_steps_is_counted(number: int, every: bool
     else:
         assert heard == kept
     assert node.counts[f"overflowed:{COMMAND.key}"] == max(0, number - depth)
-
-
-@given(st.sampled_from([topic for topic in topics.ALL if topic.hz]))
-def test_a_stream_is_news_for_five_periods_at_least_a_tenth_of_a_second(topic: AnyTopic) -> None:
-    limit = topic.stale_after_ns
-    assert limit is not None
-    assert limit >= 100 * MS
-    assert limit == round(5e9 / topic.hz) or limit == 100 * MS
 
 
 def test_before_its_first_trigger_nothing_overflows_that_a_service_reads_at_100_hz() -> None:
