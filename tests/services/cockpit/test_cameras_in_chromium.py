@@ -30,7 +30,6 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
-from tests.support.page_screen import CONTRAST, FINGER, SIZES, STATES, UNPRESSED, Served
 
 PROGRAM = chromium()
 pytestmark = [
@@ -177,31 +176,4 @@ def test_each_camera_has_an_age_of_its_own(browser: Browser, exits: ExitStack) -
     page.wait("document.getElementById('no-picture').textContent === ''")  # the large one goes on
     deck.roomless.add("down")
     page.wait(f"{LABELS}.join() === 'down · no room on the link'")
-    page.close()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
-def test_every_camera_and_button_can_be_pressed_whatever_the_drone_does(
-    browser: Browser, exits: ExitStack, size: Size
-) -> None:
-    served = Served(exits)
-    page = served.open(browser, size)
-    listed: dict[str, Any] = {
-        "cameras": [[name, name == "aft"] for name in VIEWS],
-        "large": "front",
-    }
-    for state in STATES.values():
-        served.becomes(page, **state, **listed)
-        page.look(FINGER if size.touch else "0")
-        assert page.look(UNPRESSED) == "", state
-        alarmed = page.look("!document.getElementById('silence').hidden")
-        if alarmed and size.height < 560:  # they give way to what is more urgent
-            page.look("document.getElementById('silence').click()")
-            served.becomes(page, **state, **listed)
-        seen = "document.querySelectorAll('.camera:not([hidden])')"
-        assert page.look(f"[...{seen}].filter((e) => e.checkVisibility()).length") == 3
-        assert page.look(UNPRESSED) == "", state
-        contrast, where = page.look(CONTRAST)
-        assert contrast >= 4.5, where
     page.close()

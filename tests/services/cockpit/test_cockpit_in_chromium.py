@@ -185,5 +185,3 @@ def hold_key(page: BrowserPage, code: str, key: str, happens: Callable[[], bool]
 
     insist(happens, lambda: page.key("keyDown", code, key), let_go)
     let_go()
-
-

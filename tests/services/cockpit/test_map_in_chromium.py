@@ -17,7 +17,7 @@ from messages.vehicle import Truth, VehicleStatus
 from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
 from tests.support.docs.cockpit_dive import CockpitDive
 from tests.support.docs.cockpit_picture import arm
-from tests.support.page_screen import CONTRAST, FINGER, SIZES, UNPRESSED, Served
+from tests.support.page_screen import Served
 from tests.support.patience import until
 
 PROGRAM = chromium()
@@ -46,8 +46,6 @@ PLACE: dict[str, object] = {
     "place": [3.0, 4.0, 0.4, True], "compass_deg": 10.0, "home": [0.0, 0.0], "goal": [9.0, 9.0],
     "current": [0.1, -0.1], "altitude_m": 2.1, "altitude_wanted_m": 2.0,
 }  # fmt: skip
-RECKONED = {**PLACE, "place": [3.0, 4.0, 2.0, False], "goal": None}
-NOWHERE: dict[str, object] = {"compass_deg": 10.0}
 
 
 class MappedDive:
@@ -164,28 +162,6 @@ def test_without_a_measured_position_it_says_why_it_cannot_go(exits: ExitStack) 
     page.wait(f"{own} === 'this drone does not know its position'")
     assert page.look("document.getElementById('map-go').disabled")
     assert dive.gone_to == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
-def test_what_is_on_the_map_can_be_pressed_and_read(
-    browser: Browser, exits: ExitStack, size: Size
-) -> None:
-    served = Served(exits)
-    page = served.open(browser, size, before="localStorage.setItem('map', 'shut');")
-    page.look(FINGER if size.touch else "0")
-    page.look(OPEN)
-    for place in (PLACE, RECKONED, NOWHERE):
-        served.becomes(page, **place)
-        assert page.look(UNPRESSED) == ""
-        contrast, where = page.look(CONTRAST)
-        assert contrast >= 4.5, where
-    if size.touch:
-        served.becomes(page, **PLACE)
-        tap(page, TAPPED)
-        page.wait("!document.getElementById('map-go').disabled")
-        assert page.look(UNPRESSED) == ""
-    page.close()
 
 
 def test_home_is_one_more_place_to_go_to(browser: Browser, exits: ExitStack) -> None:

@@ -3,7 +3,6 @@ the event table and the page itself."""
 
 import json
 import re
-from pathlib import Path
 from typing import cast
 
 import pytest
@@ -23,7 +22,6 @@ PAGE = {name: text.decode() for name, text in FILES.items()}
 SENTENCES = {
     name[6:8]: json.loads(text) for name, text in PAGE.items() if name.startswith("words_")
 }
-ON_DISK = Path("services/cockpit/page")
 ENGLISH = SENTENCES["en"]
 OTHERS = sorted(set(SENTENCES) - {"en"})
 S = 1_000_000_000  # [ns]
@@ -110,10 +108,3 @@ def test_a_page_is_light():
     languages = [sent[f"words_{language}.json"] for language in OTHERS]
     rest = sum(size for name, size in sent.items() if name[6:8] not in OTHERS)
     assert rest + max(languages) <= MOST
-
-
-def test_the_files_are_where_translators_find_them():
-    for language in OTHERS:
-        text = (ON_DISK / f"words_{language}.json").read_text()
-        own = json.loads(text)
-        assert text == json.dumps(dict(sorted(own.items())), indent=2, ensure_ascii=False) + "\n"

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
 from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
-from tests.support.page_screen import CONTRAST, FINGER, PILOT, READY, SIZES, UNPRESSED, Served
+from tests.support.page_screen import FINGER, PILOT, Served
 from tests.support.patience import until
 
 PROGRAM = chromium()
@@ -53,32 +53,6 @@ def opened(browser: Browser, served: Served, size: Size = PHONE, before: str = "
 
 def gripper(served: Served, moves: float) -> None:
     until(lambda: served.stick.gripper == moves)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
-def test_every_tool_can_be_pressed_on_every_screen(
-    browser: Browser, served: Served, size: Size
-) -> None:
-    page = opened(browser, served, size)
-    for state in ({}, READY):
-        served.becomes(page, **state, tools=MANY)
-        page.look(FINGER if size.touch else "0")
-        assert page.look(UNPRESSED) == "", state
-    assert page.look("document.querySelectorAll('#tools button').length") == 7
-    page.close()
-
-
-@pytest.mark.parametrize("theme", ["dark", "bright", "contrast"])
-def test_every_text_of_the_tools_can_be_read(browser: Browser, served: Served, theme: str) -> None:
-    page = served.open(browser, PHONE, theme)
-    page.look("document.getElementById('tools-open').click()")
-    for you in (PILOT, {**PILOT, "taken": True, "in_control": False}):
-        served.you = dict(you)
-        served.becomes(page, tools=MANY)
-        contrast, where = page.look(CONTRAST)
-        assert contrast >= 4.5, where
-    page.close()
 
 
 def test_a_gripper_moves_while_its_button_is_held_and_not_longer(

@@ -15,7 +15,6 @@ from services.foxglove.service import wire
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 
 SECOND = 1_000_000_000
@@ -133,9 +132,3 @@ def test_without_the_sdk_the_sentence_says_what_to_install(monkeypatch: pytest.M
 def test_on_virtual_time_nobody_can_watch():
     with pytest.raises(NeedsRealTimeError):
         wire(VirtualHost().node("foxglove", SIDES), stack(virtual=True))
-
-
-@pytest.mark.parametrize("wrong", ["port=0", "port=70000", "host=3", "prot=1"])
-def test_a_wrong_setting_is_named(wrong: str):
-    with pytest.raises(LindyError, match=rf"--set foxglove\.{wrong}"):
-        VirtualHost().add("foxglove", ServiceSpec(["topside"]), stack(wrong))

@@ -229,13 +229,6 @@ def test_a_link_over_the_network_is_for_who_says_so() -> None:
     assert stack.section("mavlink", Settings).links == ("udpin:0.0.0.0:14550",)
 
 
-def test_an_address_that_is_taken_is_one_sentence() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        url = f"tcpin:127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(LindyError, match=rf"mavlink.links {url}: another program has this"):
-            Drone(url)
-
-
 def test_a_number_that_does_not_fit_is_counted_and_not_sent() -> None:
     with opened(f"udpout:127.0.0.1:{free_port(socket.SOCK_DGRAM)}") as links:
         links.send(HEARTBEAT._replace(fields=HEARTBEAT.fields | {"type": 10**9}))

@@ -108,26 +108,6 @@ def test_all_that_waits_is_read_at_once() -> None:
     link.close()
 
 
-def test_tcp_connects_again_after_the_board_was_lost() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as board:
-        board.bind(("127.0.0.1", 0))
-        board.listen()
-        board.settimeout(PATIENCE_S)
-        link = Board(f"tcp:127.0.0.1:{board.getsockname()[1]}")
-        for word in (b"first", b"second"):
-            accepted = list[socket.socket]()
-            waiting = threading.Thread(target=accept, args=(board, accepted))
-            waiting.start()
-            # An attempt follows a second after a loss.
-            until(lambda waiting=waiting: not waiting.is_alive(), meanwhile=link.receive)
-            with accepted[0] as end:
-                end.sendall(word)
-                assert link.heard(len(word)) == word
-                link.send(b"down")
-                assert end.recv(100) == b"down"
-        link.close()
-
-
 def test_tcp_without_a_board_opens_and_counts_what_is_not_sent() -> None:
     link = Board(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     for _ in range(3):

@@ -39,10 +39,3 @@ def test_the_top_is_an_object_with_every_field_of_the_message(kind: type[Message
     schema = schema_of(kind)
     assert schema["type"] == "object"
     assert set(schema["properties"]) == {f.encode_name for f in msgspec.structs.fields(kind)}
-
-
-def test_a_value_that_may_be_null_keeps_its_own_type():
-    properties = schema_of(topics.STATE.message)["properties"]
-    assert properties["heading_navigation"]["properties"]["value"]["type"] == "number"
-    assert properties["attitude"]["items"]["type"] == "number"
-    assert properties["phase"] == {"type": "string"}

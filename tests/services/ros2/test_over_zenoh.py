@@ -24,9 +24,9 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
+from tests.support import ros_document as document
 from tests.support.patience import until
 
-from . import design_document as document
 from .examples import state
 
 MS = 1_000_000

@@ -263,12 +263,6 @@ def test_what_is_of_either_clock_is_shown_when_it_came(
     assert {note.time for note in batch.notes} == {SECOND}
 
 
-def test_health_logs_and_pongs_may_be_of_either_clock() -> None:
-    keys = {topics.HEALTH.key, topics.LOG.key, topics.CLOCK_PONG.key, topics.PILOT_ANSWER.key}
-    assert keys <= BY_ARRIVAL
-    assert not {topics.STATE.key, topics.TRUTH.key, topics.PILOT_COMMAND.key} & BY_ARRIVAL
-
-
 @given(known=st.lists(st.booleans(), max_size=30), cuts=st.sets(st.integers(0, 30)))
 @settings(max_examples=80, deadline=None)
 def test_what_is_not_known_breaks_the_line_once(known: list[bool], cuts: set[int]) -> None:

@@ -238,10 +238,3 @@ def test_the_scene_goes_on_at_its_rate_whatever_the_clock_does(jump: int):
     assert count["transforms"] == count["pose"]
     assert 249 <= count["pose"] <= 251
     assert 9 <= count["hull"] <= 11
-
-
-def test_a_log_line_keeps_its_service_and_level():
-    line = json.loads(views_of_all()[f"{PREFIX}log"].data)
-    assert line["name"] == "control"
-    assert line["level"] == 3
-    assert line["timestamp"] == {"sec": 1_700_000_000, "nsec": 0}
