@@ -354,7 +354,7 @@ class RosDive(PilotedDive):
         self.air.say(JOY, RosMessage("", JOY, said).cdr(), attached)
 
     def sticks(self, who: int, **sticks: float) -> None:
-        self.joy(who, **sticks)
+        self.joy(who, age_ns=0, **sticks)
 
     def pressed(self, who: int, button: int) -> None:
         for _ in range(10):

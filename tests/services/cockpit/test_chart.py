@@ -20,10 +20,10 @@ from services.cockpit.chart import (
     Chart,
 )
 from services.cockpit.page_view import PageView, chart_view
+from tests.support.messages import example
 
 S = 1_000_000_000
 DT = S // 25
-NONE = Estimate(0.0, 0.01)
 
 
 def seen(
@@ -35,23 +35,12 @@ def seen(
     heading: float = 0.0,
 ) -> VehicleState:
     place = None if north is None else (north, east)
-    return VehicleState(
-        stamp_ns=0,
-        sensor_ns=0,
-        phase="running",
-        depth=NONE,
-        depth_rate=NONE,
-        depth_acceleration=NONE,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=NONE,
-        pitch=NONE,
-        heading=Estimate(heading, 0.01),
-        heading_navigation=None,
-        yaw_rate=NONE,
+    return example(
+        VehicleState, phase="running", heading=Estimate(heading, 0.01),
         north=None if place is None else Estimate(place[0], 0.3, valid),
         east=None if place is None else Estimate(place[1], 0.2, valid),
         origin=UNSET if place is None else origin,
-    )
+    )  # fmt: skip
 
 
 class Watch:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from messages.events import Outbox
 from messages.health import LogLine
-from messages.message import Estimate
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
@@ -21,18 +20,14 @@ from services.mavlink.pilot import GroundStation, Reaction, ReceivedPacket
 from services.mavlink.telemetry import CHOSEN, DEFAULT_HZ, STREAMS, Snapshot
 from services.mavlink_io.packet import FORCE, MESSAGE_IDS, MavCommand, MavResult
 from services.piloting.pilot import Pilot, Progress
+from tests.support.messages import example
 from tests.support.told import told
 
 S, MS = 1_000_000_000, 1_000_000
 ANN, BOB = GroundStation("udp a", 255, 190), GroundStation("tcp b", 254, 190)
 HERE: dict[str, Any] = {"target_system": 1, "target_component": 1}
 anything = st.floats(allow_nan=True, allow_infinity=True, width=32)
-ZERO = Estimate(0.0, 0.0)
-STATE = VehicleState(
-    stamp_ns=0, sensor_ns=0, phase="running", depth=ZERO, depth_rate=ZERO, depth_acceleration=ZERO,
-    attitude=(1.0, 0.0, 0.0, 0.0), roll=ZERO, pitch=ZERO, heading=ZERO, heading_navigation=None,
-    yaw_rate=ZERO,
-)  # fmt: skip
+STATE = example(VehicleState)
 
 
 class Drone:

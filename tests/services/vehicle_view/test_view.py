@@ -15,6 +15,7 @@ from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.vehicle_view import ages, words
 from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
 from services.vehicle_view.view import OVERRULED_NS, Newest, believed, vehicle_view
+from tests.support.messages import example
 
 S = 1_000_000_000
 FAILSAFES: list[Failsafe] = ["leak", "state_lost", "pilot_lost", "link_lost"]
@@ -26,12 +27,7 @@ def status(**fields: object) -> VehicleStatus:
 
 
 def state(depth: float = 3.0) -> VehicleState:
-    one = Estimate(depth, 0.1)
-    return VehicleState(
-        stamp_ns=0, sensor_ns=0, phase="running", depth=one, depth_rate=one,
-        depth_acceleration=one, heading=one, yaw_rate=one, roll=one,
-        pitch=one, attitude=(1.0, 0.0, 0.0, 0.0), heading_navigation=None,
-    )  # fmt: skip
+    return example(VehicleState, phase="running", depth=Estimate(depth, 0.1))
 
 
 def test_the_age_table_is_that_of_the_topic_table():

@@ -29,6 +29,7 @@ from services.visualizer.computed import (
     ThrusterChanges,
 )
 from services.visualizer.core import Collector
+from tests.support.messages import example
 from tests.support.sortie import DEEP, Sortie
 from tools.analysis import spectra as report
 from tools.analysis.dive import GatheredDive, RecordedDive
@@ -128,11 +129,7 @@ def test_few_points_are_drawn_and_all_have_a_look() -> None:
 def test_an_estimate_that_is_lost_ends_its_line_once() -> None:
     line = JerkLines()
     here, lost = Estimate(0.0, 0.1), Estimate(0.0, 0.1, valid=False)
-    state = VehicleState(
-        stamp_ns=0, sensor_ns=0, phase="running", depth=here, depth_rate=here,
-        depth_acceleration=here, attitude=(1.0, 0.0, 0.0, 0.0), roll=here, pitch=here,
-        heading=here, heading_navigation=None, yaw_rate=here,
-    )  # fmt: skip
+    state = example(VehicleState, phase="running")
     drawn = Numbers()
     for at in range(0, 3 * SECOND, STEP):
         known = here if at < 2 * SECOND else lost

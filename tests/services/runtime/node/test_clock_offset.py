@@ -18,6 +18,7 @@ from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate
 from services.runtime.node.ports import Inbox, Latest
+from tests.support.messages import example
 
 MS, SECOND = 1_000_000, 1_000_000_000
 GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)
@@ -34,10 +35,7 @@ def joined(clocks: dict[str, Skew] | None, link: str = "tether") -> VirtualHost:
 
 def told(clock_offset: ClockOffset, ahead: int, bound: int, now: int = 0) -> None:
     """The link monitor's word on the drone's clock, heard on board."""
-    clock = Clock(
-        stamp_ns=0, offset_ns=ahead, bound_ns=bound, drift_ppm=None, rtt_ms=None,
-        rtt_min_ms=None, answered_ms=None,
-    )  # fmt: skip
+    clock = example(Clock, offset_ns=ahead, bound_ns=bound)
     clock_offset.learn(clock, now)
 
 

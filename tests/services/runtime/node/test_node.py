@@ -14,6 +14,7 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
+from tests.support.messages import example
 
 MS = 1_000_000
 DRONE = ["drone"]
@@ -191,12 +192,7 @@ def invented(
 
 
 def healthy(service: str) -> bytes:
-    return msgspec.msgpack.encode(
-        Health(
-            stamp_ns=0, service=service, loop_hz=1.0, lateness_p50_ms=None, lateness_p99_ms=None,
-            cpu_percent=None, rss_mb=None, sent=0, received=0, counts={},
-        )
-    )  # fmt: skip
+    return msgspec.msgpack.encode(example(Health, service=service))
 
 
 def test_nobody_speaks_in_the_name_of_another_service_than_that_of_his_key() -> None:

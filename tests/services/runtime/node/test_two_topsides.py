@@ -14,6 +14,7 @@ from services.link_monitor.core import LinkMonitor, pong
 from services.runtime.bus.envelope import Envelope
 from services.runtime.node.clock_offset import SILENT_NS, ClockOffset
 from services.runtime.node.gate import Gate
+from tests.support.messages import example
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 ANN, BOB = 1, 2  # sources
@@ -22,10 +23,7 @@ ahead = st.integers(-900_000 * S, 900_000 * S)  # [ns] the drone's clock minus a
 
 
 def clock(source: int, offset: int, epoch: int) -> Clock:
-    return Clock(
-        stamp_ns=0, offset_ns=offset, bound_ns=MS, drift_ppm=None, rtt_ms=None,
-        rtt_min_ms=None, answered_ms=None, source=source, epoch=epoch,
-    )  # fmt: skip
+    return example(Clock, offset_ns=offset, bound_ns=MS, source=source, epoch=epoch)
 
 
 def admitted(gate: "Gate[PilotCommand]", sent: PilotCommand, now: int) -> PilotCommand | None:
