@@ -4,7 +4,6 @@ skipped where there is no Chromium."""
 import socket
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
 
@@ -29,13 +28,9 @@ from services.marine.field_of_view import FieldOfView
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.docs.chromium import Browser, BrowserPage, Size
 
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
+pytestmark = pytest.mark.system
 STEP_NS = 40_000_000  # [ns]
 WIDTH, HEIGHT = 320, 180
 LUMA = {"front": 200, "down": 60, "gripper": 120, "aft": 90}  # by which a picture is known
@@ -114,19 +109,6 @@ class Deck:
             data=data,
         )  # fmt: skip
         self._say[name](msgspec.msgpack.encode(part))
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    with Browser(PROGRAM) as opened:
-        yield opened
-
-
-@pytest.fixture
-def exits() -> Iterator[ExitStack]:
-    with ExitStack() as stack:
-        yield stack
 
 
 def wait_for(page: BrowserPage, what: str, camera: str) -> None:

@@ -1,13 +1,12 @@
 """What is on the page's screen, in a real browser. Skipped where there is no Chromium."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack
+from typing import Any
 
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
-from tests.support.docs.chromium import Browser, Size, chromium
+from tests.support.docs.chromium import Browser, BrowserPage, Size
 from tests.support.page_screen import (
     ACTING,
     APART,
@@ -29,30 +28,42 @@ from tests.support.page_screen import (
 )  # fmt: skip
 from tests.support.patience import until
 
+MANY = [
+    ["light", "dimmer", 0.5], ["light_2", "dimmer", 0.0], ["lasers", "switch", 1.0],
+    ["gripper", "gripper", 0.0],
+]  # fmt: skip
+MAPPED: dict[str, Any] = {
+    "place": [3.0, 4.0, 0.4, True], "compass_deg": 10.0, "home": [0.0, 0.0], "goal": [9.0, 9.0],
+    "current": [0.1, -0.1], "altitude_m": 2.1, "altitude_wanted_m": 2.0,
+}  # fmt: skip
+FOUR: dict[str, Any] = {
+    "cameras": [["front", False], ["down", False], ["gripper", False], ["aft", True]],
+    "large": "front",
+}
 PLACE = "document.getElementById('disarm').getBoundingClientRect()"
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
+pytestmark = pytest.mark.system
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    with Browser(PROGRAM) as opened:
-        yield opened
+def for_sizes(sizes: tuple[Size, ...], fast: int) -> pytest.MarkDecorator:
+    """Each size, of which one [px wide] is tried each time and the others by `make slow`."""
+    return pytest.mark.parametrize(
+        "size",
+        [
+            pytest.param(each, marks=[] if each.width == fast else pytest.mark.slow)
+            for each in sizes
+        ],
+        ids=lambda size: f"{size.width}x{size.height}",
+    )
 
 
-@pytest.fixture
-def served() -> Iterator[Served]:
-    with ExitStack() as exits:
-        yield Served(exits)
+def require_usable(page: BrowserPage, what: object) -> None:
+    assert page.look(UNPRESSED) == "", what
+    contrast, where = page.look(CONTRAST)
+    assert contrast >= 4.5, (what, where)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
-def test_the_picture_fills_the_screen_and_everything_can_be_pressed(
+@for_sizes(SIZES, 360)
+def test_the_picture_fills_the_screen_and_everything_can_be_pressed_and_read(
     browser: Browser, served: Served, size: Size
 ):
     page = served.open(browser, size)
@@ -60,7 +71,7 @@ def test_the_picture_fills_the_screen_and_everything_can_be_pressed(
     for state in STATES.values():
         served.becomes(page, **state)
         page.look(FINGER if size.touch else "0")
-        assert page.look(UNPRESSED) == "", state
+        require_usable(page, state)
         shares.append(page.look(SHARE))
     assert max(shares) - min(shares) < 1e-3  # no alarm takes anything from the picture
     aspect, whole = size.width / size.height, 640 / 342
@@ -73,15 +84,36 @@ def test_the_picture_fills_the_screen_and_everything_can_be_pressed(
         assert page.look(f"parseFloat({style}.fontSize)") >= 24
     page.look("document.getElementById('menu-open').click()")
     served.becomes(page)
-    assert page.look(UNPRESSED) == ""
+    require_usable(page, "menu")
     page.close()
 
 
-@pytest.mark.parametrize(
-    "size",
-    [pytest.param(size, marks=[] if size.width == 360 else pytest.mark.slow) for size in SIZES],
-    ids=lambda size: f"{size.width}x{size.height}",
-)
+@for_sizes(SIZES, 360)
+def test_so_can_every_tool_the_map_and_four_cameras(browser: Browser, served: Served, size: Size):
+    page = served.open(browser, size, before="localStorage.setItem('map', 'shut');")
+    page.look(FINGER if size.touch else "0")
+    page.look("document.getElementById('tools-open').click()")
+    for state in ({}, READY):
+        served.becomes(page, **state, tools=MANY)
+        require_usable(page, state)
+    assert page.look("document.querySelectorAll('#tools button').length") == 7
+    page.look("document.getElementById('tools-open').click()")
+    page.look("document.getElementById('map-open').click()")
+    for place in (MAPPED, {**MAPPED, "place": [3.0, 4.0, 2.0, False], "goal": None}, {}):
+        served.becomes(page, **place)
+        require_usable(page, place)
+    page.look("document.getElementById('map-open').click()")
+    for state in STATES.values():
+        served.becomes(page, **state, **FOUR)
+        page.look("document.getElementById('silence').click()")  # it gives way to what is urgent
+        served.becomes(page, **state, **FOUR)
+        seen = "document.querySelectorAll('.camera:not([hidden])')"
+        assert page.look(f"[...{seen}].filter((e) => e.checkVisibility()).length") == 3
+        require_usable(page, state)
+    page.close()
+
+
+@for_sizes(SIZES, 360)
 def test_nothing_lies_over_anything_and_what_disarms_keeps_its_place(
     browser: Browser, served: Served, size: Size
 ):
@@ -145,25 +177,19 @@ def test_in_every_language_nothing_is_cut(browser: Browser, served: Served, lang
 def test_every_text_can_be_read_in_every_state(browser: Browser, served: Served, theme: str):
     page = served.open(browser, Size(844, 390, touch=True), theme)
     page.look(FINGER)
-    for opened in ("", "menu", "keys", "pad"):
+    for opened in ("", "tools", "menu", "keys", "pad"):
         if opened:
             page.look(f"document.getElementById('{opened}-open').click()")
         for name, state in STATES.items():
             for taken in (False, True):
                 served.you = {**PILOT, "taken": True, "in_control": False} if taken else dict(PILOT)
-                served.becomes(page, **state)
+                served.becomes(page, **state, tools=MANY)
                 contrast, where = page.look(CONTRAST)
                 assert contrast >= 4.5, (name, opened, where)
     page.close()
 
 
-@pytest.mark.parametrize(
-    "size",
-    [
-        pytest.param(size, marks=[] if size.width == 180 else pytest.mark.slow)
-        for size in (Size(640, 360), Size(333, 188), Size(180, 320), Size(320, 180))
-    ],
-)
+@for_sizes((Size(640, 360), Size(333, 188), Size(180, 320), Size(320, 180)), 180)
 def test_twice_as_large_what_arms_and_stops_can_be_reached(
     browser: Browser, served: Served, size: Size
 ):
@@ -211,7 +237,7 @@ def test_an_alarm_is_heard_once_whatever_its_numbers_do_and_water_always(
     page = served.open(browser, Size(1280, 720), before=BEEPS)
     served.becomes(page)
     page.look("window.beeps = 0")
-    for worst in range(40, 240, 20):
+    for worst in (40, 60, 220):
         served.becomes(page, said=[[f"LINK delayed, up to {worst} ms", "alarm"]])
     assert page.look("window.beeps") == 1
     served.becomes(page)

@@ -253,9 +253,6 @@ def stack(*settings: str, virtual: bool = False) -> Stack:
         (("host=192.168.2.1",), r"reached by other machines"),
         (("certificate=/x.pem",), r"certificate and key go together"),
         (("certificate=/x.pem", "key=/y.pem"), r"/x.pem with cockpit.key /y.pem cannot be used"),
-        (("port=0",), r"port"),
-        (("pilot=",), r"pilot"),
-        (("prot=1",), r"--set cockpit\.prot"),
     ],
 )
 def test_a_wrong_setting_is_one_sentence(settings: tuple[str, ...], sentence: str):

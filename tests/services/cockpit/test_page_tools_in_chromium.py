@@ -1,22 +1,15 @@
 """Lights, lasers, gripper and speed limit on the page, in a real browser. Skipped where there is no
 Chromium."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack
-
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
-from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.docs.chromium import Browser, BrowserPage, Size
 from tests.support.page_screen import FINGER, PILOT, Served
 from tests.support.patience import until
 
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
+pytestmark = pytest.mark.system
 PHONE = Size(844, 390, touch=True)
 OPENS, CLOSES = '#tools [data-way="1"]', '#tools [data-way="-1"]'
 MANY = [
@@ -29,19 +22,6 @@ window.pad = { id: 'standard pad', index: 0, connected: true, mapping: 'standard
   buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
 navigator.getGamepads = () => [window.pad];
 """
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    with Browser(PROGRAM) as opened:
-        yield opened
-
-
-@pytest.fixture
-def served() -> Iterator[Served]:
-    with ExitStack() as exits:
-        yield Served(exits)
 
 
 def opened(browser: Browser, served: Served, size: Size = PHONE, before: str = "") -> BrowserPage:
@@ -71,31 +51,27 @@ def test_a_gripper_moves_while_its_button_is_held_and_not_longer(
     page.close()
 
 
-@pytest.mark.parametrize(
-    ("ends", "again"),
-    [
-        ("dispatchEvent(new Event('blur'))", ""),
-        ("document.getElementById('tools-open').click()", ""),
-        (
-            "Object.defineProperty(document, 'hidden', { value: true, configurable: true });"
-            "document.dispatchEvent(new Event('visibilitychange'))",
-            "delete document.hidden; document.dispatchEvent(new Event('visibilitychange'))",
-        ),
-    ],
-    ids=["blur", "closed", "hidden"],
-)
-def test_what_is_held_ends_when_the_page_loses_the_pilot(
-    browser: Browser, served: Served, ends: str, again: str
-) -> None:
+LEAVES = "Object.defineProperty(document, 'hidden', { value: true, configurable: true });"
+CHANGED = "document.dispatchEvent(new Event('visibilitychange'))"
+ENDS = {  # how a page loses its pilot, and how he is back
+    "blur": ("dispatchEvent(new Event('blur'))", ""),
+    "closed": ("document.getElementById('tools-open').click()",) * 2,
+    "hidden": (f"{LEAVES} {CHANGED}", f"delete document.hidden; {CHANGED}"),
+}
+
+
+def test_what_is_held_ends_when_the_page_loses_the_pilot(browser: Browser, served: Served) -> None:
     """Although the finger stays where it is; and it does not begin again by itself."""
     page = opened(browser, served)
-    page.touch("touchStart", page.middle(OPENS))
-    gripper(served, 1.0)
-    page.look(f"void ({{}}, (() => {{ {ends} }})())")
-    held = len(served.sticks)
-    page.look(f"void (() => {{ {again} }})()")
-    until(lambda: len(served.sticks) > held + 20)
-    assert {each.gripper for each in served.sticks[held + 1 :]} == {0.0}
+    for how, (ends, again) in ENDS.items():
+        page.touch("touchStart", page.middle(OPENS))
+        gripper(served, 1.0)
+        page.look(f"void (() => {{ {ends} }})()")
+        held = len(served.sticks)
+        page.look(f"void (() => {{ {again} }})()")
+        until(lambda held=held: len(served.sticks) > held + 20)
+        assert {each.gripper for each in served.sticks[held + 1 :]} == {0.0}, how
+        page.touch("touchEnd")
     page.close()
 
 
