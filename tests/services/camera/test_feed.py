@@ -44,13 +44,14 @@ def watched(request: pytest.FixtureRequest) -> Generator[Watched]:
 
 
 @pytest.mark.parametrize(
-    "watched", ["/dev/video97", "/nowhere/film.mp4", "rtsp://127.0.0.1:9/none"], indirect=True
+    "watched", ["/dev/video97", "/nowhere/film.mp4", "rtsp://me:secret@127.0.0.1:9/x"], indirect=True
 )
 def test_a_camera_that_is_not_there_is_one_sentence(watched: Watched) -> None:
     watched.wait()
     assert watched.feed.take() is None
     assert len(watched.feed.said) == 1
     assert "gives no pictures" in watched.feed.said[0]
+    assert "secret" not in watched.feed.said[0]
     assert list(watched.feed.events) == [events.LOST_CAMERA()]
 
 

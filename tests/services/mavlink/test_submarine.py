@@ -287,6 +287,9 @@ def test_the_list_of_parameters_is_whole_and_goes_to_who_asked() -> None:
     assert all(len(name) <= 16 for name in NAMES)
     links = {a.link for r in reactions for a in r.packets if a.packet.name == "PARAM_VALUE"}
     assert links == {ANN.link}
+    for index in (-1, len(NAMES)):
+        drone.hear("PARAM_REQUEST_READ", param_id="NOBODY", param_index=index, **HERE)
+    assert drone.outbox.counts["unknown_parameter:mavlink"] == 2
 
 
 @given(name=st.sampled_from(NAMES), value=anything)
@@ -501,6 +504,17 @@ def test_there_are_buttons_beyond_sixteen() -> None:
     drone.hear("PARAM_SET", param_id="BTN16_FUNCTION", param_value=3.0, param_type=2, **HERE)
     drone.sticks(buttons2=1)
     assert drone.asked.count("arm") == 1
+
+
+def test_a_button_beyond_sixteen_counts_and_one_of_a_tool_that_is_not_there_does_not() -> None:
+    drone = Drone()
+    drone.sticks()
+    for button, function in ((16, 3), (0, 51)):
+        fields: dict[str, Any] = {"param_id": f"BTN{button}_FUNCTION", "param_value": function}
+        drone.hear("PARAM_SET", param_type=2, **fields, **HERE)
+    drone.sticks(buttons2=1)
+    assert drone.asked.count("arm") == 1
+    assert drone.sticks(buttons=1).requests == []
 
 
 def test_a_held_button_tilts_the_camera_and_one_changes_the_gain() -> None:
