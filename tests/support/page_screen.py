@@ -192,7 +192,8 @@ window.pad = { id: 'unknown', index: 0, connected: true, mapping: '', timestamp:
 navigator.getGamepads = () => [window.pad];
 """
 HEARD = """
-window.heard = { tones: 0, said: [] };
+window.heard = { tones: 0, said: [], beeps: 0 };
+navigator.vibrate = () => { window.heard.beeps += 1; return true; };
 window.AudioContext = class {
   currentTime = 0;
   createOscillator() {

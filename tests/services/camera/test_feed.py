@@ -44,7 +44,9 @@ def watched(request: pytest.FixtureRequest) -> Generator[Watched]:
 
 
 @pytest.mark.parametrize(
-    "watched", ["/dev/video97", "/nowhere/film.mp4", "rtsp://me:secret@127.0.0.1:9/x"], indirect=True
+    "watched",
+    ["/dev/video97", "/nowhere/film.mp4", "rtsp://me:secret@127.0.0.1:9/x"],
+    indirect=True,
 )
 def test_a_camera_that_is_not_there_is_one_sentence(watched: Watched) -> None:
     watched.wait()

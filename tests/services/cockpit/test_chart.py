@@ -61,6 +61,8 @@ class Watch:
 
 def test_a_measured_place_is_shown_as_it_is_and_home_is_where_it_was_armed() -> None:
     watch = Watch()
+    watch.go(seen())
+    assert (watch.chart.here, watch.chart.home(), watch.points) == (None, None, [])
     watch.chart.step(seen(1.0, 2.0), 1, armed=False)
     assert watch.chart.home() is None
     watch.go(seen(3.0, 4.0))
@@ -83,14 +85,6 @@ def test_what_was_measured_a_while_ago_goes_on_as_the_state_says_and_is_marked()
     assert watch.chart.here == here
     watch.go(seen())
     assert watch.chart.here is None
-
-
-def test_a_drone_that_never_measured_has_no_place() -> None:
-    watch = Watch()
-    watch.go(seen())
-    assert watch.chart.here is None
-    assert watch.chart.home() is None
-    assert watch.points == []
 
 
 def test_of_another_origin_neither_home_nor_track_is_shown_until_the_first_is_back() -> None:

@@ -98,6 +98,10 @@ def test_a_switch_and_a_dimmer_ask_for_what_they_are_not(browser: Browser, serve
     assert page.look(shown) == "on"
     served.becomes(page)
     assert page.look(shown) == "off"
+    served.becomes(page, tools=MANY[:1])  # a vehicle with its light alone has no panel
+    hidden = "['tools', 'tools-open'].every((id) => document.getElementById(id).hidden)"
+    assert page.look(hidden)
+    assert not page.look("document.getElementById('light-steps').hidden")
     page.close()
 
 
@@ -139,17 +143,6 @@ def test_a_button_that_a_pilot_has_mapped_does_nothing_else(
     sent = len(served.sticks)
     until(lambda: len(served.sticks) > sent + 20)
     assert {each.gripper for each in served.sticks} == {0.0}
-    page.close()
-
-
-def test_a_vehicle_with_its_light_alone_has_no_panel_of_tools(
-    browser: Browser, served: Served
-) -> None:
-    page = opened(browser, served)
-    served.becomes(page, tools=MANY[:1])
-    hidden = "['tools', 'tools-open'].every((id) => document.getElementById(id).hidden)"
-    assert page.look(hidden)
-    assert not page.look("document.getElementById('light-steps').hidden")
     page.close()
 
 

@@ -21,7 +21,6 @@ from services.runtime.config.stack import Stack
 from services.visualizer.computed import (
     BAND,
     LONGEST_NS,
-    LOOKS,
     SETTLE_NS,
     WINDOW,
     JerkLines,
@@ -114,16 +113,6 @@ def test_the_viewer_counts_the_starts_and_reversals_of_the_report() -> None:
     on = ahead | astern
     since = np.count_nonzero((on[1:] & ~on[:-1])[late[1:]])
     assert rows[-1][0] + since == pytest.approx(sum(starts) * minutes, abs=0.1)
-
-
-@pytest.mark.slow
-def test_few_points_are_drawn_and_all_have_a_look() -> None:
-    styled = {look.path for look in LOOKS}
-    for path, (times, _) in flown().curves.items():
-        if path.startswith(("jerk_", "thruster_changes")):
-            assert path in styled
-            assert len(times) < 15 * LONG_S
-    assert styled <= set(flown().curves)
 
 
 def test_an_estimate_that_is_lost_ends_its_line_once() -> None:

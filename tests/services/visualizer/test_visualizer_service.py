@@ -111,21 +111,6 @@ def test_every_stream_of_both_realms_is_in_the_file(tmp_path: Path, sample: Samp
     assert shown <= found
 
 
-@pytest.mark.slow
-def test_each_sample_comes_back_with_its_own_time(tmp_path: Path, sample: Sample) -> None:
-    def sinking(key: str, now: int) -> Message:
-        message = sample(key, now)
-        if isinstance(message, VehicleState):
-            return msgspec.structs.replace(message, depth=Estimate(now / SECOND, 0.1))
-        return message
-
-    dive(tmp_path, sinking, 30.3).close()  # between two writes: the end must not be lost
-    times, values = read_back(tmp_path / "dive.rrd", "/depth/estimate")
-    # The first message begins the dive at 0.2 s.
-    np.testing.assert_allclose(times, np.arange(151) * 0.2, atol=1e-9)
-    np.testing.assert_allclose(values, np.arange(1, 152) * 0.2, atol=1e-9)
-
-
 def test_of_equal_samples_only_the_ends_are_written(tmp_path: Path, sample: Sample) -> None:
     """The same line is drawn. The end is drawn anew with each write of the file."""
 
