@@ -1,5 +1,6 @@
 """The driver against the double, packet by packet: what it accepts, refuses, sends and says."""
 
+from itertools import pairwise
 from math import hypot, inf, nan
 from typing import Any
 
@@ -20,6 +21,7 @@ BOTH = pytest.mark.parametrize("version", ["4.5", "4.8"])
 
 @BOTH
 def test_neutral_is_sent_before_while_and_after_arming(version: str) -> None:
+    """At least 50 times a second, never released, and with a heartbeat each second."""
     cable = Cable(version).accepted()
     assert len(cable.sticks()) >= 10
     assert all(sticks == [1500] * 6 for sticks in cable.sticks())
@@ -27,30 +29,18 @@ def test_neutral_is_sent_before_while_and_after_arming(version: str) -> None:
     armed = cable.now
     cable.run(0.3)
     assert cable.board.armed
-    cable.run(1.0)
+    cable.run(2.0)
     assert any(sticks[2] < 1450 for sticks in cable.sticks(armed))
+    assert len(cable.sticks(armed)) >= 115
     cable.armed, stopped = False, cable.now
     cable.run(1.0)
     assert not cable.board.armed
     after = cable.sticks(stopped + 20 * MS)
     assert len(after) >= 45
     assert all(sticks == [1500] * 6 for sticks in after)
-
-
-@BOTH
-def test_sticks_are_sent_at_least_50_times_a_second_and_never_released(version: str) -> None:
-    cable = Cable(version).flying()
-    began = cable.now
-    cable.run(2.0)
-    assert len(cable.sticks(began)) >= 100
     assert all(1100 <= pulse <= 1900 for sticks in cable.sticks() for pulse in sticks)
-
-
-@BOTH
-def test_heartbeats_are_a_second_apart(version: str) -> None:
-    cable = Cable(version).run(10.0)
-    times = [at for at, packet in cable.sent if packet.name == "HEARTBEAT"]
-    assert len(times) in (10, 11)
+    beats = [at for at, packet in cable.sent if packet.name == "HEARTBEAT"]
+    assert all(abs(after - before - S) <= 20 * MS for before, after in pairwise(beats))
 
 
 @BOTH
@@ -217,15 +207,12 @@ def test_a_parameter_that_will_not_set_is_named_and_the_board_is_not_armed() -> 
     assert not cable.board.armed
 
 
-@pytest.mark.parametrize(
-    "name", ["BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "FS_EKF_ACTION", "FS_CRASH_CHECK"]
-)
-def test_a_failsafe_that_would_stop_the_motors_in_mid_dive_is_said(name: str) -> None:
-    params = {"FS_PILOT_TIMEOUT": 1.0, name: 2.0}
-    cable = Cable(params=params).accepted()
-    assert [text for text in cable.said if text.startswith(f"{name} is 2: ")]
-    params[name] = 0.0
-    assert not [text for text in Cable(params=params).accepted().said if name in text]
+@pytest.mark.parametrize("acts", [2.0, 0.0])
+def test_a_failsafe_that_would_stop_the_motors_in_mid_dive_is_said(acts: float) -> None:
+    names = ("BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "FS_EKF_ACTION", "FS_CRASH_CHECK")
+    cable = Cable(params={"FS_PILOT_TIMEOUT": 1.0, **dict.fromkeys(names, acts)}).accepted()
+    said = [name for name in names for text in cable.said if text.startswith(f"{name} is 2: ")]
+    assert said == (list(names) if acts else [])
 
 
 def test_an_axis_on_another_channel_is_found_however_many_answers_are_lost() -> None:
@@ -244,17 +231,6 @@ def test_an_axis_on_another_channel_is_found_however_many_answers_are_lost() -> 
     cable.run(6.0)
     assert not cable.board.armed
     assert any("RCMAP_YAW is 6; allowed: 4" in text for text in cable.said), cable.said
-
-
-def test_an_axis_moved_to_another_channel_in_flight_ends_it() -> None:
-    cable = Cable().flying()
-    cable.board.hear(
-        MavlinkPacket("PARAM_SET", {"param_id": "RCMAP_YAW", "param_value": 6.0}, 254, 190),
-        cable.now,
-    )
-    cable.run(0.5)
-    assert not cable.board.armed
-    assert any("RCMAP_YAW is 6" in text for text in cable.said)
 
 
 def test_nothing_but_the_pilot_timeout_is_ever_written() -> None:
@@ -317,7 +293,7 @@ def test_a_reboot_in_mid_dive_needs_a_deliberate_arming(version: str) -> None:
     assert cable.board.armed
 
 
-@pytest.mark.parametrize("silence", [0.0, 1.0, 10.0])
+@pytest.mark.parametrize("silence", [0.0, 10.0])
 def test_a_board_that_restarts_is_nobody_else_s(silence: float) -> None:
     """Its heartbeat says that it is disarmed before its clock says why."""
     cable = Cable().flying()
@@ -340,7 +316,7 @@ def test_an_old_text_of_the_board_is_no_reason() -> None:
     assert "Arming motors" not in said
 
 
-@pytest.mark.parametrize("seconds", [-3.0, -0.8, 1.2, 30.0])
+@pytest.mark.parametrize("seconds", [-0.8, 30.0])
 def test_a_jump_of_the_boards_clock_stops_the_vehicle(seconds: float) -> None:
     cable = Cable().flying()
     cable.board.clock_ahead_ns += round(seconds * S)
@@ -449,23 +425,22 @@ def test_a_cable_cut_in_flight_ends_in_the_boards_failsafe() -> None:
     assert cable.counts["outdone:ardusub"] == 1
 
 
-def test_a_parameter_made_wrong_in_flight_ends_it() -> None:
+@pytest.mark.parametrize(("name", "value"), [("FS_PILOT_INPUT", 0.0), ("RCMAP_YAW", 6.0)])
+def test_a_parameter_made_wrong_in_flight_ends_it(name: str, value: float) -> None:
     cable = Cable().flying()
-    cable.board.hear(
-        MavlinkPacket("PARAM_SET", {"param_id": "FS_PILOT_INPUT", "param_value": 0.0}, 254, 190),
-        cable.now,
-    )
+    set_by_them = MavlinkPacket("PARAM_SET", {"param_id": name, "param_value": value}, 254, 190)
+    cable.board.hear(set_by_them, cable.now)
     cable.run(0.5)
     assert not cable.board.armed
-    assert any("FS_PILOT_INPUT is 0" in text for text in cable.said)
+    assert any(f"{name} is {value:g}" in text for text in cable.said)
 
 
 def test_a_leak_is_said_and_counted() -> None:
     cable = Cable().accepted()
     cable.board.leaking = True
-    cable.run(45.0)
+    cable.run(25.0)
     assert "the board says: Leak Detected" in cable.said
-    assert cable.counts["leak:board"] == 2
+    assert cable.counts["leak:board"] == 1
     assert cable.driver.wet(cable.now) is True
     cable.board.leaking = False
     cable.run(46.0)

@@ -216,12 +216,6 @@ def test_pictures_of_other_formats_and_sizes_are_converted(
     assert abs(float(shot.picture.u.mean()) - 128.0) < 2.0
 
 
-def test_a_camera_is_called_by_its_name() -> None:
-    feed = Feed("rtsp://me:secret@127.0.0.1:9/x", 160, 90, time.monotonic_ns, called="down camera")
-    feed.look_after(time.monotonic_ns() + 60_000_000_000)
-    assert feed.said[0].startswith("down camera: rtsp://…@127.0.0.1:9/x gives no pictures")
-
-
 def test_what_lasts_is_said_again_to_who_has_come_since() -> None:
     feed, S = Feed("/dev/none", 160, 90, lambda: 0), 1_000_000_000
     lines = list[int]()

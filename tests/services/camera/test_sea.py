@@ -62,17 +62,14 @@ def test_without_daylight_the_lamp_lights_what_is_near() -> None:
 
 
 @pytest.mark.parametrize("daylight", [0.0, 0.6])
-@pytest.mark.parametrize("above", [0.5, 1.0, 2.0])
-@pytest.mark.parametrize("tilt", [-0.5, DOWNWARDS])
-def test_the_lamp_never_makes_the_floor_all_white(
-    daylight: float, above: float, tilt: float
-) -> None:
-    sea = SimulatedSea(160, 90, 1.4, WaterLight(0.25, daylight), FLOOR)
-    at = (1.0, 2.0, FLOOR - above)
-    lit = sea.draw(CameraView(at, from_euler(0.0, 0.0, 0.3), tilt, 1.0)).y
-    assert np.mean(lit >= 230) < 0.08
-    assert np.std(lit.astype(float)) > 8.0  # there is something to be seen
-    assert np.mean(lit) > 40.0
+def test_the_lamp_never_makes_the_floor_all_white(daylight: float) -> None:
+    sea = SimulatedSea(*SIZE, 1.4, WaterLight(0.25, daylight), FLOOR)
+    for above, tilt in ((0.5, DOWNWARDS), (2.0, DOWNWARDS), (1.0, -0.5)):
+        at = (1.0, 2.0, FLOOR - above)
+        lit = sea.draw(CameraView(at, from_euler(0.0, 0.0, 0.3), tilt, 1.0)).y
+        assert np.mean(lit >= 230) < 0.08
+        assert np.std(lit.astype(float)) > 8.0  # there is something to be seen
+        assert np.mean(lit) > 40.0
 
 
 def test_the_floor_stands_still_while_the_drone_moves() -> None:
@@ -103,7 +100,7 @@ def test_the_world_repeats_where_texture_and_pilings_do() -> None:
     assert np.mean(np.abs(one - other) < 3.0) > 0.97  # but for the particles
 
 
-@pytest.mark.parametrize("yaw", [-0.4, -0.2, 0.0, 0.2, 0.4])
+@pytest.mark.parametrize("yaw", [-0.4, 0.0, 0.2])
 def test_a_piling_is_seen_where_it_stands(yaw: float) -> None:
     """One stands at (3.5, 2.0) m; 3 m south of it and turned, it is at the bearing of -yaw."""
     view = CameraView((0.5, 2.0, 1.0), from_euler(0.0, 0.0, yaw))

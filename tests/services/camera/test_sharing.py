@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages import cameras, events
+from messages import events
 from messages.link import Stage
 from messages.video import CameraChoice, CameraShares, PictureAge
 from services.camera.core import ROOMLESS_NS, SHARES_NS, Camera, OneCamera, Settings
@@ -187,10 +187,3 @@ def test_a_name_that_no_camera_has_changes_nothing() -> None:
 def test_names_and_numbers_that_cannot_be_are_one_sentence(names: list[str], sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         drone(*names)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_keys_of_a_camera_lead_back_to_it(name: str) -> None:
-    assert cameras.camera_of(cameras.video(name).key) == name
-    assert cameras.camera_of(cameras.age(name).key) == name
-    assert cameras.camera_of("state") is None

@@ -30,13 +30,13 @@ def refused(host: str, *origins: str, local: bool = True) -> str:
 
 
 @pytest.mark.parametrize("host", ["localhost:8765", "127.0.0.1:8765", "[::1]:8765"])
-@pytest.mark.parametrize(
-    "origin",
-    ["https://app.foxglove.dev", "file://", "app://bundle", "http://localhost:8080",
-     "http://127.0.0.1", None],
-)  # fmt: skip
-def test_viewers_of_this_machine_are_let_in(host: str, origin: str | None) -> None:
-    assert refused(host, *(() if origin is None else (origin,))) == ""
+def test_viewers_of_this_machine_are_let_in(host: str) -> None:
+    assert refused(host) == ""
+    for origin in (
+        "https://app.foxglove.dev", "file://", "app://bundle", "http://localhost:8080",
+        "http://127.0.0.1",
+    ):  # fmt: skip
+        assert refused(host, origin) == ""
 
 
 @pytest.mark.parametrize(

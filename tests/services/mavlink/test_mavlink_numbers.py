@@ -63,12 +63,9 @@ def test_modes_have_their_numbers_in_the_dialect() -> None:
         assert getattr(dialect, f"SUB_MODE_{name}") == number
 
 
-@pytest.mark.parametrize("name", numbers.MESSAGE_IDS)
-def test_every_message_that_can_be_asked_for_has_its_number(name: str) -> None:
-    assert CODEC.types[name].id == numbers.MESSAGE_IDS[name]
-
-
-def test_every_message_that_can_be_asked_for_is_made() -> None:
+def test_every_message_that_can_be_asked_for_is_made_and_has_its_number() -> None:
+    numbered = {name: CODEC.types[name].id for name in numbers.MESSAGE_IDS}
+    assert numbered == numbers.MESSAGE_IDS
     assert set(TABLE) | set(commands.ASKED_FOR) == set(numbers.MESSAGE_IDS)
 
 

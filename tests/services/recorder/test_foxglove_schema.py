@@ -4,7 +4,6 @@ import json
 from typing import Any
 
 import msgspec
-import pytest
 
 from messages import topics
 from messages.message import Message
@@ -25,17 +24,13 @@ def parts_of(schema: dict[str, Any]) -> list[dict[str, Any]]:
     return [schema, *(part for child in inner for part in parts_of(child))]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_part_has_a_plain_type_and_nothing_the_parser_refuses(kind: type[Message]):
-    for part in parts_of(schema_of(kind)):
-        assert part["type"] in TYPES
-        assert part["type"] != "object" or "properties" in part
-        assert part["type"] != "array" or part["items"]["type"] != "array"
-        assert not REFUSED & set(part)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_top_is_an_object_with_every_field_of_the_message(kind: type[Message]):
-    schema = schema_of(kind)
-    assert schema["type"] == "object"
-    assert set(schema["properties"]) == {f.encode_name for f in msgspec.structs.fields(kind)}
+def test_every_part_has_a_plain_type_and_nothing_the_parser_refuses():
+    for kind in KINDS:
+        schema = schema_of(kind)
+        assert schema["type"] == "object"
+        assert set(schema["properties"]) == {f.encode_name for f in msgspec.structs.fields(kind)}
+        for part in parts_of(schema):
+            assert part["type"] in TYPES
+            assert part["type"] != "object" or "properties" in part
+            assert part["type"] != "array" or part["items"]["type"] != "array"
+            assert not REFUSED & set(part)
