@@ -66,7 +66,8 @@ release: $(READY) ## wheel, sdist and SBOM in dist/, notes, checked and flown; `
 $(READY): pyproject.toml research/pyproject.toml uv.lock
 	test -d .venv || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	$(UV) sync --quiet --inexact --frozen --all-extras
+	$(UV) sync --quiet --inexact --frozen --all-extras --compile-bytecode
+	$(BIN)/python -m compileall -q lindy messages services tools research tests
 	touch $(READY)
 
 clean:

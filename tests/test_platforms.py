@@ -82,7 +82,7 @@ def test_a_dive_is_flown_and_looked_at(tmp_path: Path) -> None:
     (flown,) = (tmp_path / "dives").iterdir()
     dive = str(flown.relative_to(tmp_path))
     assert "control" in lindy(tmp_path, f"log info {dive}")
-    lindy(tmp_path, f"log csv {dive} --out csv")
+    lindy(tmp_path, f"log export --as csv {dive} --out csv")
     lindy(tmp_path, f"log compare {dive} {dive}")
     lindy(tmp_path, f"review {dive} --out review.html")
     lindy(tmp_path, f"replay {dive} --through control --diff")

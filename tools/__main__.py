@@ -28,11 +28,23 @@ HELP = ("--help", "-h")
 RESEARCH = "lindy_research"  # a package of its own, which is not on every computer
 GONE = {
     "fleet": "`lindy drones --watch` lists the drones again and again",
+    "keys renew": "`lindy keys add ROLE NAME --again`",
+    "link down": "`lindy link set down`",
+    "link profile": "`lindy link set PROFILE`",
+    "link trace": "`lindy log export RECORDING --as trace`",
+    "link up": "`lindy link set up`",
+    "log csv": "`lindy log export RECORDING --as csv`",
     "log jerk": "`smoothness` in report.json",
     "log noise": "`lindy calibrate noise`",
+    "log parquet": "`lindy log export RECORDING --as parquet`",
+    "log rosbag": "`lindy log export RECORDING --as rosbag`",
     "log scene": "open several .rrd files in one rerun",
+    "log sticks": "`lindy log export RECORDING --as sticks`",
+    "picture": "`lindy log export RECORDING --as rrd`, then `rerun` shows it",
     "record": "each drone records on board; fetch its files after the dive",
     "router-config": "change deploy/router.json5, whose comments say what",
+    "topic bw": "`lindy topic hz`, which shows this, too",
+    "topic delay": "`lindy topic hz`, which shows this, too",
     "tour": "the steps of a first dive are in docs/flying.md",
 }  # verb of an earlier version → what to use instead
 ABOUT = "Pilot an underwater drone: the pilot leads, the drone follows, without a jerk."
@@ -63,7 +75,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "topic": Verb(
             "topic.command:topic", "List the streams of a dive; show, time and weigh them."
         ),
-        "link": Verb("link:link", "The tether: its model offline, a running link, a recorded one."),
+        "link": Verb("link:link", "The tether: show its model offline, change a running link."),
     },
     "Recordings": {
         "review": Verb(
@@ -74,7 +86,6 @@ GROUPS: dict[str, dict[str, Verb]] = {
         ),
         "log": Verb("", "Look into recordings: check, cut, mend, convert, compare."),
         "replay": Verb("replay.command:replay", "Play a dive again, or compare today's code."),
-        "picture": Verb("picture:picture", "Draw a recorded dive as the viewer shows it."),
     },
     "Vehicle": {
         "doctor": Verb(
@@ -115,13 +126,11 @@ LOG: dict[str, Verb] = {
     "check": Verb("log.check:check", "Is everything in it that was sent, and what was lost where?"),
     "cut": Verb("log.cut:cut", "Cut a part out, as a recording of its own."),
     "recover": Verb("log.recover:recover", "Save what can be read of a damaged recording."),
-    "csv": Verb("log.export:csv", "Write every topic as a table: one CSV file each."),
-    "parquet": Verb("log.export:parquet", "Write every topic as a table: one Parquet file each."),
-    "rosbag": Verb(
-        "log.rosbag:rosbag", "As a bag of ROS 2 (rosbag2, MCAP), with standard messages."
+    "export": Verb(
+        "log.export:export",
+        "Write tables, a bag of ROS 2, a stick log, a link's trace, or rerun's file.",
     ),
     "compare": Verb("log.compare:compare", "What differs between two recordings, when first."),
-    "sticks": Verb("log.sticks:sticks", "The pilot's sticks, as a stick log to fly again."),
     "film": Verb("log.film:film", "The pictures as a film with subtitles (MP4)."),
     "snapshots": Verb("log.snapshots:snapshots", "The pictures that the pilot took (JPEG)."),
 }
@@ -182,6 +191,9 @@ def _verb_of(words: Sequence[str]) -> Sequence[str]:
     Raises:
         LindyError: there is no such verb, or it is not installed.
     """
+    two = " ".join(words[:2])
+    if two in GONE:
+        raise LindyError(f"`lindy {two}` is gone: {GONE[two]}")
     of_log = words[:1] == ["log"]
     verbs, name = LOG if of_log else VERBS, next(iter(words[of_log:]), "--help")
     if name in (*HELP, "--version"):
@@ -189,9 +201,8 @@ def _verb_of(words: Sequence[str]) -> Sequence[str]:
     if name not in verbs:
         from services.runtime.config.settings import nearest
 
-        whole = f"log {name}" if of_log else name
-        if whole in GONE:
-            raise LindyError(f"`lindy {whole}` is gone: {GONE[whole]}")
+        if not of_log and name in GONE:
+            raise LindyError(f"`lindy {name}` is gone: {GONE[name]}")
         raise LindyError(f"unknown command {name!r}{nearest(name, [*verbs])}")
     if verbs[name].place.startswith(RESEARCH) and find_spec(RESEARCH) is None:
         raise LindyError(

@@ -1,4 +1,4 @@
-"""`lindy link`: the tether's model without a network; change a running link; record a real one."""
+"""`lindy link`: the tether's model without a network, and the link of a running dive."""
 
 import math
 import sys
@@ -13,8 +13,6 @@ from messages.link import LinkRequest
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from tools.choices import RunningDive, Whole
-from tools.choices import named as path_named
-from tools.fresh import refuse_existing, write_fresh
 
 if TYPE_CHECKING:  # help loads nothing of the model
     from services.tether.link_model import FateRow
@@ -24,12 +22,12 @@ MOST_MESSAGES = 5_000_000
 
 link = App(
     name="link",
-    help="The tether: its model offline, a running link, a recorded one.",
+    help="The tether: show its model offline, change a running link.",
 )
 
 
-@link.default
-def offline(
+@link.command
+def show(
     *,
     profile: Annotated[str, Parameter(help="a name in deploy/links, or a TOML file")] = "tether",
     rate: Annotated[float, Parameter(help="[1/s] messages that enter, evenly")] = 50.0,
@@ -45,7 +43,7 @@ def offline(
     ends with the delay that the profile declares, beside the delay of these messages, which keep
     their order and may wait in a queue.
 
-    Example: lindy link --profile severe --rate 100 --bytes 200 --seconds 60 --seed 1
+    Example: lindy link show --profile severe --rate 100 --bytes 200 --seconds 60 --seed 1
     """
     for name, value in (("rate", rate), ("seconds", seconds)):
         if not (math.isfinite(value) and value > 0.0):
@@ -67,73 +65,29 @@ def offline(
     return 0
 
 
-@link.command
-def profile(name: str, *, dive: RunningDive = None) -> int:
-    """Give the link of a dive that is going on another profile. Nothing on the way is lost. Over
-    one that cannot be flown the drone loses its pilot, which is printed.
-
-    Example: lindy link profile congested
-    """
-    status = _ask(LinkRequest(stamp_ns=0, id="", kind="profile", profile=name), dive)
-    if (why := _why_not_flown(name)) is not None:
-        print(f"lindy: {why}", file=sys.stderr, flush=True)
-    return status
-
-
 @link.command(name="set")
 def set_(*settings: str, dive: RunningDive = None) -> int:
-    """Change single keys of the profile in force, in a dive that is going on.
+    """Change the link of a dive that is going on: another profile, single keys of it, down or up.
 
-    Example: lindy link set up.delay_ms=80 down.rate_kbit=256
+    A profile is a name in deploy/links, or a TOML file; nothing on the way is lost. Over one that
+    cannot be flown the drone loses its pilot, which is printed. `down` cuts the link, and whatever
+    is on the way is lost; `up` joins it again.
+
+    Example: lindy link set congested
+             lindy link set up.delay_ms=80 down.rate_kbit=256
+             lindy link set down
     """
-    return _ask(LinkRequest(stamp_ns=0, id="", kind="set", settings=settings), dive)
-
-
-@link.command
-def down(*, dive: RunningDive = None) -> int:
-    """Cut the link of a dive that is going on: whatever is on the way is lost.
-
-    Example: lindy link down
-    """
-    return _ask(LinkRequest(stamp_ns=0, id="", kind="down"), dive)
-
-
-@link.command
-def up(*, dive: RunningDive = None) -> int:
-    """Join the link again.
-
-    Example: lindy link up
-    """
-    return _ask(LinkRequest(stamp_ns=0, id="", kind="up"), dive)
-
-
-@link.command
-def trace(
-    recording: Path,
-    *,
-    out: Annotated[
-        Path, Parameter(converter=path_named, help="the CSV to write, a new file")
-    ] = Path("trace.csv"),
-) -> int:
-    """Make a trace of a recorded dive's link, for `delay = { kind = "trace", file = … }` in a
-    profile.
-
-    RECORDING is a dive's folder or its MCAP file. The first lines of the trace say how it was
-    measured: one way by the pilot's commands where both ends have one clock, else half the round
-    trips of the clock pings.
-
-    Example: lindy link trace dives/latest --out trace.csv
-    """
-    from tools.link_trace import trace_of
-
-    refuse_existing(out)
-    found = trace_of(recording)
-    lines = (f"{sent:.6f},{_seconds(at)}\n" for sent, at in found.rows)
-    heading = "".join(f"# {line}\n" for line in found.remarks)
-    write_fresh(out, (heading + "sent_s,arrived_s\n" + "".join(lines)).encode())
-    lost = sum(at is None for _, at in found.rows)
-    print(f"{out}: {len(found.rows)} messages, {lost} lost; {found.remarks[0]}")
-    return 0
+    name = settings[0] if len(settings) == 1 and "=" not in settings[0] else None
+    match name:
+        case None:
+            return _ask(LinkRequest(stamp_ns=0, id="", kind="set", settings=settings), dive)
+        case "down" | "up":
+            return _ask(LinkRequest(stamp_ns=0, id="", kind=name), dive)
+        case _:
+            status = _ask(LinkRequest(stamp_ns=0, id="", kind="profile", profile=name), dive)
+            if (why := _why_not_flown(name)) is not None:
+                print(f"lindy: {why}", file=sys.stderr, flush=True)
+            return status
 
 
 def _ask(request: LinkRequest, dive: Path | None) -> int:

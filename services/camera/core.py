@@ -29,6 +29,9 @@ FURTHER = "camera_"  # the name of a further camera's service begins so
 STALE_NS = 200_000_000  # [ns] a picture that came longer ago is not even encoded
 SHARES_NS = 2_000_000_000  # [ns] without a word of the large camera: it is silent
 ROOMLESS_NS = 3_000_000_000  # [ns] without room that are worth a word
+# A camera's own H.264 is sent as it comes where it has had this room for so long.
+PASSED_ROOM, PASSED_AFTER_NS = 1.2, 2_000_000_000  # [-] of its bitrate, [ns]
+PASSED_HZ = 1.1  # [-] of the pictures wanted, that it may give
 PictureSide = Annotated[int, msgspec.Meta(ge=64, le=4096, multiple_of=2)]
 VideoKilobits = Annotated[float, msgspec.Meta(ge=4.0, le=50_000.0)]
 
@@ -109,6 +112,7 @@ class Camera:
         self._keyframe_wanted = False
         self._keyframe = 0  # number of the last one
         self._pictures = 0
+        self._fits_ns: Ns | None = None  # [ns] since when the camera's own H.264 has room
         self._roomless_ns: Ns | None = None  # [ns] since when there is no room for its pictures
         self._told = False  # that there is none
 
@@ -188,6 +192,26 @@ class Camera:
             return events.LEFT_OUT_PICTURE()
         keyframe = kbit != self._kbit or self._keyframe_wanted or self._pacer.wants_keyframe(now)
         return Order(kbit, hz, keyframe)
+
+    def passes(self, kbit: float, hz: float, now: Ns) -> bool:
+        """Is the camera's own H.264 to be sent as it comes? It cannot be made smaller, nor begun at
+        will: where there is no room for it, or topside wants a keyframe, we encode.
+
+        Args:
+            kbit, hz: [kbit/s], [1/s] that it gives.
+        """
+        room = PASSED_ROOM * kbit <= self.budget(now) and hz <= PASSED_HZ * self._settings.rate
+        if not room or self._keyframe_wanted:
+            self._keyframe_wanted = self._keyframe_wanted or self._fits_ns is not None
+            self._fits_ns = None
+            return False
+        self._fits_ns = now if self._fits_ns is None else self._fits_ns
+        return now > self._fits_ns + PASSED_AFTER_NS
+
+    def passed(self, now: Ns, *, keyframe: bool) -> Order:
+        """What is said of a picture that is sent as the camera has encoded it."""
+        self._pictures += 1
+        return Order(self.budget(now), self._settings.rate, keyframe)
 
     def parts(
         self, data: bytes, order: Order, light: Light, captured: Ns, encoded: Ns

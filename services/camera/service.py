@@ -10,7 +10,7 @@ from messages.events import Event
 from messages.units import Positive, Vec3
 from messages.video import CameraChoice, CameraShares
 from services.camera.capture_time import Light
-from services.camera.core import FURTHER, SIMULATED, Camera, OneCamera, Settings
+from services.camera.core import FURTHER, SIMULATED, Camera, OneCamera, Order, Settings
 from services.camera.sea import CameraView, Picture, SimulatedSea
 from services.marine import time_stripe
 from services.marine.attitude import to_world
@@ -23,6 +23,7 @@ from services.runtime.node.node import Node
 
 # (when its light arrived, when the picture came, how to take it)
 Film = Callable[[Light, int, Callable[[], tuple[Picture, int]]], None]
+Send = Callable[[bytes, Order, Light, int], None]  # an access unit; when it was in memory
 TRUTH_NS = 500_000_000  # [ns] an older truth is that of a simulator that has stopped
 
 
@@ -45,7 +46,7 @@ def wire(node: Node, stack: Stack) -> None:
             f"camera needs PyAV, which is not installed; {how_to_install('camera')}"
         ) from None
     camera, encoder = Camera(every, name), VideoEncoder(settings.width, settings.height)
-    video = node.publisher(cameras.video(name))
+    send = _sender(node, camera, name)
 
     def film(light: Light, came: int, take: Callable[[], tuple[Picture, int]]) -> None:
         order = camera.order(came, node.now())
@@ -53,12 +54,7 @@ def wire(node: Node, stack: Stack) -> None:
             node.tell(order)
             return
         picture, captured = take()
-        data = encoder.encode(picture, captured, order)
-        parts = camera.parts(data, order, light, captured, node.now())
-        if not parts:
-            node.tell(events.UNENCODED_PICTURE())
-        for part in parts:
-            video.put(part)
+        send(encoder.encode(picture, captured, order), order, light, captured)
 
     node.each(cameras.age(name), camera.heard)
     node.each(topics.LINK, lambda status, _: camera.link(status))
@@ -69,7 +65,21 @@ def wire(node: Node, stack: Stack) -> None:
     elif stack.virtual:
         raise NeedsRealTimeError(f"camera with the source {without_passwords(settings.source)}")
     else:
-        _watch(node, settings, film, cameras.called(name, several=bool(every.more)))
+        called = cameras.called(name, several=bool(every.more))
+        _watch(node, settings, camera, film, send, called)
+
+
+def _sender(node: Node, camera: Camera, name: str) -> Send:
+    video = node.publisher(cameras.video(name))
+
+    def send(data: bytes, order: Order, light: Light, captured: int) -> None:
+        parts = camera.parts(data, order, light, captured, node.now())
+        if not parts:
+            node.tell(events.UNENCODED_PICTURE())
+        for part in parts:
+            video.put(part)
+
+    return send
 
 
 def _share(node: Node, camera: Camera, name: str) -> None:
@@ -138,8 +148,10 @@ def _simulate(node: Node, stack: Stack, settings: OneCamera, film: Film, *, foll
     node.every(settings.rate, tick)
 
 
-def _watch(node: Node, settings: OneCamera, film: Film, called: str) -> None:
-    """Take what a device, the network or a file gives."""
+def _watch(
+    node: Node, settings: OneCamera, camera: Camera, film: Film, send: Send, called: str
+) -> None:
+    """Take what a device, the network or a file gives; its own H.264 where there is room for it."""
     from services.camera.io.feed import Feed
 
     feed = Feed(
@@ -156,6 +168,12 @@ def _watch(node: Node, settings: OneCamera, film: Film, called: str) -> None:
             node.log("warning", feed.said.popleft())
         while feed.events:
             node.tell(feed.events.popleft())
+        now = node.now()
+        feed.passing = camera.passes(feed.kbit, feed.hz, now)
+        while feed.units:
+            unit = feed.units.popleft()
+            order = camera.passed(now, keyframe=unit.keyframe)
+            send(unit.data, order, unit.light, unit.arrived_ns)
         if (shot := feed.take()) is not None:
             film(shot.light, shot.arrived_ns, lambda: (shot.picture, shot.captured_ns))
 

@@ -408,17 +408,21 @@ TARGETS: dict[str, Target] = {
     "recording": Target("recording", recording),
     "log info": Target("recording", verb("log", "info", "FILE")),
     "log check": Target("recording", verb("log", "check", "FILE")),
-    "log csv": Target("recording", verb("log", "csv", "FILE", out="tables")),
-    "log rosbag": Target("recording", verb("log", "rosbag", "FILE", out="bag")),
+    "log csv": Target("recording", verb("log", "export", "--as", "csv", "FILE", out="tables")),
+    "log rosbag": Target("recording", verb("log", "export", "--as", "rosbag", "FILE", out="bag")),
     "log cut": Target("recording", verb("log", "cut", "FILE", "--from", "0.1", out="cut.mcap")),
     "log recover": Target("recording", verb("log", "recover", "FILE", out="whole.mcap")),
     "log compare": Target(
         "recording", verb("log", "compare", "FILE", str(CORPUS / "recording" / MESSAGES))
     ),
-    "log sticks": Target("recording", verb("log", "sticks", "FILE", out="sticks.csv")),
+    "log sticks": Target(
+        "recording", verb("log", "export", "--as", "sticks", "FILE", out="sticks.csv")
+    ),
     "calibrate noise": Target("recording", verb("calibrate", "noise", "FILE")),
     "log snapshots": Target("recording", verb("log", "snapshots", "FILE", out="pictures")),
-    "link trace": Target("recording", verb("link", "trace", "FILE", out="trace.csv")),
+    "link trace": Target(
+        "recording", verb("log", "export", "--as", "trace", "FILE", out="trace.csv")
+    ),
     "review": Target("recording", verb("review", "FILE", out="page.html")),
     "replay": Target("recording", verb("replay", "FILE", "--through", "control", "--diff")),
     "identify": Target("recording", verb("identify", "FILE")),

@@ -249,7 +249,7 @@ def test_there_is_a_pad_only_when_sdl_says_so(
     assert pilots.pad_is_there() is there
 
 
-WITH_VERBS_OF_THEIR_OWN = {"calibrate", "identify", "keys", "link", "topic"}
+WITH_VERBS_OF_THEIR_OWN = {"identify", "keys", "link", "topic"}
 ALONE = [name for name in VERBS if name not in WITH_VERBS_OF_THEIR_OWN | {"log"}]
 WORDS = [(name,) for name in ALONE] + [("log", name) for name in LOG]
 
@@ -378,7 +378,7 @@ def test_a_dive_without_files_reports_and_writes_nothing(
 def test_a_seed_that_is_not_whole_is_refused(
     capsys: pytest.CaptureFixture[str], script: str, seed: str
 ):
-    for arguments in (["simulate", "--pilot", script], ["link"]):
+    for arguments in (["simulate", "--pilot", script], ["link", "show"]):
         said = complaint(capsys, *arguments, "--seed", seed)
         assert f"--seed is {seed!r}, expected a whole number" in said
 
@@ -443,7 +443,7 @@ def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
         ("up drone --headless", "Unknown option: --headless. `lindy up --help` says more"),
         ("dive --headles", "Unknown option: --headles. Did you mean --headless? `lindy dive"),
         ("topic echo --nope=1", "Unknown option: --nope=1. `lindy topic echo --help`"),
-        ("log csv --nope", "Unknown option: --nope. `lindy log csv --help` says more"),
+        ("log export --nope", "Unknown option: --nope. `lindy log export --help` says more"),
         *((name, f"lindy: `lindy {name}` is gone: {instead}") for name, instead in GONE.items()),
         ("simulate --pilot first_dive", "did you mean 'script:first_dive'?"),
     ],

@@ -27,7 +27,7 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("typed", "meant"),
     [("lindy simul", "simulate"), ("lindy simulate --see", "--seed"), ("lindy log comp", "compare"),
-     ("lindy link pro", "profile"), ("lindy keys re", "renew revoke")],
+     ("lindy link sh", "show"), ("lindy keys re", "revoke")],
 )  # fmt: skip
 def test_bash_completes(script: Path, typed: str, meant: str) -> None:
     done = subprocess.run(

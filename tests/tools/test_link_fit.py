@@ -70,5 +70,5 @@ def test_a_link_that_cannot_be_flown_is_refused_at_once_with_those_that_can(
 
 
 def test_it_can_still_be_looked_at(capsys: pytest.CaptureFixture[str]):
-    assert main(["link", "--profile", "acoustic", "--seconds", "1"]) == 0
+    assert main(["link", "show", "--profile", "acoustic", "--seconds", "1"]) == 0
     assert "seq,sent_s" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""`lindy link trace`: delays and losses found in a recording, and replayed by the model."""
+"""`lindy log export --as trace`: delays and losses of a recording, replayed by the model."""
 
 from pathlib import Path
 
@@ -14,8 +14,8 @@ from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.tether.io.profile_file import named
 from services.tether.link_model import fates
-from tools.link import link
-from tools.link_trace import trace_of
+from tools.__main__ import main
+from tools.log.link_trace import trace_of
 
 MS = 1_000_000  # [ns]
 UTC = 1_700_000_000_000_000_000  # [ns]
@@ -54,7 +54,7 @@ def test_delays_and_losses_of_commands_are_found_and_replayed_exactly(
     }
     write(tmp_path / "dive.mcap", [command(seq, delay) for seq, delay in delays.items()])
     out = tmp_path / "trace.csv"
-    assert link(["trace", str(tmp_path), "--out", str(out)], result_action="return_value") == 0
+    assert main(["log", "export", "--as", "trace", str(tmp_path), "--out", str(out)]) == 0
     assert "100 messages, 3 lost; one way, down" in capsys.readouterr().out
     assert out.read_text().startswith("# one way, down: arrival of pilot/command on board")
 

@@ -69,7 +69,6 @@ WAYS: list[tuple[str, Callable[[str], str]]] = [
     (r"lindy (doctor|calibrate|pad|cockpit) ", helped),  # a board, a pad, a person
     (r"lindy import ", helped),  # a log of somebody's vehicle
     (r"lindy (run|hub) ", helped),  # they never end
-    (r"lindy picture ", helped),  # a graphics driver
 ]
 
 

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from messages import topics
-from tools.choices import Json
 from tools.recordings.allan import AllanNoise, Floats
 from tools.recordings.allan import noise as noise_of
 from tools.recordings.at_rest import RestingSamples, RestStatistics, rate, read, resting
@@ -40,17 +39,15 @@ class SettingLine(NamedTuple):
     why: str
 
 
-def noise(recording: Path, *, json: Json = False) -> int:
-    """Noise, rate and drift of the sensors of a drone at rest.
+def noise(recording: Path, *, json: bool = False) -> int:
+    """Print noise, rate and drift of the sensors of a drone at rest, and the lines to paste into
+    the vehicle file, or the same as JSON. Returns the exit status.
 
-    RECORDING is a dive's folder or its MCAP file. Prints the lines to paste into the vehicle file.
     It uses the longest time in which the drone was neither armed nor moved, at least 20 s: the
-    longer, the slower the drift that can be seen. To make a recording, start the drone's side
-    alone, so that nobody arms it, and press Ctrl-C after a minute or longer. For the spreads of the
-    depth (`estimation.depth`) `lindy review` of a dive under way knows better.
+    longer, the slower the drift that can be seen.
 
-    Example: lindy up drone --out dives/on_the_bench
-             lindy calibrate noise dives/on_the_bench
+    Raises:
+        LindyError: there is no recording, or no such rest in it.
     """
     rest = resting(read(open_recording(recording)), recording)
     axes = list(measured(rest.samples))

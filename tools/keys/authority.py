@@ -81,7 +81,11 @@ def add(keys: Path, who: Identity, now: datetime, days: int) -> tuple[Path, list
     ca, signer = _signer(keys, now, days)
     signed, revoked = _list(keys / AUTHORITY / SIGNED), _list(keys / AUTHORITY / REVOKED)
     if who in signed:  # an old certificate must not become valid with a new name
-        longer = "" if who in revoked else f", or make them last: `lindy keys renew {who}`"
+        longer = (
+            ""
+            if who in revoked
+            else f", or make them last: `lindy keys add {who.role} {who.name} --again`"
+        )
         raise LindyError(f"{who} has keys already, or had once; choose another name{longer}")
     key, serial = ec.generate_private_key(ec.SECP256R1()), x509.random_serial_number()
     admitted = [w for w in signed if w not in revoked and w.role in LETS_IN[who.role]]

@@ -142,7 +142,8 @@ def check_certificate(data: bytes, authority: bytes, now: datetime) -> Certifica
         ValueError: why not.
     """
     found = check_issued(data, authority)
-    remedy = f"renew it where the authority is, with `lindy keys renew {found.who}`"
+    again = f"lindy keys add {found.who.role} {found.who.name} --again"
+    remedy = f"renew it where the authority is, with `{again}`"
     _check_dates(found.begins, found.ends, now, remedy)
     return found
 

@@ -47,37 +47,35 @@ def new(
 
 
 @keys.command
-def add(role: str, name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST_DAYS) -> int:
+def add(
+    role: str,
+    name: str,
+    *,
+    again: Annotated[bool, Parameter(help="for one whose certificate ends; the key stays")] = False,
+    folder: Keys = Path(DEFAULT),
+    days: Days = LONGEST_DAYS,
+) -> int:
     """Make keys for one more. ROLE is drone, pilot, router, or observer (hears, sends nothing).
 
+    Needs the authority; --again needs the folder of somebody's keys beside it, too.
+
     Example: lindy keys add pilot bob
+             lindy keys add pilot ann --again
     """
     who = _parsed(f"{role}:{name}")
     require_cryptography()
     from tools.keys import authority
 
-    made, lists = authority.add(folder.expanduser(), who, datetime.now(UTC), days)
+    place, now = folder.expanduser(), datetime.now(UTC)
+    if again:
+        made = authority.renew(place, who, now, days)
+        where = f"{DEFAULT}/{who.folder} of {_machine(who)}"
+        print(f"{made}: copy it into {where}, and start that again")
+        return 0
+    made, lists = authority.add(place, who, now, days)
     print(f"{made}: copy it into {DEFAULT} of {_machine(who)}")
     for path in lists:
         print(f"{path} names {who} now: copy it to its machine, and start that again")
-    return 0
-
-
-@keys.command
-def renew(name: str, *, folder: Keys = Path(DEFAULT), days: Days = LONGEST_DAYS) -> int:
-    """Make a new certificate for somebody, such as pilot:ann, whose one ends; the key stays.
-
-    Needs the authority, and the folder of somebody's keys beside it.
-
-    Example: lindy keys renew pilot:ann
-    """
-    who = _parsed(name)
-    require_cryptography()
-    from tools.keys import authority
-
-    made = authority.renew(folder.expanduser(), who, datetime.now(UTC), days)
-    where = f"{DEFAULT}/{who.folder} of {_machine(who)}"
-    print(f"{made}: copy it into {where}, and start that again")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""`lindy log csv` and `lindy log parquet`: one table for each topic."""
+"""`lindy log export`: a recording as tables, one for each topic, and in the words of others."""
 
 import re
 from collections import Counter
@@ -7,7 +7,7 @@ from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import msgspec
 from cyclopts import Parameter
@@ -38,12 +38,12 @@ CLEAN, DATA_LOST = 0, 3  # exit statuses
 BUFFER = 256 * 1024  # [bytes] of a CSV file
 BATCH = 20_000  # rows of a Parquet file that are kept until they are written
 ENCODE = msgspec.json.Encoder().encode
-Tables = Annotated[
+Kind = Literal["csv", "parquet", "rosbag", "sticks", "trace", "rrd"]
+Destination = Annotated[
     Path | None,
     Parameter(
         converter=named,
-        help="the folder to write to; where it holds files already, a new one beside it; default: "
-        "beside the recording",
+        help="a new folder, or file of sticks, trace, rrd; default: beside the recording",
     ),
 ]
 
@@ -58,35 +58,65 @@ class RowTable(Protocol):
 NewTable = Callable[[Path, list[TableColumn]], RowTable]
 
 
-def csv(recording: Path, *, out: Tables = None, topics: Topics = ()) -> int:
-    """Write every topic as a table: one CSV file each.
+def export(
+    recording: Path,
+    *,
+    as_: Annotated[
+        Kind,
+        Parameter(
+            name="--as",
+            help="csv or parquet: a table for each topic; rosbag: a bag of ROS 2; sticks: the "
+            "pilot's sticks, to fly again; trace: the link's delays, for a profile; rrd: for the "
+            "viewer rerun",
+        ),
+    ],
+    out: Destination = None,
+    topics: Topics = (),
+) -> int:
+    """Write tables, a bag of ROS 2, a stick log, a link's trace, or rerun's file.
 
-    In a new folder. RECORDING is a dive's folder or its MCAP file. Times: t_s, seconds since the
-    recording began, and log_ns and publish_ns, nanoseconds UTC of arrival and of the message's own
-    stamp. Vectors have named columns, such as wanted.surge. Exit status 3: a message could not be
-    read, or the file is damaged or was not finished.
+    RECORDING is a dive's folder or its MCAP file. Times in tables: t_s, seconds since the recording
+    began, and log_ns and publish_ns, nanoseconds UTC of arrival and of the message's own stamp.
+    Vectors have named columns, such as wanted.surge. Parquet needs the extra `tables`. A bag has
+    the messages of the ROS 2 service, at their arrival at the recorder. Exit status 3: a message
+    could not be read, or the file is damaged or was not finished.
 
-    Example: lindy log csv dives/latest --out tables
-             lindy log csv dives/latest --topics state 'sensor/*' --out tables
+    Example: lindy log export dives/latest --as csv --topics state 'sensor/*'
+             lindy log export dives/latest --as sticks --out again.csv
     """
-    return write_tables(recording, out, "csv", CsvTable, topics)
+    if topics and as_ not in ("csv", "parquet"):
+        raise LindyError(f"--topics is for tables; --as {as_} writes what it has a form for")
+    match as_:
+        case "csv":
+            return write_tables(recording, out, as_, CsvTable, topics)
+        case "parquet":
+            if find_spec("pyarrow") is None:
+                raise LindyError(
+                    f"Parquet needs pyarrow, which is not installed; {how_to_install('tables')}; "
+                    "or write --as csv"
+                )
+            return write_tables(recording, out, as_, ParquetTable, topics)
+        case "rosbag":
+            from tools.log.rosbag import write_bag
+
+            return write_bag(recording, out or beside(recording, "rosbag"))
+        case "sticks":
+            from tools.log.sticks import write_sticks
+
+            return write_sticks(recording, out or beside(recording, "sticks.csv"))
+        case "trace":
+            from tools.log.link_trace import write_trace
+
+            return write_trace(recording, out or beside(recording, "trace.csv"))
+        case "rrd":
+            from tools.log.rrd import write_rrd
+
+            return write_rrd(recording, out or beside(recording, "dive.rrd"))
 
 
-def parquet(recording: Path, *, out: Tables = None, topics: Topics = ()) -> int:
-    """Write every topic as a table: one Parquet file each.
-
-    The same tables as CSV, smaller and with types. It needs pyarrow (extra `tables`). RECORDING is
-    a dive's folder or its MCAP file. Exit status 3: a message could not be read, or the file is
-    damaged or was not finished.
-
-    Example: lindy log parquet dives/latest --out tables
-    """
-    if find_spec("pyarrow") is None:
-        raise LindyError(
-            f"Parquet needs pyarrow, which is not installed; {how_to_install('tables')}; or "
-            "write CSV with `lindy log csv`"
-        )
-    return write_tables(recording, out, "parquet", ParquetTable, topics)
+def beside(recording: Path, name: str) -> Path:
+    """The place of this name in the dive's folder, or next to its file."""
+    return (recording if recording.is_dir() else recording.parent) / name
 
 
 def write_tables(

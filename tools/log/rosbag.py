@@ -1,11 +1,9 @@
-"""`lindy log rosbag`: a recording as a bag of ROS 2, by the same table as the service `ros2`."""
+"""`lindy log export --as rosbag`: a bag of ROS 2, by the same table as the service `ros2`."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from messages import topics
 from messages.text import harmless
@@ -14,7 +12,6 @@ from services.ros2.core import Settings, namespace_of, ros_name
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
-from tools.choices import named
 from tools.fresh import refuse_existing
 from tools.recordings.dive_file import flown_dive, flown_section
 from tools.recordings.progress import reading
@@ -29,21 +26,13 @@ CLEAN, DATA_LOST = 0, 3  # exit statuses
 VERSION = 9  # of the format of bags, as ROS 2 Jazzy writes it
 
 
-def rosbag(
-    recording: Path,
-    *,
-    out: Annotated[
-        Path | None,
-        Parameter(converter=named, help="a new folder; default: rosbag beside the recording"),
-    ] = None,
-) -> int:
-    """As a bag of ROS 2 (rosbag2, MCAP), with standard messages.
+def write_bag(recording: Path, folder: Path) -> int:
+    """Write a bag with the messages that `lindy ros2` shows live, at the time of their arrival at
+    the recorder. Returns the exit status: 3 where a message could not be read, or the file is
+    damaged or was not finished.
 
-    RECORDING is a dive's folder or its MCAP file. The messages are those that `lindy ros2` shows
-    live, at the time of their arrival at the recorder. Exit status 3: a message could not be read,
-    or the file is damaged or was not finished.
-
-    Example: lindy log rosbag dives/latest --out bag
+    Raises:
+        LindyError: there is no recording, it is empty, or the folder is there or cannot be written.
     """
     try:
         from services.ros2.mapping import RosMessages
@@ -54,8 +43,6 @@ def rosbag(
     opened = open_recording(recording)
     if (origin := opened.origin_ns()) is None:
         raise opened.empty(recording)
-    beside = recording if recording.is_dir() else recording.parent
-    folder = out or beside / "rosbag"
     refuse_existing(folder)
     vehicle = flown_section(opened, "vehicle", Vehicle)
     settings = flown_section(opened, "ros2", Settings) or Settings()

@@ -1,5 +1,4 @@
-"""`lindy log sticks`: the sticks and requests of the pilot of a recorded dive, as a stick log that
-can be flown again."""
+"""`lindy log export --as sticks`: the pilot's sticks and requests, as a stick log to fly again."""
 
 import json
 from math import degrees, radians
@@ -19,7 +18,6 @@ from messages.vehicle import VehicleStatus
 from services.gamepad.stick_log import COLUMNS, QUIET_NS
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
-from tools.choices import NewFile
 from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
@@ -82,14 +80,12 @@ class HeardSticks:
                 pass
 
 
-def sticks(recording: Path, *, out: NewFile) -> int:
-    """The pilot's sticks, as a stick log to fly again.
+def write_sticks(recording: Path, out: Path) -> int:
+    """Write the pilot's sticks and requests as a stick log; a path that was followed is written
+    beside it. Returns the exit status: 3 where the recording is damaged or was not finished.
 
-    RECORDING is a dive's folder or its MCAP file. Requests are in the stick log, too; a path that
-    was followed is written beside OUT. Exit status 3: the recording is damaged or was not finished.
-
-    Example: lindy log sticks dives/latest --out again.csv
-             lindy simulate --pilot script:again.csv
+    Raises:
+        LindyError: there is no recording, nobody flew in it, or the file is there already.
     """
     if out.suffix != ".csv" or {",", "#"} & set(str(out)):
         raise LindyError(f"--out {out}: expected a name that ends in .csv, without comma or #")

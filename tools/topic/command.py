@@ -77,37 +77,15 @@ def echo(key: str, *, limits: ListenOptions = DEFAULT) -> int:
 
 @topic.command
 def hz(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
-    """How often streams come, beside the rate of the table, and the pauses between messages.
+    """How often streams come, how old they are and how much they weigh.
 
-    On a terminal every second, else once at the end.
+    Beside the rate of the table: the pauses between messages, their age since the stamp of whoever
+    sent them, and the payload without Zenoh's own bytes. Between two computers the drone's clock is
+    that of link/clock; of streams that both sides send the age is then not known. On a terminal
+    every second, else once at the end.
 
-    Example: lindy topic hz state reference --seconds 5
+    Example: lindy topic hz state pilot/command camera/video --seconds 5
     """
-    return _measured("hz", keys, limits)
-
-
-@topic.command
-def delay(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
-    """How old messages are when they arrive here: since the stamp of whoever sent them.
-
-    Between two computers the drone's clock is that of link/clock; of streams that both sides send
-    the age is then not known.
-
-    Example: lindy topic delay state pilot/command --seconds 5
-    """
-    return _measured("delay", keys, limits)
-
-
-@topic.command
-def bw(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
-    """How much of streams comes: payload alone, without Zenoh's own bytes.
-
-    Example: lindy topic bw camera/video --seconds 5
-    """
-    return _measured("bw", keys, limits)
-
-
-def _measured(what: str, keys: tuple[str, ...], limits: ListenOptions) -> int:
     from tools.ask import dive_in
     from tools.topic.listening import listen, named, side_of
 
@@ -125,10 +103,10 @@ def _measured(what: str, keys: tuple[str, ...], limits: ListenOptions) -> int:
 
     def draw() -> list[str]:
         heard = sorted((key, figures) for key, figures in found.items())
-        cells = [(key, *figures.cells(what, _row(key))) for key, figures in heard]
-        return aligned([("topic", *HEADINGS[what]), *cells])
+        cells = [(key, *figures.cells(_row(key))) for key, figures in heard]
+        return aligned([("topic", *HEADINGS), *cells])
 
-    also = [topics.CLOCK] if what == "delay" and clock.apart else []
+    also = [topics.CLOCK] if clock.apart else []
     wanted = [*(asked or topics.ALL), *also]
     listen(running, here, wanted, take, draw, count=limits.count, seconds=limits.seconds)
     return 0

@@ -12,11 +12,11 @@ from messages.topic import AnyTopic, Direction, Side
 from messages.units import Ns
 
 KEPT = 1000
-HEADINGS = {
-    "hz": ("messages", "1/s", "table", "shortest ms", "median ms", "longest ms"),
-    "delay": ("messages", "least ms", "median ms", "p99 ms", "most ms"),
-    "bw": ("messages", "kbit/s", "bytes each", "largest"),
-}
+# Pause and age are medians, bytes a mean.
+HEADINGS = (
+    "messages", "1/s", "table", "pause ms", "longest", "age ms", "p99", "most", "kbit/s", "bytes",
+    "largest",
+)  # fmt: skip
 UNKNOWN = "–"
 
 
@@ -53,20 +53,18 @@ class HeardStream:
         span = self.newest_ns - self.first_ns
         return (self.messages - 1) * 1e9 / span if span > 0 else None
 
-    def cells(self, what: str, topic: AnyTopic) -> tuple[str, ...]:
+    def cells(self, topic: AnyTopic) -> tuple[str, ...]:
         """As `HEADINGS` has them."""
-        count = str(self.messages)
-        match what:
-            case "hz":
-                table = f"{topic.hz:g}" if topic.hz else "events"
-                return (count, _number(self.hz), table, *_spread(self.gaps, 0.0, 0.5, 1.0))
-            case "delay":
-                return (count, *_spread(self.ages, 0.0, 0.5, 0.99, 1.0))
-            case _:
-                mean = self.size / self.messages if self.messages else None
-                rate = None if self.hz is None or mean is None else self.hz * mean * 8e-3
-                largest = float(self.largest) if self.messages else None
-                return (count, _number(rate), _number(mean, 0), _number(largest, 0))
+        table = f"{topic.hz:g}" if topic.hz else "events"
+        mean = self.size / self.messages if self.messages else None
+        kbits = None if self.hz is None or mean is None else self.hz * mean * 8e-3
+        largest = float(self.largest) if self.messages else None
+        return (
+            *(str(self.messages), _number(self.hz), table),
+            *_spread(self.gaps, 0.5, 1.0),
+            *_spread(self.ages, 0.5, 0.99, 1.0),
+            *(_number(kbits), _number(mean, 0), _number(largest, 0)),
+        )
 
 
 @dataclass(slots=True)

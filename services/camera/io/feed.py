@@ -9,7 +9,9 @@ import struct
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from errno import ENOTTY
+from math import inf
 from pathlib import Path
 from typing import NamedTuple, cast
 
@@ -41,6 +43,10 @@ V4L2 = "video4linux2,v4l2"  # its stamps are the kernel's, by the monotonic cloc
 BY_TCP = "rtspt://"  # RTSP whose pictures come by TCP too, as GStreamer writes it
 WALLCLOCK = struct.Struct("<q")  # [µs] UTC, of FFmpeg's AVProducerReferenceTime: a sender report's
 FILM_HZ = 25.0  # [1/s] pictures of a film that does not say when each is due
+MOST_UNITS = 32  # that the service has not taken: it hangs, and what follows is decoded again
+PERIOD_NS = 2_000_000_000  # [ns]
+SEQUENCE = b"\0\0\1\x27", b"\0\0\1\x47", b"\0\0\1\x67"  # H.264, 7.3.1: of its parameters
+PARAMETERS = 200  # [B] of a keyframe within which they are
 LARGEST = 8192  # [px] of a side of a picture that is taken
 # What a stream holds is known from its first pictures; how many a second they are is not waited
 # for. What was read by then is shown, not thrown away: without its keyframe the rest is garbage.
@@ -54,6 +60,15 @@ class Shot(NamedTuple):
     light: Light
     arrived_ns: Ns  # when it came from the camera
     captured_ns: Ns  # when it was decoded and scaled
+
+
+class Unit(NamedTuple):
+    """A picture as its camera has encoded it."""
+
+    data: bytes  # H.264, Annex B
+    keyframe: bool
+    light: Light
+    arrived_ns: Ns
 
 
 class Arrived(NamedTuple):
@@ -85,6 +100,9 @@ class Feed:
         self._source, self._size, self._clock = source, (width, height), clock
         self._wall_offset_ns = wall_offset_ns
         self._newest: deque[Shot] = deque(maxlen=1)
+        self.passing = False  # the service wants `units` instead of pictures, where there are any
+        self.units: deque[Unit] = deque()  # every one, in order; emptied by the service
+        self.kbit, self.hz = inf, inf  # [kbit/s], [1/s] of its own H.264; inf: it cannot be passed
         self._scaler = VideoReformatter()
         self._called = f"{called}: {without_passwords(source)}"
         self._trouble, self._told_ns = "", 0
@@ -224,10 +242,22 @@ class Feed:
             self.events.append(events.SKIPPED_PICTURE())
         now = self._clock()
         self._newest.append(Shot(picture, arrived.light, arrived.at_ns, now))
+        self._alive(now)
+
+    def pass_on(self, unit: Unit) -> None:
+        self.units.append(unit)
+        self._alive(self._clock())
+
+    def _alive(self, now: Ns) -> None:
         self._alive_ns = now
         if self._trouble:
             self._trouble = ""
             self.said.append(f"{self._called} gives pictures again")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """[px] Width and height that are wanted."""
+        return self._size
 
     def _complain(self, why: str, now: Ns, then: str = f"tried every {RETRY_S:g} s") -> None:
         self.events.append(events.LOST_CAMERA())
@@ -255,6 +285,11 @@ class _Live:
         self._ended = False
         self._error: Exception | None = None
         self._decoded_ns = feed.now()  # [ns] when something was decoded last
+        self._codec = codec
+        self._passing = False
+        self._undecoded: list[av.Packet[VideoStream]] = []  # passed on, since the last keyframe
+        self._split = False  # slices of one picture come as packets of their own
+        self._counted = Counted(feed.now())
 
     def watch(self) -> None:
         """Read, until it ends.
@@ -297,6 +332,7 @@ class _Live:
                 # Slices of one keyframe come as packets of one time; the first ones may lack it.
                 same = own is not None and own == own_before
                 same = same or (key_before and (own is None) != (own_before is None))
+                self._split = self._split or same
                 self._backlog.put(packet, now, keyframe=packet.is_keyframe and not same)
                 lost, dropped = self._backlog.dropped - dropped, self._backlog.dropped
                 self._changed.notify()
@@ -322,6 +358,8 @@ class _Live:
         return None
 
     def _look(self, packet: "av.Packet[VideoStream]") -> None:
+        if self._pass(packet):
+            return
         for frame in self._feed.decoded(packet):
             self._decoded_ns = now = self._feed.now()
             arrived = cast(Arrived, frame.opaque)
@@ -330,6 +368,59 @@ class _Live:
                 continue
             self._feed.keep(frame, arrived)
             self._notify()
+
+    def _pass(self, packet: "av.Packet[VideoStream]") -> bool:
+        """Hand a packet on as it came: from a keyframe on, for as long as the service wants it. If
+        it does not any more, the decoder is shown what it has missed."""
+        feed, data = self._feed, bytes(packet)
+        if packet.is_keyframe and not has_parameters(data):
+            data = bytes(self._codec.extradata or b"") + data
+        fits = not self._split and can_be_passed(self._codec, feed.size)
+        fits = fits and (not packet.is_keyframe or has_parameters(data))
+        feed.kbit, feed.hz = self._counted.rates(len(data), feed.now()) if fits else (inf, inf)
+        wanted = feed.passing and fits and len(feed.units) < MOST_UNITS
+        self._passing = wanted and (self._passing or packet.is_keyframe)
+        missed = [] if packet.is_keyframe else self._undecoded
+        if not self._passing:
+            self._undecoded = []
+            for each in missed:
+                feed.decoded(each)
+            return False
+        self._undecoded = [*missed, packet]
+        arrived = cast(Arrived, packet.opaque)
+        self._decoded_ns = feed.now()
+        feed.pass_on(Unit(data, bool(packet.is_keyframe), arrived.light, arrived.at_ns))
+        self._notify()
+        return True
+
+
+@dataclass(slots=True)
+class Counted:
+    """How much comes, over the last whole period of `PERIOD_NS`."""
+
+    _since: Ns
+    _bytes: int = 0
+    _units: int = 0
+    _rates: tuple[float, float] = (inf, inf)  # [kbit/s], [1/s]; inf: not known yet
+
+    def rates(self, size: int, now: Ns) -> tuple[float, float]:
+        """With a packet of this size [B]."""
+        self._bytes, self._units = self._bytes + size, self._units + 1
+        if (passed := now - self._since) >= PERIOD_NS:
+            self._rates = self._bytes * 8e6 / passed, self._units * 1e9 / passed
+            self._since, self._bytes, self._units = now, 0, 0
+        return self._rates
+
+
+def can_be_passed(codec: VideoCodecContext, size: tuple[int, int]) -> bool:
+    """Is it what our own encoder would give: of this size, each picture decodable at once?"""
+    same = codec.name == "h264" and (codec.width, codec.height) == size
+    return same and codec.pix_fmt in ("yuv420p", "yuvj420p") and not codec.has_b_frames
+
+
+def has_parameters(data: bytes) -> bool:
+    """Does a keyframe in Annex B form begin with its sequence's parameters?"""
+    return any(start in data[:PARAMETERS] for start in SEQUENCE)
 
 
 def reason(error: Exception) -> str:

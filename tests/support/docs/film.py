@@ -15,7 +15,7 @@ from services.runtime.config.errors import LindyError
 from tests.support.docs.chromium import Browser, Size, chromium
 from tests.support.docs.cockpit_dive import CockpitDive
 from tests.support.docs.cockpit_picture import arm
-from tools.picture import loaded, rrd_of, shot, viewer, viewer_program
+from tests.support.docs.viewer_picture import loaded, shot, viewer
 
 PORT = 8798
 SCREEN = Size(960, 540, touch=True)
@@ -79,10 +79,9 @@ def _viewer(folder: Path) -> list[Picture]:
     dive = folder / "dive"
     command = [sys.executable, "-m", "tools", "simulate", "--out", str(dive)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    rrd = rrd_of(dive)
     begin, end = DIVE_S
-    with viewer(viewer_program(), rrd) as client:
-        loaded(client, rrd)
+    with viewer(dive / "dive.rrd") as client:
+        loaded(client)
         times = [begin + k / DIVE_HZ for k in range(round((end - begin) * DIVE_HZ) + 1)]
         return [(_read(shot(client, at, SETTLE_S)), SHOWN_MS) for at in times]
 

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from tests.support.docs import camera_picture
+from tests.support.docs.viewer_picture import picture
 
 DRAWN = {"dive": "dive", "andren-5.6": "retargeting", "link-profiles": "link-profiles"}
 
@@ -18,7 +19,8 @@ def lindy(*said: str) -> None:
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         lindy("simulate", "--out", f"{folder}/dive")
-        lindy("picture", f"{folder}/dive/dive.rrd", "--at", "60", "--out", f"{folder}/dive.png")
+        dive = Path(folder)
+        (dive / "dive.png").write_bytes(picture(dive / "dive/dive.rrd", at_s=60.0))
         lindy("figures", "--only", "andren-5.6", "link-profiles", "--out", folder)
         for name, page in DRAWN.items():
             shutil.copy(f"{folder}/{name}.png", f"docs/{page}.png")

@@ -27,7 +27,7 @@ def test_it_says_what_the_dive_itself_says(tmp_path: Path) -> None:
     sticks, dive, tables = tmp_path / "sticks.csv", tmp_path / "dive", tmp_path / "tables"
     assert main(["identify", "plan", "--axes", "heave", "--out", str(sticks)]) == 0
     assert main(["simulate", "--pilot", f"script:{sticks}", "--out", str(dive)]) == 0
-    assert main(["log", "parquet", str(dive), "--out", str(tables)]) == 0
+    assert main(["log", "export", "--as", "parquet", str(dive), "--out", str(tables)]) == 0
     wanted = tmp_path / "own.toml"
     began = "began = 2024-05-01T09:30:00Z\n"  # virtual time begins at 0
     wanted.write_text(began + (DEPLOY / "imports" / "tables.toml").read_text() + COMMANDS)

@@ -108,7 +108,7 @@ def test_every_verb_that_looks_into_a_recording_takes_it(
     out = str(imported(ros1(tmp_path / "a.bag"), tmp_path / "dive"))
     for verb in ("info", "check"):
         assert main(["log", verb, out]) == 0
-    assert main(["log", "csv", out, "--out", str(tmp_path / "tables")]) == 0
+    assert main(["log", "export", "--as", "csv", out, "--out", str(tmp_path / "tables")]) == 0
     capsys.readouterr()
     assert main(["replay", out, "--through", "estimation", "--diff"]) == 0
     assert f"{SECONDS * IMU_HZ} of state" in capsys.readouterr().out

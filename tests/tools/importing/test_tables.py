@@ -180,7 +180,7 @@ def test_what_cannot_be_read_of_a_table_is_not_printed(
 
 
 def imu_table(folder: Path, name: str, *, later_s: int = 0) -> Path:
-    """As `lindy log csv` writes it."""
+    """As `lindy log export --as csv` writes it."""
     path = folder / name
     path.parent.mkdir(exist_ok=True)
     axes = [f"{kind}.{axis}" for kind in ("specific_force", "angular_rate") for axis in "xyz"]

@@ -153,7 +153,7 @@ def test_on_the_drone_itself_revoking_needs_no_authority(
 @pytest.mark.parametrize("times", [1, 3])
 def test_a_certificate_that_has_ended_is_renewed_for_the_same_key(place: Path, times: int) -> None:
     later, before = NOW + timedelta(days=11), contents(place)
-    with pytest.raises(LindyError, match="`lindy keys renew drone:pioneer`"):
+    with pytest.raises(LindyError, match="`lindy keys add drone pioneer --again`"):
         own_keys(place, ("drone",), later)
     renewed = [authority.renew(place, parse("drone:pioneer"), later, 20) for _ in range(times)]
     made = renewed[-1]
@@ -175,14 +175,14 @@ def test_who_was_revoked_or_is_of_another_authority_is_not_renewed(
     authority.new(other, NOW)
     authority.add(other, parse("drone:pioneer"), NOW, 10)
     copy(other / "drone-pioneer", place / "drone-pioneer/certificate.pem")
-    assert keys(place, "renew", "drone:pioneer") == 1
+    assert keys(place, "add", "drone", "pioneer", "--again") == 1
     assert "is from another authority" in said(capsys)
     assert keys(place, "revoke", "pilot:ann") == 0
     capsys.readouterr()
-    assert keys(place, "renew", "pilot:ann") == 1
+    assert keys(place, "add", "pilot", "ann", "--again") == 1
     assert "pilot:ann was revoked, and its name is never given again" in said(capsys)
     assert keys(place, "add", "pilot", "ann") == 1
-    assert "renew" not in said(capsys)
+    assert "--again" not in said(capsys)
 
 
 @pytest.mark.parametrize(
@@ -194,10 +194,9 @@ def test_who_was_revoked_or_is_of_another_authority_is_not_renewed(
         (["add", "pilot", "bob", "--days", "0"], "--days is 0, expected 1 to 730"),
         (["revoke", "ann"], "'ann' is not ROLE:NAME, such as pilot:ann"),
         (["revoke", "pilot:zed"], "has no keys of pilot:zed"),
-        (["add", "pilot", "ann"], "make them last: `lindy keys renew pilot:ann`"),
-        (["renew", "ann"], "'ann' is not ROLE:NAME, such as pilot:ann"),
-        (["renew", "pilot:zed"], "has no keys of pilot:zed"),
-        (["renew", "pilot:ann", "--days", "731"], "--days is 731, expected 1 to 730"),
+        (["add", "pilot", "ann"], "make them last: `lindy keys add pilot ann --again`"),
+        (["add", "pilot", "zed", "--again"], "has no keys of pilot:zed"),
+        (["add", "pilot", "ann", "--again", "--days", "731"], "--days is 731, expected 1 to 730"),
     ],
 )
 def test_a_mistake_is_one_sentence_and_changes_nothing(

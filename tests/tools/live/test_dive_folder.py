@@ -121,8 +121,7 @@ def check_that_nothing_changes(tmp_path: Path, verb: tuple[str, ...], endpoint: 
     [
         ("dive", "--out", ""),
         ("simulate", "--out="),
-        ("picture", "x.rrd", "--out", ""),
-        ("link", "trace", "x", "--out", ""),
+        ("log", "export", "--as", "trace", "x", "--out", ""),
         ("figures", "--out", ""),
     ],
 )
@@ -231,9 +230,9 @@ def test_a_picture_or_trace_that_is_there_is_refused(
 ):
     fill(tmp_path, ("dive.png", "trace.csv", "dive.rrd"))
     before = hashes(tmp_path)
-    for verb, name in ((["picture", str(tmp_path / "dive.rrd")], "dive.png"),
-                       (["link", "trace", str(tmp_path)], "trace.csv")):  # fmt: skip
-        assert main([*verb, "--out", str(tmp_path / name)]) == 1
+    for kind, name in (("rrd", "dive.rrd"), ("trace", "trace.csv")):
+        words = ["log", "export", str(tmp_path), "--as", kind, "--out", str(tmp_path / name)]
+        assert main(words) == 1
         said = capsys.readouterr().err
         assert f"cannot write {tmp_path / name}: it exists already; choose another --out" in said
     with pytest.raises(LindyError, match="it exists already"):

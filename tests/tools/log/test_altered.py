@@ -83,8 +83,9 @@ def test_what_is_wrong_in_its_vehicle_file_is_said_of_the_recording(
 @pytest.mark.parametrize("data", [b"", b"\x89MCAP0", b"\x89MCAP0\r\n"])
 @pytest.mark.parametrize(
     "verb",
-    ["log sticks --out x.csv", "log film --out x.mp4", "log snapshots --out x", "log check",
-     "log csv", "identify", "simulate --from"],
+    ["log export --as sticks --out x.csv", "log film --out x.mp4",
+     "log snapshots --out x", "log check",
+     "log export --as csv", "identify", "simulate --from"],
 )  # fmt: skip
 def test_a_recording_that_had_only_begun_is_not_something_else(
     tmp_path: Path,

@@ -22,7 +22,7 @@ from .conftest import ShortDive
 from .test_recover import CHUNKS, KEY, PER_CHUNK, foreign, recorded, whole_file, write
 
 IN_CHUNK = 80  # [bytes] behind the beginning of a chunk: in its data
-VERBS = ["info", "check", "csv", "cut", "compare", "sticks"]
+VERBS = ["info", "check", "export --as csv", "cut", "compare", "export --as sticks"]
 
 
 def chunks_of(path: Path) -> list[int]:
@@ -42,12 +42,12 @@ def flipped(source: Path, out: Path, at: int) -> Path:
 
 def arguments(verb: str, path: Path, folder: Path) -> list[str]:
     rest = {
-        "csv": ["--out", str(folder / "tables")],
+        "export --as csv": ["--out", str(folder / "tables")],
         "cut": ["--out", str(folder / "part.mcap")],
         "compare": [str(path)],
-        "sticks": ["--out", str(folder / "again.csv")],
+        "export --as sticks": ["--out", str(folder / "again.csv")],
     }
-    return ["log", verb, str(path), *rest.get(verb, [])]
+    return ["log", *verb.split(), str(path), *rest.get(verb, [])]
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -61,7 +61,7 @@ def test_every_verb_says_that_a_chunk_is_damaged(
     assert f"broken.mcap is damaged at byte {begin}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("verb", ["info", "check", "csv", "cut"])
+@pytest.mark.parametrize("verb", ["info", "check", "export --as csv", "cut"])
 def test_a_recording_that_ended_on_a_full_disk_was_not_finished(
     tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -185,6 +185,6 @@ def test_a_table_in_place_of_a_file_is_one_sentence(
 ) -> None:
     out = tmp_path / "mine"
     out.write_bytes(b"mine")
-    assert main(["log", "csv", str(dive.folder), "--out", str(out)]) == 1
+    assert main(["log", "export", "--as", "csv", str(dive.folder), "--out", str(out)]) == 1
     assert "choose another --out" in capsys.readouterr().err
     assert out.read_bytes() == b"mine"

@@ -61,7 +61,9 @@ def test_an_empty_or_a_missing_recording_is_no_traceback(
     assert "there is no recording in" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("verb", ["info", "check", "csv", "sticks", "cut", "recover", "compare"])
+@pytest.mark.parametrize(
+    "verb", ["info", "check", "export --as csv", "export --as sticks", "cut", "recover", "compare"]
+)
 @pytest.mark.parametrize("data", [b"", b"t,surge\n0,0\n", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n\x06"])
 def test_what_is_no_recording_is_one_sentence_or_nothing_in_it(
     tmp_path: Path, verb: str, data: bytes, capsys: pytest.CaptureFixture[str]
@@ -70,11 +72,11 @@ def test_what_is_no_recording_is_one_sentence_or_nothing_in_it(
     path.write_bytes(data)
     more = {
         "compare": [str(path)],
-        "sticks": ["--out", str(tmp_path / "s.csv")],
+        "export --as sticks": ["--out", str(tmp_path / "s.csv")],
         "cut": ["--out", str(tmp_path / "c.mcap")],
         "recover": ["--out", str(tmp_path / "r.mcap")],
     }.get(verb, [])
-    status = main(["log", verb, str(path), *more])
+    status = main(["log", *verb.split(), str(path), *more])
     said = capsys.readouterr().err
     assert "an error in Lindy itself" not in said
     assert status == 1
@@ -93,7 +95,7 @@ def test_what_a_file_that_was_cut_off_still_holds_is_read(
     assert main(["log", "info", str(path)]) == 3
     assert "dive.mcap was not finished" in capsys.readouterr().out
     assert main(["log", "check", str(path)]) == (3 if holds else 1)
-    assert main(["log", "csv", str(path)]) == (3 if holds else 1)
+    assert main(["log", "export", "--as", "csv", str(path)]) == (3 if holds else 1)
     assert "an error in Lindy itself" not in capsys.readouterr().err
 
 
@@ -107,7 +109,7 @@ def test_a_message_of_an_older_lindy_is_counted_without_its_new_field(
 
     path = rewritten(dive, tmp_path / "older.mcap", older)
     assert main(["log", "check", str(path)]) == 0
-    assert main(["log", "csv", str(path)]) == 0
+    assert main(["log", "export", "--as", "csv", str(path)]) == 0
     assert main(["log", "info", str(path), "--json"]) == 0
     found = capsys.readouterr().out
     whole = msgspec.json.decode(found[found.index("\n{") :])

@@ -168,7 +168,7 @@ def test_where_no_message_can_be_read_the_damage_is_said(
         broken[end - 20] ^= 0xFF
     path = tmp_path / "dive.mcap"
     path.write_bytes(broken)
-    assert main(["log", "csv", str(path), "--out", str(tmp_path / "csv")]) == 1
+    assert main(["log", "export", "--as", "csv", str(path), "--out", str(tmp_path / "csv")]) == 1
     said = capsys.readouterr().err
     assert "holds no messages; dive.mcap is damaged at byte" in said
     assert "120 of its 120 messages cannot be read" in said

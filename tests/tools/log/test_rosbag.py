@@ -22,7 +22,7 @@ from .conftest import ShortDive
 @pytest.fixture(scope="module")
 def bag(dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("bag") / "bag"
-    assert main(["log", "rosbag", str(dive.folder), "--out", str(out)]) == 0
+    assert main(["log", "export", "--as", "rosbag", str(dive.folder), "--out", str(out)]) == 0
     return out
 
 
@@ -93,7 +93,7 @@ def test_what_is_there_already_is_not_touched(
     mine = tmp_path / "bag"
     mine.mkdir()
     (mine / "mine.txt").write_text("mine")
-    assert main(["log", "rosbag", str(dive.folder), "--out", str(mine)]) == 1
+    assert main(["log", "export", "--as", "rosbag", str(dive.folder), "--out", str(mine)]) == 1
     assert "it exists already" in capsys.readouterr().err
     assert [file.name for file in mine.iterdir()] == ["mine.txt"]
 
@@ -101,7 +101,10 @@ def test_what_is_there_already_is_not_touched(
 def test_it_says_what_has_no_place_in_ros(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["log", "rosbag", str(dive.folder), "--out", str(tmp_path / "b")]) == 0
+    assert (
+        main(["log", "export", "--as", "rosbag", str(dive.folder), "--out", str(tmp_path / "b")])
+        == 0
+    )
     said = capsys.readouterr().out
     assert "not in ROS 2's words: " in said
     assert "control/wrench" in said
@@ -115,7 +118,7 @@ def test_of_a_recording_without_messages_there_is_no_bag_but_a_sentence(
         writer = Writer(file)
         writer.start()
         writer.finish()
-    assert main(["log", "rosbag", str(tmp_path / "bare.mcap")]) == 1
+    assert main(["log", "export", "--as", "rosbag", str(tmp_path / "bare.mcap")]) == 1
     assert "bare.mcap holds no messages" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["bare.mcap"]
 
@@ -124,5 +127,18 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("")
-    assert main(["log", "rosbag", str(dive.folder), "--out", str(tmp_path / "file" / "b")]) == 1
+    assert (
+        main(
+            [
+                "log",
+                "export",
+                "--as",
+                "rosbag",
+                str(dive.folder),
+                "--out",
+                str(tmp_path / "file" / "b"),
+            ]
+        )
+        == 1
+    )
     assert "cannot write" in capsys.readouterr().err

@@ -44,11 +44,11 @@ def test_the_verb_writes_a_stick_log_and_its_path_and_overwrites_nothing(
     clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "again.csv"
-    assert main(["log", "sticks", str(clean_dive.folder), "--out", str(out)]) == 0
+    assert main(["log", "export", "--as", "sticks", str(clean_dive.folder), "--out", str(out)]) == 0
     assert f"follow {tmp_path}/again_path1.toml" in out.read_text()
     assert course_of(tmp_path / "again_path1.toml").min_radius > 0.0
     before = out.read_bytes()
-    assert main(["log", "sticks", str(clean_dive.folder), "--out", str(out)]) == 1
+    assert main(["log", "export", "--as", "sticks", str(clean_dive.folder), "--out", str(out)]) == 1
     assert "it exists already" in capsys.readouterr().err
     assert out.read_bytes() == before
 
@@ -56,7 +56,20 @@ def test_the_verb_writes_a_stick_log_and_its_path_and_overwrites_nothing(
 def test_a_name_that_no_stick_log_has_is_refused(
     clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["log", "sticks", str(clean_dive.folder), "--out", str(tmp_path / "a.txt")]) == 1
+    assert (
+        main(
+            [
+                "log",
+                "export",
+                "--as",
+                "sticks",
+                str(clean_dive.folder),
+                "--out",
+                str(tmp_path / "a.txt"),
+            ]
+        )
+        == 1
+    )
     assert "expected a name that ends in .csv" in capsys.readouterr().err
 
 

@@ -87,15 +87,17 @@ def orders(_: str, tree: Tree) -> Tree:
 
 VERBS_OF_A_FILE: dict[tuple[str, ...], tuple[str, ...]] = {  # what each needs besides
     ("log", "info"): (), ("log", "check"): (), ("calibrate", "noise"): (),
-    ("log", "csv"): ("--out", "csv"), ("log", "parquet"): ("--out", "parquet"),
+    ("log", "export", "--as", "csv"): ("--out", "csv"),
+    ("log", "export", "--as", "parquet"): ("--out", "parquet"),
     ("log", "cut"): ("--out", "cut.mcap", "--from", "0.2"),
-    ("log", "recover"): ("--out", "whole.mcap"), ("log", "sticks"): ("--out", "sticks.csv"),
+    ("log", "recover"): ("--out", "whole.mcap"),
+    ("log", "export", "--as", "sticks"): ("--out", "sticks.csv"),
     ("log", "film"): ("--out", "film.mp4"), ("log", "snapshots"): ("--out", "pictures"),
     ("log", "compare"): ("FORGED",),
-    ("log", "rosbag"): ("--out", "bag"),
+    ("log", "export", "--as", "rosbag"): ("--out", "bag"),
     ("review",): ("--out", "page.html"), ("replay",): ("--through", "control", "--diff"),
-    ("import",): ("--out", "imported"), ("link", "trace"): ("--out", "trace.csv"),
-    ("calibrate", "gyroscope"): ("--vehicle", "pioneer"), ("picture",): ("--out", "picture.png"),
+    ("import",): ("--out", "imported"), ("log", "export", "--as", "trace"): ("--out", "trace.csv"),
+    ("calibrate", "gyroscope"): ("--vehicle", "pioneer"),
     ("identify",): ("--vehicle", "pioneer"), ("simulate", "--from"): ("--no-files",),
 }  # fmt: skip
 
@@ -170,9 +172,9 @@ def test_what_is_nested_without_end_is_one_message_left_out(
                 writer.add_metadata(record.name, record.metadata)
         writer.add_attachment(0, 0, "dive.json", "application/json", b"[" * 100_000)
         writer.finish()
-    for verb in ("info", "check", "csv", "sticks", "compare"):
+    for verb in ("info", "check", "export --as csv", "export --as sticks", "compare"):
         words = [str(path), str(path)] if verb == "compare" else [str(path)]
-        assert main(["log", verb, *words]) in (0, 1, 3)
+        assert main(["log", *verb.split(), *words]) in (0, 1, 3)
         assert "in Lindy itself" not in capsys.readouterr().err
 
 

@@ -40,7 +40,7 @@ cells = st.one_of(
 @pytest.fixture(scope="module")
 def tables(dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("tables") / "csv"
-    assert main(["log", "csv", str(dive.folder), "--out", str(out)]) == 0
+    assert main(["log", "export", "--as", "csv", str(dive.folder), "--out", str(out)]) == 0
     return out
 
 
@@ -147,7 +147,7 @@ def test_parquet_has_the_same_rows_with_types(
 ) -> None:
     parquet: Any = pytest.importorskip("pyarrow.parquet", reason="the tables extra is missing")
     out = tmp_path / "parquet"
-    assert main(["log", "parquet", str(dive.folder), "--out", str(out)]) == 0
+    assert main(["log", "export", "--as", "parquet", str(dive.folder), "--out", str(out)]) == 0
     for path in tables.iterdir():
         table = parquet.read_table(out / f"{path.stem}.parquet")
         with path.open(newline="") as stream:
@@ -173,7 +173,7 @@ def test_a_folder_that_holds_files_is_left_alone(
     mine = tmp_path / "tables" / "state.csv"
     mine.parent.mkdir()
     mine.write_text("mine")
-    assert main(["log", "csv", str(dive.folder), "--out", str(mine.parent)]) == 0
+    assert main(["log", "export", "--as", "csv", str(dive.folder), "--out", str(mine.parent)]) == 0
     assert f"written to {tmp_path}/tables-2" in capsys.readouterr().out
     assert mine.read_text() == "mine"
 
@@ -236,7 +236,7 @@ def test_an_older_or_a_foreign_schema_becomes_a_table_and_what_does_not_fit_is_c
         b"not JSON",
     ]
     path = foreign(tmp_path / "other.mcap", payloads)
-    assert main(["log", "csv", str(path)]) == 3
+    assert main(["log", "export", "--as", "csv", str(path)]) == 3
     text = (tmp_path / "other-csv" / "of_others.csv").read_text().splitlines()
     assert text[0] == '"t_s","log_ns","publish_ns","kind","at.x","list.1","list.2"'
     assert text[1:] == [
@@ -250,6 +250,6 @@ def test_an_older_or_a_foreign_schema_becomes_a_table_and_what_does_not_fit_is_c
 
 def test_what_is_not_json_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = foreign(tmp_path / "other.mcap", [b"\x00"], "protobuf")
-    assert main(["log", "csv", str(path)]) == 3
+    assert main(["log", "export", "--as", "csv", str(path)]) == 3
     said = "1 messages left out: /of/others: it is protobuf, not JSON"
     assert said in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""A trace of the link during a recorded dive: when messages were sent, and when they arrived.
+"""`lindy log export --as trace`: when messages of a recorded dive were sent, and when they arrived.
 
 The recorder is on board. Where both ends have one clock, the pilot's commands give the delay from
 topside to drone: arrival − stamp; a gap in the sequence numbers is a loss. Where the clocks differ,
@@ -14,6 +14,7 @@ from messages.link import Clock
 from messages.pilot import PilotCommand
 from services.runtime.config.errors import LindyError
 from services.tether.delay import LONGEST_MS
+from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.recording import open_recording
 
 ONE_CLOCK_NS = 1_000_000  # [ns] clocks that differ by less, or by less than the error, count as one
@@ -32,6 +33,23 @@ class HeardCommand(NamedTuple):
     seq: int
     sent: int  # [ns] by the recorder's clock
     arrived: int  # [ns]
+
+
+def write_trace(recording: Path, out: Path) -> int:
+    """Write a trace for `delay = { kind = "trace", file = … }` in a profile: CSV whose first lines
+    say how it was measured. Returns the exit status.
+
+    Raises:
+        LindyError: as `trace_of`, or the file is there already.
+    """
+    refuse_existing(out)
+    found = trace_of(recording)
+    lines = (f"{sent:.6f},{'' if at is None else f'{at:.6f}'}\n" for sent, at in found.rows)
+    heading = "".join(f"# {line}\n" for line in found.remarks)
+    write_fresh(out, (heading + "sent_s,arrived_s\n" + "".join(lines)).encode())
+    lost = sum(at is None for _, at in found.rows)
+    print(f"{out}: {len(found.rows)} messages, {lost} lost; {found.remarks[0]}", flush=True)
+    return 0
 
 
 def trace_of(path: Path) -> Traced:
