@@ -19,7 +19,6 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import (
-    UNIX,
     ZenohBus,
     close_without_waiting,
     connected,
@@ -169,23 +168,6 @@ def test_a_service_is_seen_to_come_and_to_go(star: Star) -> None:
         until(lambda: ("control", True) in seen)
     until(lambda: ("control", False) in seen)
     assert seen == [("estimation", True), ("control", True), ("control", False)]
-
-
-@pytest.mark.parametrize("kind", ["unixsock", "tcp"])
-def test_an_endpoint_that_is_taken_is_one_sentence(tmp_path: Path, kind: str) -> None:
-    endpoint = socket_file(tmp_path) if kind == "unixsock" else free_endpoint()
-    with listening(endpoint), pytest.raises(LindyError) as refused:
-        listening(endpoint)
-    sentence = str(refused.value)
-    assert sentence.startswith(f"endpoint {endpoint} ")
-    assert sentence.endswith("; choose another, for example tcp/127.0.0.1:7447")
-    assert len(sentence.splitlines()) == 1
-
-
-def test_a_folder_that_takes_no_socket_is_one_sentence(tmp_path: Path) -> None:
-    folder = tmp_path / "missing"
-    with pytest.raises(LindyError, match=rf"^cannot write into {folder}, .*: no such file"):
-        listening(f"{UNIX}{folder}/hub.sock")
 
 
 def test_a_client_without_a_hub_gives_up_with_a_sentence(tmp_path: Path) -> None:

@@ -113,28 +113,17 @@ def test_a_mistake_in_an_optional_table_says_what_it_knows(assignment: str, sent
     assert str(refused.value).startswith(f"--set {assignment}: ")
 
 
-@pytest.mark.parametrize(("key", "instead"), GONE.items())
-def test_a_key_of_an_earlier_version_says_what_to_use_instead(key: str, instead: str) -> None:
-    assignment = f"{key}=1"
-    with pytest.raises(LindyError) as refused:
-        Stack(overrides=[assignment]).check(known_tables(Registry.read()))
-    assert str(refused.value) == f"--set {assignment}: this key is gone: {instead}"
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(LindyError, match=r"cannot read .*none.toml: No such file"):
-        read(tmp_path / "none.toml", Some)
+def test_a_key_of_an_earlier_version_says_what_to_use_instead() -> None:
+    for key, instead in GONE.items():
+        with pytest.raises(LindyError) as refused:
+            Stack(overrides=[f"{key}=1"]).check(known_tables(Registry.read()))
+        assert str(refused.value) == f"--set {key}=1: this key is gone: {instead}"
 
 
 @pytest.mark.parametrize("bad", ["depth", "=3", "name.first=3"])
 def test_a_malformed_override_is_refused(bad: str) -> None:
     with pytest.raises(LindyError, match=f"--set {bad}"):
         override({"name": "x"}, [bad])
-
-
-def test_an_unknown_vehicle_suggests_the_nearest() -> None:
-    with pytest.raises(LindyError, match=r"unknown vehicle 'pionere'; did you mean 'pioneer'"):
-        deploy_file("vehicles", "pionere")
 
 
 @pytest.mark.parametrize("path", ["/tmp", "/dev/null", "./mine"])
@@ -234,12 +223,6 @@ def setting(text: str) -> Any:
     return tree["key"]
 
 
-@given(NUMBERS)
-def test_a_number_arrives_as_it_is(number: float) -> None:
-    found = setting(repr(number))
-    assert (found, type(found)) == (number, type(number))
-
-
 @given(WORDS)
 def test_words_need_no_quotes_unless_they_mean_something(text: str) -> None:
     meant = {"true": True, "false": False, "inf": float("inf")}
@@ -282,31 +265,21 @@ def test_a_path_of_any_length_reaches_its_value_and_changes_nothing_else(
     assert set(tree) == {"Other", path[0]}
 
 
-@given(st.lists(st.integers(0, 99), min_size=1, max_size=6))
-def test_of_several_for_one_key_the_last_wins(values: list[int]) -> None:
-    tree: dict[str, Any] = {}
-    override(tree, [f"depth.kp={value}" for value in values])
-    assert tree == {"depth": {"kp": values[-1]}}
-
-
 class Named(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tables: dict[str, Sized] = {}
 
 
-@pytest.mark.parametrize("wrong", ["a", "b", "c"])
 @pytest.mark.parametrize(
     ("table", "sentence"),
     [
-        ({"size": -3.0}, "x.tables.{}.size: expected float"),
-        ({"sise": 1.0}, "x.tables.{}.sise: unknown key; did you mean 'size'?"),
-        (3, "x.tables.{}: expected a table, found 3"),
+        ({"size": -3.0}, "x.tables.b.size: expected float"),
+        ({"sise": 1.0}, "x.tables.b.sise: unknown key; did you mean 'size'?"),
+        (3, "x.tables.b: expected a table, found 3"),
     ],
 )
-def test_a_mistake_in_one_of_several_named_tables_says_in_which(
-    wrong: str, table: Any, sentence: str
-) -> None:
-    tree = {"tables": {name: {"size": 1.0} for name in "abc"} | {wrong: table}}
-    with pytest.raises(LindyError, match=re.escape(sentence.format(wrong))):
+def test_a_mistake_in_one_of_several_named_tables_says_in_which(table: Any, sentence: str) -> None:
+    tree = {"tables": {name: {"size": 1.0} for name in "abc"} | {"b": table}}
+    with pytest.raises(LindyError, match=re.escape(sentence)):
         convert(tree, Named, "x")
 
 
@@ -333,23 +306,14 @@ def test_what_a_string_of_several_lines_says_is_no_key(tmp_path: Path) -> None:
     assert line_of(path, ("a", "mass")) == ":5"
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "udp/rov.local:1", "unixsock-stream//tmp/a.sock",
-     "tcp/host:7447#iface=eth0"],
-)  # fmt: skip
-def test_an_endpoint_is_taken_as_it_is(text: str) -> None:
-    assert checked_endpoint(text, "--listen") == text
-
-
-@pytest.mark.parametrize("text", ["tcp/127.0.0.1:{}", "tls/[::1]:{}", "udp/host:{}#iface=a"])
-def test_a_port_that_there_is_not_is_one_sentence(text: str) -> None:
-    for port in ("1", "65535"):
-        assert checked_endpoint(text.format(port), "--router") == text.format(port)
-    for port in ("0", "65536", "99999", "9" * 5000):
-        with pytest.raises(LindyError) as refused:
-            checked_endpoint(text.format(port), "--router")
-        assert str(refused.value).endswith(": no such port, expected one of 1 to 65535")
+def test_an_endpoint_is_taken_as_it_is_unless_there_is_no_such_port() -> None:
+    for text in ("unixsock-stream//tmp/a.sock", "udp/rov.local:1", "tcp/host:7447#iface=eth0"):
+        assert checked_endpoint(text, "--listen") == text
+    for text in ("tcp/127.0.0.1:{}", "tls/[::1]:{}", "udp/host:{}#iface=a"):
+        assert checked_endpoint(text.format(65535), "--router") == text.format(65535)
+        for port in ("0", "65536", "9" * 5000):
+            with pytest.raises(LindyError, match=r"no such port, expected one of 1 to 65535$"):
+                checked_endpoint(text.format(port), "--router")
 
 
 @pytest.mark.parametrize(
