@@ -1,22 +1,16 @@
 """The service that shows a dive live, on virtual time, with somebody to show."""
 
-import socket
-
 from messages import topics
 from messages.health import LogLine
 from messages.sensors import PressureSample
 from services.foxglove.service import wire
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.doors import free_port
 
 SECOND = 1_000_000_000
 UTC = 1_700_000_000 * SECOND
 SIDES = ["topside", "drone"]
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]
 
 
 def stack(*settings: str, virtual: bool = False) -> Stack:

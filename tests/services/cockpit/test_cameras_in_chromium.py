@@ -1,7 +1,6 @@
 """Two cameras on the pilot's page in a real browser, with the cockpit's own service behind it;
 skipped where there is no Chromium."""
 
-import socket
 import threading
 import time
 from contextlib import ExitStack
@@ -29,6 +28,7 @@ from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.docs.chromium import Browser, BrowserPage, Size
+from tests.support.doors import free_port
 
 pytestmark = pytest.mark.system
 STEP_NS = 40_000_000  # [ns]
@@ -52,8 +52,7 @@ class Deck:
     """A cockpit in real time, and the cameras of its drone."""
 
     def __init__(self, exits: ExitStack, names: list[str]) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            settings = Settings(port=free.getsockname()[1], pilot="ann")
+        settings = Settings(port=free_port(), pilot="ann")
         self.url = f"http://127.0.0.1:{settings.port}/"
         self.views = {name: VIEWS[name] for name in names}
         self.host = VirtualHost()

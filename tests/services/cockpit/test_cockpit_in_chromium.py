@@ -1,6 +1,5 @@
 """The page in a real browser flies the simulated drone; skipped where there is no Chromium."""
 
-import socket
 from collections.abc import Callable
 from contextlib import ExitStack
 
@@ -14,6 +13,7 @@ from messages.vehicle import VehicleStatus
 from tests.support.docs.chromium import Browser, BrowserPage, Size, insist
 from tests.support.docs.cockpit_dive import CockpitDive
 from tests.support.docs.cockpit_picture import arm, hold
+from tests.support.doors import free_port
 from tests.support.patience import until
 
 pytestmark = pytest.mark.system
@@ -43,8 +43,7 @@ OVERFLOWS = """
 
 class Flight:
     def __init__(self, browser: Browser, exits: ExitStack, *, camera: bool = False) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            port = free.getsockname()[1]
+        port = free_port()
         self.commands: list[PilotCommand] = []
         self.statuses: list[VehicleStatus] = []
         self.dive = exits.enter_context(CockpitDive(port, camera=camera))

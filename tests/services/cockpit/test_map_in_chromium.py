@@ -1,7 +1,6 @@
 """The page's map in a real browser: a tap sends the simulated drone there. Skipped where there is
 no Chromium."""
 
-import socket
 from contextlib import ExitStack
 from math import cos, dist, hypot, radians, sin
 
@@ -16,6 +15,7 @@ from messages.vehicle import Truth, VehicleStatus
 from tests.support.docs.chromium import Browser, BrowserPage, Size
 from tests.support.docs.cockpit_dive import CockpitDive
 from tests.support.docs.cockpit_picture import arm
+from tests.support.doors import free_port
 from tests.support.page_screen import Served
 from tests.support.patience import until
 
@@ -47,8 +47,7 @@ class MappedDive:
     """A drone, and who watches it."""
 
     def __init__(self, browser: Browser, exits: ExitStack, *settings: str) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            port = free.getsockname()[1]
+        port = free_port()
         self.asked: dict[str, PilotRequest] = {}  # by id: they are repeated until answered
         self.truth: Truth | None = None
         self.status: VehicleStatus | None = None

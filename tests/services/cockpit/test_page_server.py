@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.doors import free_port
+
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -41,11 +43,6 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.patience import PATIENCE_S, until
 
 STICKS = {"kind": "sticks", "seen": 0, "held_ms": 0, "surge": 0, "sway": 0, "heave": 0, "yaw": 0}
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]
 
 
 class Served:

@@ -1,6 +1,5 @@
 """The camera's picture in a real browser; skipped where there is no Chromium."""
 
-import socket
 import threading
 import time
 from contextlib import ExitStack
@@ -25,6 +24,7 @@ from services.cockpit.page_view import AGES_MS
 from services.cockpit.video import PageUnit, PictureStream
 from services.marine import time_stripe
 from tests.support.docs.chromium import Browser, BrowserPage, Size
+from tests.support.doors import free_port
 from tests.support.patience import until
 
 pytestmark = pytest.mark.system
@@ -73,8 +73,7 @@ class Film:
     """
 
     def __init__(self) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            settings = Settings(port=free.getsockname()[1])
+        settings = Settings(port=free_port())
         self.url = f"http://127.0.0.1:{settings.port}/watch"
         self.server = PageServer(settings, access_to(settings), Outbox())
         self.late_ms, self.running, self.broken, self.exact = 0.0, False, False, True

@@ -143,7 +143,10 @@ def test_views_are_beside_the_messages_and_are_not_taken_for_messages(dive: Path
     assert not any(name.startswith(("unreadable", "unknown")) for name in losses)
 
 
-def test_foxglove_s_reader_finds_the_same_and_knows_the_types(dive: Path, foxglove_program: Any):
+def test_foxglove_s_reader_finds_the_same_and_knows_the_types(
+    foxglove_program: Any, request: pytest.FixtureRequest
+):
+    dive: Path = request.getfixturevalue("dive")  # flown for who has the reader
     found = foxglove_program("read_file.cjs", str(dive / "dive.mcap")).told()
     assert found["counts"] == dict(counted(dive))
     assert found["wrong"] == {}

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from services.foxglove.core import parameters, refusal
 from services.foxglove.io import gate
-from tests.support.foxglove import Watched, free_port
+from tests.support.doors import free_port
+from tests.support.foxglove import Watched
 from tests.support.patience import PATIENCE_S, until
 
 needs_sdk = pytest.mark.skipif(

@@ -19,6 +19,7 @@ from services.mavlink_io.io.links import Links
 from services.mavlink_io.packet import MavlinkPacket, heartbeat
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
+from tests.support.doors import free_port
 from tests.support.patience import PATIENCE_S, until
 
 HEARTBEAT = heartbeat()
@@ -60,12 +61,6 @@ class Drone:
 
 def frame() -> bytes:
     return MavlinkCodec(255, 1).encode(HEARTBEAT)
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """A session in somebody else's Zenoh network, over real Zenoh on this machine."""
 
 import json
-import socket
 from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
@@ -9,12 +8,8 @@ from typing import Any
 import zenoh
 
 from services.runtime.bus.other_network import LONGEST, OtherNetwork
+from tests.support.doors import free_port
 from tests.support.patience import until
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]
 
 
 @contextmanager

@@ -5,7 +5,6 @@ That nothing came is only believed after a message that was sent later has come.
 """
 
 import json
-import socket
 import time
 from collections.abc import Generator
 from contextlib import ExitStack
@@ -17,7 +16,7 @@ import pytest
 import zenoh
 
 from messages import topics
-from messages.topic import AnyTopic, Direction, Side
+from messages.topic import Direction, Side
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.access_control import keys as keys_of
 from services.runtime.bus.envelope import Envelope
@@ -31,6 +30,7 @@ from services.runtime.bus.zenoh_bus import (
     connected,
     listening,
 )
+from tests.support.doors import CROSS, free_endpoint, one, say
 from tests.support.patience import PATIENCE_S, until
 from tests.support.router_file import FILE, router_tree
 from tools.keys import authority
@@ -41,25 +41,10 @@ NOW = datetime.now(UTC)
 AWAY_S = 0.2  # [s] a router that is back within 0.05 s is not found again by all (docs/fleet.md)
 DRONES = here_key(EVERY_SPACE, "drone")
 LAST = "log/last"  # said behind everything else: what has not come when it has, never comes
-CROSS = [topic for topic in topics.ALL if topic not in topics.WITHIN_ONE_MACHINE]
 SAID_BY: dict[Side, tuple[Direction, Direction]] = {
     "drone": (Direction.UP, Direction.BOTH),
     "topside": (Direction.DOWN, Direction.BOTH),
 }
-
-
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
-
-
-def one(topic: AnyTopic) -> AnyTopic:
-    return topic.of("x") if topic.is_family else topic
-
-
-def say(session: zenoh.Session, key: str, payload: bytes = b"") -> None:
-    """As slowly as it takes: dropping is allowed to nobody here."""
-    session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
 def zenohd(folder: Path, tree: dict[str, Any], name: str = "router") -> zenoh.Session:

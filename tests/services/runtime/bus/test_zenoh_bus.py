@@ -26,6 +26,7 @@ from services.runtime.bus.zenoh_bus import (
 )
 from services.runtime.config.errors import LindyError
 from services.runtime.os import portable
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
 
 SPACE = namespace("pioneer")
@@ -34,11 +35,6 @@ LAST = "log/last"  # said behind everything else: what has not come when it has,
 
 def socket_file(folder: Path, name: str = "hub") -> str:
     return f"unixsock-stream/{folder}/{name}.sock"
-
-
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
 
 
 class Star:
