@@ -96,12 +96,16 @@ def test_each_loss_of_the_pilot_ends_the_motion_within_the_time_to_live(dive: Pa
 
 
 def test_after_a_short_loss_a_stick_that_is_still_deflected_moves_nothing(dive: PageDive):
+    """And its page is told so."""
     dive.steer(1.0, surge=0.6).run(1.0)
     assert dive.status.failsafe == "pilot_lost"
     dive.steer(1.0, surge=0.6)  # held at zero until it is centred, which the drone takes for that
     assert dive.status.failsafe == "none"
     assert dive.commands[-1].surge == 0.0
-    dive.steer(0.3).steer(0.3, surge=0.6)
+    assert dive.you()["wants_rest"]
+    dive.steer(0.3)
+    assert "wants_rest" not in dive.you()
+    dive.steer(0.3, surge=0.6)
     assert dive.commands[-1].surge > 0.0
 
 
@@ -169,16 +173,21 @@ def test_a_watcher_commands_nothing(dive: PageDive):
     assert max(abs(c.surge) for c in dive.commands) == 0.0
 
 
-def test_a_page_that_is_hidden_with_the_sticks_keeps_them_for_two_seconds(dive: PageDive):
+@pytest.mark.parametrize("how", ["hidden", "silent"])
+def test_a_page_that_is_gone_keeps_the_sticks_for_two_seconds(dive: PageDive, how: str):
     dive.open(BOB).steer(0.1)
-    dive.say("absent", ANN, why="hidden")
+    if how == "hidden":
+        dive.say("absent", ANN, why="hidden")
     dive.run(1.0)
     assert dive.you(BOB)["taken"]
+    dive.wish("take", BOB)
+    assert not dive.you(BOB).get("has_sticks")
     dive.run(1.5)
     assert not dive.you(BOB).get("taken")
     dive.wish("take", BOB)
     dive.steer(0.5, BOB)
     assert dive.you(BOB)["has_sticks"]
+    assert dive.you(BOB)["in_control"]
 
 
 def test_a_stop_is_confirmed_to_its_page_and_waits_for_the_drone(dive: PageDive):
@@ -231,17 +240,6 @@ def test_of_two_pages_that_both_hold_arm_the_one_with_the_sticks_arms(tmp_path: 
     assert dive.asked == ["lease", "arm"]
 
 
-def test_a_page_that_is_gone_without_a_word_gives_way_after_two_seconds(dive: PageDive):
-    dive.run(1.0).open(BOB)
-    dive.wish("take", BOB)
-    assert not dive.you(BOB).get("has_sticks")
-    dive.run(2.0)
-    dive.wish("take", BOB)
-    dive.steer(0.2, BOB)
-    assert dive.you(BOB)["has_sticks"]
-    assert dive.you(BOB)["in_control"]
-
-
 def test_a_gamepad_s_lease_holds_against_a_page_until_offered_or_forced(tmp_path: Path):
     dive = PageDive(tmp_path, "0,0,0,0,0\n60,0,0,0,0\n").open()
     while not dive.statuses or not dive.status.armed:
@@ -273,24 +271,11 @@ def test_sticks_from_the_future_or_of_an_unknown_picture_are_not_believed(dive: 
             dive.run(1.0 / dive.hz)
         assert dive.counts["lost:page_silent"] == lost
         assert max(abs(c.surge) for c in dive.commands) == 0.0
-
-
-def test_sticks_of_an_older_picture_act_as_long_as_they_are_young(dive: PageDive):
     dive.steer(1.5)
-    seen = dive.browsers.pictures[ANN + 1]["n"] - 5  # 200 ms ago
+    seen = dive.browsers.pictures[ANN + 1]["n"] - 5  # 200 ms ago, and young enough
     dive.say("sticks", surge=0.9, sway=0.0, heave=0.0, yaw=0.0, seen=seen, held_ms=100.0)
     dive.run(0.05)
     assert dive.commands[-1].surge == 0.9
-
-
-def test_a_page_is_told_that_its_sticks_wait_for_being_centred(dive: PageDive):
-    dive.steer(0.2, yaw=0.5).run(0.6)
-    dive.steer(0.2, yaw=0.5)
-    assert dive.you()["wants_rest"]
-    dive.steer(0.2)
-    assert "wants_rest" not in dive.you()
-    dive.steer(0.2, yaw=0.5)
-    assert "wants_rest" not in dive.you()
 
 
 @pytest.mark.slow

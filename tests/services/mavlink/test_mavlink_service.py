@@ -45,10 +45,10 @@ def test_the_first_sticks_are_enough_to_arm(tmp_path: Path) -> None:
     assert dive.acks == [(400, 0)]
 
 
-@pytest.mark.parametrize("hz", [10.0, 25.0, 50.0])
-def test_sticks_at_any_usual_rate_are_one_pilot(tmp_path: Path, hz: float) -> None:
+def test_sticks_at_any_usual_rate_are_one_pilot(tmp_path: Path) -> None:
     dive = GroundStationDive(tmp_path).armed()
-    dive.steer(3.0, hz=hz, heave=0.2)
+    for hz in (10.0, 50.0):
+        dive.steer(2.0, hz=hz, heave=0.2)
     assert {status.failsafe for status in dive.statuses} == {"none"}
 
 
