@@ -27,7 +27,7 @@ def test_he_arms_dives_a_metre_lets_go_and_the_drone_holds(
 
 
 @PILOTS
-def test_a_second_one_and_rubbish_move_nothing_and_are_counted(
+def test_a_second_one_and_rubbish_move_nothing_and_silence_is_a_lost_pilot(
     pilot: type[PilotedDive], tmp_path: Path
 ) -> None:
     dive = pilot(tmp_path).armed()
@@ -43,13 +43,16 @@ def test_a_second_one_and_rubbish_move_nothing_and_are_counted(
     assert dive.steer(0.3).status.armed
     assert {command.heave for command in dive.commands} == {0.0}
     assert dive.counts[dive.malformed] == 5
+    require_lost_when_silent(dive.steer(1.0, heave=1.0))
+    dive.steer(0.3).arm()  # who goes on does so deliberately
+    dive.steer(0.3)
+    assert (dive.status.failsafe, dive.status.armed) == ("none", True)
+    dive.steer(0.5, heave=1.0)
+    assert dive.commands[-1].heave > 0.0
 
 
-@PILOTS
-def test_who_falls_silent_is_lost_within_the_time_to_live_and_goes_on_deliberately_alone(
-    pilot: type[PilotedDive], tmp_path: Path
-) -> None:
-    dive = pilot(tmp_path).armed().steer(1.0, heave=1.0)
+def require_lost_when_silent(dive: PilotedDive) -> None:
+    """Within the time to live, and moving sticks alone do not end it."""
     silent = dive.host.now - round(1e9 / dive.hz)  # the last sticks
     dive.run(4.0)
     lost = next(status for status in dive.statuses if status.failsafe == "pilot_lost")
@@ -59,9 +62,4 @@ def test_who_falls_silent_is_lost_within_the_time_to_live_and_goes_on_deliberate
     held = dive.depth
     dive.steer(1.0, heave=1.0)
     assert abs(dive.depth - held) < 0.1
-    assert dive.status.failsafe == "pilot_lost", "sticks that move do not end a failsafe"
-    dive.steer(0.3).arm()
-    dive.steer(0.3)
-    assert (dive.status.failsafe, dive.status.armed) == ("none", True)
-    dive.steer(0.5, heave=1.0)
-    assert dive.commands[-1].heave > 0.0
+    assert dive.status.failsafe == "pilot_lost"
