@@ -24,7 +24,7 @@ slow: $(READY) ## what `make test` leaves out: flights by the dozen, the wheel, 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
 	$(BIN)/python tests/long/mutants.py
 
-bench: $(READY) ## every figure of `lindy bench` three times, judged beside the last, into docs/performance.md
+bench: $(READY) ## every figure of `lindy bench` three times, judged beside the last, into research/measurements
 	$(BIN)/python -m lindy_research.bench $(BENCH)
 
 check: $(READY) ## format, lint, types, import contracts, links of docs/
@@ -49,6 +49,7 @@ docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tests.support.docs.topics_page
 	$(BIN)/python -m tests.support.docs.failsafes_page
 	$(BIN)/python -m tests.support.docs.report_page
+	$(BIN)/python -m tests.support.faults.page
 	$(BIN)/python -m lindy_research.scale --write
 
 release: $(READY) ## wheel, sdist and SBOM in dist/, notes, checked and flown; `uv publish` would upload the first two

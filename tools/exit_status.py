@@ -1,4 +1,4 @@
-"""Exit statuses of `lindy`, for people in docs/flying.md."""
+"""Exit statuses of `lindy`, for people in docs/commands.md."""
 
 DONE = 0
 ERROR = 1  # not done, and one sentence on stderr says why; or the answer is no

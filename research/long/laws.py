@@ -1,8 +1,8 @@
 """The laws of the bounded reference over millions of random states: `python research/long/laws.py`.
 
-Writes docs/laws.md and fails when a tolerance is broken. Tolerances are stated beside each law:
-they are what rounding can do in double precision, or, where a root of the state is taken, its
-root. The quick versions of the same laws are in tests/services/reference.
+Writes research/measurements/laws.md and fails when a tolerance is broken. Tolerances are stated
+beside each law: they are what rounding can do in double precision, or, where a root of the state is
+taken, its root. The quick versions of the same laws are in tests/services/reference.
 """
 
 import sys
@@ -19,7 +19,7 @@ from lindy_research.laws.batch import Floats, Plans
 STATES = 5_000_000
 CHUNK = 50_000
 SEED = 20230615
-PAGE = Path("docs/laws.md")
+PAGE = Path("research/measurements/laws.md")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """A part of the fault matrix: cells that meet every goal go on meeting it.
 
-The whole matrix: `python -m tests.support.faults`. docs/faults.md names the cells that miss a goal.
+The whole matrix: `python -m tests.support.faults`. research/measurements/faults.csv has the cells
+that miss a goal.
 """
 
 import subprocess

@@ -290,7 +290,7 @@ EXIT_STATUS = re.compile(r"^\| (\d+) \| (.*) \|$", re.MULTILINE)
 
 
 def test_the_page_has_every_exit_status_and_names_every_verb_that_loses_data():
-    page = (ROOT / "docs" / "flying.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     rows = dict(EXIT_STATUS.findall(page.partition("## Exit statuses")[2]))
     every = {status for status in vars(exit_status).values() if isinstance(status, int)}
     assert {*map(int, rows)} == every

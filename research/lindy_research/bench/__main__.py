@@ -1,6 +1,6 @@
 """`python -m lindy_research.bench`, which is `make bench`: measure everything while nobody else
-works, judge it beside the last figures, keep it in docs/performance.json and write its table into
-docs/performance.md.
+works, judge it beside the last figures, keep it in research/measurements/performance.json and
+write its table into performance.md beside that.
 
 Exit status 1: a figure is worse than the last by more than its noise; such a section is not kept,
 unless --accept says so. Or a section could not be measured, whose last figures stay. Figures that
@@ -34,12 +34,12 @@ from lindy_research.bench.table import Figure, show
 from services.runtime.config.errors import LindyError
 
 STAT = Path("/proc/stat")
-DOCS = Path(__file__).parents[3] / "docs"
+MEASUREMENTS = Path(__file__).parents[2] / "measurements"
 LOOK_S = 3.0  # [s] over which the work of others is measured
 PATIENCE_S = 600.0  # [s] until a busy machine is refused
 
 
-def main(words: Sequence[str], docs: Path = DOCS) -> int:
+def main(words: Sequence[str], folder: Path = MEASUREMENTS) -> int:
     parser = argparse.ArgumentParser(
         prog="make bench", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
@@ -48,7 +48,7 @@ def main(words: Sequence[str], docs: Path = DOCS) -> int:
     parser.add_argument("--busy", action="store_true", help="measure, whatever else works")
     parser.add_argument("--accept", action="store_true", help="keep also what is worse")
     args = parser.parse_args(words)
-    record, page = docs / "performance.json", docs / "performance.md"
+    record, page = folder / "performance.json", folder / "performance.md"
     last = _read(record)
     said = False
     for name in args.only:

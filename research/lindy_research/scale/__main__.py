@@ -1,4 +1,5 @@
-"""`python -m lindy_research.scale`: print docs/scale.md, or measure its points anew.
+"""`python -m lindy_research.scale`: print research/measurements/scale.md, or measure its
+points anew.
 
 `make docs` writes the page.
 """
@@ -14,7 +15,7 @@ import msgspec
 from lindy_research.scale.measure import FLEETS, JOINING, measured_join, measured_point
 from lindy_research.scale.page import POINTS, MeasuredScale, page
 
-PAGE = Path(__file__).parents[3] / "docs" / "scale.md"
+PAGE = Path(__file__).parents[2] / "measurements" / "scale.md"
 
 
 def main(words: Sequence[str]) -> None:

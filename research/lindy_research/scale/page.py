@@ -1,4 +1,7 @@
-"""`docs/scale.md`, written from the measured points and the model. Pure, but for the points."""
+"""`research/measurements/scale.md`, from the measured points and the model.
+
+Pure, but for the points.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path

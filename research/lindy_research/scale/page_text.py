@@ -1,4 +1,4 @@
-"""The words of docs/scale.md; `page` fills in its tables."""
+"""The words of research/measurements/scale.md; `page` fills in its tables."""
 
 PAGE_TEXT = """# How many drones a network carries
 
@@ -20,8 +20,7 @@ and held. `lindy bench --only fleet` measures a computer with eight.
 
 ## What a drone sends
 
-The rows of the topic table that the other side asks for, at their rates, without video
-([camera.md](camera.md)).
+The rows of the topic table that the other side asks for, at their rates, without video.
 
 {traffic}
 

@@ -8,11 +8,9 @@ from services.reference.settings import FailsafeSettings
 
 HEADING = """# Failsafes
 
-What the drone watches, what it does by itself, and what ends that. `make docs` writes this page
-from `services/reference/failsafe/table.py`.
-
-The drone acts on board, so it needs no link. Times and thresholds are the defaults of the table
-`[reference.failsafe]` of a vehicle file.
+What the drone watches, what it does by itself, and what ends that. The drone acts on board, so it
+needs no link. `make docs` writes this page from `services/reference/failsafe/table.py`. Times and
+thresholds are the defaults of the table `[reference.failsafe]` of a vehicle file.
 
 - **notice**: the pilot reads it. Nothing else happens.
 - **limit**: the drone comes to rest at the limit and goes no further; `goto` and `follow` beyond
@@ -28,8 +26,8 @@ where the table says "at any time": the condition then acts again only when it h
 worse. A loss of state, link or pilot of less than 2 s ends by itself once the same pilot's sticks
 were centred for 0.3 s. A script resumes by itself.
 
-STOP of a pilot is no failsafe: it brakes, holds and stays armed, and the sticks act again once they
-were centred.
+STOP of a pilot is no failsafe: it brakes, holds and stays armed, and the sticks act again once
+they were centred.
 
 | condition | the pilot reads | when | what the drone does | ended by | what to do |
 |---|---|---|---|---|---|
@@ -50,12 +48,12 @@ def _line(row: FailsafeRow) -> str:
 
 def _ends_by(row: FailsafeRow) -> str:
     if not row.acts:
-        return "the end of the condition"
+        return "itself"
     if row.overrule:
         return "resume, at any time"
-    ended = "once the condition has ended"
-    short = f"after less than {SHORT_NS / 1e9:g} s "
-    return f"{short}by centred sticks, else by resume, {ended}" if row.brief else f"resume, {ended}"
+    ended = "once it has ended"
+    short = f"centred sticks after less than {SHORT_NS / 1e9:g} s, else "
+    return f"{short}resume, {ended}" if row.brief else f"resume, {ended}"
 
 
 def _stage(stage: FailsafeStage) -> str:

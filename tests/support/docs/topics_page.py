@@ -33,8 +33,8 @@ the floors fit, the lightest streams yield first, down to a tenth of their floor
 def page() -> str:
     """The whole page."""
     rows = [
-        "| key | message | Hz | how it travels | across the tether | weight | floor [1/s] |",
-        "|---|---|---|---|---|---|---|",
+        "| key | message | Hz | how it travels | across; weight, floor [1/s] |",
+        "|---|---|---|---|---|",
         *map(_row, topics.ALL),
     ]
     kinds: list[type[msgspec.Struct]] = list(dict.fromkeys(t.message for t in topics.ALL))
@@ -55,9 +55,9 @@ def _row(topic: AnyTopic) -> str:
     name = topic.message.__name__
     rate = f"{topic.hz:g}" if topic.hz else "event"
     where = f"[{name}](#{name.lower()})"
-    thinned = f"{topic.weight:g} | {topic.floor_hz:g}" if topic.weight else " | "
-    travels = f"{topic.qos.value} | {topic.way.value}"
-    return f"| `{topic.key}` | {where} | {rate} | {travels} | {thinned} |"
+    thinned = f"; {topic.weight:g}, {topic.floor_hz:g}" if topic.weight else ""
+    across = f"{topic.way.value}{thinned}"
+    return f"| `{topic.key}` | {where} | {rate} | {topic.qos.value} | {across} |"
 
 
 def section(kind: type[msgspec.Struct]) -> str:

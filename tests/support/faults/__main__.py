@@ -1,4 +1,7 @@
-"""`python -m tests.support.faults`: fly the fault matrix and write docs/faults.md."""
+"""`python -m tests.support.faults`: fly the fault matrix.
+
+Writes research/measurements/faults* and, from those, docs/faults.md.
+"""
 
 import argparse
 import os
@@ -10,27 +13,25 @@ from pathlib import Path
 
 from services.runtime.os import system
 from tests.support.faults import real_cells, virtual_cells
-from tests.support.faults.page import page_of, summary
+from tests.support.faults.page import DATA, PAGE, page_of, summary, write_data
 from tests.support.faults.rows import CellRow, read_rows, row_of, write_row
 from tests.support.faults.virtual_cells import VirtualCell
 
-PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
 PLANNED = len(virtual_cells.ALL)
 
 
 def main(words: Sequence[str]) -> int:
-    """Returns 0, also where cells miss goals: the page says which."""
+    """Returns 0, also where cells miss goals: the table says which."""
     parser = argparse.ArgumentParser(prog="faults", description=__doc__)
     parser.add_argument("--world", choices=("virtual", "real", "both"), default="both")
     parser.add_argument("--cells", nargs="*", default=[], help="virtual ones, as MODE/FAULT")
     parser.add_argument("--rows", type=Path, help="file for the rows, one line of JSON each")
-    parser.add_argument("--page", type=Path, default=PAGE, help="the page to write")
     parser.add_argument("--read", type=Path, nargs="*", help="fly nothing: rows of earlier runs")
     parser.add_argument("--workers", type=int, default=system.cores())
     args = parser.parse_args(words)
     if args.read:
         rows = [row for path in args.read for row in read_rows(path)]
-        args.page.write_text(page_of(rows, PLANNED, _conditions()), encoding="utf-8")
+        _keep(rows, _conditions())
         print(summary(rows))
         return 0
     began = time.monotonic()
@@ -38,10 +39,14 @@ def main(words: Sequence[str]) -> int:
     minutes = (time.monotonic() - began) / 60.0
     print(f"{summary(rows)}\n{minutes:.1f} min")
     if args.world == "both" and not args.cells:
-        page = page_of(rows, PLANNED, f"It took {minutes:.0f} minutes. {_conditions()}")
-        args.page.write_text(page, encoding="utf-8")
-        print(f"written: {args.page}")
+        _keep(rows, f"{minutes:.0f} minutes, {_conditions()}")
     return 0
+
+
+def _keep(rows: Sequence[CellRow], conditions: str) -> None:
+    write_data(rows, PLANNED, conditions)
+    PAGE.write_text(page_of(), encoding="utf-8")
+    print(f"written: {DATA}/faults*, {PAGE}")
 
 
 def _conditions() -> str:

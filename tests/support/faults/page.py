@@ -1,104 +1,109 @@
-"""docs/faults.md from the rows. Pure."""
+"""The matrix as data (research/measurements/faults*), and docs/faults.md from it (`make docs`)."""
 
+import csv
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import msgspec
 
 from tests.support.faults.figures import Figures
 from tests.support.faults.goals import GOALS
 from tests.support.faults.rows import CellRow
 
-WORLDS = {"virtual": "on virtual time", "real": "real processes"}
-HEAD = """# The fault matrix
-
-Written by `python -m tests.support.faults`; do not edit. Every fault in every mode: what the
-drone does, what the pilot reads, which goals are missed. A figure in **bold** misses its goal.
-
-On virtual time each fault meets each mode: with the simulator, the tether's model and the
-decisions of the real supervisor; a service takes 0.35 s to start there. In real processes (`lindy
-dive`) some are done again, with signals, disks and processors, in the mode stabilised. Truth is the
-simulator's. All times are in seconds from the beginning of the fault, however long it lasts. A
-dash: it did not happen, or does not apply.
-
-The pilot is a script, which resumes by itself as soon as a failsafe can be ended
-(docs/failsafes.md); a person's time to press the button comes on top of **in control**. On virtual
-time the drone rises after 8 s without a pilot instead of 60, and its depth limit is within reach:
-4, 6 or 11 m.
-"""
-COLUMNS = (
-    "fault", "reaction", "said [s]", "depth [m]", "jerk [-]", "stale", "pilot gone [s]",
-    "thrust zero [s]", "in control [s]", "disarm [s]", "misses",
-)  # fmt: skip
-MEANING = """
-- **said**: the first line that the pilot can read: status, link alarm, log line above information.
-- **depth**: largest distance from where the reference wanted the drone, while a depth was held.
-  Without a reference nothing should move: one that was moving is measured from where that ended.
-  Judged where samples arrive: not without the vehicle side or the drone's hub.
-- **jerk**: of the reference over its limit, of depth and heading the worse.
-- **stale**: actuations of a command, or of a stick position behind it, beyond its life.
-- **pilot gone**: the drone's status says so.
-- **thrust zero**: the thrusters stop for want of commands.
-- **in control**: from when on the pilot's commands reach the thrusters, without a failsafe: the
-  pilot has resumed where one acted.
-- **disarm**: from a request 0.3 s into the fault (in another dive, the same until then) until no
-  thruster turns. A request is repeated for 5 s, so a service that is started again may grant it.
-"""
-NOT_COVERED = """
-## Not observable
-
-- No driver measures the thrust of a thruster, so one that is dead, weak or turns the wrong way is
-  not announced: the pilot sees it by what the drone does. A drone with a single vertical thruster
-  cannot hold its depth without it.
-- A hub that hangs for 0.3 s delays messages, and nothing expires that matters: no service is late.
-- A recorder or a viewer that hangs for 0.3 s loses nothing, because it takes what arrived from a
-  ring of a second and more; and four busy processes that make no service late cost nothing.
-
-## Physics
-
-- A drone that moves, or floats up, goes on while what commands it is dead or hangs: 0.1 to 0.25 m
-  until the service is started again.
-
-## Not mended
-
-- Two processes that both call themselves `reference` answer the pilot by turns, each in the name of
-  an epoch of its own. A disarm has the epoch of one of them: it is refused as that of another pilot
-  where the other is the one that is heard. The screens say that there are two, and nothing arms
-  then; ending either of them ends it. A supervisor never starts a second one.
-- A disarm does not get through a cable that is out. The drone stops by itself.
-
-## Not covered
-
-- A jump of the computer's clock: every service runs on the monotonic clock, and a test must not set
-  the clock of a computer that others use.
-- On virtual time an exception ends a service between two handlers, and what a slow service
-  publishes comes at the beginning of its step. Recorder, viewer, supervisor, disks and processors
-  exist in real processes alone.
-- A peer with another version of the keys, or without a certificate, never gets in
-  (tests/services/runtime/bus/). Here a stranger and an older pilot speak on the topside's own bus.
-"""
+DATA = Path(__file__).parents[3] / "research" / "measurements"
+PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
+CELLS, READ, FLOWN = "faults.csv", "faults_read.csv", "faults.json"
+WORLDS = {"virtual": "virtual time", "real": "real processes"}
 FOLDER = re.compile(r"/\S*lindy-faults-[^/ ]*/")  # of the run, in what was read
-Missed = tuple[str, str]  # goal, fault
 
 
-def page_of(rows: Sequence[CellRow], planned: int, conditions: str) -> str:
+class GoalCount(msgspec.Struct, frozen=True):
+    """How many cells meet a goal."""
+
+    goal: str
+    words: str
+    world: str
+    met: int
+    judged: int
+
+
+class FlownMatrix(msgspec.Struct, frozen=True):
+    """What was flown, and how well it did."""
+
+    planned: int  # cells that there are on virtual time
+    conditions: str  # of the run, in a sentence
+    goals: list[GoalCount]
+
+
+Cell = dict[str, str]  # a line of the table of cells; "": it did not happen, or does not apply
+
+
+def _number(value: float | None, digits: int = 2) -> str:
+    return "" if value is None else f"{value:.{digits}f}"
+
+
+FIGURES: dict[str, Callable[[Figures], str]] = {
+    "said_s": lambda f: _number(f.announced),
+    "depth_m": lambda f: _number(f.depth_error, 3),
+    "jerk": lambda f: _number(f.jerk_ratio, 3),
+    "stale": lambda f: str(f.stale),
+    "pilot_gone_s": lambda f: _number(f.pilot_lost),
+    "thrust_zero_s": lambda f: _number(f.thrust_zero),
+    "in_control_s": lambda f: _number(f.recovered),
+    "disarm_s": lambda f: _number(f.disarmed) if f.asked else "not asked",
+}
+COLUMNS = ("world", "mode", "fault", "note", "reaction", *FIGURES, "missed")
+
+
+def write_data(rows: Sequence[CellRow], planned: int, conditions: str, folder: Path = DATA) -> None:
     """
     Args:
         planned: cells that there are on virtual time.
         conditions: of the run, in a sentence.
     """
-    count = Counter(row.world for row in rows)
-    flown = f"all {planned}" if count["virtual"] == planned else f"{count['virtual']} of {planned}"
-    cells = (
-        f"\nFlown: {flown} cells on virtual time, {count['real']} in real processes. {conditions}\n"
-    )
-    parts = [HEAD, cells, *_goals(rows), *_missed(rows), "\n## What is measured\n", MEANING]
-    for world, words in WORLDS.items():
-        for mode in dict.fromkeys(row.mode for row in rows if row.world == world):
-            parts.append(f"\n## {mode}, {words}\n\n")
-            parts += _table(
-                COLUMNS, [_cells(r) for r in rows if (r.world, r.mode) == (world, mode)]
-            )
-    return "".join([*parts, *_read(rows), NOT_COVERED])
+    _write(folder / CELLS, COLUMNS, map(_cell, rows))
+    texts: defaultdict[str, dict[str, None]] = defaultdict(dict)
+    for row in rows:
+        texts[row.fault].update(dict.fromkeys(FOLDER.sub("", text) for text in row.figures.texts))
+    _write(folder / READ, ("fault", "read"), ((name, "; ".join(t)) for name, t in texts.items()))
+    goals = [
+        GoalCount(
+            goal.name, goal.words, world, *_met((r for r in rows if r.world == world), goal.name)
+        )
+        for goal in GOALS
+        for world in WORLDS
+    ]
+    told = msgspec.json.encode(FlownMatrix(planned, conditions, goals))
+    (folder / FLOWN).write_bytes(msgspec.json.format(told, indent=1) + b"\n")
+
+
+def _write(path: Path, heads: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([heads, *lines])
+
+
+def _cell(row: CellRow) -> list[str]:
+    figures = [shown(row.figures) for shown in FIGURES.values()]
+    reaction = _reaction(row.figures)
+    return [row.world, row.mode, row.fault, row.note, reaction, *figures, ", ".join(row.missed)]
+
+
+def _reaction(figures: Figures) -> str:
+    parts = [name.replace("_", " ") for name in figures.failsafes]
+    parts += [f"{name} started again" for name in figures.restarted]
+    parts += [] if figures.still_armed else ["disarmed"]
+    return ", ".join(parts)
+
+
+def cells(folder: Path = DATA) -> list[Cell]:
+    with (folder / CELLS).open(encoding="utf-8", newline="") as file:
+        return [*csv.DictReader(file)]
+
+
+def flown(folder: Path = DATA) -> FlownMatrix:
+    return msgspec.json.decode((folder / FLOWN).read_bytes(), type=FlownMatrix)
 
 
 def summary(rows: Sequence[CellRow]) -> str:
@@ -115,71 +120,132 @@ def _met(rows: Iterable[CellRow], goal: str) -> tuple[int, int]:
     return sum(judged), len(judged)
 
 
-def _goals(rows: Sequence[CellRow]) -> list[str]:
-    table: list[list[str]] = []
-    for goal in GOALS:
-        cells = [goal.words]
-        for world in WORLDS:
-            met, judged = _met([row for row in rows if row.world == world], goal.name)
-            cells.append(f"{met} of {judged}" if met == judged else f"**{met} of {judged}**")
-        table.append(cells)
-    return ["\n## Goals\n\n", *_table(("goal", *WORLDS.values()), table)]
+# The page.
 
-
-def _missed(rows: Sequence[CellRow]) -> list[str]:
-    """By goal and fault: the modes, with the figure in each."""
-    found: defaultdict[Missed, list[str]] = defaultdict(list)
-    for row in rows:
-        for goal in row.missed:
-            where = row.mode if row.world == "virtual" else f"real {row.mode}"
-            figure = FIGURES[goal](row.figures) if goal in FIGURES else ""
-            found[goal, row.fault].append(f"{where} {figure}".strip())
-    table = [[goal, fault, ", ".join(where)] for (goal, fault), where in sorted(found.items())]
-    return ["\n## What misses\n\n", *_table(("goal", "fault", "where"), table)]
-
-
-def _number(value: float | None, digits: int = 2) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
-
-
-FIGURES: dict[str, Callable[[Figures], str]] = {
-    "announced": lambda f: _number(f.announced),
-    "depth": lambda f: _number(f.depth_error, 3),
-    "jerk": lambda f: _number(f.jerk_ratio, 3),
-    "stale": lambda f: str(f.stale),
-    "pilot": lambda f: _number(f.pilot_lost),
-    "thrust": lambda f: _number(f.thrust_zero),
-    "back": lambda f: _number(f.recovered),
-    "disarm": lambda f: _number(f.disarmed) if f.asked else "not asked",
+BOARD = "(simulator|estimation|reference|control)"
+TOPSIDE = "(tether|gamepad|link_monitor)"
+KINDS = {  # of faults, by their names; the first that fits counts
+    f"(kill -9|exception in) {BOARD}": "a service on board dies",
+    f"(kill -9|exception in) {TOPSIDE}": "a service topside dies",
+    "kill -9 hub": "a hub dies",
+    "kill -9 supervisor": "the supervisor dies",
+    f"SIGSTOP {BOARD} 0.3 s": "a service on board hangs for 0.3 s",
+    f"SIGSTOP {BOARD}": "… for 2 s or more",
+    f"SIGSTOP {TOPSIDE}": "a service topside hangs",
+    "SIGSTOP hub": "a hub hangs",
+    "(SIGSTOP|kill -9) (recorder|visualizer)": "recorder or viewer dies, hangs",
+    ".*ten times too slow": "a service is ten times too slow",
+    "busy processor|4 busy": "a busy computer",
+    "drone side restarted": "the drone's side restarts without its memory",
+    "cable out 3 s": "the cable is out for 3 s",
+    "cable out": "… for 30 s",
+    "link (congested|severe)": "a worse link",
+    "pilot silent": "the pilot is silent for 22 s",
+    "flood|stranger|pilot of an older": "strangers, floods, an older version",
+    "second|another Lindy": "a service, or Lindy, runs twice",
+    "imu": "the IMU fails",
+    "pressure": "the pressure sensor fails",
+    "magnetometer": "the compass fails",
+    "(port|lateral|vertical) ": "a thruster fails",
+    "leak|battery (critical|empty)": "leak, empty battery",
+    "battery low|temperature": "low battery, heat",
+    "stick down|goto": "beyond the depth limit",
+    "disk full|folder removed": "disk full, folder removed",
 }
+HEAD = """# Faults
+
+Written by `python -m tests.support.faults` from `research/measurements/faults.csv`, which has
+every cell; do not edit.
+
+Every fault meets every mode on virtual time; some are done again in real processes, with signals,
+disks and processors. The pilot is a script, which resumes by itself when a
+[failsafe](failsafes.md) can be ended; a person's time to do so comes on top. On virtual time the
+drone rises after 8 s without a pilot instead of 60.
+"""
+BY_FAULT = """
+## By fault
+
+The worst of all modes, in seconds from the beginning of the fault: until the pilot **reads**
+something, and until the pilot's commands reach the thrusters **again** (a dash: never). *Misses*:
+cells that miss a goal.
+
+"""
+NOTES = """
+What the pilot reads, word for word: `research/measurements/faults_read.csv`.
+
+## What misses
+
+- **announced**: no driver measures thrust, so a thruster that is dead, weak or reversed is not
+  announced: the pilot sees it by what the drone does. A recorder or viewer that hangs for 0.3 s
+  loses nothing.
+- **depth**: a drone with one vertical thruster cannot hold its depth without it. One that moves or
+  floats up goes on while what commands it is dead or hangs, for 0.1 to 0.25 m.
+- **disarm**: it does not get through a cable that is out; the drone stops by itself. Two processes
+  that both call themselves `reference` answer by turns, so a disarm may be refused. The screens
+  say that there are two, and nothing arms then; ending either ends it. A supervisor never starts a
+  second one.
+
+## Not covered
+
+A jump of the computer's clock (every service runs on the monotonic clock), and an exception within
+a handler on virtual time. Who has no certificate: [security](security.md).
+"""
 
 
-def _cells(row: CellRow) -> list[str]:
-    def shown(goal: str) -> str:
-        text = FIGURES[goal](row.figures)
-        return f"**{text}**" if row.goals.get(goal) is False else text
-
-    name = row.fault if not row.note else f"{row.fault} ({row.note})"
-    return [name, _reaction(row.figures), *map(shown, FIGURES), ", ".join(row.missed)]
-
-
-def _reaction(figures: Figures) -> str:
-    parts = [name.replace("_", " ") for name in figures.failsafes]
-    parts += [f"{name} started again" for name in figures.restarted]
-    parts += [] if figures.still_armed else ["disarmed"]
-    return ", ".join(parts) or "–"
+def page_of(folder: Path = DATA) -> str:
+    """docs/faults.md, from the data in `folder`."""
+    every, run = cells(folder), flown(folder)
+    count = Counter(cell["world"] for cell in every)
+    share = f"all {run.planned}" if count["virtual"] == run.planned else f"{count['virtual']}"
+    flew = f"\nFlown: {share} cells on virtual time, {count['real']} in real processes; "
+    goals = _table(("goal", *WORLDS.values()), _goals(run.goals))
+    kinds = _table(("fault", "the drone", "reads", "again", "misses"), _kinds(every))
+    return "".join(
+        [HEAD, flew, run.conditions, "\n\n## Goals\n\n", *goals, BY_FAULT, *kinds, NOTES]
+    )
 
 
-def _read(rows: Sequence[CellRow]) -> list[str]:
-    """By fault, over all modes."""
-    texts: defaultdict[str, dict[str, None]] = defaultdict(dict)
-    for row in rows:
-        read = [FOLDER.sub("", text) for text in row.figures.texts]
-        texts[row.fault].update(dict.fromkeys(read))
-    table = [[fault, "; ".join(words) or "**nothing**"] for fault, words in texts.items()]
-    return ["\n## What the pilot reads\n\n", *_table(("fault", "in any mode"), table)]
+def _goals(goals: Sequence[GoalCount]) -> list[list[str]]:
+    by_goal: defaultdict[str, list[str]] = defaultdict(list)
+    for goal in goals:
+        met = f"{goal.met} of {goal.judged}"
+        by_goal[goal.words].append(met if goal.met == goal.judged else f"**{met}**")
+    return [[words, *counts] for words, counts in by_goal.items()]
+
+
+def _kinds(every: Sequence[Cell]) -> list[list[str]]:
+    """A line for each kind of fault; what fits none is a mistake."""
+    kinds: dict[str, list[Cell]] = {pattern: [] for pattern in KINDS}
+    for cell in every:
+        if cell["fault"] != "none":
+            kinds[next(k for k in KINDS if re.match(k, cell["fault"]))].append(cell)
+    return [[KINDS[kind], *_kind(found)] for kind, found in kinds.items() if found]
+
+
+def _kind(found: Sequence[Cell]) -> list[str]:
+    did: dict[str, None] = {}
+    for cell in found:
+        words = (cell["reaction"] or cell["note"]).split(", ")
+        did.update(dict.fromkeys(re.sub(r"^\w+ (?=started again)", "", word) for word in words))
+    missed = Counter(goal for cell in found for goal in cell["missed"].split(", ") if goal)
+    misses = ", ".join(f"{goal} {count}" for goal, count in missed.items())
+    worst = [_worst(found, figure) for figure in ("said_s", "in_control_s")]
+    return [", ".join(filter(None, did)) or "goes on", *worst, misses]
+
+
+def _worst(found: Iterable[Cell], figure: str) -> str:
+    told = [float(cell[figure]) for cell in found if cell[figure]]
+    return f"{max(told):.1f}" if told else "–"
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [list(heads), ["---"] * len(heads), *rows]
     return [f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines]
+
+
+def main() -> None:
+    PAGE.write_text(page_of(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,4 @@
-"""The results, one row for each cell; the page is written from them."""
+"""The results, one row for each cell; the data and the page are written from them."""
 
 from pathlib import Path
 from typing import Literal

@@ -166,7 +166,7 @@ def test_bad_input_is_one_sentence(dive: Path, tmp_path: Path) -> None:
 
 
 def test_every_key_of_the_json_is_documented() -> None:
-    page = (ROOT / "docs" / "your-last-dive.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
     structs: list[type[msgspec.Struct]] = [Review]
     seen: set[str] = set()
     while structs:
