@@ -51,7 +51,9 @@ def test_what_was_declared_is_there_once_the_router_is_and_again_after_it_was_go
                 there = [str(r.ok.key_expr) for r in other.liveliness().get("@ros2_lv/**") if r.ok]
                 assert there == [token]
                 got.clear()
-                sender: Any = other.declare_publisher("0/in")  # its stub calls `matching` a bool
+                blocks = zenoh.CongestionControl.BLOCK  # else a busy computer drops it
+                # Its stub calls `matching` a bool.
+                sender: Any = other.declare_publisher("0/in", congestion_control=blocks)
                 until(lambda sender=sender: sender.matching_status.matching)
                 sender.put(b"x" * (LONGEST + 1))
                 sender.put(b"hello", attachment=b"a")
