@@ -79,7 +79,6 @@ def test_a_jump_is_noticed_with_the_next_answer(jump: int) -> None:
 # Of the many messages that repeat a value, which bring one, and of when it is.
 
 
-MS = 1_000_000  # [ns]
 AGE_NS, SAME_NS = 40 * MS, 250 * MS
 
 

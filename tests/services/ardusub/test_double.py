@@ -1,7 +1,6 @@
 """The double against what was measured on ArduSub 4.5 and 4.8, in their own simulator."""
 
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -11,8 +10,6 @@ from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
 from tests.support.ardusub_double.board import BoardDouble
-from tests.support.ardusub_double.motors import motor_pulses
-from tests.support.ardusub_double.settings import defaults
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 STACK = Stack(vehicle="bluerov2_heavy")
@@ -70,18 +67,6 @@ class Bench:
         self.pass_time(0.1)
         assert self.command(400, 1) == 0
         self.pass_time(0.6)
-
-
-def pulses(frame: int, **axes: float) -> list[int]:
-    order = ("roll", "pitch", "yaw", "throttle", "forward", "lateral")
-    params = {**defaults("4.8"), "FRAME_CONFIG": float(frame)}
-    return motor_pulses([axes.get(name, 0.0) for name in order], params)
-
-
-def test_a_full_group_is_scaled_on_the_heavy_frame_and_clipped_on_the_other() -> None:
-    full = {"forward": 1.0, "lateral": 1.0, "yaw": 1.0}
-    assert pulses(2, **full)[:4] == [1633, 1100, 1633, 1633]
-    assert pulses(1, **full)[:4] == [1900, 1100, 1900, 1900]
 
 
 @BOTH
@@ -169,32 +154,3 @@ def test_the_ground_station_failsafe_disarms_in_its_time(
     bench.arm()
     bench.pulses, bench.heartbeats = None, False
     assert least <= bench.until(lambda: not bench.board.armed) <= most
-
-
-@BOTH
-def test_acks(version: str) -> None:
-    bench = Bench(version)
-    assert bench.command(176, 1, 2) == 0
-    assert bench.command(176, 1, 99) == 4
-    assert bench.command(31999) == 3
-    assert bench.command(511, 105, 10_000) == (2 if version == "4.5" else 0)  # HIGHRES_IMU
-
-
-@BOTH
-def test_a_pressure_is_sent_again_until_the_next_is_taken_over(version: str) -> None:
-    bench = Bench(version)
-    bench.command(511, 137, 25_000)
-    bench.pass_time(3.0)
-    sent = [p.fields["press_abs"] for _, p in bench.heard if p.name == "SCALED_PRESSURE2"]
-    assert len(sent) == pytest.approx(120, abs=2)
-    changes = [n for n in range(1, len(sent)) if sent[n] != sent[n - 1]]
-    assert 20 <= len(changes) <= 30  # two in a row may be the same by chance
-    assert {(after - before) % 4 for before, after in pairwise(changes)} == {0}
-
-
-def test_entering_manual_makes_the_inputs_neutral() -> None:
-    bench = Bench()
-    bench.override(chan5_raw=1700)
-    bench.command(176, 1, 0)
-    bench.command(176, 1, 19)
-    assert bench.board.override[:6] == [1500.0] * 6

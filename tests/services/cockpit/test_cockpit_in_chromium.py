@@ -104,24 +104,6 @@ def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(filmed_
 
 
 @pytest.mark.slow
-def test_a_phone_that_is_twenty_times_slower_still_lets_go_of_a_stick(flight: Flight):
-    page = flight.page(PHONE)
-    arm(page)
-    page.call("Emulation.setCPUThrottlingRate", rate=20)
-    left = page.middle("#left")
-
-    def push() -> None:
-        page.touch("touchStart", left)
-        page.touch("touchMove", (left[0], left[1] + 40.0))
-
-    insist(lambda: flight.is_so("said[-1].heave > 0.2"), push, lambda: page.touch("touchEnd"))
-    page.touch("touchEnd")
-    flight.until("said[-1].heave == 0.0")
-    page.look("document.getElementById('stop').dispatchEvent(new PointerEvent('pointerdown'))")
-    flight.until("now[-1].activity == 'stopping' or now[-1].failsafe != 'none'")
-
-
-@pytest.mark.slow
 def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight: Flight):
     page = flight.page(Size(1280, 800))
     page.look(PAD)

@@ -82,17 +82,6 @@ def test_a_pipe_gets_the_first_line_at_once_and_the_count_at_the_end(
     ]  # fmt: skip
 
 
-def test_the_countdown_before_arming_is_not_repeated_at_the_end():
-    lines = LogLines()
-    for left in (10, 8, 6):
-        text = f"calibrating: {left} s at rest to go"
-        lines.add(LogLine(stamp_ns=0, service="estimation", level="info", text=text), None)
-    assert lines.unprinted() == []
-    lines.add(said("x"), None)
-    lines.add(said("x"), None)
-    assert [(entry.line.text, entry.times) for entry in lines.unprinted()] == [("x", 2)]
-
-
 @given(st.text(max_size=40))
 def test_nothing_that_a_terminal_would_obey_is_printed(text: str):
     """Anybody on the bus can send a line."""

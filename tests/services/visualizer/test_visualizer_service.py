@@ -18,7 +18,6 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from services.runtime.node.ports import Publisher
 from services.visualizer.batch import Batch, Note
-from services.visualizer.io import live_viewer
 from services.visualizer.io.live_viewer import LiveViewer
 from services.visualizer.service import wire
 from tests.support.patience import PATIENCE_S, until
@@ -171,25 +170,6 @@ class Heard:
 
     def log(self, level: str, text: str) -> None:
         self.lines.append((level, text))
-
-
-@pytest.mark.slow
-def test_a_viewer_that_never_reads_costs_batches_but_no_time(
-    tmp_path: Path, sample: Sample, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The dive below would never end if anything waited for this viewer."""
-    monkeypatch.setattr(live_viewer, "WAITING_BYTES", 1_000)
-    stalled = [sys.executable, "-c", STALLED_VIEWER]
-    monkeypatch.setattr("services.visualizer.service.viewer_command", lambda: stalled)
-    host, stack = VirtualHost(), Stack(out=str(tmp_path), viewer=True)
-    others = {side: host.node(side, [side]) for side in BOTH_REALMS.sides}
-    node = host.add("visualizer", BOTH_REALMS, stack, wire)
-    speak(others, sample)
-    host.run(30 * SECOND)
-    host.close()
-    assert node.counts["dropped:live"] > 0
-    times, _ = read_back(tmp_path / "dive.rrd", "/depth/truth")
-    assert (times[0], times[-1]) == pytest.approx((0.0, 29.8))
 
 
 def test_a_stalled_viewer_leaves_no_process_of_ours_behind() -> None:

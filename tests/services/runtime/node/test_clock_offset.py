@@ -204,7 +204,7 @@ def test_a_clock_that_is_not_known_any_more_is_not_used(lost: Clock) -> None:
 # Two topsides have two clocks: stamps are converted by the clock of who sent them.
 
 
-MS, S = 1_000_000, 1_000_000_000  # [ns]
+S = SECOND
 ANN, BOB = 1, 2  # sources
 NOW = 1_000_000 * S
 ahead = st.integers(-900_000 * S, 900_000 * S)  # [ns] the drone's clock minus a topside's
