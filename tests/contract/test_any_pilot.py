@@ -20,7 +20,7 @@ def test_he_arms_dives_a_metre_lets_go_and_the_drone_holds(
     while dive.depth < start + 1.0:
         dive.steer(0.2, heave=1.0)
     held = dive.steer(3.0).depth
-    for _ in range(4):
+    for _ in range(2):
         assert abs(dive.steer(0.5).depth - held) < 0.1
     dive.disarm()
     assert not dive.steer(0.5).status.armed
@@ -54,7 +54,7 @@ def test_a_second_one_and_rubbish_move_nothing_and_silence_is_a_lost_pilot(
 def require_lost_when_silent(dive: PilotedDive) -> None:
     """Within the time to live, and moving sticks alone do not end it."""
     silent = dive.host.now - round(1e9 / dive.hz)  # the last sticks
-    dive.run(4.0)
+    dive.run(2.5)
     lost = next(status for status in dive.statuses if status.failsafe == "pilot_lost")
     assert lost.stamp_ns - silent <= LOST_NS
     present = [each for each in dive.commands if each.pilot == "present"]

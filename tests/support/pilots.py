@@ -48,7 +48,7 @@ class PilotedDive:
         if script is not None:
             (folder / "script.csv").write_text("t,surge,sway,heave,yaw\n" + script)
             pilot = f"script:{folder / 'script.csv'}"
-        quick = ["estimation.calibration.still_time=3"]  # [s] less to wait for
+        quick = ["estimation.calibration.still_time=1"]  # [s] less to wait for
         self.stack = Stack(pilot=pilot, out=str(folder), overrides=quick, name=name)
         self.host = VirtualHost()
         for each in DRONE if script is None else (*DRONE, "gamepad"):

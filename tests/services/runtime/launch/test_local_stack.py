@@ -238,19 +238,6 @@ def test_what_is_stopped_is_named_and_started_again(tmp_path: Path, name: str) -
         assert local.restarts[name] == 1
 
 
-def test_a_handler_that_never_returns_is_a_hanging_service(tmp_path: Path) -> None:
-    stack, services = made(tmp_path, engine=BUSY)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
-        alive(local)
-        pump_until(local, lambda: last_beat(local.plan.heartbeat("engine")) is not None)
-        (tmp_path / "hang").touch()
-        pump_until(local, lambda: bool(local.hang_detector.silent))
-        (tmp_path / "hang").unlink()
-        pump_until(local, lambda: local.restarts["engine"] == 1)
-        alive(local)
-
-
 def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_path: Path) -> None:
     """At its end, the recorder is closed last."""
     recorder = '[services.recorder]\nsides = ["drone"]\nprocess = "onboard"\n'
@@ -375,8 +362,10 @@ def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> 
         assert set(local.supervisor.pids) == {"hub_topside", "hub_drone"}
 
 
-def test_a_service_without_memory_is_named_and_started_again(tmp_path: Path) -> None:
-    stack, services = made(tmp_path, engine=GREEDY)
+def test_a_service_without_memory_and_one_whose_handler_hangs_are_started_again(
+    tmp_path: Path,
+) -> None:
+    stack, services = made(tmp_path, engine=GREEDY, desk=BUSY)
     with local_stack(Dive(stack, services)) as local:
         lines = list[LogLine]()
         local.node.show = lines.append
@@ -388,16 +377,27 @@ def test_a_service_without_memory_is_named_and_started_again(tmp_path: Path) -> 
         pump_until(local, lambda: "life 2" in log.read_text())
         said = [line.text for line in lines if line.text.startswith("engine ended unexpectedly")]
         assert said == ["engine ended unexpectedly (status 1: engine has no memory left)"]
-
-
-def test_a_hub_that_cannot_listen_for_a_while_is_tried_again_and_ends_nothing(
-    tmp_path: Path,
-) -> None:
-    """As where the folder of its socket has become read-only."""
-    stack, services = made(tmp_path)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
+        pump_until(local, lambda: last_beat(local.plan.heartbeat("desk")) is not None)
+        (tmp_path / "hang").touch()
+        pump_until(local, lambda: "desk" in local.hang_detector.silent)
+        (tmp_path / "hang").unlink()
+        pump_until(local, lambda: local.restarts["desk"] == 1)
         alive(local)
+
+
+def test_neither_a_hub_that_cannot_listen_for_a_while_nor_a_mistake_in_what_hears_ends_anything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As where the folder of its socket has become read-only. The mistake is printed once."""
+    stack, services = made(tmp_path, desk=TALKING)
+    with local_stack(Dive(stack, services)) as local:
+
+        def wrong(line: LogLine, _: int) -> None:
+            raise KeyError(line.text)
+
+        local.node.each(topics.LOG, wrong)
+        local.start_services()
+        pump_until(local, lambda: local.node.counts["mistake"] > 3 and not local.missing())
         lines = list[str]()
         local.node.show = lambda line: lines.append(line.text)
         socket = Path(local.plan.endpoints["drone"].partition("/")[2])
@@ -409,20 +409,6 @@ def test_a_hub_that_cannot_listen_for_a_while_is_tried_again_and_ends_nothing(
         socket.rmdir()
         pump_until(local, lambda: not local.missing() and socket.is_socket())
     assert local.supervisor.failure is None
-
-
-def test_a_mistake_in_what_listens_ends_nothing_and_is_printed_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    stack, services = made(tmp_path, desk=TALKING)
-    with local_stack(Dive(stack, services)) as local:
-
-        def wrong(line: LogLine, _: int) -> None:
-            raise KeyError(line.text)
-
-        local.node.each(topics.LOG, wrong)
-        local.start_services()
-        pump_until(local, lambda: local.node.counts["mistake"] > 3 and not local.missing())
     assert capsys.readouterr().err.count("KeyError: 'here'") == 1
 
 

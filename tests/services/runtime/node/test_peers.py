@@ -144,7 +144,7 @@ def test_it_forgets_the_other_side_after_a_while_and_misses_it_before() -> None:
 def stack_with(instances: dict[str, Instance]) -> tuple[VirtualHost, list[str]]:
     """The drone and its link monitor, and what the pilot is told."""
     host, rows, told = VirtualHost(), Registry.read(), list[str]()
-    stack = Stack(virtual=True, overrides=["estimation.calibration.still_time=3"])
+    stack = Stack(virtual=True, overrides=["estimation.calibration.still_time=1"])
     for name, spec in rows.items():
         if name in ("tether", "simulator", "estimation", "reference", "control", "link_monitor"):
             node = host.add(name, spec, stack)
@@ -180,7 +180,7 @@ def test_nobody_arms_while_two_services_on_board_have_one_name() -> None:
     centred = PilotCommand(stamp_ns=0, surge=0, sway=0, heave=0, yaw=0)
     pilot.every(50, lambda now: sticks.put(msgspec.structs.replace(centred, stamp_ns=now)))
     pilot.each(topics.PILOT_ANSWER, lambda answer, _: answers.append(answer))
-    host.run(7 * S)
+    host.run(5 * S)
     ask.put(PilotRequest(stamp_ns=host.now, id="one", kind="arm"))
     host.run(host.now + S)
     assert answers[-1].reason == "two services call themselves control: pids 7, 8"
@@ -199,7 +199,7 @@ def test_nobody_arms_with_another_lindy_topside() -> None:
     pilot, answers = host.node("pilot", ["drone"]), list[PilotAnswer]()
     ask = pilot.publisher(topics.PILOT_REQUEST)
     pilot.each(topics.PILOT_ANSWER, lambda answer, _: answers.append(answer))
-    host.run(7 * S)
+    host.run(5 * S)
     stranger.put(msgspec.structs.replace(other, stamp_ns=host.now))
     host.run(host.now + S)
     for kind in ("arm", "disarm"):
