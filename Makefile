@@ -27,12 +27,13 @@ mutants: $(READY) ## how many small faults, put into a copy of the laws, the tes
 bench: $(READY) ## every figure of `lindy bench` three times, judged beside the last, into research/measurements
 	$(BIN)/python -m lindy_research.bench $(BENCH)
 
-check: $(READY) ## format, lint, types, import contracts, links of docs/
+check: $(READY) ## format, lint, types (of the page too, where there is npx), import contracts, links of docs/
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright
 	$(BIN)/pyright --pythonplatform Windows lindy messages services tools
+	$(BIN)/python -m tests.support.page_types
 	$(BIN)/zensical build --clean --strict
 
 format: $(READY) ## put the code in shape
@@ -50,7 +51,6 @@ docs: $(READY) ## pages and pictures written from the code
 	$(BIN)/python -m tests.support.docs.failsafes_page
 	$(BIN)/python -m tests.support.docs.report_page
 	$(BIN)/python -m tests.support.faults.page
-	$(BIN)/python -m lindy_research.scale --write
 
 release: $(READY) ## wheel, sdist and SBOM in dist/, notes, checked and flown; `uv publish` would upload the first two
 	@tag=$$(git tag --points-at HEAD); test -n "$$tag" || echo "this commit has no tag: v$(VERSION) is to be its tag"; \

@@ -4,6 +4,8 @@ In the repository `services`, `messages`, `tools` and `deploy` are at the top. I
 in `lindy/`, and every import of them says so. Nothing but import statements is changed: code that
 needs the name of a module as a string takes it from `__name__` or `__package__`.
 docs/decisions.md (0019)
+
+The wheel of research/ is built by the same hook: it keeps its own place, and imports from `lindy/`.
 """
 
 import ast
@@ -25,12 +27,13 @@ class OneName(BuildHookInterface[Any]):
             return
         root = Path(self.root)
         self._rewritten = tempfile.TemporaryDirectory(prefix="lindy-wheel-")  # as long as the hook
-        for folder in (HOME, *MOVED, "deploy"):
+        stays = self.config.get("stays", HOME)
+        for folder in (stays, *self.config.get("moves", (*MOVED, "deploy"))):
             for file in sorted((root / folder).rglob("*")):
                 if file.is_dir() or "__pycache__" in file.parts:
                     continue
                 path = file.relative_to(root)
-                place = path if folder == HOME else HOME / path
+                place = path if folder == stays else HOME / path
                 if file.suffix == ".py":
                     file = self._rewrite(file, place)
                 build_data["force_include"][str(file)] = str(place)

@@ -155,8 +155,10 @@ def row_of(name: str) -> Row:
 
 
 def troubles(counts: Mapping[str, int]) -> int:
-    """How much of what a service has counted is not normal in any dive."""
-    return sum(number for name, number in counts.items() if row_of(name).severity < ROUTINE)
+    """How much of what a service has counted is not normal in any dive. What never arrived is not of
+    the service: of that, `LatencyBudget.lost_s` tells what a person lacked."""
+    each = ((row_of(name), number) for name, number in counts.items())
+    return sum(number for row, number in each if row.severity < ROUTINE and row is not LOST)
 
 
 def known(name: str) -> bool:

@@ -119,6 +119,7 @@ class LatencyBudget(Message, frozen=True, kw_only=True):
     stick_to_thruster_ms: NotNegative | None  # [ms] median, measured end to end
     sensor_to_screen_ms: NotNegative | None  # [ms] median, measured end to end
     bound_ms: NotNegative | None  # [ms] greatest error of the clock offset
+    lost_s: NotNegative = 0.0  # [s] in all, in pauses in which no state of the drone arrived
     alarm: Text = ""  # what is wrong with the link, in words for the pilot; empty: nothing
 
 

@@ -157,6 +157,11 @@ def _submergible(stack: Stack) -> None:
             f"less than {push / LEAST_ACCELERATION:.0f} kg",
         )
     up, down = vehicle.vertical_thrust
+    if not min(up, down):
+        raise stack.mistake(
+            (BODY, "thruster"),
+            "no thruster drives heave: none has a direction with a part along z, such as [0, 0, 1]",
+        )
     most, way = (down, "down") if vehicle.net_buoyancy > 0.0 else (up, "up")
     if abs(vehicle.net_buoyancy) >= most and vehicle.net_buoyancy:
         raise stack.mistake(

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tests.support.goal_runs import HEAVE, YAW
-from tests.support.sortie import DEEP, HANDS_OFF, Sortie
+from lindy_research.dives import DEEP, HANDS_OFF, Dive
+from lindy_research.releases import HEAVE, YAW
 from tools.sweep.all_cores import in_order
 
 SEEDS, FIRST = 100, 0
@@ -37,11 +37,12 @@ def rest(seed: int) -> Rest:
     heave, yaw = abs(chance.choice(HEAVE)), chance.choice(YAW)  # down: it starts near the surface
     end = 1.0 + chance.uniform(*TURN_S)
     sticks = [(1.0, (0.0, 0.0, heave, yaw)), (end, HANDS_OFF)]
-    sortie = Sortie(sticks, seed=seed, overrides=(DEEP,)).until(end + REST_S)
-    seen = sortie.columns(end + AFTER_S)
-    _, wrong = sortie.estimate_errors(seen, end + AFTER_S)
-    off = np.abs(seen.heading + wrong - seen.wanted_heading).max()
-    swing = np.abs(seen.heading[200:] - seen.heading[:-200]).max()
+    dive = Dive(sticks, seed=seed, overrides=(DEEP,)).until(end + REST_S)
+    begin = end + AFTER_S
+    _, wrong = dive.errors(begin)
+    true = dive.heading(begin)
+    off = np.abs(true + wrong - dive.wanted_heading(begin)).max()
+    swing = np.abs(true[200:] - true[:-200]).max()
     return Rest(degrees(off), degrees(swing))
 
 

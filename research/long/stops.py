@@ -17,9 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lindy_research.bench.control_goals import FINE
 from lindy_research.bench.hull_runs import GOALS
-from tests.support.goal_runs import ReleaseResult, releases
+from lindy_research.releases import FINE, ReleaseResult, releases
 from tools.sweep.all_cores import in_order
 
 SEEDS, FIRST = 100, 0

@@ -10,7 +10,6 @@ import msgspec
 from msgspec.structs import replace
 
 from messages import events, topics
-from messages.control import ThrusterCommand
 from messages.events import Level
 from messages.film import FilmAnswer, FilmRequest
 from messages.health import LogLine
@@ -34,13 +33,13 @@ from services.cockpit.page_messages import (
 )
 from services.cockpit.page_view import (
     AGES_MS,
+    KEYS,
     PageView,
-    acting,
     chart_view,
     line,
+    notes,
     positions,
     shown_outputs,
-    thrust,
     turns,
 )
 from services.marine.outputs import OUTPUTS, Output
@@ -54,9 +53,9 @@ UNSEEN = (
     15  # pictures that a page may have under way: 0.6 s; then it gets none until it has caught up
 )
 REMEMBERED = 64  # pictures whose time of sending is known
-LINES = 4  # newest warnings that are shown
-LISTED = 60  # and in the list of all
+LISTED = 60  # newest warnings in the list
 LIST_EVERY = 50  # pictures: a page that has lost the list has it after two seconds
+LINK_LOST_S = 1.0  # [s] of silence that is a lost link for the drone
 CLOCK_ERROR_NS = 20_000_000  # [ns] by which a browser's coarse clock may be ahead
 VERY_OLD_NS = -(2**62)  # [ns] when a message was read that does not say so
 
@@ -93,6 +92,26 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             return False
 
 
+class Patience(msgspec.Struct, frozen=True):
+    """What pages must know of [reference.failsafe]."""
+
+    pilot_patience: float = 60.0  # [s] without pilot or link before the drone rises
+
+    def counted(self, view: VehicleView) -> VehicleView:
+        """With the time until an armed drone rises that is not heard any more, and that hears
+        nobody either."""
+        if view.silent_s is None or not view.armed or view.acts:
+            return view
+        left = LINK_LOST_S + self.pilot_patience - view.silent_s
+        return replace(view, next_s=max(0.0, round(left, 1)))
+
+
+class Failsafes(msgspec.Struct, frozen=True):
+    """The table [reference], as far as pages must know it."""
+
+    failsafe: Patience = Patience()
+
+
 class Personal(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What is different for each page."""
 
@@ -101,7 +120,7 @@ class Personal(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     in_control: bool = False  # of the drone, this cockpit
     taken: bool = False  # another page of this cockpit has the sticks, and keeps them
     who: str = ""  # whom the drone obeys, in words
-    lost: str = ""  # why the pilot is lost
+    lost: str = ""  # why the pilot is lost: the event's name
     wants_rest: bool = False  # its sticks move nothing until they were centred
     device: str = ""
     delay_ms: float | None = None  # [ms] there and back, between service and page
@@ -135,18 +154,18 @@ class Cockpit:
         settings: Settings,
         pilot: Pilot,
         chart: Chart,
-        limits: Sequence[tuple[float, float]] = (),
         drone: str = "",
         cameras: Cameras | None = None,
         has: Sequence[Output] = OUTPUTS,
+        patience: Patience | None = None,
     ) -> None:
         """
         Args:
             chart: where the drone is and has been.
-            limits: [N] least and most thrust of each thruster.
             drone: its name, which every page is shown.
             cameras: its cameras; None: one that looks ahead.
             has: outputs of the vehicle.
+            patience: after which a drone that hears nobody rises.
         """
         self._has = has
         self._drone = drone
@@ -156,7 +175,8 @@ class Cockpit:
         self._outbox.also = self._overhear
         self._pilot = CockpitPilot.named(pilot, settings.pilot)
         self.filming = Filming(settings.pilot, pilot.progress.filming_ns)
-        self._limits, self._chart = limits, chart
+        self._chart = chart
+        self._patience = Patience() if patience is None else patience
         self._pages: dict[int, Page] = {}
         self.cameras = Cameras() if cameras is None else cameras
         self._timer = DiveTimer(pilot.progress.began_ns)
@@ -291,7 +311,6 @@ class Cockpit:
     def pictures(
         self,
         newest: Newest,
-        thrusters: ThrusterCommand | None,
         now: Ns,
         temperature: TemperatureSample | None = None,
     ) -> dict[int, str]:
@@ -311,18 +330,14 @@ class Cockpit:
         self._chart.step(state, now, armed=status is not None and status.armed)
         if not self._pages:
             return {}
-        seen = vehicle_view(newest, now)
+        seen = self._patience.counted(vehicle_view(newest, now))
         view = PageView(
             **msgspec.structs.asdict(seen),
             drone=self._drone,
-            said=tuple((each.text, each.tone) for each in words.others(seen)),
-            acting=acting(seen),
-            numbers=words.numbers(seen),
-            thrust=thrust(thrusters, self._limits, now),
+            notes=notes(seen),
             sticks=positions(self._command, now),
             filming_s=self.filming.seconds(now),
             snapshots=self.filming.snapshots,
-            lines=tuple(map(line, self._lines.newest(LINES))),
             **self._looks(seen, now),
             dive_s=self._timer.seconds(now),
             left_min=self._endurance.minutes(battery),
@@ -367,7 +382,7 @@ class Cockpit:
             in_control=in_control,
             taken=taken,
             who=self._who(view, in_control=in_control, has_sticks=has_sticks, taken=taken),
-            lost=self._pilot.lost,
+            lost=KEYS.get(self._pilot.lost, ""),
             wants_rest=has_sticks and holder.wants_rest(now),
             device=self._pilot.device,
             delay_ms=None if page.delay_ns is None else round(page.delay_ns / 1e6, 1),

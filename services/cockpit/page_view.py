@@ -1,16 +1,17 @@
 """What every page is shown: the vehicle, and what only a page shows of it."""
 
+import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 from msgspec import UNSET
 
-from messages import topics
-from messages.control import ThrusterCommand
-from messages.events import FAILSAFE_ACTED
+from messages import events
+from messages.events import Severity
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
+from messages.text import harmless
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.chart import Chart, Pair, ShownPlace, current
@@ -19,7 +20,6 @@ from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages
 from services.vehicle_view.log_lines import LogEntry, printable
 from services.vehicle_view.view import VehicleView, bearing
-from services.vehicle_view.words import Tone
 
 # [ms] of its age table: old from when on, and not shown from when on. The page ages what it has
 # while nothing arrives, and adds the way to the browser.
@@ -29,9 +29,32 @@ AGES_MS = {
 }
 
 
-# A sentence of the page's languages by its key, with the numbers in it. Of an event its name is the
-# key; with `.short` it is its name in few words, with `.do` what the pilot can do.
-Sentence = tuple[str, dict[str, float]]
+# What the drone says in English, by the key of the page's languages: of an event, its name.
+KEYS = {
+    row.sentence: row.name
+    for row in reversed(events.ALL.values())  # of a condition's two rows the first one
+    if row.said in ("warning", "error")
+} | {"calibrating: keep the drone still": "calibrating"}
+# The link monitor's alarms, with the names of their numbers.
+LINK_ALARMS = (
+    (re.compile(r"no answer from the drone yet"), "link.never"),
+    (re.compile(r"no answer from the drone for (?P<s>[\d.]+) s"), "link.silent"),
+    (re.compile(r"round trip has risen from (?P<from>\d+) to (?P<to>\d+) ms"), "link.rtt"),
+)
+
+
+PILOTS = (Severity.FAILSAFE, Severity.DANGER, Severity.PILOT, Severity.SENSOR)
+# A busy computer is nothing to fly by.
+BUSY = (events.SERVICE_LATE.noticed.name,)
+
+
+class PageNote(msgspec.Struct, frozen=True, array_like=True):
+    """What is wrong, beside what makes the drone act by itself."""
+
+    kind: Literal["link", "note"]
+    key: str  # of a sentence; empty: none of the page's languages has it
+    numbers: dict[str, float] = {}
+    more: str = ""  # as it is said after that, in English
 
 
 class PageLine(msgspec.Struct, frozen=True, array_like=True):
@@ -40,8 +63,9 @@ class PageLine(msgspec.Struct, frozen=True, array_like=True):
     level: str
     at_s: float | None  # [s] of the dive; None: before
     times: int
-    text: str  # service and sentence
+    text: str  # of what is not for the pilot with its service
     event: str  # name of its row in the event table; empty: none
+    pilots: bool  # it is for the pilot; False: of processes, messages and recordings
 
 
 class PageOutput(msgspec.Struct, frozen=True, array_like=True):
@@ -56,15 +80,11 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     """One picture of the drone."""
 
     drone: str = ""  # its name
-    said: tuple[tuple[str, Tone], ...] = ()  # sentences, the gravest first
-    numbers: tuple[tuple[str, str], ...] = ()  # (label, text)
-    thrust: tuple[float, ...] = ()  # [-] share of each thruster's most, signed
+    notes: tuple[PageNote, ...] = ()  # the gravest first
     sticks: tuple[float, ...] = ()  # [-] surge, sway, heave, yaw as sent to the drone
     filming_s: float | None = None  # [s] that a film runs; None: none does
     snapshots: int = 0  # that were taken
-    acting: tuple[Sentence, ...] = ()  # what is lost, why, what the drone does, what the pilot must
     tools: tuple[PageOutput, ...] = ()  # outputs of the vehicle, in the order of its file
-    lines: tuple[PageLine, ...] = ()  # the newest last
     fov_deg: float | None = None  # [deg] that the large picture is wide
     looks_deg: tuple[float, float] = (0.0, 0.0)  # [deg] tilt and yaw of its camera's axis
     large: str = ""  # name of its camera
@@ -92,25 +112,25 @@ def shown_outputs(outputs: Sequence[Output], values: Mapping[str, float]) -> tup
     return tuple(PageOutput(o.name, o.kind, values.get(o.name)) for o in outputs)
 
 
-def acting(view: VehicleView) -> tuple[Sentence, ...]:
-    """While the drone acts by itself; empty: it does not."""
-    if not view.acts:
-        return ()
-    name = FAILSAFE_ACTED(view.failsafe).name
-    since: dict[str, float] = {} if view.since_s is None else {"s": round(view.since_s)}
-    more: dict[str, float] = {} if view.next_s is None else {"s": round(max(0.0, view.next_s))}
-    return (
-        (f"{name}.short", {}),
-        ("over", {}) if view.resumable else (name, since),
-        (f"does.{view.doing}", more),
-        (_to_do(view, name), {}),
-    )
+def notes(view: VehicleView) -> tuple[PageNote, ...]:
+    link = [_link_note(alarm) for alarm in view.alarm.split("; ") if alarm]
+    return (*link, *(_note(part) for part in view.note.split("; ") if part))
 
 
-def _to_do(view: VehicleView, name: str) -> str:
-    if view.returns == "centre":
-        return "do.centre"
-    return "do.resume" if view.resumable else f"{name}.do"
+def _link_note(alarm: str) -> PageNote:
+    for pattern, key in LINK_ALARMS:
+        if found := pattern.fullmatch(alarm):
+            return PageNote("link", key, {n: float(v) for n, v in found.groupdict().items()})
+    return PageNote("link", "", more=alarm)
+
+
+def _note(text: str) -> PageNote:
+    """A sentence, and what its event adds to it."""
+    sentence = re.split(r" \(|, \d| for \d", text, maxsplit=1)[0]
+    for known in (text, sentence):
+        if known in KEYS:
+            return PageNote("note", KEYS[known], more=text[len(known) :])
+    return PageNote("note", "", more=text)
 
 
 def turns(state: VehicleState | None) -> int | None:
@@ -138,8 +158,12 @@ def chart_view(
 
 
 def line(entry: LogEntry) -> PageLine:
+    """As a page lists it. What a pilot need not know of is kept apart, with its service."""
     said = entry.line
-    return PageLine(said.level, entry.last_s, entry.times, printable(said), said.event)
+    row = events.row_of(said.event) if said.event else None
+    pilots = row is not None and row.severity in PILOTS and row.name not in BUSY
+    text = harmless(said.text).replace("\n", "�") if pilots else printable(said)
+    return PageLine(said.level, entry.last_s, entry.times, text, said.event, pilots)
 
 
 def positions(command: PilotCommand | None, now: Ns) -> tuple[float, ...]:
@@ -147,17 +171,3 @@ def positions(command: PilotCommand | None, now: Ns) -> tuple[float, ...]:
     if command is None or now > command.stamp_ns + command.ttl_ms * 1e6:
         return ()
     return command.surge, command.sway, command.heave, command.yaw
-
-
-def thrust(
-    command: ThrusterCommand | None, limits: Sequence[tuple[float, float]], now: Ns
-) -> tuple[float, ...]:
-    """
-    Args:
-        limits: [N] least and most thrust of each thruster.
-    """
-    command = ages.shown(topics.THRUSTERS, command, now)
-    if command is None:
-        return ()
-    shares = zip(command.thrust, limits, strict=False)
-    return tuple(round(n / (most if n > 0.0 else -least), 2) for n, (least, most) in shares)

@@ -10,7 +10,14 @@ from messages.vehicle import VehicleStatus
 from messages.video import VideoPart
 from services.cockpit.cameras import Cameras
 from services.cockpit.chart import Chart
-from services.cockpit.core import SHOW_HZ, Cockpit, PageEffects, Settings
+from services.cockpit.core import (
+    SHOW_HZ,
+    Cockpit,
+    Failsafes,
+    PageEffects,
+    Patience,
+    Settings,
+)
 from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, PageSaid
 from services.cockpit.video import PageUnit, PictureStream
 from services.marine.field_of_view import CameraViews
@@ -49,7 +56,8 @@ def wire(node: Node, stack: Stack) -> None:
     node.on_close(server.close)
     vehicle = stack.section("vehicle", Vehicle)
     cameras = Cameras(views, settings.pilot)
-    connected = CockpitPages(node, settings, vehicle, server, stack.name, cameras)
+    patience = stack.section("reference", Failsafes).failsafe
+    connected = CockpitPages(node, settings, vehicle, server, stack.name, cameras, patience)
     for name in views:
         relay(node, name, server.show_video, connected.sent_picture)
     server.start(node.from_outside(connected.receive))
@@ -73,13 +81,13 @@ class CockpitPages:
         pages: Pages,
         drone: str = "",
         cameras: Cameras | None = None,
+        patience: Patience | None = None,
     ) -> None:
         self._node, self._pages = node, pages
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
-        limits = [thruster.limits for thruster in vehicle.thruster]
         began = pilot.progress.began_ns is not None
         chart = Chart(began)
-        self._cockpit = Cockpit(settings, pilot, chart, limits, drone, cameras, vehicle.output)
+        self._cockpit = Cockpit(settings, pilot, chart, drone, cameras, vehicle.output, patience)
         self._vehicle = VehiclePorts(node)
         self._temperature = node.latest(topics.TEMPERATURE)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
@@ -115,10 +123,8 @@ class CockpitPages:
             self._choice.put(choice)
 
     def _show(self, now: int) -> None:
-        newest, thrusters = self._vehicle.newest(now), self._vehicle.thrusters(now)
-        inside = self._temperature.newest(now)
-        shown = self._cockpit.pictures(newest, thrusters, now, inside)
-        self._pages.show(shown)
+        newest, inside = self._vehicle.newest(now), self._temperature.newest(now)
+        self._pages.show(self._cockpit.pictures(newest, now, inside))
 
     def _order(self, effects: Effects, now: int) -> None:
         if isinstance(effects, PageEffects):

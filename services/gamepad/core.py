@@ -220,6 +220,10 @@ class PadSilence:
             return PadAnswer(age_ns, lost=True)
         return PadAnswer()
 
+    def still_ns(self, now: Ns) -> Ns:
+        """[ns] Since any of its controls changed."""
+        return 0 if self._changed_at is None else now - self._changed_at
+
 
 def held_by_a_hand(controls: Mapping[str, float], dead_band: float) -> bool:
     """Is a stick deflected so that only a hand can hold it there, freely?"""

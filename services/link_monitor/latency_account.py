@@ -25,6 +25,7 @@ from services.marine.summation import plain_sum
 WINDOW_NS = 2_000_000_000  # [ns] the budget covers the last two seconds
 SAME_NS = 5_000_000  # [ns] a quarter of the time between two commands
 AT_LEAST = 5  # commands or samples that a median needs
+PAUSE_NS = 500_000_000  # [ns] without a state: what a screen shows is old from then on
 ALIKE = 0.02  # [-] a total latency within this share of the median's counts as the same
 
 
@@ -51,6 +52,8 @@ class LatencyAccount:
     _shown: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
     _down_link: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[int, float]])
 
+    _heard: Ns | None = None  # [ns] when the newest state arrived
+    _lost_ns: Ns = 0  # [ns] in pauses before it
     _accounted: Ns = 0  # [ns] stamp of the newest command whose latency is known
 
     # Messages received.
@@ -97,6 +100,7 @@ class LatencyAccount:
         self._down_link.append((now, downward_ms))
 
     def state(self, state: VehicleState, now: Ns) -> None:
+        self._lost_ns, self._heard = self._lost(now), now
         self._estimation.append((now, (state.stamp_ns - state.sensor_ns) / 1e6))
         self._up_link.append((now, (now - state.stamp_ns) / 1e6))
 
@@ -118,8 +122,14 @@ class LatencyAccount:
             stick_to_thruster_ms=_median([plain_sum(stages) for stages in down]),
             sensor_to_screen_ms=_median(shown),
             bound_ms=bound_ms,
+            lost_s=self._lost(now) / 1e9,
             alarm=alarm,
         )
+
+    def _lost(self, now: Ns) -> Ns:
+        """[ns] In all pauses, also the one that lasts."""
+        pause = 0 if self._heard is None else now - self._heard
+        return self._lost_ns + (pause if pause > PAUSE_NS else 0)
 
     def _up(self, shown: list[float]) -> tuple[Stage, ...] | None:
         estimation = [ms for _, ms in self._estimation]

@@ -86,8 +86,7 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     down_ms: float | None = None  # [ms] median delay to the drone
     up_ms: float | None = None  # [ms] median delay to the pilot
     rtt_ms: float | None = None
-    loss: float | None = None  # [-] the worse direction's
-    lost: int = 0  # messages the link has dropped
+    lost_s: float | None = None  # [s] in all, in which nothing of the drone arrived
     stick_ms: float | None = None  # [ms] from the stick to the thruster
     screen_ms: float | None = None  # [ms] from the sensor to the screen
     alarm: str = ""  # what is wrong with the link
@@ -191,14 +190,11 @@ def _battery(battery: BatterySample | None) -> dict[str, Any]:
 def _link(newest: Newest, now: Ns) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if (link := ages.shown(topics.LINK, newest.link, now)) is not None:
-        losses = [d.loss for d in (link.down_link, link.up_link) if d.loss is not None]
         found = {
             "link_up": link.up,
             "down_ms": _tenth(link.down_link.delay_p50_ms),
             "up_ms": _tenth(link.up_link.delay_p50_ms),
             "rtt_ms": _tenth(link.rtt_ms),
-            "loss": round(max(losses), 3) if losses else None,
-            "lost": link.down_link.dropped + link.up_link.dropped,
         }
     if (clock := ages.shown(topics.CLOCK, newest.clock, now)) is not None:
         found["rtt_ms"] = _tenth(clock.rtt_ms)
@@ -206,6 +202,7 @@ def _link(newest: Newest, now: Ns) -> dict[str, Any]:
         found |= {
             "stick_ms": _tenth(latency.stick_to_thruster_ms),
             "screen_ms": _tenth(latency.sensor_to_screen_ms),
+            "lost_s": _tenth(latency.lost_s),
             "alarm": latency.alarm,
         }
     return found

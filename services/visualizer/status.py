@@ -149,7 +149,7 @@ class Status:
         ]
         if isinstance(link, LinkStatus):
             up = words.UNKNOWN if view.link_up is None else "up" if view.link_up else "**DOWN**"
-            rtt = f"rtt {_ms(view.rtt_ms)} · {view.lost} dropped"
+            rtt = f"rtt {_ms(view.rtt_ms)} · lost {words.number(view.lost_s, '.1f')} s"
             rows.append(("link", f"{link.profile} · {up} · {rtt}"))
         rows.append(("alarm", f"**{view.alarm}**" if view.alarm else ""))
         delays = f"stick to thruster {_ms(view.stick_ms)} · to screen {_ms(view.screen_ms)}"
@@ -177,7 +177,7 @@ class Status:
 
     def _services(self) -> str:
         head = [
-            "| service | calls/s | late p99 | CPU | MB | counted |",
+            "| service | calls/s | late p99 | CPU | MB | problems |",
             "|---|--:|--:|--:|--:|--:|",
         ]
         rows = [

@@ -219,7 +219,9 @@ class Soak:
 
     def _link(self, verb: str) -> None:
         subprocess.run(
-            [*self._lindy, "link", verb, "--dive", str(self._out)], check=False, capture_output=True
+            [*self._lindy, "link", "set", verb, "--dive", str(self._out)],
+            check=False,
+            capture_output=True,
         )
 
     def _running(self) -> Running | None:

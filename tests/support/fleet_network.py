@@ -1,22 +1,19 @@
-"""Two routers, and drones, pilots and synthetic ones on them, as processes of this machine."""
+"""Two routers, and drones and pilots on them, as processes of this machine."""
 
-import json
 import os
 import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Generator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.process_host import HubLaunch
 from tests.support.patience import PATIENCE_S, until
-from tests.support.processes import Cost, costs
 from tests.support.started_dives import StartedDive, started
 from tools.fleet.look import who_is_there
 
@@ -34,11 +31,6 @@ class TwoRouters:
             "pilots": self._start(self.pilots, self.drones),
         }
 
-    def costs(self, seconds: float) -> Cost:
-        """Of both together."""
-        found = costs({name: each.pid for name, each in self.processes.items()}, seconds)
-        return found["drones"] + found["pilots"]
-
     def kill(self) -> None:
         """That of the drones, as when its computer fails."""
         self.processes["drones"].send_signal(signal.SIGKILL)
@@ -53,17 +45,6 @@ class TwoRouters:
         process = subprocess.Popen([*PYTHON, "services", "hub", text])
         self._exits.callback(_end, process)
         return process
-
-
-class FlownFleet(NamedTuple):
-    """Drones, and a pilot for each."""
-
-    drones: list[StartedDive]
-    pilots: list[StartedDive]
-
-    @property
-    def all(self) -> list[StartedDive]:
-        return [*self.drones, *self.pilots]
 
 
 def start_drones(
@@ -86,62 +67,6 @@ def begin_pilot(
 ) -> StartedDive:
     words = ("fly", name, "--router", routers.pilots, "--grouped", *pilot)
     return exits.enter_context(started(folder, *words))
-
-
-class SyntheticProcess:
-    """A process with synthetic drones, or their pilots."""
-
-    def __init__(
-        self,
-        who: str,
-        router: str,
-        count: int,
-        exits: ExitStack,
-        speed: float = 1.0,
-        *more: str,
-    ) -> None:
-        """
-        Args:
-            more: options of `tests.support.synthetic_fleet`.
-        """
-        command = [*PYTHON, "tests.support.synthetic_fleet", who, "--router", router]
-        command += ["--count", str(count), "--speed", f"{speed:g}", *more]
-        pipe = subprocess.PIPE
-        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
-        exits.callback(_end, self._process)
-
-    def until_ready(self) -> None:
-        assert self._process.stdout is not None
-        assert self._process.stdout.readline() == "ready\n"
-
-    def end(self) -> dict[str, Any]:
-        """What it says at its end."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.close()
-        return json.loads(self._process.stdout.readline())
-
-
-@contextmanager
-def synthetic(
-    routers: TwoRouters, count: int, speed: float = 1.0
-) -> Generator[tuple[SyntheticProcess, SyntheticProcess]]:
-    """Drones with their pilots."""
-    with ExitStack() as exits:
-        drones = SyntheticProcess("drones", routers.drones, count, exits, speed)
-        pilots = SyntheticProcess("pilots", routers.pilots, count, exits, speed)
-        drones.until_ready()
-        pilots.until_ready()
-        yield drones, pilots
-
-
-def answers(endpoint: str) -> bool:
-    """Does a router answer there?"""
-    try:
-        who_is_there(endpoint)
-    except LindyError:
-        return False
-    return True
 
 
 def _there(endpoint: str) -> set[str]:

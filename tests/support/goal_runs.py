@@ -159,29 +159,6 @@ def place_held(
     )
 
 
-class Still(NamedTuple):
-    starts: float  # [1/min] of the busiest thruster
-    depth: float  # [m] furthest from the mean
-    heading: float  # [rad] from the lowest to the highest
-    drift: float  # [m] of the depth, from the first ten seconds to the last
-
-
-def still(vehicle: str, seed: int, seconds: float = 60.0, overrides: Sequence[str] = ()) -> Still:
-    """Depth and heading held, hands off, after a dive and a turn."""
-    rows: list[SortieRow] = [(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)]
-    sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(DEEP, *overrides))
-    sortie.until(20.0 + seconds)
-    seen = sortie.columns(20.0)
-    on = np.abs(seen.thrust) > 1e-6
-    starts = np.sum(on[1:] & ~on[:-1], axis=0) * 60.0 / seconds
-    return Still(
-        starts=float(starts.max()),
-        depth=float(np.abs(seen.depth - seen.depth.mean()).max()),
-        heading=float(np.ptp(seen.heading)),
-        drift=float(abs(seen.depth[-1000:].mean() - seen.depth[:1000].mean())),
-    )
-
-
 class Bump(NamedTuple):
     depth: float  # [m]
     heading: float  # [rad]

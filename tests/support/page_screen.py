@@ -2,6 +2,7 @@
 is picture, what can be read, and what can be pressed. For any browser."""
 
 import json
+import socket
 import threading
 import time
 from contextlib import ExitStack
@@ -16,7 +17,6 @@ from services.cockpit.io.server import PageServer
 from services.cockpit.page_messages import PageAbsence, PageOpened, PageSaid, PageSticks, PageWish
 from services.cockpit.page_view import AGES_MS
 from tests.support.docs.chromium import Size
-from tests.support.doors import free_port
 
 
 class Looked(Protocol):
@@ -47,26 +47,22 @@ FLOWN = {
     "drone": "rov1", "light": 0.5, "depth_m": 12.34, "depth_wanted_m": 12.5, "depth_rate": -0.12,
     "heading_deg": 271.0, "heading_wanted_deg": 280.0, "roll_deg": 2.0, "pitch_deg": -3.0,
     "tilt_deg": -20.0, "age_ms": 20.0, "rtt_ms": 41.0, "link_up": True, "stick_ms": 62.0,
-    "numbers": [["battery", "15.9 V, 80 %"], ["light", "50 %"]], "thrust": [0.1, -0.5, 1.0, 0.0],
+    "battery_v": 15.9, "charge": 0.8,
     "fov_deg": 80.0, "dive_s": 754, "left_min": 47, "turns": 2, "water_c": 7.6,
     "tools": [["light", "dimmer", 0.5], ["lasers", "switch", 0.0], ["gripper", "gripper", 0.0]],
-    "lines": [["warning", 61.0, 2, "reference: the battery is low", "notice:battery_low"]],
 }  # fmt: skip
 ACTING: dict[str, Any] = {
-    "doing": "holding", "failsafe": "pilot_lost", "resumable": True, "acting": [
-        ["failsafe:pilot_lost.short", {}], ["failsafe:pilot_lost", {"s": 2}],
-        ["does.holding", {"s": 57}], ["failsafe:pilot_lost.do", {}],
-    ],
+    "doing": "holding", "failsafe": "pilot_lost", "since_s": 2.0, "next_s": 57.0,
 }  # fmt: skip
 READY: dict[str, Any] = {"activity": "ready", "doing": "ready", "armed": False}
 OLD: dict[str, Any] = {"age_ms": 2300.0}
 SILENT: dict[str, Any] = {"silent_s": 9.0, "depth_m": None, "heading_deg": None, "age_ms": None}
 SAID: dict[str, Any] = {
-    "said": [["LINK down for 3 s", "alarm"], ["the bottom is close", "warning"]]
+    "notes": [["link", "link.silent", {"s": 3.0}, ""], ["note", "notice:near_floor", {}, ""]]
 }
 WATCHED: dict[str, Any] = {  # the second camera, small
     "cameras": [["front", False], ["down", False]], "large": "front", "looks_deg": [-20.0, 0.0],
-    "said": [["a service on board is late (ardusub)", "warning"]],
+    "notes": [["note", "notice:service_late", {}, " (ardusub)"]],
 }  # fmt: skip
 STATES = {"flown": {}, "ready": READY, "acting": {**ACTING, **SAID}, "old": OLD, "silent": SILENT}
 
@@ -166,8 +162,8 @@ REACHED = """(() => {
 })()"""
 # What lies over something else that is to be read or pressed.
 OVER = """(() => {
-  const all = [...document.querySelectorAll(`#top, #heading, #depth, #aids, #lines, #stop, #left,
-    #right, #failsafe, #note, .camera, #buttons button, #buttons select`)]
+  const all = [...document.querySelectorAll(`#top, #heading, #depth, #aids, #stop, #left,
+    #right, #card, .panel, .camera, #buttons button, #buttons select`)]
     .filter((e) => e.checkVisibility({ visibilityProperty: true }))
     .filter((e) => e.offsetWidth && (e.textContent || e.classList.contains('stick')));
   const wrong = [];
@@ -192,8 +188,7 @@ window.pad = { id: 'unknown', index: 0, connected: true, mapping: '', timestamp:
 navigator.getGamepads = () => [window.pad];
 """
 HEARD = """
-window.heard = { tones: 0, said: [], beeps: 0 };
-navigator.vibrate = () => { window.heard.beeps += 1; return true; };
+window.heard = { tones: 0, said: [] };
 window.AudioContext = class {
   currentTime = 0;
   createOscillator() {
@@ -214,7 +209,8 @@ class Served:
     """The page's server, and a drone in the state that a test gives it."""
 
     def __init__(self, exits: ExitStack) -> None:
-        settings = Settings(port=free_port())
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            settings = Settings(port=free.getsockname()[1])
         self.url = f"http://127.0.0.1:{settings.port}/"
         self.you, self.view, self.wishes = dict(PILOT), dict[str, Any](FLOWN), list[PageWish]()
         self.sticks, self.absences = list[PageSticks](), list[str]()
@@ -263,7 +259,8 @@ class Served:
             self._server.show(dict.fromkeys(self._pages, text))
 
     def open(self, browser: Opens[P], size: Size, theme: str = "dark", before: str = "") -> P:
-        chosen = f"localStorage.setItem('theme', '{theme}'); localStorage.setItem('language', 'en')"
+        stored = {"theme": theme, "language": "en", "flown": "yes"}
+        chosen = "".join(f"localStorage.setItem('{key}', '{to}');" for key, to in stored.items())
         page = browser.open(self.url, size, f"try {{ {chosen} }} catch {{}} {before}")
         page.look(INSIDE)
         page.wait("window.video && document.getElementById('activity').textContent.length > 8")

@@ -154,7 +154,8 @@ class Browsers:
             if page in self.cut:
                 continue
             number = (picture := json.loads(text))["n"]
-            self.pictures[page] = picture
+            # The log comes now and then.
+            self.pictures[page] = {**self.pictures.get(page, {}), **picture}
             if number - self.confirmed[page] >= 5:  # as the page does
                 self.confirmed[page] = number
                 self.hear(PageSaid(page, parsed(f'{{"kind":"seen","seen":{number},"held_ms":0}}')))

@@ -22,13 +22,13 @@ from messages.state import VehicleState
 from messages.vehicle import Truth, VehicleStatus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from tests.support.flights import CHAIN
 from tests.support.hindered_host import HinderedHost
 
 Floats = NDArray[np.float64]
 SortieSticks = tuple[float, float, float, float]  # surge, sway, heave, yaw; -1 … 1
 HANDS_OFF: SortieSticks = (0.0, 0.0, 0.0, 0.0)
 SortieRow = tuple[float, SortieSticks]  # from when [s after arming] on which sticks
+CHAIN = ("simulator", "estimation", "reference", "control", "tether", "gamepad")
 SECOND = 1_000_000_000  # [ns]
 LONGEST_START = 60.0  # [s]
 DEEP = "simulator.floor_depth=60"  # [m] nothing to bump into

@@ -1,8 +1,7 @@
-"""Real dives for the benchmarks: `lindy` started as a user does, and watched from outside."""
+"""Real dives: `lindy` started as a user does, and watched from outside."""
 
 import subprocess
 import sys
-import time
 from collections.abc import Collection, Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,11 +11,8 @@ import msgspec
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
-from tests.support.processes import Cost, costs
 from tools.report.report import Report
 
-SETTLE_S = 2.0  # [s] after arming, before it is watched
-WATCH_S = 12.0  # [s] of steady flight
 QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
 PILOT = ("--pilot", "script:first_dive")  # a minute and a half
 HAS_STICKS = "has the sticks"  # the pilot's line when the drone is armed
@@ -43,7 +39,7 @@ class StartedDive:
         def require_running() -> None:
             if self._process.poll() is not None:
                 last = (self._screen.read_text().strip().splitlines() or ["it printed nothing"])[-1]
-                raise LindyError(f"a dive of the benchmark does not get to {text!r}: {last}")
+                raise LindyError(f"a dive does not get to {text!r}: {last}")
 
         until(lambda: text in self._screen.read_text(), self._screen.read_text, require_running)
 
@@ -72,14 +68,3 @@ def started(out: Path, *words: str) -> Generator[StartedDive]:
         yield dive
     finally:
         dive.end()
-
-
-def watched(dives: Collection[StartedDive], pilots: Collection[StartedDive]) -> dict[str, Cost]:
-    """What each process of these dives costs, while all pilots fly."""
-    for pilot in pilots:
-        pilot.until_said(HAS_STICKS)
-    time.sleep(SETTLE_S)  # the first seconds after arming are not steady
-    return costs(
-        {f"{n}/{name}": pid for n, dive in enumerate(dives) for name, pid in dive.pids().items()},
-        WATCH_S,
-    )

@@ -63,11 +63,11 @@ def worse_away_and_back(out: Path) -> None:
     time.sleep(1.0)
     link.set_("down.delay_ms=150", "down.corrupt=0.05", dive=out)
     time.sleep(1.5)
-    link.down(dive=out)
+    link.set_("down", dive=out)
     time.sleep(1.5)
-    link.up(dive=out)
+    link.set_("up", dive=out)
     time.sleep(1.0)
-    link.profile("congested", dive=out)
+    link.set_("congested", dive=out)
 
 
 def test_a_link_that_changes_under_way_lets_nothing_old_act(tmp_path: Path) -> None:

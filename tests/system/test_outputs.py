@@ -15,7 +15,7 @@ from messages.vehicle import Actuation, VehicleStatus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.flights import CHAIN, DEEP
+from tests.support.sortie import CHAIN, DEEP
 
 S, MS = 1_000_000_000, 1_000_000  # [ns]
 OUTPUTS = (

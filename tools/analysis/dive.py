@@ -103,7 +103,7 @@ WANTED = (
     ),
     StreamFigures(topics.BATTERY, ("stamp_ns", "used_wh", "capacity_wh")),
     StreamFigures(
-        topics.LATENCY, ("stamp_ns", "stick_to_thruster_ms", "sensor_to_screen_ms"),
+        topics.LATENCY, ("stamp_ns", "stick_to_thruster_ms", "sensor_to_screen_ms", "lost_s"),
         (*(f"down {stage}" for stage in DOWN_STAGES), *(f"up {stage}" for stage in UP_STAGES)),
         _latency,
     ),

@@ -102,6 +102,7 @@ class ReportedBudget(msgspec.Struct, frozen=True):
     stick_to_thruster: float | None  # from end to end
     up: dict[str, float | None]  # sensor to screen, by stage; None where there was no screen
     sensor_to_screen: float | None
+    lost_s: float | None = None  # [s] not ms: in pauses in which no state of the drone arrived
 
 
 class Clocks(msgspec.Struct, frozen=True):
@@ -119,6 +120,7 @@ def budget(dive: RecordedDive) -> ReportedBudget:
         stick_to_thruster=_percentile(measured["stick_to_thruster_ms"]),
         up={stage: _percentile(measured[f"up {stage}"]) for stage in UP_STAGES},
         sensor_to_screen=_percentile(measured["sensor_to_screen_ms"]),
+        lost_s=_last(measured["lost_s"]),
     )
 
 

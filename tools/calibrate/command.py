@@ -65,7 +65,7 @@ def calibrate(
     if (atmosphere is None) == (what == "pressure"):
         raise LindyError("--atmosphere and `calibrate pressure` go together: one is missing")
     if atmosphere is not None and not 500.0 <= atmosphere <= 1200.0:
-        raise LindyError(f"--atmosphere is {atmosphere:g}, expected 500 to 1200 hPa")
+        raise LindyError(f"--atmosphere is {atmosphere:g} hPa, expected 500 to 1200 hPa")
     if what == "noise":
         if recording is None or (out, vehicle, dive) != (None, None, None):
             raise LindyError("noise needs a recording, and takes no other option but --json")

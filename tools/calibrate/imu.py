@@ -155,7 +155,7 @@ class GyroscopeGuide:
             seconds = 0.0 if best is None else best.seconds
             why = f", because {self._watch.moved}" if self._watch.moved else ""
             raise CalibrationError(
-                f"gyroscope: the longest rest is {seconds:.1f} s, needed are {LEAST:.0f}{why}; "
+                f"gyroscope: the longest rest is {seconds:.1f} s, needed are {LEAST:.0f} s{why}; "
                 f"lay the vehicle on something firm"
             )
         p, q, r = best.mean[:3].tolist()

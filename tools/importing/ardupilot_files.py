@@ -3,6 +3,7 @@
 import contextlib
 import io
 import mmap
+import re
 from array import array
 from collections import Counter
 from collections.abc import Iterator
@@ -14,7 +15,15 @@ from typing import Any, NamedTuple
 
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
-from tools.importing.log_file import LogFile, LogRow, LogSource, Wanted, library
+from tools.importing.log_file import (
+    DATAFLASH,
+    EARLIEST_NS,
+    LogFile,
+    LogRow,
+    LogSource,
+    Wanted,
+    library,
+)
 
 HEAD = b"\xa3\x95"
 FMT = (128, "FMT", 89, "BBnNZ", "Type,Length,Name,Format,Columns")  # says what the others are
@@ -23,14 +32,17 @@ WEEK_S = 604_800
 FIRMWARE = "ArduSub"
 OTHERS = ("ArduCopter", "ArduPlane", "ArduRover", "Copter", "Plane", "Rover", "Blimp")
 APART_NS = 1_000_000_000  # [ns] messages are out of order by less
+LONGEST_MESSAGE = 255  # [bytes]
 SLACK = 528  # [bytes] some boards write whole pages: so much at the end may be nothing
 
 STAMP = 8  # [bytes] big-endian, before each packet
 V1, V2 = 0xFE, 0xFD  # first byte of a packet
-LONGEST = STAMP + 12 + 255 + 13  # [bytes]
-BLOCK = 1 << 20  # [bytes] that are read at once
+MAGIC = re.compile(b"[\xfd\xfe]")
+HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE = 6, 10, 2, 13  # [bytes]
 SIGNED = 0x01
+MOST_WAITING = 1000  # messages
 ARDUPILOT = 3  # of a heartbeat
+AUTOPILOT = 1  # component, whose messages all say the time since it began
 FROM_OTHERS = ("MANUAL_CONTROL", "RC_CHANNELS_OVERRIDE")  # what a ground station sends
 LATEST_US = 4_102_444_800_000_000  # [µs] UTC of a stamp; a packet has one before it
 
@@ -42,16 +54,18 @@ class DataflashFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.refuse_other(HEAD, "a DataFlash log")
+        own = self.own_part(DATAFLASH, "a DataFlash log", zeros=LONGEST_MESSAGE)
         self._pymavlink = library("pymavlink.DFReader", "logs of ArduSub")
-        with path.open("rb") as file:
+        with own.open("rb") as file:
             self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         self._formats: dict[int, Any] = {FMT[0]: self._pymavlink.DFFormat(*FMT)}
         self._at_bytes: dict[int, array[int]] = {}  # places of messages, by number of the format
         self._indexed()
         self._places = self._by_source()
         self._require_ardusub()
-        self._utc_ns = self._utc_of_start()
+        every = (self._message(k, at[-1]).TimeUS for k, at in self._places.values() if at)
+        last_ns = int(max(every, default=0)) * 1000
+        self._utc_ns = self.utc_of_start(self._said_by_gps(), last_ns)
 
     def sources(self) -> dict[str, LogSource]:
         return {name: LogSource(name, len(at)) for name, (_, at) in self._places.items()}
@@ -59,18 +73,18 @@ class DataflashFile(LogFile):
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
         """A message whose time is beyond those of the two beside it has a damaged one."""
         before: LogRow | None = None
-        left_out = 0
+        left_out = Counter[str]()
         for row, after in pairwise(chain(self._all(wanted), [None])):
             assert row is not None
             if before is not None and after is not None:
                 least, most = sorted((before.arrival_ns, after.arrival_ns))
                 if not least - APART_NS <= row.arrival_ns <= most + APART_NS:
-                    left_out += 1
+                    left_out[row.source] += 1
                     continue
             yield row
             before = row
-        if left_out:
-            self.remarks.append(f"messages with a damaged time, left out: {left_out}")
+        self.damaged.clear()  # it may be read again
+        self.damaged.update(left_out)
 
     def _all(self, wanted: Wanted) -> Iterator[LogRow]:
         named = [
@@ -102,9 +116,9 @@ class DataflashFile(LogFile):
                 self._learn(form, self._message(kind, at))
             at = end = at + form.len
         if skipped:
-            self.remarks.append(f"{skipped} bytes between its messages are damaged")
-        if (left := len(data) - end) > SLACK:
-            self.remarks.append(f"its last {left} bytes are no whole message: it was cut off")
+            self.say(f"{skipped} bytes of it are no message and are left out")
+        if (left := len(data[end:].rstrip(b"\0"))) > SLACK:
+            self.say(f"its last {left} bytes are no whole message: it was cut off")
 
     def _is_followed(self, end: int) -> bool:
         """By another message, or by none any more: else what ends there is damage that looked like
@@ -126,7 +140,7 @@ class DataflashFile(LogFile):
             elif form.name == "FMTU" and said.FmtType in self._formats:
                 self._formats[said.FmtType].set_unit_ids(said.UnitIds, {})
         except Exception:  # of whatever kind: pymavlink does not say
-            self.remarks.append(f"one of its {form.name} is damaged")
+            self.say(f"one of its {form.name} is damaged")
 
     def _by_source(self) -> "dict[str, tuple[int, array[int]]]":
         """Number of the format and places [bytes] of every whole message, by name."""
@@ -160,7 +174,7 @@ class DataflashFile(LogFile):
                 f"axes, modes and sensors are not those of the map"
             )
 
-    def _utc_of_start(self) -> Ns:
+    def _said_by_gps(self) -> Iterator[Ns]:
         """[ns] UTC when the board's clock began."""
         for name in ("GPS[0]", "GPS"):
             kind, places = self._places.get(name, (0, array("Q")))
@@ -168,15 +182,30 @@ class DataflashFile(LogFile):
                 fields = self._message(kind, place)
                 if getattr(fields, "GWk", 0) > 0:
                     seconds = GPS_EPOCH_S + int(fields.GWk) * WEEK_S - LEAP_S
-                    return seconds * 10**9 + int(fields.GMS) * 10**6 - int(fields.TimeUS) * 1000
-        every = (self._message(k, at[-1]).TimeUS for k, at in self._places.values() if at)
-        return self.began_by_file(int(max(every, default=0)) * 1000)
+                    utc_ns = seconds * 10**9 + int(fields.GMS) * 10**6
+                    yield utc_ns - int(fields.TimeUS) * 1000
+
+
+def _since_boot(fields: Any) -> Ns | None:
+    """[ns] None: it does not say."""
+    if (ms := getattr(fields, "time_boot_ms", None)) is not None:
+        return int(ms) * 10**6
+    since_ns = int(getattr(fields, "time_usec", 0)) * 1000
+    return since_ns if 0 < since_ns < EARLIEST_NS else None  # else it is UTC
+
+
+def _dated(row: LogRow, at_ns: Ns, boot_ns: Ns | None) -> LogRow:
+    """With the time since boot, which a message said at `at_ns`, right behind it."""
+    if boot_ns is None or abs(at_ns - row.arrival_ns) > APART_NS:
+        return row
+    return row._replace(boot_ns=boot_ns - (at_ns - row.arrival_ns))
 
 
 class LoggedPacket(NamedTuple):
     at_us: int  # [µs] UTC
-    number: int  # of the kind of message
+    name: str  # of the kind of message
     system: int
+    component: int
     data: bytes
 
 
@@ -188,52 +217,44 @@ class TlogFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        self._own = self.own_part(b"", "a telemetry log", zeros=LONGEST_MESSAGE)
         self._mavlink = library("pymavlink.dialects.v20.ardupilotmega", "telemetry logs")
         self._codec: Any = self._mavlink.MAVLink(None)
         kinds: dict[int, Any] = self._mavlink.mavlink_map
-        self._names = {number: str(kind.msgname) for number, kind in kinds.items()}
+        self._kinds = {number: (kind.msgname, kind.crc_extra) for number, kind in kinds.items()}
         self._vehicle = 0  # number of the system
 
     def sources(self) -> dict[str, LogSource]:
-        counts: Counter[tuple[int, int]] = Counter()  # system, number
+        counts: Counter[tuple[int, str]] = Counter()  # system, name
         boards: dict[int, int] = {}  # system → type of vehicle
-        skipped = damaged = 0
-        heartbeat = self._mavlink.MAVLINK_MSG_ID_HEARTBEAT
-        for found in self._packets():
-            if isinstance(found, int):
-                skipped += found
-                continue
-            counts[found.system, found.number] += 1
-            beat = self._decoded(found) if found.number == heartbeat else None
-            damaged += found.number == heartbeat and beat is None
+        self.damaged.clear()
+        for found in self._packets(self.damaged):
+            counts[found.system, found.name] += 1
+            beat = self._codec.decode(bytearray(found.data)) if found.name == "HEARTBEAT" else None
             if beat is not None and beat.autopilot == ARDUPILOT:
                 boards[found.system] = beat.type
         self._vehicle = self._only_submarine(boards)
-        if skipped or damaged:
-            self.remarks.append(
-                f"{skipped} bytes of it are no packet, and {damaged} heartbeats are damaged"
-            )
+        if skipped := self.damaged.pop("", 0):
+            self.say(f"{skipped} bytes of it are no message and are left out")
         sources: dict[str, LogSource] = {}
-        for (system, number), count in counts.items():
-            name = self._names.get(number, f"message {number}")
+        for (system, name), count in counts.items():
             if self._is_taken(system, name):
                 before = sources[name].messages if name in sources else 0
                 sources[name] = LogSource(name, before + count)
         return sources
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
-        damaged = 0
-        for found in self._packets():
-            name = "" if isinstance(found, int) else self._names.get(found.number, "")
-            if isinstance(found, int) or name not in wanted:
-                continue
-            if self._is_taken(found.system, name):
-                if (fields := self._decoded(found)) is not None:
-                    yield LogRow(name, fields, found.at_us * 1000)
-                else:
-                    damaged += 1
-        if damaged:
-            self.remarks.append(f"{damaged} packets have a wrong checksum and are left out")
+        waiting: list[LogRow] = []  # for a message that says how long the board runs
+        for found in self._packets(Counter()):
+            if found.name in wanted and self._is_taken(found.system, found.name):
+                fields = self._codec.decode(bytearray(found.data))
+                row = LogRow(found.name, fields, found.at_us * 1000)
+                waiting.append(row)
+                boot_ns = _since_boot(fields) if found.component == AUTOPILOT else None
+                if boot_ns is not None or len(waiting) > MOST_WAITING:
+                    yield from (_dated(each, row.arrival_ns, boot_ns) for each in waiting)
+                    waiting = []
+        yield from waiting
 
     def _is_taken(self, system: int, name: str) -> bool:
         return (system == self._vehicle) != (name in FROM_OTHERS)
@@ -258,44 +279,43 @@ class TlogFile(LogFile):
         self.require_submarine(kind)
         return system
 
-    def _decoded(self, packet: LoggedPacket) -> Any:
-        """None: it is damaged."""
-        try:
-            return self._codec.decode(bytearray(packet.data))
-        except self._mavlink.MAVError:
-            return None
+    def _packets(self, damaged: Counter[str]) -> Iterator[LoggedPacket]:
+        """Packets whose checksum is right.
 
-    def _packets(self) -> Iterator[LoggedPacket | int]:
-        """Packets, and how many bytes between them are none."""
-        with self.path.open("rb") as file:
-            buffer, at = b"", 0
-            while True:
-                if len(buffer) - at < LONGEST:
-                    buffer, at = buffer[at:] + file.read(BLOCK), 0
-                if len(buffer) < STAMP + 3:
-                    return
-                length = _length(buffer, at)
-                if length == 0 or at + STAMP + length > len(buffer):
-                    if at + STAMP + 3 >= len(buffer):
-                        return
-                    at += 1
-                    yield 1
-                    continue
-                data = buffer[at + STAMP : at + STAMP + length]
-                stamp = int.from_bytes(buffer[at : at + STAMP], "big")
-                at += STAMP + length
-                if data[0] == V2:
-                    yield LoggedPacket(stamp, int.from_bytes(data[7:10], "little"), data[5], data)
-                else:
-                    yield LoggedPacket(stamp, data[5], data[3], data)
+        Args:
+            damaged: told how many of each name are not, and by "" how many bytes are no packet.
+        """
+        with self._own.open("rb") as file:
+            data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        size = len(data)
+        at, end = STAMP, 0  # [bytes] where a packet may begin, and where the last one ended
+        while (found := MAGIC.search(data, at)) is not None:
+            at = found.start()
+            head = data[at : at + HEAD_V2].ljust(HEAD_V2, b"\0")
+            if head[0] == V2:
+                number, (system, component) = int.from_bytes(head[7:10], "little"), head[5:7]
+                signature = SIGNATURE if head[2] & SIGNED else 0
+            else:
+                number, system, component, signature = head[5], head[3], head[4], 0
+            after = at + (HEAD_V2 if head[0] == V2 else HEAD_V1) + head[1] + CHECKSUM + signature
+            packet = data[at:after]
+            name, extra = self._kinds.get(number, (f"message {number}", None))
+            is_right = extra is None or self._has_checksum(packet[: after - at - signature], extra)
+            is_between = at - STAMP == end and (  # where one is expected, and so is the next
+                after + STAMP >= size or data[after + STAMP] in (V1, V2)
+            )
+            if after > size or not (is_between or (is_right and extra is not None)):
+                at += 1
+                continue
+            stamp_us = int.from_bytes(data[at - STAMP : at], "big")
+            damaged[""] += at - STAMP - end
+            if is_right and stamp_us <= LATEST_US:
+                yield LoggedPacket(stamp_us, name, system, component, packet)
+            else:
+                damaged[name] += 1
+            at, end = after + STAMP, after
+        damaged[""] += size - end
 
-
-def _length(buffer: bytes, at: int) -> int:
-    """[bytes] Of the packet behind the stamp at this place; 0: there is none."""
-    stamp = int.from_bytes(buffer[at : at + STAMP], "big")
-    if at + STAMP + 3 > len(buffer) or stamp > LATEST_US:
-        return 0
-    magic, payload, flags = buffer[at + STAMP : at + STAMP + 3]
-    if magic == V2:
-        return 12 + payload + (13 if flags & SIGNED else 0)
-    return 8 + payload if magic == V1 else 0
+    def _has_checksum(self, packet: bytes, extra: int) -> bool:
+        said = int.from_bytes(packet[-CHECKSUM:], "little")
+        return self._mavlink.x25crc(packet[1:-CHECKSUM] + bytes([extra])).crc == said

@@ -6,60 +6,93 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 
 from messages.units import Ns
-from services.runtime.config.errors import LindyError
+from tools.importing.log_file import BY_FILE, EARLIEST_NS
 
 S = 1_000_000_000  # [ns]
 STEP_NS = S  # [ns] of the logger's clock backwards; less is the order in which it wrote
-YEAR_2000_NS = 946_684_800 * S  # [ns] UTC; an earlier clock was never set
 LONGEST_PAUSE_NS = 86_400 * S  # [ns] a longer one is a clock that was set in mid-log
+SET_NS = 60 * S  # [ns] by which it differs from the time since a board began: it was set
+SHORTEST_NS = S // 2  # [ns] a clock that went on for less is a damaged time
 BIN_NS = 5 * S  # [ns] of the least delays, one is kept
 PACE_NS = S  # [ns] shorter logs tell none
+SET = "its clock was set while it was written: all times are by the clock that is latest"
 RESTART_NS = S  # [ns] a stamp that goes back by more is of a board that started again
 
 
 class LoggerClock:
-    """Arrivals as the recording has them: never backwards. Where the logger's clock steps back,
-    everything after it is moved, so that time goes on."""
+    """Arrivals as the recording has them: never backwards. Where the logger's clock is set, back or
+    ahead, everything after it is moved, so that time goes on as the clock of a board does, or else
+    at once. The date is by the clock that is latest."""
 
-    def __init__(self, began_ns: Ns | None = None) -> None:
+    def __init__(self, began_ns: Ns | None = None, changed_ns: Ns = 0) -> None:
         """
         Args:
             began_ns: [ns] UTC of the first row; None: as the log says.
+            changed_ns: [ns] UTC of the last row, of a log whose clock was never set.
         """
         self.first_ns: Ns | None = None
         self.last_ns: Ns = 0
-        self.shift_ns: Ns = 0  # what was added
-        self.steps: list[tuple[float, float]] = []  # [s] when, and how far back
-        self._began = began_ns
+        self.shifts: list[Ns] = [0]  # [ns] what was added, since each time that the clock was set
+        self.set_at: list[tuple[float, float]] = []  # [s] when, and how far
+        self._spans: list[list[Ns]] = []  # [ns] arrivals at each of them, the first and the last
+        self._boot: tuple[Ns, Ns] | None = None  # [ns] of a board, and arrival
+        self._period: Ns = 0  # [ns] between rows; longer than a step, it does not tell
+        self._began, self._changed = began_ns, changed_ns
 
-    def arrival(self, said: Ns) -> Ns:
-        """[ns] UTC.
+    def arrival(self, said: Ns, boot_ns: Ns | None = None) -> Ns:
+        """[ns] Of a row, by its first clock; with `moved_ns`, known at the end, it is UTC.
 
-        Raises:
-            LindyError: the clock was never set, or was set in mid-log.
+        Args:
+            said: [ns] by the logger.
+            boot_ns: [ns] since the board began that sent it, if it says so.
         """
+        at = said + self.shifts[-1]
         if self.first_ns is None:
-            if self._began is not None:
-                self.shift_ns = self._began - said
-            elif said < YEAR_2000_NS:
-                raise LindyError(
-                    f"its clock says {said / 1e9:.0f} s after 1 January 1970, so it was never set; "
-                    f"write began = 2024-05-01T09:30:00Z (when it was, UTC) in the map"
-                )
-            self.first_ns = self.last_ns = said + self.shift_ns
-        at = said + self.shift_ns
-        if at < self.last_ns - STEP_NS:
-            self.steps.append((self.elapsed_s, (self.last_ns - at) / 1e9))
-            self.shift_ns += self.last_ns - at
-            at = self.last_ns
-        if at > self.last_ns + LONGEST_PAUSE_NS:
-            raise LindyError(
-                f"its clock jumps by {(at - self.last_ns) / 86_400e9:.0f} days after "
-                f"{self.elapsed_s:.1f} s: it was set in mid-log, or these are two logs; "
-                f"cut the log there"
-            )
-        self.last_ns = max(self.last_ns, at)
+            self.first_ns = self.last_ns = at
+            self._spans.append([at, at])
+        later = at - self.last_ns
+        by_board: Ns | None = None  # [ns] how much later it is
+        if boot_ns is not None and self._boot is not None and boot_ns >= self._boot[0]:
+            by_board = self._boot[1] + boot_ns - self._boot[0] - self.last_ns
+        if not -STEP_NS <= later <= LONGEST_PAUSE_NS or (
+            by_board is not None and abs(later - by_board) > SET_NS
+        ):
+            goes_on = self._period if by_board is None else max(0, by_board)
+            self.set_at.append((self.elapsed_s, (later - goes_on) / 1e9))
+            at = self.last_ns + goes_on
+            self.shifts.append(at - said)
+            self._spans.append([at, at])
+        elif 0 < later < STEP_NS:
+            self._period = later
+        self.last_ns = self._spans[-1][1] = max(self.last_ns, at)
+        if boot_ns is not None:
+            self._boot = boot_ns, self.last_ns
         return self.last_ns
+
+    @property
+    def moved_ns(self) -> Ns:
+        """[ns] What makes UTC of arrivals."""
+        if self.first_ns is None:
+            return 0
+        if self._began is not None:
+            return self._began - self.first_ns
+        return self._changed - self.last_ns if self._never_set else -min(self._lasting())
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a reader of the recording should know of its times."""
+        if self._began is not None or self.first_ns is None:
+            return []
+        return [BY_FILE] if self._never_set else [SET] if min(self._lasting()) < 0 else []
+
+    @property
+    def _never_set(self) -> bool:
+        return self.last_ns - min(self._lasting()) < EARLIEST_NS
+
+    def _lasting(self) -> list[Ns]:
+        """Shifts of clocks that went on for a while."""
+        each = zip(self.shifts, self._spans, strict=True)
+        return [shift for shift, (begin, end) in each if end - begin >= SHORTEST_NS] or self.shifts
 
     @property
     def elapsed_s(self) -> float:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -30,7 +31,8 @@ REPORT = "import.json"
 UNTAKEN = 8  # of what a log also has, so many are printed
 TAKES = (
     "a bag of ROS 1 (.bag) or of ROS 2 (its folder), a recording of another program (.mcap), a log "
-    "of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table (.csv, .parquet)"
+    "of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table "
+    "(.csv, .tsv, .txt, .parquet)"
 )
 
 FORMATS: dict[str, Callable[[Path], LogFile]] = {  # by how the file's name ends
@@ -38,7 +40,7 @@ FORMATS: dict[str, Callable[[Path], LogFile]] = {  # by how the file's name ends
     ".bin": DataflashFile,
     ".mcap": McapLog,
     ".ulg": UlogFile,
-    ".csv": TableFile,
+    **dict.fromkeys((".csv", ".tsv", ".txt"), TableFile),  # Excel writes its Unicode text as .txt
     ".parquet": TableFile,
 }
 
@@ -92,66 +94,71 @@ def import_log(
     """Make a recording of a log that another program wrote.
 
     FILE is a bag of ROS 1 (.bag) or of ROS 2 (its folder), a recording of another program (.mcap),
-    a log of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table (.csv,
-    .parquet). Several files of one clock, such as a table for each sensor or the pieces of a bag,
-    become one recording, which `lindy log` and `lindy replay` read. What is odd in the log is
+    a log of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table (.csv, .tsv,
+    .txt, .parquet). Several files of one clock, such as a table for each sensor or the pieces of a
+    bag, become one recording, which `lindy log` and `lindy replay` read. What is odd in the log is
     counted, printed and written into import.json beside it.
 
     Example: lindy import 00000042.BIN
              lindy import pool.bag --map my_topics.toml --vehicle my_rov.toml --out dives/pool
              lindy import imu.csv pressure.csv --map my_columns.toml
     """
-    with new_folder(out or DIVES / first.stem) as folder:
-        report = _imported([first, *more], map_, vehicle, folder)
-        data = json.dumps(msgspec.to_builtins(report), indent=1, ensure_ascii=False).encode()
-        write_fresh(folder / REPORT, data + b"\n")
+    folder, report = _imported([first, *more], map_, vehicle, out or DIVES / first.stem)
     print(harmless(as_text(report, folder)), flush=True)
     return 0
 
 
 def _imported(
-    files: list[Path], map_: str | None, vehicle: str | None, folder: Path
-) -> ImportReport:
-    """
+    files: list[Path], map_: str | None, vehicle: str | None, out: Path
+) -> tuple[Path, ImportReport]:
+    """The folder, and what is in it.
+
     Raises:
         LindyError: the log is damaged, the map does not fit, or the disk is full.
     """
     log = opened_all(files)
     wanted, path = read_map(map_ or log.default_map)
     sources = log.sources()
-    taken = chosen(wanted, sources, ", ".join(map(str, files)))
     name = ", ".join(path.name for path in files)
     began_ns = None if wanted.began is None else round(wanted.began.timestamp() * 1e9)
     try:
-        stack = Stack(
-            vehicle=vehicle or wanted.vehicle, link="perfect", pilot="imported", out=str(folder)
-        )
+        taken = chosen(wanted, sources, ", ".join(map(str, files)))
+        stack = Stack(vehicle=vehicle or wanted.vehicle, link="perfect", pilot="imported")
         hull = stack.section("vehicle", Vehicle)
-        mounted = hull.mounting.imu.rotation
-        conversion = Conversion(log.rows(taken), taken, began_ns, log.getter, mounted)
-        record(conversion.messages(), stack, hull, path, name)
+        mounted, changed = hull.mounting.imu.rotation, log.changed_ns
+        conversion = Conversion(log.rows(taken), taken, began_ns, log.getter, mounted, changed)
+        messages = conversion.messages()
+        first = next(messages)  # what is refused is refused before there is a folder
     except LindyError as error:
-        said = str(error)
-        if any(path.name in said for path in files):
-            raise
+        said = "; ".join([str(error), *log.remarks])
+        if any(path.name in str(error) for path in files):
+            raise LindyError(said) from None
         raise LindyError(f"{', '.join(map(str, files))}: {said}") from None
     by_key: dict[str, list[str]] = {}
     for source, several in taken.items():
         for each in several:
             by_key.setdefault(each.as_, []).append(source)
-    remarks = [said for said in log.remarks if said != BY_FILE or wanted.began is None]
-    return ImportReport(
-        file=name,
-        map=path.name,
-        vehicle=stack.vehicle_name,
-        seconds=round(conversion.seconds, 3),
-        messages=conversion.counts,
-        sources=by_key,
-        missing=missing(taken),
-        untaken=untaken(taken, sources),
-        oddities=conversion.oddities.all(),
-        remarks=[*dict.fromkeys(remarks), *unfit(wanted, sources, [*by_key])],
-    )
+    for remark in conversion.remarks:
+        log.say(remark)
+    with new_folder(out) as folder:
+        stack = msgspec.structs.replace(stack, out=str(folder))
+        record(chain([first], messages), stack, hull, path, name)
+        remarks = [said for said in log.remarks if said != BY_FILE or wanted.began is None]
+        report = ImportReport(
+            file=name,
+            map=path.name,
+            vehicle=hull.name or stack.vehicle_name,
+            seconds=round(conversion.seconds, 3),
+            messages=conversion.counts,
+            sources=by_key,
+            missing=missing(taken),
+            untaken=untaken(taken, sources),
+            oddities=conversion.oddities.all(),
+            remarks=[*remarks, *unfit(wanted, sources, [*by_key])],
+        )
+        data = json.dumps(msgspec.to_builtins(report), indent=1, ensure_ascii=False).encode()
+        write_fresh(folder / REPORT, data + b"\n")
+    return folder, report
 
 
 def opened_all(files: Sequence[Path]) -> LogFile:

@@ -68,6 +68,7 @@ class Conversion:
         began_ns: Ns | None = None,
         take: Take = getter,
         mounted: Rotation = ALONG,
+        changed_ns: Ns = 0,
     ) -> None:
         """
         Args:
@@ -76,6 +77,7 @@ class Conversion:
             began_ns: [ns] UTC of the first row; None: as the log says.
             take: the log's `getter`.
             mounted: the IMU's axes to the body's.
+            changed_ns: [ns] UTC of the last row, of a log whose clock was never set.
 
         Raises:
             LindyError: the map does not fit: a field that is not there, a wrong unit or clock, axes
@@ -87,17 +89,21 @@ class Conversion:
             source: [LogStream(source, each, take) for each in several]
             for source, several in taken.items()
         }
-        clock = LoggerClock(began_ns)
+        clock = LoggerClock(began_ns, changed_ns)
         for number, row in enumerate(rows):
-            arrival = clock.arrival(row.arrival_ns)
+            arrival = clock.arrival(row.arrival_ns, row.boot_ns)
             for stream in by_source[row.source]:
-                stream.hear(number, row.fields, arrival, clock.shift_ns)
-        for at_s, size in clock.steps:
-            what = "the logger's clock stepped back [s]; what follows was moved"
-            self.oddities.tell("log", what, at_s, size)
+                stream.hear(number, row.fields, arrival, clock.shifts)
+        for at_s, size in clock.set_at:
+            way = "ahead" if size > 0.0 else "back"
+            what = f"the logger's clock stepped {way} [s]; what follows was moved"
+            self.oddities.tell("log", what, at_s, abs(size))
         self.seconds = clock.elapsed_s  # from the first row to the last
-        self._first_ns = clock.first_ns or 0
+        self.remarks = clock.remarks
         self._streams = [stream for several in by_source.values() for stream in several]
+        for stream in self._streams:
+            stream.move(clock.moved_ns)
+        self._first_ns = (clock.first_ns or 0) + clock.moved_ns
         with np.errstate(over="ignore", invalid="ignore"):  # of numbers that cannot be
             sensors = SensorsHeard(self._streams, mounted)
             contradicting = [unbelieved(stream, sensors) for stream in self._streams]
@@ -166,6 +172,7 @@ class Conversion:
 
         for name, field in stream.taken.fields.items():
             known, there = stream.known[name], stream.is_there(name)
+            unit = next(iter(QUANTITIES[known.quantity].units))
             values = stream.column(name)
             if known.required:
                 odd("rows without it, of another sensor", alive & ~there)
@@ -179,11 +186,11 @@ class Conversion:
             amounts = _amounts(values)
             believed = there & finite
             if name in contradicting:
-                odd(contradicting[name], believed, abs(amounts))
+                odd(f"{contradicting[name]} [{unit}]", believed, abs(amounts))
                 believed &= False
             elif known.quantity != "word":
                 possible = believed & _possible(stream, name, values, believed)
-                odd(f"{name} cannot be [SI], left out", believed & ~possible, abs(amounts))
+                odd(f"{name} cannot be [{unit}], left out", believed & ~possible, abs(amounts))
                 believed = possible
             if known.required:
                 alive &= believed

@@ -1,12 +1,17 @@
 """What a format's reader gives of a log, rows and kinds of them; and which of these a map takes."""
 
+import mmap
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
+from shutil import copyfileobj, rmtree
+from tempfile import mkdtemp
 from typing import Any, NamedTuple
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +31,15 @@ KINDS = {  # how a file begins: what it is, and how its name ends
     PARQUET: ("a Parquet table", ".parquet"),
 }
 LONGEST_MAGIC = max(map(len, KINDS))  # [B]
+PAGE = 4096  # [B] more zeros behind the end are space that nothing was written to
+BLOCK = 1 << 20  # [B] that are looked at at once
 SUBMARINE = 12  # MAV_TYPE
 CHUNK = 10_000  # rows of columns that are Python's numbers at a time
+EARLIEST_NS = 946_684_800 * 10**9  # [ns] UTC, the year 2000; an earlier clock was never set
+LATEST_NS = 4_102_444_800 * 10**9  # [ns] UTC, the year 2100; a later one is damaged
 BY_FILE = (
-    "without a GPS its clock only counts from the board's start: its end is taken from the time at "
-    "which the file was changed last; began in a map says it better"
+    "its clock was never set: without a GPS or a network it only counts from a start; its end is "
+    "taken from the time at which the file was changed last; began in a map says it better"
 )
 
 Wanted = Mapping[str, Sequence[TakenMessage]]  # what a map takes, by source
@@ -46,6 +55,7 @@ class LogRow(NamedTuple):
     source: str  # topic of a bag, name of a message elsewhere
     fields: Any  # fields are attributes, of which some may have attributes or items
     arrival_ns: Ns  # [ns] UTC when the logger wrote it
+    boot_ns: Ns | None = None  # [ns] since the board began, where the message says it
 
 
 class LogSource(NamedTuple):
@@ -85,8 +95,7 @@ def cell(name: str) -> Callable[[Any], Any]:
 
 
 class LogFile(ABC):
-    """One log. Its rows can be read more than once, each time from the beginning; a remark that is
-    there twice counts once."""
+    """One log. Its rows can be read more than once, each time from the beginning."""
 
     default_map: str  # name in deploy/imports
     getter: Callable[[str], Callable[[Any], Any]] = staticmethod(getter)
@@ -97,9 +106,24 @@ class LogFile(ABC):
             LindyError: a library is not installed, or it is no such log.
         """
         self.path = path
-        self.remarks: list[
-            str
-        ] = []  # what a reader of the recording should know, one sentence each
+        self.damaged = Counter[str]()  # messages that cannot be read and are left out, by source
+        self._remarks: dict[str, None] = {}
+
+    def say(self, remark: str) -> None:
+        """What a reader of the recording should know, one sentence; it counts once."""
+        self._remarks[remark] = None
+
+    @property
+    def remarks(self) -> list[str]:
+        """All that was said, and what is damaged."""
+        each = [f"{count} of {source}" for source, count in sorted(self.damaged.items()) if count]
+        damage = [f"damaged messages are left out: {listed(each)}"] if each else []
+        return [*self._remarks, *damage]
+
+    @property
+    def changed_ns(self) -> Ns:
+        """[ns] UTC when it was written last."""
+        return self.path.stat().st_mtime_ns
 
     @abstractmethod
     def sources(self) -> dict[str, LogSource]:
@@ -117,18 +141,44 @@ class LogFile(ABC):
             LindyError: the log is damaged.
         """
 
-    def refuse_other(self, magic: bytes, kind: str) -> None:
-        """
+    def own_part(self, magic: bytes, kind: str, zeros: int = 0) -> Path:
+        """The file; where something else is before its beginning or only zeros are behind its end,
+        a copy without them.
+
+        Args:
+            magic: how it begins.
+            kind: of file, for the error.
+            zeros: [B] with which a message may end.
+
         Raises:
-            LindyError: the file does not begin as those of this kind do.
+            LindyError: it is empty, or there is no beginning of this kind in it.
         """
-        with self.path.open("rb") as file:
-            beginning = file.read(LONGEST_MAGIC)
-        if not beginning:
+        size = self.path.stat().st_size
+        if not size:
             raise LindyError(f"{self.path} is not {kind}: it is empty")
-        if not beginning.startswith(magic):
-            found = other_kind(beginning) or f"it begins with {beginning[: len(magic)]!r}"
-            raise LindyError(f"{self.path} is not {kind}: {found}")
+        with self.path.open("rb") as file:
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                beginning = bytes(data[:LONGEST_MAGIC])
+                found = other_kind(beginning) or f"it begins with {beginning[: len(magic)]!r}"
+                begin = -1 if other_kind(beginning, but=magic) else data.find(magic)
+                end = content_end(data)
+            if begin < 0:
+                raise LindyError(f"{self.path} is not {kind}: {found}")
+            if begin == 0 and size - end <= PAGE:
+                return self.path
+            if begin:
+                self.say(f"{begin} bytes before its beginning are left out")
+            if size - end > PAGE:
+                self.say(f"{size - end} bytes of zeros behind its end are left out")
+            folder = mkdtemp(prefix="lindy-")
+            finalize(self, rmtree, folder, ignore_errors=True)
+            copy = Path(folder) / self.path.name
+            with copy.open("wb") as part:
+                file.seek(begin)
+                copyfileobj(file, part)
+                if size - end > PAGE:
+                    part.truncate(end + zeros - begin)
+            return copy
 
     def require_submarine(self, kind: int) -> None:
         """
@@ -144,11 +194,29 @@ class LogFile(ABC):
                 f"submarine: another vehicle's axes and modes are not those of the map"
             )
 
-    def began_by_file(self, last_ns: Ns) -> Ns:
-        """[ns] UTC when a board's clock began, of which the log only knows how long [ns] it ran
-        until its end, which is remarked. An end before 1970 is of a damaged log."""
-        self.remarks.append(BY_FILE)
-        return max(0, self.path.stat().st_mtime_ns - last_ns)
+    def utc_of_start(self, said_ns: Iterable[Ns], last_ns: Ns) -> Ns:
+        """[ns] UTC when a board's clock began.
+
+        Args:
+            said_ns: as its GPS says; what cannot be is passed over.
+            last_ns: how long it ran until the end of its log.
+        """
+        for utc_ns in said_ns:
+            if EARLIEST_NS <= utc_ns < LATEST_NS:
+                return utc_ns
+        self.say(BY_FILE)
+        return max(EARLIEST_NS, self.changed_ns - last_ns)
+
+
+def content_end(data: Any) -> int:
+    """[B] Where the bytes end behind which there are only zeros."""
+    end = len(data)
+    while end:
+        begin = max(0, end - BLOCK)
+        if rest := data[begin:end].rstrip(b"\0"):
+            return begin + len(rest)
+        end = begin
+    return 0
 
 
 def library(module: str, what: str) -> Any:
@@ -165,10 +233,14 @@ def library(module: str, what: str) -> Any:
         ) from None
 
 
-def other_kind(beginning: bytes) -> str:
-    """What a file is that begins so, where its name says something else; empty: not known."""
+def other_kind(beginning: bytes, but: bytes = b"") -> str:
+    """What a file is that begins so, where its name says something else; empty: not known.
+
+    Args:
+        but: how the kind begins that its name says.
+    """
     for magic, (kind, ending) in KINDS.items():
-        if beginning.startswith(magic):
+        if beginning.startswith(magic) and magic != but:
             return f"it begins as {kind} does; if it is one, name it so ({ending})"
     return ""
 

@@ -24,9 +24,12 @@ class Oddity(msgspec.Struct, kw_only=True):
 
     @property
     def in_words(self) -> str:
-        """`sensor/imu: gap [s]: 3, the first at 12.4 s, at most 0.8`"""
-        worst = "" if self.most is None else f", at most {self.most:g}"
-        return f"{self.stream}: {self.what}: {self.count}, the first at {self.first_s:.1f} s{worst}"
+        """`sensor/imu: gap: 3, the first at 12.4 s, at most 0.8 s`"""
+        before, _, unit = self.what.partition(" [")
+        unit, _, after = unit.partition("]")
+        times = f"{self.count}, the first at {self.first_s:.1f} s"
+        worst = "" if self.most is None else f", at most {self.most:g} {unit}".rstrip()
+        return f"{self.stream}: {before}{after}: {times}{worst}"
 
 
 class Oddities:

@@ -1,25 +1,39 @@
-"""Bags of ROS 1 (a .bag file) and ROS 2 (a folder with metadata.yaml), and recordings (.mcap) of
-other programs with messages of ROS 1, of ROS 2 (CDR) and of JSON; by the library rosbags."""
+"""Bags of ROS 1 (a .bag file) and ROS 2 (a folder with metadata.yaml, or a .db3 file of it), and
+recordings (.mcap) of other programs with messages of ROS 1, of ROS 2 (CDR) and of JSON; by the
+library rosbags. A topic that cannot be read is left out, which is said."""
 
 import json
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 from mcap.records import Channel, Metadata, Schema
 
+from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import MCAP, ROSBAG, LogFile, LogRow, LogSource, Wanted, library
 from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
 
 METADATA = "metadata.yaml"
-ROS1, ROS2 = ("ros1", "ros1msg"), ("cdr", "ros2msg")  # encodings of messages and of their schema
+ROS1, ROS2, IDL = "ros1msg", "ros2msg", "ros2idl"  # languages of a type
+LANGUAGES = {"ros1": (ROS1,), "cdr": (ROS2, IDL)}  # by the encoding of the messages
 JSON = "json"
+BETWEEN_IDL = "=" * 80 + "\nIDL: "
 
 Decode = Callable[[bytes], Any]
+
+
+class TypedTopic(NamedTuple):
+    """One topic with messages of one type."""
+
+    name: str
+    kind: str  # of its messages, as ROS 2 calls it
+    encoding: str  # of its messages
+    language: str  # of the words; empty: there are none
+    words: str  # what says its type
 
 
 def is_rosbag(path: Path) -> bool:
@@ -27,36 +41,73 @@ def is_rosbag(path: Path) -> bool:
     return path.suffix in (".bag", ".db3") or (path / METADATA).is_file()
 
 
-class RosbagFile(LogFile):
-    """One bag."""
+class TopicsLog(LogFile):
+    """A log of topics that have types."""
 
     default_map = "ros"
 
+    def _known(self, topics: Iterable[tuple[TypedTopic, int]]) -> dict[str, LogSource]:
+        """Those that can be read, by name; the others are said.
+
+        Args:
+            topics: with the number of their messages.
+        """
+        found: dict[str, LogSource] = {}
+        self._decoders: dict[TypedTopic, Decode] = {}
+        for topic, count in topics:
+            before = found[topic.name].messages if topic.name in found else 0
+            if count and topic not in self._decoders:
+                try:
+                    self._decoders[topic] = decoder(topic)
+                except LindyError as error:
+                    self.say(f"{topic.name} ({topic.kind}) is left out: {error}")
+                    continue
+            found[topic.name] = LogSource(topic.kind, before + count)
+        if not any(source.messages for source in found.values()):
+            raise LindyError("; ".join([f"{self.path} holds no message to read", *self.remarks]))
+        return found
+
+    def _decoded(self, topic: TypedTopic, data: bytes, at_ns: Ns) -> Iterator[LogRow]:
+        """Nothing of a message that cannot be read, which is counted."""
+        try:
+            fields = self._decoders[topic](data)
+        except Exception:  # of whatever kind: rosbags does not say
+            self.damaged[topic.name] += 1
+        else:
+            yield LogRow(topic.name, fields, at_ns)
+
+
+class RosbagFile(TopicsLog):
+    """One bag."""
+
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        if path.suffix == ".db3":
-            raise LindyError(
-                f"{path}: a bag of ROS 2 is the folder with {METADATA}; name that folder"
-            )
-        if path.is_file():
-            self.refuse_other(ROSBAG, "a bag of ROS 1")
+        self._own = (
+            self.own_part(ROSBAG, "a bag of ROS 1", zeros=8) if path.suffix == ".bag" else path
+        )
 
     def sources(self) -> dict[str, LogSource]:
         with self._opened() as reader:
-            found: dict[str, LogSource] = {}
-            for each in reader.connections:
-                before = found[each.topic].messages if each.topic in found else 0
-                found[each.topic] = LogSource(each.msgtype, before + each.msgcount)
-        if not any(source.messages for source in found.values()):
-            raise LindyError(f"{self.path} holds no messages")
-        return found
+            return self._known((_topic(each), each.msgcount) for each in reader.connections)
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
+        self.damaged.clear()
         with self._opened() as reader:
-            connections = [each for each in reader.connections if each.topic in wanted]
-            for connection, at_ns, data in reader.messages(connections):
-                fields: Any = reader.deserialize(data, connection.msgtype)
-                yield LogRow(connection.topic, fields, at_ns)
+            topics = {each.id: _topic(each) for each in reader.connections}
+            known = [
+                each
+                for each in reader.connections
+                if each.topic in wanted and topics[each.id] in self._decoders
+            ]
+            last_ns = 0
+            try:
+                for each, at_ns, data in reader.messages(known):
+                    yield from self._decoded(topics[each.id], data, at_ns)
+                    last_ns = at_ns
+            except Exception as error:  # of whatever kind: rosbags does not say
+                if not last_ns:
+                    raise
+                self.say(f"it is damaged, and what follows is left out: {_first_line(error)}")
 
     @contextmanager
     def _opened(self) -> Generator[Any]:
@@ -64,36 +115,34 @@ class RosbagFile(LogFile):
         Raises:
             LindyError: rosbags is not installed, or the bag is damaged.
         """
-        highlevel, typesys = (
-            library(f"rosbags.{part}", "bags") for part in ("highlevel", "typesys")
-        )
+        version = "rosbag1" if self.path.suffix == ".bag" else "rosbag2"
         try:
-            typestore = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-            with highlevel.AnyReader([self.path], default_typestore=typestore) as reader:
+            with library(f"rosbags.{version}", "bags").Reader(self._own) as reader:
                 yield reader
+        except LindyError:
+            raise
         except Exception as error:  # of whatever kind: where bytes are wrong, rosbags does not say
             why = (str(error) or "a record cannot be read").rstrip(".")
             raise LindyError(
-                f"{self.path} is damaged, was not finished or has types that are not in it: "
-                f"{why}; `rosbag reindex` or `ros2 bag reindex` mends what can be read"
+                f"{self.path} is damaged or was not finished: {why}; `rosbag reindex` or "
+                f"`ros2 bag reindex` mends what can be read, and a .mcap file of a bag can be "
+                f"imported by itself"
             ) from None
 
 
-class McapLog(LogFile):
+class McapLog(TopicsLog):
     """One recording."""
-
-    default_map = "ros"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.refuse_other(MCAP, "an MCAP file")
+        self._own = self.own_part(MCAP, "an MCAP file")
 
     def sources(self) -> dict[str, LogSource]:
         counts: Counter[int] = Counter()
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         damage = Damage()
-        for found in records(self.path, damage=damage):
+        for found in records(self._own, damage=damage):
             match found:
                 case StoredMessage():
                     counts[found.channel_id] += 1
@@ -106,65 +155,91 @@ class McapLog(LogFile):
                 case _:
                     pass
         for said in damage.in_words(self.path.name):
-            self.remarks += [said.partition(";")[0]]
-        if not counts:
-            raise LindyError(f"{self.path} holds no messages")
-        sources: dict[str, LogSource] = {}
-        for number, channel in channels.items():
-            schema = schemas.get(channel.schema_id)
-            before = sources[channel.topic].messages if channel.topic in sources else 0
-            kind = _kind(schema) if schema else channel.message_encoding
-            sources[channel.topic] = LogSource(kind, before + counts[number])
-        return sources
+            self.say(said.partition(";")[0])
+        self._topics = {number: _channel(each, schemas) for number, each in channels.items()}
+        return self._known((topic, counts[number]) for number, topic in self._topics.items())
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
-        schemas: dict[int, Schema] = {}
-        taken: dict[int, tuple[str, Decode]] = {}  # topic, by number of the channel
-        for found in records(self.path):
-            match found:
-                case StoredMessage() if found.channel_id in taken:
-                    topic, decode = taken[found.channel_id]
-                    try:
-                        fields = decode(found.data)
-                    except Exception as error:  # of whatever kind: rosbags does not say
-                        why = str(error).rstrip(".") or type(error).__name__
-                        raise LindyError(
-                            f"{self.path}: a message of {topic} is not of its type: {why}"
-                        ) from None
-                    yield LogRow(topic, fields, found.log_ns)
-                case Schema():
-                    schemas[found.id] = found
-                case Channel() if found.topic in wanted and found.id not in taken:
-                    taken[found.id] = found.topic, self._decoder(found, schemas)
-                case _:
-                    pass
-
-    def _decoder(self, channel: Channel, schemas: dict[int, Schema]) -> Decode:
-        """
-        Raises:
-            LindyError: the messages are in an encoding that is not read, or their type is none.
-        """
-        if channel.message_encoding == JSON:
-            return lambda data: json.loads(data, object_hook=lambda d: SimpleNamespace(**d))
-        schema = schemas.get(channel.schema_id)
-        encodings = channel.message_encoding, schema.encoding if schema else ""
-        if schema is None or encodings not in (ROS1, ROS2):
-            raise LindyError(
-                f"{self.path}: {channel.topic} is encoded as {' with '.join(encodings)}; expected "
-                f"ros1 with ros1msg, cdr with ros2msg, or json"
-            )
-        typesys, kind = library("rosbags.typesys", "messages of ROS"), _kind(schema)
-        try:
-            # Their own words alone: a type of the same name may be another one elsewhere.
-            store = typesys.get_typestore(typesys.Stores.EMPTY)
-            store.register(typesys.get_types_from_msg(schema.data.decode(), kind))
-        except Exception as error:  # of whatever kind: rosbags does not say
-            raise LindyError(f"{self.path}: {kind} is not a type: {error}") from None
-        read = store.deserialize_ros1 if encodings == ROS1 else store.deserialize_cdr
-        return lambda data: read(data, kind)
+        taken = {
+            number: topic
+            for number, topic in self._topics.items()
+            if topic.name in wanted and topic in self._decoders
+        }
+        self.damaged.clear()
+        for found in records(self._own):
+            if isinstance(found, StoredMessage) and found.channel_id in taken:
+                yield from self._decoded(taken[found.channel_id], found.data, found.log_ns)
 
 
-def _kind(schema: Schema) -> str:
-    """As ROS 2 calls it: sensor_msgs/Imu of ROS 1 is sensor_msgs/msg/Imu."""
+def _topic(connection: Any) -> TypedTopic:
+    """Of a bag."""
+    language = connection.msgdef.format.name  # NONE, MSG, IDL
+    encoding = getattr(connection.ext, "serialization_format", "ros1")
+    of_encoding = {"MSG": ROS1 if encoding == "ros1" else ROS2, "IDL": IDL}
+    return TypedTopic(
+        connection.topic,
+        connection.msgtype,
+        encoding,
+        of_encoding.get(language, ""),
+        connection.msgdef.data,
+    )
+
+
+def _channel(channel: Channel, schemas: Mapping[int, Schema]) -> TypedTopic:
+    """Of a recording."""
+    if (schema := schemas.get(channel.schema_id)) is None:
+        kind = channel.message_encoding
+        return TypedTopic(channel.topic, kind, channel.message_encoding, "", "")
     package, slash, name = schema.name.partition("/")
-    return f"{package}/msg/{name}" if slash and "/" not in name else schema.name
+    kind = f"{package}/msg/{name}" if slash and "/" not in name else schema.name
+    words = schema.data.decode(errors="replace")
+    return TypedTopic(channel.topic, kind, channel.message_encoding, schema.encoding, words)
+
+
+def decoder(topic: TypedTopic) -> Decode:
+    """What makes fields of a message's bytes.
+
+    Raises:
+        LindyError: why it cannot be known.
+    """
+    kind = topic.kind
+    if topic.encoding == JSON:
+        return lambda data: json.loads(data, object_hook=lambda d: SimpleNamespace(**d))
+    if topic.language and topic.language not in LANGUAGES.get(topic.encoding, ()):
+        raise LindyError(
+            f"it is encoded as {topic.encoding} with {topic.language}; expected ros1 with ros1msg, "
+            f"cdr with ros2msg or ros2idl, or json"
+        )
+    typesys = library("rosbags.typesys", "messages of ROS")
+    why: list[str] = []
+    for others in (typesys.Stores.EMPTY, typesys.Stores.ROS2_HUMBLE):
+        # Its own words first: a type of the same name may be another one elsewhere.
+        try:
+            store = typesys.get_typestore(others)
+            store.register(_types(topic, typesys))
+            store.get_msgdef(kind)
+        except KeyError as error:
+            part = f"{error.args[0]}, a part of its type," if error.args[0] != kind else "its type"
+            why.append(f"{part} is not in the log")
+        except Exception as error:  # of whatever kind: rosbags does not say
+            why.append(f"its type cannot be read: {_first_line(error)}")
+        else:
+            read = store.deserialize_ros1 if topic.encoding == "ros1" else store.deserialize_cdr
+            return lambda data: read(data, kind)
+    raise LindyError(why[0])
+
+
+def _types(topic: TypedTopic, typesys: Any) -> dict[str, Any]:
+    """Those that the log has words for."""
+    if topic.language == IDL:
+        found: dict[str, Any] = {}
+        for words in topic.words.split(BETWEEN_IDL):
+            is_first = not topic.words.startswith(BETWEEN_IDL)
+            found |= typesys.get_types_from_idl(words if is_first else words.partition("\n")[2])
+        return found
+    # A log that did not find the words of a type has none.
+    return typesys.get_types_from_msg(topic.words, topic.kind) if topic.words.strip() else {}
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error) or type(error).__name__).partition("\n")[0].rstrip(".:")

@@ -4,7 +4,7 @@ pieces."""
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from heapq import merge
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,10 +52,16 @@ class SeveralFiles(LogFile):
                     f"{logs[0].path} and {log.path} are of two formats, each with clocks of its "
                     f"own: import each by itself"
                 )
-            self.remarks += log.remarks
-            log.remarks = self.remarks
         self._logs = logs
         self._sources: list[dict[str, LogSource]] = []  # of each
+
+    @property
+    def remarks(self) -> list[str]:
+        return [*dict.fromkeys(chain(super().remarks, *(log.remarks for log in self._logs)))]
+
+    @property
+    def changed_ns(self) -> Ns:
+        return max(log.changed_ns for log in self._logs)
 
     def sources(self) -> dict[str, LogSource]:
         self._sources = [log.sources() for log in self._logs]

@@ -56,12 +56,12 @@ class LogStream:
         self._numbers = {name: array("d") for name in taken.fields}
         self._there = {name: bytearray() for name in taken.fields}
 
-    def hear(self, number: int, fields: Any, arrival: Ns, shift: Ns) -> None:
+    def hear(self, number: int, fields: Any, arrival: Ns, shifts: Sequence[Ns] = (0,)) -> None:
         """
         Args:
             number: of the row in the log.
-            arrival: [ns] UTC.
-            shift: [ns] by which the logger's clock was moved until then.
+            arrival: [ns] as LoggerClock says.
+            shifts: [ns] by which the logger's clock was moved until then, the last one now.
 
         Raises:
             LindyError: the map does not fit: a field that is not there, a wrong clock.
@@ -75,7 +75,7 @@ class LogStream:
             raise self._without(list(self.taken.only), fields) from None
         self.rows.append(number)
         self.arrivals.append(arrival)
-        self.stamps.append(self._stamp_ns(fields, arrival, shift))
+        self.stamps.append(self._stamp_ns(fields, arrival, shifts))
         if self.topic.key == topics.STATUS.key:
             self.words.append(self._words(fields))
         else:
@@ -108,7 +108,7 @@ class LogStream:
                 raise self._without(field.from_, fields) from None
         return found
 
-    def _stamp_ns(self, fields: Any, arrival: Ns, shift: Ns) -> Ns:
+    def _stamp_ns(self, fields: Any, arrival: Ns, shifts: Sequence[Ns]) -> Ns:
         if self._stamp is None:
             return arrival
         unit = self.taken.stamp_unit
@@ -125,7 +125,8 @@ class LogStream:
             raise self._without([self.taken.stamp], fields) from None
         if self.taken.clock == "board":
             return stamp
-        stamp += shift
+        # What was stamped before the clock was set may arrive behind that.
+        stamp += min(shifts[-2:], key=lambda shift: abs(stamp + shift - arrival))
         if abs(stamp - arrival) > OTHER_CLOCK_NS:
             raise LindyError(
                 f"{self.source}: {self.taken.stamp} says {_date(stamp)}, and the logger "
@@ -156,6 +157,11 @@ class LogStream:
         )
 
     # Afterwards.
+
+    def move(self, by_ns: Ns) -> None:
+        """Arrivals to UTC."""
+        for times in (self.arrivals, *([] if self.taken.clock == "board" else [self.stamps])):
+            times[:] = array("q", (np.frombuffer(times, np.int64) + by_ns).tobytes())
 
     def stamps_ns(self) -> Sequence[Ns]:
         """(n,) [ns] UTC by the logger's clock."""

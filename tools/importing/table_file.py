@@ -1,6 +1,6 @@
 """Tables (.csv, .parquet), by the library pyarrow. A table is one source, by its file's name."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import (
-    LONGEST_MAGIC,
+    EARLIEST_NS,
+    LATEST_NS,
     PARQUET,
     LogFile,
     LogRow,
@@ -19,11 +20,10 @@ from tools.importing.log_file import (
     column_rows,
     library,
     listed,
-    other_kind,
 )
 from tools.importing.map_file import STAMP_UNITS, TakenMessage
+from tools.importing.table_text import ZEROS, TableText
 
-BLANK = ["", "--.--", "-.-", "--", "null", "NULL", "None", "NA", "N/A"]  # no sample; NaN is odd
 NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow calls them
 BACK_NS = 1_000_000_000  # [ns] a row further back than this is not by the jitter of its logger
 MOST_BACK = 5  # rows: a clock that was set, or a logger that was started again
@@ -39,29 +39,22 @@ class TableFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        if not path.stat().st_size:
-            raise LindyError(f"{path} is empty")
-        is_parquet = path.suffix.lower() == ".parquet"
-        if is_parquet:
-            self.refuse_other(PARQUET, "a Parquet table")
+        if path.suffix.lower() == ".parquet":
+            own = self.own_part(PARQUET, "a Parquet table")
+            pa, parquet = library("pyarrow", "tables"), library("pyarrow.parquet", "tables")
+            try:
+                self._table = parquet.read_table(own)
+            except (pa.ArrowException, OSError) as error:
+                # Behind a second colon are the bytes that it could not read.
+                why = ":".join(str(error).partition("\n")[0].split(":")[:2]).rstrip(".")
+                raise LindyError(f"{path} is damaged or no table: {why}") from None
+            self._column: Callable[[str], Any] = self._table.__getitem__
         else:
-            with path.open("rb") as file:
-                if found := other_kind(file.read(LONGEST_MAGIC)):
-                    raise LindyError(f"{path} is no table: {found}")
-        pa, csv = library("pyarrow", "tables"), library("pyarrow.csv", "tables")
-        try:
-            if is_parquet:
-                self._table = library("pyarrow.parquet", "tables").read_table(path)
-            else:
-                blank = csv.ConvertOptions(null_values=BLANK, strings_can_be_null=True)
-                self._table = csv.read_csv(path, convert_options=blank)
-            self._names: list[str] = self._table.column_names  # of text that is none: ValueError
-        except (pa.ArrowException, OSError, ValueError) as error:
-            # Behind a second colon are the bytes that it could not read.
-            why = ":".join(str(error).partition("\n")[0].split(":")[:2]).rstrip(".")
-            raise LindyError(f"{path} is damaged or no table: {why}") from None
+            text = TableText(self.own_part(b"", "a table", zeros=ZEROS), self.say)
+            self._table, self._column = text.words, text.column
         if not self._table.num_rows:
             raise LindyError(f"{path} has no rows below its names of columns")
+        self._names: list[str] = self._table.column_names
 
     def sources(self) -> dict[str, LogSource]:
         columns = frozenset(self._names)
@@ -70,11 +63,13 @@ class TableFile(LogFile):
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
         for source, several in wanted.items():
             at_ns, whole = self._times(several)
-            table = self._table
+            named = set[str]().union(*(each.names for each in several)) & {*self._names}
+            columns: dict[str, Any] = {name: self._column(name) for name in named}
             if not np.all(whole):
-                table, at_ns = table.filter(whole), at_ns[whole]
                 lost = np.count_nonzero(~whole)
-                self.remarks.append(f"{lost} rows of {self.path.name} have no time")
+                self.say(f"{lost} rows of {self.path.name} have no time")
+                columns = {name: column.filter(whole) for name, column in columns.items()}
+                at_ns = at_ns[whole]
             back = np.flatnonzero(np.diff(at_ns) < -BACK_NS)
             if len(back) > max(MOST_BACK, len(at_ns) // 100):
                 raise LindyError(
@@ -82,7 +77,7 @@ class TableFile(LogFile):
                     f"before the one above, the first is at about line {back[0] + 3}); sort it by "
                     f"time"
                 )
-            columns = {name: table[name].combine_chunks() for name in self._names}
+            columns = {name: column.combine_chunks() for name, column in columns.items()}
             columns |= {taken.stamp: at_ns for taken in several if taken.stamp_unit == "date"}
             yield from column_rows(source, columns, at_ns, wanted)
 
@@ -102,7 +97,7 @@ class TableFile(LogFile):
                 f"{self.path} has no column {taken.stamp!r} for the time; write at {taken.where} "
                 f"in the map stamp = one of {listed(self._names)}"
             )
-        column: Any = self._table[taken.stamp]
+        column: Any = self._column(taken.stamp)
         kind = str(column.type)
         is_date = kind.startswith("timestamp")
         if is_date != (taken.stamp_unit == "date"):
@@ -111,15 +106,29 @@ class TableFile(LogFile):
         whole = np.asarray(column.is_valid())
         if is_date:
             if column.type.tz is None:
-                self.remarks.append(f"the times of {self.path.name} have no zone: taken as UTC")
+                self.say(f"the times of {self.path.name} have no zone: taken as UTC")
             return np.asarray(column.cast("timestamp[ns]").cast("int64").fill_null(0)), whole
         if not kind.startswith(NUMBERS) or taken.stamp_unit == "ros":
             raise LindyError(
-                f"{self.path}: {taken.stamp} is {column[0]} with the stamp_unit "
+                f"{self.path}: {taken.stamp} is {column[0]} in its first row with the stamp_unit "
                 f"{taken.stamp_unit!r}; write at {taken.where} in the map ns, us, ms, s, or date "
                 f"for times as 2024-05-01T09:30:00.123"
             )
         scale, values = STAMP_UNITS[taken.stamp_unit], np.asarray(column.fill_null(0))
+        middle = float(np.nanmedian(values[whole])) if np.any(whole) else 0.0
+        fitting = [
+            unit
+            for unit in ("ns", "us", "ms", "s")
+            if EARLIEST_NS <= middle * STAMP_UNITS[unit] < LATEST_NS
+        ]
+        if (fitting and taken.stamp_unit not in fitting) or middle * scale >= LATEST_NS:
+            remedy = " or ".join(f'stamp_unit = "{unit}"' for unit in fitting) or "another column"
+            raise LindyError(
+                f"{self.path}: {taken.stamp} is {middle:.10g} in the middle, which is no time "
+                f"since 1970 in {taken.stamp_unit}; write {remedy} at {taken.where} in the map"
+            )
+        whole &= np.abs(values.astype(float) * scale) < LATEST_NS  # nor where it is no number
+        values = np.where(whole, values, 0)
         if values.dtype.kind in "iu":
             return values.astype(np.int64) * scale, whole
-        return np.round(np.nan_to_num(values) * scale).astype(np.int64), whole
+        return np.round(values * scale).astype(np.int64), whole

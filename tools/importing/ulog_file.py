@@ -23,7 +23,6 @@ from tools.importing.log_file import (
 )
 
 MOST_AGAIN = 100_000  # reads of what was read; it looks for the next message byte by byte
-LATEST_NS = 4_102_444_800 * 10**9  # [ns] UTC, the year 2100
 
 
 class ForwardFile(io.BufferedReader):
@@ -56,10 +55,10 @@ class UlogFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.refuse_other(ULOG, "a log of PX4")
+        own = self.own_part(ULOG, "a log of PX4")
         pyulog = library("pyulog", "logs of PX4")
         try:
-            with ForwardFile(path) as file, redirect_stdout(io.StringIO()):  # it prints
+            with ForwardFile(own) as file, redirect_stdout(io.StringIO()):  # it prints
                 self._log: Any = pyulog.ULog(file)
         except Exception as error:  # of whatever kind: where bytes are wrong, pyulog does not say
             raise LindyError(f"{path} is damaged: {error or 'a message cannot be read'}") from None
@@ -69,15 +68,16 @@ class UlogFile(LogFile):
             if "timestamp" in each.data  # all have it, but in a damaged log
         }
         if self._log.file_corruption:
-            self.remarks.append("a part of it is damaged, and left out")
+            self.say("a part of it is damaged, and left out")
         if lost := sum(each.duration for each in self._log.dropouts):
             times = len(self._log.dropouts)
-            self.remarks.append(f"its logger was too slow {times} times, for {lost / 1e3:.2f} s")
+            self.say(f"its logger was too slow {times} times, for {lost / 1e3:.2f} s")
         kinds = self._topics.get("vehicle_status", {}).get("system_type", np.zeros(0))
         kind = kinds[-1] if len(kinds) else self._log.initial_parameters.get("MAV_TYPE")
         if kind is not None:
             self.require_submarine(int(kind))
-        self._utc_ns = self._utc_of_start()
+        last_ns = int(self._log.last_timestamp) * 1000
+        self._utc_ns = self.utc_of_start(self._said_by_gps(), last_ns)
 
     def sources(self) -> dict[str, LogSource]:
         return {
@@ -93,13 +93,10 @@ class UlogFile(LogFile):
             topics.append(column_rows(name, columns, at_ns, wanted))
         yield from merge(*topics, key=lambda row: row.arrival_ns)
 
-    def _utc_of_start(self) -> Ns:
+    def _said_by_gps(self) -> Iterator[Ns]:
         """[ns] UTC when the board's clock began."""
         for name in ("vehicle_gps_position", "sensor_gps"):
             columns = self._topics.get(name, {})
             utc = columns.get("time_utc_usec", np.zeros(0))
-            for first in np.flatnonzero(utc)[:1]:
-                began = (int(utc[first]) - int(columns["timestamp"][first])) * 1000
-                if 0 <= began < LATEST_NS:  # else it is damaged
-                    return began
-        return self.began_by_file(int(self._log.last_timestamp) * 1000)
+            for k in np.flatnonzero(utc).tolist():
+                yield (int(utc[k]) - int(columns["timestamp"][k])) * 1000

@@ -221,7 +221,7 @@ def _link(view: View) -> Text:
     return Text.assemble(
         ("link   ", "dim"),
         f"down {number(view.down_ms, '.1f')} ms   up {number(view.up_ms, '.1f')} ms",
-        f"   round trip {number(view.rtt_ms, '.1f')} ms   lost {view.lost}",
+        f"   round trip {number(view.rtt_ms, '.1f')} ms   lost {number(view.lost_s, '.1f')} s",
         ("\n       ", ""),
         f"stick to thruster {number(view.stick_ms, '.1f')} ms",
         f"   sensor to screen {number(view.screen_ms, '.1f')} ms",
@@ -239,7 +239,7 @@ def _services(view: View, rows: int) -> Table:
     table.add_column(Text("service"), no_wrap=True, min_width=12)
     if shared := any(row.process for row in view.services):
         table.add_column(Text("process"), no_wrap=True)
-    for title in ("sent/s", "late p99 [ms]", "CPU [%]", "restarts", "counted"):
+    for title in ("sent/s", "late p99 [ms]", "CPU [%]", "restarts", "problems"):
         table.add_column(Text(title), justify="right", no_wrap=True)
     for row in shown:
         style = "" if row.alive else "bold red" if row.begun else "dim"

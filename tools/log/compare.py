@@ -34,6 +34,7 @@ from tools.report.summary import is_loss
 
 SAME, DIFFERENT, INCOMPLETE = 0, 1, 3  # exit statuses
 SHOWN = 20  # fields on the screen; all of them are in the JSON
+ROUNDED = 1e-9  # [-] of a figure: no difference
 SIZE = (10.0, 9.0)  # [in] of the picture
 STYLES = ("-", "--")  # of A and of B, which may lie upon each other
 
@@ -171,7 +172,7 @@ def as_text(found: Differences, side_by_side: list[ComparedFigure]) -> str:
             each.unit,
             _number(each.a),
             _number(each.b),
-            "" if each.a is None or each.b is None else _number(each.b - each.a),
+            "" if each.a is None or each.b is None else _number(_apart(each.a, each.b)),
         ]
         for each in side_by_side
     ]
@@ -195,6 +196,11 @@ def _row(field: FieldDifference) -> list[str]:
     values = [value if isinstance(value, str) else _number(value) for value in (field.a, field.b)]
     numbers = _number(field.largest), _number(field.largest_s)
     return [field.topic, field.field, f"{field.first_s:.3f}", *(v[:24] for v in values), *numbers]
+
+
+def _apart(a: float, b: float) -> float:
+    """Without what rounding makes of sums."""
+    return 0.0 if abs(b - a) <= ROUNDED * max(abs(a), abs(b)) else b - a
 
 
 def _number(value: float | None) -> str:

@@ -101,7 +101,7 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
                 if _is_in(record, (begin, end)):
                     copy.add(record)
         require_known(wanted.topics, keys, recording.files[0])
-        if not copy.messages:
+        if copy.is_empty:
             until = "its end" if wanted.to_s == inf else f"{wanted.to_s:g} s"
             raise LindyError(
                 f"{recording.files[0]} holds no such message from {wanted.from_s:g} s to {until}"

@@ -54,7 +54,7 @@ def recovered(path: Path, out: Path) -> Recovered:
                     copy.add(record)
             wrong += _wrong(file, damage)
             before += file.stat().st_size
-        if not copy.messages and not copy.attachments:
+        if copy.is_empty and not copy.attachments:
             raise LindyError(f"nothing can be recovered from {path}: no message in it is whole")
         if copy.orphans:
             wrong.append(f"{copy.orphans} messages of unknown topics are left out")

@@ -13,7 +13,7 @@ from messages.sensors import ImuSample, MagnetometerSample
 from services.estimation.rest import MOST_FORCE_STD, MOST_RATE_STD
 from services.runtime.config.errors import LindyError
 from tools.recordings.allan import Floats
-from tools.recordings.columns import Figures, StreamFigures, read_streams
+from tools.recordings.columns import ARRIVAL, Figures, StreamFigures, read_streams
 from tools.recordings.recording import Recording
 
 SHORTEST = 20.0  # [s]
@@ -54,12 +54,13 @@ Span = tuple[float, float]  # [s] from and to
 class HeardAtRest(NamedTuple):
     samples: dict[str, RestingSamples]  # of each sensor; those whose stamps rise
     armed: list[Span]  # when the drone was armed, by the clock of the stamps
+    first: float = 0.0  # [s] when the first IMU sample arrived, since the recording began
 
 
 class RestStatistics(NamedTuple):
     """The longest time at rest in a recording."""
 
-    begin: float  # [s] after the recording's first IMU sample
+    begin: float  # [s] since the recording began
     seconds: float
     samples: dict[str, RestingSamples]
 
@@ -76,8 +77,10 @@ def read(recording: Recording) -> HeardAtRest:
     status = streams[STATUS.topic.key]
     times = (status["stamp_ns"] * 1e-9).tolist()
     spans = zip(times, [*times[1:], inf], status["armed"].tolist(), strict=False)
+    arrivals, origin = streams[topics.IMU.key][ARRIVAL], recording.origin_ns()
+    first = 0.0 if origin is None or not len(arrivals) else (arrivals[0] - origin) / 1e9
     # From an armed status to `CALM` after the next one.
-    return HeardAtRest(samples, [(at, end + CALM) for at, end, armed in spans if armed])
+    return HeardAtRest(samples, [(at, end + CALM) for at, end, armed in spans if armed], first)
 
 
 def resting(heard: HeardAtRest, recording: Path) -> RestStatistics:
@@ -97,7 +100,7 @@ def resting(heard: HeardAtRest, recording: Path) -> RestStatistics:
             f"{recording} is too short: {seconds:.1f} s of IMU samples, noise needs at least"
             f" {SHORTEST:.0f} s at rest; {HOW}"
         )
-    (begin, end), why = _longest(imu, heard.armed)
+    (begin, end), why = _longest(imu, heard)
     if end - begin < SHORTEST:
         raise LindyError(
             f"{recording} is not at rest: the drone {why}; the longest rest is"
@@ -107,7 +110,7 @@ def resting(heard: HeardAtRest, recording: Path) -> RestStatistics:
         key: _between(each, imu.t[0] + begin, imu.t[0] + end) for key, each in heard.samples.items()
     }
     rest = RestStatistics(
-        begin, end - begin, {key: s for key, s in cut.items() if len(s.t) >= FEWEST}
+        heard.first + begin, end - begin, {key: s for key, s in cut.items() if len(s.t) >= FEWEST}
     )
     if topics.PRESSURE.key in rest.samples:
         _check_depth(rest.samples[topics.PRESSURE.key], recording)
@@ -119,7 +122,7 @@ def _between(samples: RestingSamples, begin: float, end: float) -> RestingSample
     return RestingSamples(samples.t[inside], samples.values[inside])
 
 
-def _longest(imu: RestingSamples, armed: list[Span]) -> tuple[Span, str]:
+def _longest(imu: RestingSamples, heard: HeardAtRest) -> tuple[Span, str]:
     """The longest span [s] after the first sample without motion, and what ended rest first."""
     spans: list[Span] = []
     why = ""
@@ -128,13 +131,15 @@ def _longest(imu: RestingSamples, armed: list[Span]) -> tuple[Span, str]:
     begin = 0.0
     for begin, block in _blocks(imu, BLOCK):
         mean = block.mean(axis=0)
-        what = _armed_within(armed, imu.t[0] + begin) or _beyond(np.std(block, axis=0))
+        armed = _armed_within(heard.armed, imu.t[0] + begin)
+        what = "was armed" if armed is not None else _beyond(np.std(block, axis=0))
         if not what and since is not None:
             what = _beyond(np.abs(mean - pose))
         if not what and since is None:
             since, pose = begin, mean
         if what:
-            why = why or f"{what} after {begin:.1f} s"
+            after = begin if armed is None else max(begin, armed - imu.t[0])
+            why = why or f"{what} after {heard.first + after:.1f} s"
             spans += [] if since is None else [(since, begin)]
             since = None
     if since is not None:
@@ -142,8 +147,9 @@ def _longest(imu: RestingSamples, armed: list[Span]) -> tuple[Span, str]:
     return max(spans, key=lambda span: span[1] - span[0], default=(0.0, 0.0)), why
 
 
-def _armed_within(armed: list[Span], begin: float) -> str:
-    return "was armed" if any(a < begin + BLOCK and begin < b for a, b in armed) else ""
+def _armed_within(armed: list[Span], begin: float) -> float | None:
+    """[s] By the clock of the stamps: when a time armed began that reaches into a block."""
+    return next((a for a, b in armed if a < begin + BLOCK and begin < b), None)
 
 
 def _beyond(spread: Floats) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import Writer
 
+from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from tools.fresh import EXISTS
@@ -20,7 +21,8 @@ class McapCopy:
     every file has its own numbers of schemas and channels."""
 
     def __init__(self, writer: Writer) -> None:
-        self.messages = 0
+        self.messages = 0  # without what is only drawn for Foxglove, as everywhere
+        self.is_empty = True  # also of that
         self.orphans = 0  # messages of a channel that the file does not describe; left out
         self.attachments = 0
         self._writer = writer
@@ -30,6 +32,7 @@ class McapCopy:
         self._known_schemas: dict[tuple[str, str, bytes], int] = {}  # in the copy
         self._known_channels: dict[tuple[str, str, int], int] = {}
         self._attached: set[tuple[str, bytes]] = set()
+        self._views: set[int] = set()  # channels in the copy
 
     def next_file(self) -> None:
         self._schemas, self._channels, self._numbers = {}, {}, {}
@@ -69,7 +72,8 @@ class McapCopy:
                 self.orphans += 1
                 return
             number = self._numbers[message.channel_id] = self._channel(channel)
-        self.messages += 1
+        self.messages += number not in self._views
+        self.is_empty = False
         self._writer.add_message(
             number, message.log_ns, message.data, message.publish_ns, message.sequence
         )
@@ -82,6 +86,8 @@ class McapCopy:
             self._known_channels[key] = self._writer.register_channel(
                 channel.topic, channel.message_encoding, schema_number, channel.metadata
             )
+            if is_view(channel.topic):
+                self._views.add(self._known_channels[key])
         return self._known_channels[key]
 
     def _schema(self, schema: Schema) -> int:

@@ -265,7 +265,7 @@ class _RecordReader:
         self.stream.seek(position)
         head = self.stream.read(RECORD_HEAD.size)
         known = self.index.following(position) if self.index.starts else self._next_chunk(position)
-        if len(head) == RECORD_HEAD.size:
+        if len(head) == RECORD_HEAD.size and head[0]:  # no record begins with zero
             after = position + RECORD_HEAD.size + RECORD_HEAD.unpack(head)[1]
             if after <= (known or self.size):
                 return after

@@ -227,12 +227,13 @@ class Recording:
         return self._described
 
 
-def open_recording(path: Path) -> Recording:
+def open_recording(place: Path | str) -> Recording:
     """The recording in a dive's folder, or in one file.
 
     Raises:
         LindyError: there is none, it cannot be read, or it is not an MCAP file.
     """
+    path = Path(place)
     try:
         files = parts_in(path) if path.is_dir() else [path]
         if not files:

@@ -59,7 +59,9 @@ def summary(
         delay = f"{stick.p50:.0f} ms, in 99 of 100 cases below {stick.p99:.0f} ms"
         rows.append(("stick to thruster", delay))
     rows += _pictures(report)
-    rows.append(("link", report.link))
+    lost_s = report.budget_ms.lost_s
+    lost = f"; the pilot saw nothing of the drone for {lost_s:.1f} s" if lost_s else ""
+    rows.append(("link", f"{report.link}{lost}"))
     rows.append(("energy", _energy(report)))
     rows += _restarts(report)
     rows += _losses(report, None if all_losses else KINDS)

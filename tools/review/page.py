@@ -9,7 +9,7 @@ from tools.review.estimated import in_words
 from tools.review.review import Drawn, Review
 from tools.review.stick_stops import ReviewedStop
 from tools.review.vibration import MOTION_HZ
-from tools.review.words import amount, in_short, signed, whose
+from tools.review.words import BY, amount, in_short, signed, whose
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 58rem; margin: 2rem auto; padding: 0 1rem;
@@ -127,9 +127,11 @@ def _estimation(found: Review, drawn: Drawn) -> str:
 def _stops(found: Review, drawn: Drawn) -> str:
     if not found.stops:
         return ""
+    by = dict.fromkeys(BY[stop.by] for stop in found.stops if stop.ran_on is not None)
     return (
         _p(
-            "From the moment the stick was let go. Jerk is what a camera feels, below 2 Hz. "
+            f"From the moment the stick was let go{', by ' * bool(by)}{' and '.join(by)}. Jerk is "
+            "what a camera feels, below 2 Hz. "
             "Lindy: how far its reference runs on from the same speed, with the limits of the "
             "vehicle file."
         )

@@ -48,6 +48,7 @@ ESTIMATE = StreamFigures(
     ("yaw_rate",),
     _estimate,
 )
+FEWEST_TRUE = 3  # samples that have a rate
 
 
 class Track(NamedTuple):
@@ -77,6 +78,20 @@ class Track(NamedTuple):
         values: Array = getattr(self, name)
         there = np.isfinite(values)
         return self.t[there], values[there]
+
+
+def true_track(dive: RecordedDive) -> Track | None:
+    """Depth and heading as the simulator knows them, and their rates. None: there was none."""
+    truth = dive[topics.TRUTH]
+    t, unknown = truth["stamp_ns"] / 1e9, np.full(truth.count, nan)
+    if len(t) < FEWEST_TRUE:
+        return None
+    depth, heading = truth["heave"], np.unwrap(truth["yaw"])
+    return Track(
+        t=t, roll=unknown, pitch=unknown, heading=heading, depth=depth,
+        depth_rate=np.gradient(depth, t), depth_acceleration=unknown,
+        yaw_rate=np.gradient(heading, t), surge=unknown, sway=unknown, bearing=unknown,
+    )  # fmt: skip
 
 
 def track(state: StreamColumns, estimate: StreamColumns | None = None) -> Track | None:

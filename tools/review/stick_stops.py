@@ -8,7 +8,7 @@ speed, with the limits of the vehicle file.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from math import nan, radians
-from typing import NamedTuple, cast
+from typing import Literal, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -27,7 +27,7 @@ from tools.analysis.stops import armed_until, releases
 from tools.log.armed_spans import ArmedSpan
 from tools.recordings.columns import Array
 from tools.review.beside import at as track_at
-from tools.review.recorded import SensorColumns, Track, digits
+from tools.review.recorded import SensorColumns, Track, digits, true_track
 
 WINDOW_S = 8.0  # [s] of a stop at most
 SHORTEST_S = LEAST / RATE  # [s] a shorter one is no stop: the next deflection came at once
@@ -64,6 +64,7 @@ class ReviewedStop(msgspec.Struct, kw_only=True, frozen=True):
     """One stop."""
 
     axis: str
+    by: Literal["truth", "estimate"] = "estimate"  # which says how it moved: the simulator's truth
     t: float  # [s] since the recording began
     # None, all four: nothing in the recording measures this axis, and its jerk alone is known.
     speed: float | None  # [m/s, rad/s] at the release
@@ -101,13 +102,15 @@ def reviewed_stops(
     """
     Args:
         dive: with the sticks that count.
-        motion: as estimated, by us or else by the vehicle itself.
+        motion: as estimated, by us or else by the vehicle itself. Where the dive has a simulator's
+            truth, depth and heading are by that.
         limits: of Lindy's reference, from the vehicle file.
         armed: a stop ends with its span; None: the recording does not say.
     """
     if why := _nothing_moves(dive, motion, armed):
         return Stops([], [why])
     assert motion is not None
+    truth = true_track(dive)
     found: list[tuple[ReviewedStop, StopCurve | None]] = []
     missing: list[str] = []
     uncounted: Counter[str] = Counter()
@@ -123,8 +126,9 @@ def reviewed_stops(
                 )
             continue
         for sign, begin, end in let_go:
-            moved = _moved(axis, motion, begin, end)
-            stop = None if moved is None else _measured(axis, moved, felt, limits)
+            is_true = truth is not None and bool(axis.position)
+            moved = _moved(axis, truth if truth and is_true else motion, begin, end)
+            stop = None if moved is None else _measured(axis, moved, felt, limits, is_true=is_true)
             if not _holds(dive, axis.name, begin):
                 uncounted["coasting"] += 1
             elif moved is None:
@@ -202,6 +206,8 @@ def _measured(
     moved: tuple[Array, Array, Array],
     felt: tuple[Array, Array] | None,
     settings: Settings,
+    *,
+    is_true: bool,
 ) -> tuple[ReviewedStop, StopCurve] | None:
     """None: it did not move."""
     grid, rate, position = moved
@@ -214,6 +220,7 @@ def _measured(
     segments = [] if limits is None else solve(abs(float(rate[0])), 0.0, 0.0, limits)
     stop = ReviewedStop(
         axis=axis.name,
+        by="truth" if is_true else "estimate",
         t=round(float(grid[0]), 3),
         speed=digits(float(rate[0])),
         ran_on=digits(float(run[farthest])),

@@ -75,7 +75,7 @@ def _missing(found: Review) -> Iterator[str]:
         for line in lines
     )
     if lacking:
-        yield f"What this dive does not tell. {_plain(' '.join(lacking))}"
+        yield f"Not in this dive: {_plain(' '.join(lacking))}"
 
 
 def _plain(text: str) -> str:
@@ -140,13 +140,16 @@ def _stops(found: Review) -> Iterator[str]:
             yield _stops_of(axis, of_axis)
 
 
+BY = {"truth": "the simulator's truth", "estimate": "the estimate"}
+
+
 def _stops_of(axis: str, stops: list[ReviewedStop]) -> str:
     unit = "rad" if axis == "yaw" else "m"
     ran = median(stop.ran_on or 0.0 for stop in stops)
     back = median(stop.bounced_back or 0.0 for stop in stops)
     said = (
-        f"{len(stops)} stop{'s' * (len(stops) > 1)} in {axis}: it ran on by "
-        f"{amount(ran, unit)} (median) and came back by {amount(back, unit)}"
+        f"{len(stops)} stop{'s' * (len(stops) > 1)} in {axis}, by {BY[stops[0].by]}: it ran on by "
+        f"{amount(ran, unit)}{' (median)' * (len(stops) > 1)} and came back by {amount(back, unit)}"
     )
     lindy = [stop.lindy_ran_on for stop in stops if stop.lindy_ran_on is not None]
     more = f"; Lindy's reference runs on by {amount(median(lindy), unit)}" if lindy else ""
@@ -171,10 +174,10 @@ def _measurements(found: Review) -> Iterator[str]:
 
 def _asked(found: Review) -> Iterator[str]:
     parts = [
-        f"{axis.axis} {amount(axis.lindy, axis.unit)} "
+        f"{amount(axis.lindy, axis.unit)} in {axis.axis} "
         f"(the vehicle did {amount(axis.vehicle, axis.unit)})"
         for axis in found.asked
         if axis.vehicle is not None and axis.lindy > 0.0
     ]
     if parts:
-        yield f"Of your sticks Lindy would have asked at most {', '.join(parts)}."
+        yield f"For your sticks Lindy would have asked for at most {', '.join(parts)}."

@@ -1,13 +1,13 @@
 """`lindy sweep`: fly what is missing of a sweep, and show what came of all of it."""
 
 import hashlib
-import sys
 import time
 from collections.abc import Callable, Generator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import msgspec
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from messages.version import VERSION
@@ -189,9 +189,10 @@ def _fly(wanted: Wanted, finished: FinishedDives) -> bool:
 @contextmanager
 def _progress(total: int, before: int) -> Generator[Callable[[int], None]]:
     """A progress bar on a terminal, otherwise a line every `LINE_S`."""
-    if sys.stdout.isatty():
+    console = Console()
+    if console.is_terminal and not console.is_dumb_terminal:  # which cannot draw one
         columns = TextColumn("diving"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-        with Progress(*columns, transient=True) as bar:
+        with Progress(*columns, console=console, transient=True) as bar:
             task = bar.add_task("diving", total=total, completed=before)
             yield lambda done: bar.update(task, completed=done)
         return

@@ -9,8 +9,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from lindy.api import LindyError
 from lindy_research.bench.table import Figure, as_json, show
-from services.runtime.config.errors import LindyError
 from tools.choices import Json
 
 SECTIONS = {
@@ -30,14 +30,11 @@ SECTIONS = {
     "identify": "lindy_research.bench.identify",
     "dive": "lindy_research.bench.dive",
     "onboard": "lindy_research.bench.onboard",
-    "fleet": "lindy_research.bench.fleet",
     "transport": "lindy_research.bench.transport",
     "mavlink": "lindy_research.bench.mavlink",
     "camera": "lindy_research.bench.camera",
-    "cockpit": "lindy_research.bench.cockpit",
     "film": "lindy_research.bench.film",
     "busy": "lindy_research.bench.busy",
-    "ardusub": "lindy_research.bench.ardusub",
 }
 QUICK = ("hulls", "other_hulls", "reality", "position")  # sections that can fly fewer dives
 

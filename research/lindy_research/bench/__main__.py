@@ -19,6 +19,7 @@ from pathlib import Path
 
 import msgspec
 
+from lindy.api import LindyError
 from lindy_research.bench import SECTIONS
 from lindy_research.bench.record import (
     QUIET,
@@ -31,7 +32,6 @@ from lindy_research.bench.record import (
     worse,
 )
 from lindy_research.bench.table import Figure, show
-from services.runtime.config.errors import LindyError
 
 STAT = Path("/proc/stat")
 MEASUREMENTS = Path(__file__).parents[2] / "measurements"
@@ -49,6 +49,8 @@ def main(words: Sequence[str], folder: Path = MEASUREMENTS) -> int:
     parser.add_argument("--accept", action="store_true", help="keep also what is worse")
     args = parser.parse_args(words)
     record, page = folder / "performance.json", folder / "performance.md"
+    if not page.exists():
+        parser.error(f"{page} is not there: figures are kept in a clone; `lindy bench` shows them")
     last = _read(record)
     said = False
     for name in args.only:

@@ -5,15 +5,17 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Any
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from lindy_research.bench.real_dive import real_dive
+from lindy_research.bench.costs import Cost, total
+from lindy_research.bench.real_dive import PILOT, started, watched
 from lindy_research.bench.table import Figure
 from lindy_research.bench.transport import DEFAULT_THREADS
 from services.runtime.bus.zenoh_bus import ONE_THREAD, VARIABLE
-from tests.support.processes import Cost, total
+from tools.report.report import Report
 
-DIVE_S, WINDOW_S = 30.0, 20.0
+WATCH_S = 28.0
 HOG = "while True: pass"
 # What is counted where a computer is too busy: kind, as in `KIND:TOPIC`, and what it means.
 KINDS = {
@@ -31,21 +33,24 @@ def figures() -> list[Figure]:
     return list(_beside(*ours, *theirs))
 
 
-def _flown(environment: Mapping[str, str]) -> tuple[dict[str, Any], Cost]:
+def _flown(environment: Mapping[str, str]) -> tuple[Report, Cost]:
     """The dive's report, and what it costs, beside one process that never rests."""
     hog = subprocess.Popen([sys.executable, "-c", HOG])
     try:
-        with real_dive(DIVE_S, environment) as dive:
-            cost = total(dive.costs(WINDOW_S))
+        with (
+            TemporaryDirectory(prefix="lindy-bench-") as folder,
+            started(
+                Path(folder) / "dive", "dive", "--headless", *PILOT, environment=environment
+            ) as dive,
+        ):
+            cost = total(watched([dive], [dive], WATCH_S))
             return dive.report(), cost
     finally:
         hog.kill()
         hog.wait()
 
 
-def _beside(
-    ours: dict[str, Any], our_cost: Cost, theirs: dict[str, Any], their_cost: Cost
-) -> Iterator[Figure]:
+def _beside(ours: Report, our_cost: Cost, theirs: Report, their_cost: Cost) -> Iterator[Figure]:
     our_counts, their_counts = _counts(ours), _counts(theirs)
     rows = [(name, "", our_counts[kind], their_counts[kind]) for kind, name in KINDS.items()]
     rows += [(f"lateness p99, {s}", "ms", _late(ours, s), _late(theirs, s)) for s in CHAIN]
@@ -62,16 +67,16 @@ def _beside(
         )  # fmt: skip
 
 
-def _counts(report: Mapping[str, Any]) -> Counter[str]:
+def _counts(report: Report) -> Counter[str]:
     counts = Counter[str]()
-    for name, count in report["losses"].items():
+    for name, count in report.losses.items():
         counts[name.partition(":")[0]] += count
     return counts
 
 
-def _late(report: Mapping[str, Any], service: str) -> float:
-    return report["services"][service]["lateness_p99_ms"] or 0.0
+def _late(report: Report, service: str) -> float:
+    return report.services[service].lateness_p99_ms or 0.0
 
 
-def _latency(report: Mapping[str, Any], part: str) -> float:
-    return report["latency_ms"]["sensor_to_thruster"][part] or 0.0
+def _latency(report: Report, part: str) -> float:
+    return getattr(report.latency_ms.sensor_to_thruster, part) or 0.0

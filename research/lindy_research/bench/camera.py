@@ -18,16 +18,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from lindy_research.bench import foreign_cameras
+from lindy.api import LindyError
+from lindy.api.dives import Registry, Stack, VirtualHost
+from lindy.api.messages import topics
+from lindy_research.bench.costs import Cost, costs
+from lindy_research.bench.real_dive import HAS_STICKS, PILOT, started
 from lindy_research.bench.table import Figure
-from messages import topics
 from services.runtime.bus.envelope import Envelope
-from services.runtime.config.errors import LindyError
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.processes import Cost, costs
-from tests.support.started_dives import HAS_STICKS, PILOT, started
 from tools.analysis.latency import PictureReport
 
 S = 1_000_000_000  # [ns]
@@ -48,7 +45,7 @@ FLOOR = "simulator.floor_depth=8"  # [m] so that there is something to be seen
 def figures() -> list[Figure]:
     if find_spec("av") is None:
         return [Figure(section="camera", name="picture", unit="", note="no PyAV")]
-    return [*_costs(), *_beside(), *_ages(), *foreign_cameras.figures()]
+    return [*_costs(), *_beside(), *_ages()]
 
 
 def _figure(name: str, unit: str, ours: float | None, **more: Any) -> Figure:
@@ -56,10 +53,10 @@ def _figure(name: str, unit: str, ours: float | None, **more: Any) -> Figure:
 
 
 def _costs() -> Iterator[Figure]:
+    from lindy.api.vehicle import from_euler
     from services.camera.core import Order
     from services.camera.io.encoder import VideoEncoder
     from services.camera.sea import CameraView, SimulatedSea, WaterLight
-    from services.marine.attitude import from_euler
 
     for width, height in SIZES:
         sea = SimulatedSea(width, height, radians(80.0), WaterLight(), 8.0)

@@ -4,15 +4,13 @@ from collections.abc import Callable
 from itertools import product
 from math import pi, sin
 
+from lindy.api.dives import Stack
+from lindy.api.messages import Estimate, Motion, Reference, VehicleState
+from lindy.api.vehicle import Vehicle
 from lindy_research.bench.timing import race
 from messages.events import Outbox
-from messages.message import Estimate
-from messages.reference import Motion, Reference
-from messages.state import VehicleState
 from messages.units import Ns
 from services.control.core import Controller, Settings
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
 
 VEHICLES = ("pioneer", "bluerov2_heavy")
 MOST = 80.0  # [µs] a step may cost

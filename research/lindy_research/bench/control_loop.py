@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lindy_research.bench.chain import Chain, Floats
+from lindy.api.messages import topics
 from lindy_research.bench.table import Figure
-from messages import topics
+from lindy_research.dives import Dive, Floats
 
 SEEDS = range(5)
 INTEGRAL = ("control.depth.observer=0", "control.heading.observer=0")
@@ -114,8 +114,10 @@ def flown(
     script: str, seconds: float, overrides: Sequence[str], seed: int, *, drops: bool = False
 ) -> BenchDive:
     """A dive on virtual time, for `seconds` after arming."""
-    whole: tuple[float, Sequence[str]] = (seconds, LIGHTER if drops else ())
-    dive = Chain(script, overrides, seed).fly((min(seconds, DROP_S), ()), whole)
+    dive = Dive(script, seed=seed, overrides=overrides)
+    if drops:
+        dive.until(DROP_S).become(*LIGHTER)
+    dive.until(seconds)
     return BenchDive(
         depth=dive.column(topics.TRUTH, lambda m: m.position[2]),
         heading=dive.column(topics.TRUTH, lambda m: m.heading),

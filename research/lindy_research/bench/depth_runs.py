@@ -7,26 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from lindy.api.dives import Stack
+from lindy.api.messages import ImuSample, PressureSample
+from lindy.api.vehicle import GRAVITY, SEA_WATER, Vehicle, to_body
 from lindy_research.bench.thesis_depth import ThesisObserver, Way
-from messages.sensors import ImuSample, PressureSample
+from lindy_research.dives import Floats, Stick
+from lindy_research.flights import FULL_HEAVE, HZ, LEAST, Script, TruthLog, flown
 from services.estimation.core import Estimator
 from services.estimation.settings import CalibrationSettings, DepthSettings
 from services.estimation.settings import Settings as EstimationSettings
-from services.marine.attitude import to_body
-from services.marine.vehicle import GRAVITY, SEA_WATER, Vehicle
-from services.runtime.config.stack import Stack
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
-from tests.support.flights import (
-    FULL_HEAVE,
-    HZ,
-    LEAST,
-    Floats,
-    Script,
-    Stick,
-    TruthLog,
-    flown,
-)
 
 RATE = HZ  # [1/s] of the observers and of the accelerometer
 PRESSURE_RATE = 42.0  # [1/s] with a phase of its own

@@ -11,9 +11,9 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from lindy_research.bench.costs import Cost, total
+from lindy_research.bench.real_dive import PILOT, started, watched
 from lindy_research.bench.table import Figure
-from tests.support.processes import Cost, total
-from tests.support.started_dives import PILOT, started, watched
 from tools.report.report import Report
 
 ROUNDS = 2  # of each shape; the median counts

@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lindy.api.references import BaselineReference, Direct, Limits, Ramp
 from lindy_research.papers.identified_inputs import SPEED as SLOW
 from lindy_research.papers.identified_inputs import step_stick
 from lindy_research.papers.identified_plant import DT, END_JERK, KD, KP, UNCLAMPED, follow
 from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import Plant
-from services.reference.trajectory.minimum_jerk import Limits, Ramp
-from tools.generators.baselines import BaselineReference, Direct
 
 SPEED = 1.0  # [m/s]
 OFF, END = 5.0, 12.0  # [s] the stick is released, and the run ends

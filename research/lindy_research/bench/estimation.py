@@ -8,6 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lindy.api.messages import ImuSample, MagnetometerSample, PressureSample, VehicleState
+from lindy.api.vehicle import GRAVITY
 from lindy_research.bench.depth_runs import (
     RATE,
     TYPICAL,
@@ -22,12 +24,9 @@ from lindy_research.bench.depth_runs import (
 )
 from lindy_research.bench.table import Figure
 from lindy_research.bench.timing import race
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
-from messages.state import VehicleState
+from lindy_research.dives import Floats
 from services.estimation.core import Estimator
 from services.estimation.settings import Settings
-from services.marine.vehicle import GRAVITY
-from tests.support.flights import Floats
 
 COARSE = Sensor("σ 5 cm", 0.05)
 LATE = Sensor("σ 5 mm, 30 ms late", 0.005, latency=0.03)

@@ -8,19 +8,18 @@ command; of a film's time, the difference to when the light arrived, picture by 
 import resource
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from lindy.api.recordings import open_recording
+from lindy_research.bench.real_dive import LINDY
 from lindy_research.bench.table import Figure
 from tools.log.film_scenes import pictures
-from tools.recordings.recording import open_recording
 
 SECONDS = 60.0  # [s] of the dive, armed
-LINDY = (sys.executable, "-P", "-m", "tools")
 DIVE = (
     "--stack", "camera", "--link", "wifi_buoy", "--pilot", "script:first_dive",
     "--seconds", f"{SECONDS:g}", "--set", "simulator.floor_depth=8",

@@ -9,13 +9,13 @@ from math import degrees
 
 import numpy as np
 
+from lindy.api.messages import ImuSample, MagnetometerSample, PressureSample
+from lindy.api.vehicle import GRAVITY
+from lindy_research import heading_runs as runs
 from lindy_research.bench.table import Figure
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
+from lindy_research.flights import HZ, TruthLog
 from services.estimation.core import Estimator
 from services.estimation.settings import Settings
-from services.marine.vehicle import GRAVITY
-from tests.support import heading_runs as runs
-from tests.support.flights import TruthLog
 
 Moment = tuple[ImuSample, MagnetometerSample, PressureSample]
 SEEDS = 20
@@ -32,7 +32,7 @@ def _drift() -> list[Figure]:
     """Control heading over 5 min with pitching and turns, after the default calibration alone."""
     flight = runs.dive(60.0 * MINUTES)
     drifts = [_drift_of(flight, seed) for seed in range(SEEDS)]
-    name = f"control drift, {SEEDS} seeds, {flight.calibrated / runs.HZ:.0f} s of calibration"
+    name = f"control drift, {SEEDS} seeds, {flight.calibrated / HZ:.0f} s of calibration"
     each = (("rms", runs.rms(np.array(drifts)), 0.2), ("worst", max(map(abs, drifts)), 0.5))
     return [
         _figure(f"{name}, {what}", "°/min", value, "limit", limit, 1.0)
@@ -73,7 +73,7 @@ def _disturbed() -> list[Figure]:
     flight = runs.dive(120.0)
     n = len(flight.heading)
     iron = runs.passing_iron(n, IRON_AT, IRON_FOR, IRON)
-    window = slice(round(IRON_AT * runs.HZ), round((IRON_AT + IRON_FOR + 10.0) * runs.HZ))
+    window = slice(round(IRON_AT * HZ), round((IRON_AT + IRON_FOR + 10.0) * HZ))
     navigation, control, plain = 0.0, 0.0, 0.0
     for seed in FEW:
         samples = runs.measured(flight, seed, runs.CLEAN, iron)

@@ -9,22 +9,22 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.control import ThrusterCommand
-from messages.events import Outbox
-from messages.sensors import (
+from lindy.api.dives import Stack
+from lindy.api.messages import (
+    Actuation,
     DvlSample,
     ImuSample,
     MagnetometerSample,
     PressureSample,
+    ThrusterCommand,
+    Truth,
     UsblSample,
+    VehicleState,
 )
-from messages.state import VehicleState
-from messages.vehicle import Actuation, Truth
+from lindy.api.vehicle import Vehicle, wrapped
+from messages.events import Outbox
 from services.estimation.core import Estimator
 from services.estimation.settings import CalibrationSettings, Settings
-from services.marine.attitude import wrapped
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
 from services.simulator.core import Simulator, at_the_surface
 from services.simulator.settings import CurrentSettings, Dvl, Usbl
 from services.simulator.settings import Settings as Place

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.units import Vec6
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
-from tests.support.goal_runs import QUIET_S, random_sticks
-from tests.support.sortie import DEEP, Sortie
+from lindy.api.dives import Stack
+from lindy.api.messages import Vec6
+from lindy.api.vehicle import Vehicle
+from lindy_research.dives import DEEP, Dive
+from lindy_research.releases import QUIET_S, random_sticks
 
 
 class HullDifference(NamedTuple):
@@ -79,21 +79,22 @@ class HullDive(NamedTuple):
 def fly(
     vehicle: str, difference: HullDifference, seed: int, overrides: Sequence[str] = ()
 ) -> HullDive:
-    """A minute of random sticks, as of `goal_runs.releases`."""
+    """A minute of random sticks, as of `releases.py`."""
     rows, ends = random_sticks(seed, 60.0)
     over = ends[-1][0] + QUIET_S
     heavier = difference.buoyancy < 0.0  # it would sink before it is armed
     hull = settings(vehicle, difference._replace(buoyancy=0.0) if heavier else difference)
-    sortie = Sortie(rows, vehicle=vehicle, seed=seed, overrides=(DEEP, *hull, *overrides))
+    dive = Dive(rows, vehicle=vehicle, seed=seed, overrides=(DEEP, *hull, *overrides))
     if heavier:
-        sortie.until(BALLAST_S).become(*settings(vehicle, difference))
-    seen = sortie.until(over).columns(0.0, over)
-    off_depth, off_heading = sortie.estimate_errors(seen, 0.0)
-    depth = seen.wanted_depth - seen.depth - np.median(off_depth)
-    heading = seen.wanted_heading - seen.heading - np.median(off_heading)
+        dive.until(BALLAST_S).become(*settings(vehicle, difference))
+    dive.until(over)
+    off_depth, off_heading = dive.errors()
+    true_depth, true_heading = dive.depth(), dive.heading()
+    depth = dive.wanted_depth() - true_depth - np.median(off_depth)
+    heading = dive.wanted_heading() - true_heading - np.median(off_heading)
     return HullDive(
-        bounces=tuple([1e3 * _past(seen.depth, t, sticks[2]) for t, sticks, _ in ends]),
-        overshoots=tuple([degrees(_past(seen.heading, t, sticks[3])) for t, sticks, _ in ends]),
+        bounces=tuple([1e3 * _past(true_depth, t, sticks[2]) for t, sticks, _ in ends]),
+        overshoots=tuple([degrees(_past(true_heading, t, sticks[3])) for t, sticks, _ in ends]),
         depth_error=1e3 * float(np.abs(depth).max()),
         heading_error=degrees(float(np.abs(heading).max())),
     )

@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lindy.api.dives import Stack
+from lindy.api.laws import Settings as ReferenceSettings
+from lindy.api.vehicle import Vehicle, system_inertia
 from lindy_research.bench.table import Figure
-from services.marine.hydrodynamics import system_inertia
-from services.marine.vehicle import Vehicle
-from services.reference.settings import Settings as ReferenceSettings
-from services.runtime.config.stack import Stack
 from services.simulator.hull import Hull, in_the_water
 from tools.identify.fit import drag_at
 from tools.identify.identify import compare, identify_dive, read_dive

@@ -18,15 +18,13 @@ from typing import Any, cast
 
 import msgspec
 
+from lindy.api import LindyError
+from lindy.api.messages import PilotCommand, topics
+from lindy_research.bench.costs import Cost, costs
+from lindy_research.bench.real_dive import RealDive, started
 from lindy_research.bench.table import Figure
-from messages import topics
-from messages.pilot import PilotCommand
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import connected
-from services.runtime.config.errors import LindyError
-from services.runtime.config.running import RUNNING, Running
-from tests.support.processes import Cost, costs
-from tests.support.started_dives import started
 
 Connection = Callable[..., Any]  # pymavlink's
 CORES = 0.05  # goal, at the default streams with one ground station
@@ -81,13 +79,12 @@ def _flown(folder: Path, connection: Connection) -> tuple[Cost, list[float]]:
     port = _free_port()
     links = f'mavlink.links=["udpout:127.0.0.1:{port}"]'
     words = ("dive", "--stack", "mavlink", "--headless", "--set", links)
-    out = folder / "dive"
-    with started(out, *words) as dive:
+    with started(folder / "dive", *words) as dive:
         ground = connection(f"udpin:127.0.0.1:{port}", source_system=255, source_component=190)
         _arm(ground)
         with _steering(ground):
             cost = costs({"mavlink": dive.pids()["mavlink"]}, WATCH_S)["mavlink"]
-        latencies = _latencies(out, ground)
+        latencies = _latencies(dive, ground)
         ground.close()
     return cost, latencies
 
@@ -131,9 +128,9 @@ def _steering(ground: Any) -> Generator[None]:
         thread.join()
 
 
-def _latencies(out: Path, ground: Any) -> list[float]:
+def _latencies(dive: RealDive, ground: Any) -> list[float]:
     """[s] Each packet has a stick position of its own, by which its command is known."""
-    running = msgspec.json.decode((out / RUNNING).read_bytes(), type=Running)
+    running = dive.running()
     decode = msgspec.msgpack.Decoder(PilotCommand).decode
     heard: dict[float, float] = {}  # surge → when first
     arrived = threading.Event()

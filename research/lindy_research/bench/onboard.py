@@ -9,10 +9,10 @@ import socket
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from lindy_research.bench.costs import Cost, memory_mb, total
+from lindy_research.bench.real_dive import PILOT, started, watched
 from lindy_research.bench.table import Figure
 from services.runtime.config.settings import deploy_file
-from tests.support.processes import Cost, memory_mb, total
-from tests.support.started_dives import PILOT, started, watched
 
 CORES, MEMORY_MB = 0.15, 90.0  # goals
 LEFT_OUT = ("recorder", "visualizer")

@@ -1,27 +1,20 @@
 """What a DVL gives a BlueROV2: how well a place is held and a stop over ground is exact, how near a
-rough sea floor comes, how soon a lost lock is said, and what the driver costs.
+rough sea floor comes, and how soon a lost lock is said.
 
 Baselines are the goals. `--quick` flies 10 terrains of 200. Two dives at a time.
 """
 
 from collections.abc import Callable
 from multiprocessing import get_context
-from time import process_time
 from typing import TypeVar
 
 from lindy_research.bench import position_dives as dives
 from lindy_research.bench.table import Figure
-from messages.events import Outbox
-from services.waterlinked.core import DvlDriver, Settings
-from tests.support.instruments import dvl
-from tests.support.instruments.truth import SeenMotion
 
 SEEDS = range(500, 504)
 TERRAINS, FEW_TERRAINS = range(1000, 1200), range(1000, 1010)
 PLACE, BOUNCE = 0.1, 0.1  # [m]
 TOLD = 5.2  # [s] 3 without a velocity, 2 of patience, and the latency
-REPORTS, FASTEST, SHARE = 5000, 26.0, 2.0  # [1/s] of the driver, [%] of a core
-S = 1_000_000_000  # [ns]
 T = TypeVar("T")
 
 
@@ -60,19 +53,7 @@ def figures(*, quick: bool = False) -> list[Figure]:
         found.append(_judged("lock lost: told after", told, TOLD, "s"))
         fish = max(each(dives.moved_by_fish, SEEDS))
         found.append(_judged("fish at 0.3 m/s for 2 s: moved", fish, PLACE))
-    return [*found, _judged("DVL driver at 26 Hz, of a core", _cost(), SHARE, "%")]
-
-
-def _cost() -> float:
-    """[%] Process time of the pure driver; port and bus come on top."""
-    driver = DvlDriver(Settings(), Outbox())
-    seen = SeenMotion(velocity=(0.5, 0.0, 0.0), altitude=3.0)
-    reports = [dvl.report(seen, k / 10, 0) for k in range(REPORTS)]
-    begin = process_time()
-    for k, report in enumerate(reports, start=100):
-        driver.heard([report], k * S)
-        driver.due(k * S)
-    return 100.0 * (process_time() - begin) / REPORTS * FASTEST
+    return found
 
 
 def _judged(name: str, ours: float, goal: float, unit: str = "m") -> Figure:

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lindy.api.messages import topics
+from lindy_research.dives import HANDS_OFF, Dive, Row, Stick
 from services.simulator.settings import Settings as Place
 from services.simulator.surroundings import sea_floor
 from services.simulator.terrain import Terrain
-from tests.support.sortie import HANDS_OFF, Sortie, SortieRow
 
 Floats = NDArray[np.float64]
 VEHICLE, DVL, FLOOR = "bluerov2_heavy", "sensors.dvl=a50", 25.0  # [m] deep
@@ -25,15 +26,16 @@ CURRENTS: dict[str, tuple[str, ...]] = {
         "simulator.current.time_constant=15",
     ),
 }
-FULL: dict[str, tuple[float, float, float, float]] = {
+FULL: dict[str, Stick] = {
     "surge": (1.0, 0.0, 0.0, 0.0),
     "sway": (0.0, 1.0, 0.0, 0.0),
     "both, in a turn": (-0.7, 0.7, 0.0, 0.3),
 }
-DOWN: list[SortieRow] = [(0.5, (0.0, 0.0, 0.6, 0.0)), (8.0, HANDS_OFF)]
+DOWN: list[Row] = [(0.5, (0.0, 0.0, 0.6, 0.0)), (8.0, HANDS_OFF)]
 HELD, REST = 30.0, 5.0  # [s] of a place that is held, of a rest by which it is judged
 LEG = 4.0  # [s] of full stick
 AWAY = 130.0  # [s] of full stick
+LATE = 20.0  # [s] from here on it is near the ground
 FLOOR_DISTANCE = 0.5  # [m] the vehicle file's
 
 
@@ -43,15 +45,15 @@ class HeldPlace(NamedTuple):
     stops: tuple[tuple[float, float], ...]  # [m] back, and beyond the reference's rest; per stop
 
 
-def sortie(seed: int, hands: list[SortieRow], *more: str) -> Sortie:
+def sortie(seed: int, hands: list[Row], *more: str) -> Dive:
     overrides = (f"simulator.floor_depth={FLOOR}", DVL, *more)
-    return Sortie([*DOWN, *hands], vehicle=VEHICLE, seed=seed, overrides=overrides)
+    return Dive([*DOWN, *hands], vehicle=VEHICLE, seed=seed, overrides=overrides)
 
 
 def held(seed: int, current: str) -> HeldPlace:
     """A place is held, then left and stopped at with each stick."""
     begins = [14.0 + HELD + k * (LEG + 10.0) for k in range(len(FULL))]
-    hands = list[SortieRow]()
+    hands = list[Row]()
     for begin, stick in zip(begins, FULL.values(), strict=True):
         hands += [(begin, stick), (begin + LEG, HANDS_OFF)]
     dive = sortie(seed, hands, *CURRENTS[current]).until(14.0)
@@ -98,7 +100,7 @@ def least_height(seed: int) -> float:
     dive.hold("altitude_hold")
     dive.until(74.0)
     floor = sea_floor(Place(floor_depth=12.0, terrain=Terrain(hills=hills, length=length)), seed)
-    late = dive.truth[len(dive.truth) // 3 :]
+    late = [m for m in dive.said(topics.TRUTH) if dive.when(m.stamp_ns) > LATE]
     return min(floor.depth(m.position) - m.position[2] for m in late)
 
 
@@ -107,10 +109,10 @@ def told_without_lock(seed: int) -> float:
     dive = sortie(seed, []).until(14.0)
     dive.hold("station_keeping")
     dive.until(20.0)
-    dive.set_faults("sensor/dvl", "no_lock")
-    while dive.flight_mode == "station_keeping" and dive.t < 40.0:
-        dive.until(dive.t + 0.1)
-    return dive.t - 20.0
+    dive.set_fault("sensor/dvl", "no_lock")
+    while dive.mode == "station_keeping" and dive.seconds < 40.0:
+        dive.until(dive.seconds + 0.1)
+    return dive.seconds - 20.0
 
 
 def moved_by_fish(seed: int) -> float:
@@ -118,24 +120,22 @@ def moved_by_fish(seed: int) -> float:
     dive = sortie(seed, []).until(14.0)
     dive.hold("station_keeping")
     dive.until(24.0)
-    dive.set_faults("sensor/dvl", "wrong_lock", 0.3)
+    dive.set_fault("sensor/dvl", "wrong_lock", 0.3)
     dive.until(26.0)
-    dive.set_faults("sensor/dvl", "none")
+    dive.set_fault("sensor/dvl", "none")
     dive.until(40.0)
     t, place, _ = _places(dive)
     before = place[(t > 23.0) & (t < 24.0)].mean(axis=0)
     return float(np.linalg.norm(place[t > 24.0] - before, axis=1).max())
 
 
-def _places(dive: Sortie) -> tuple[Floats, Floats, Floats]:
+def _places(dive: Dive) -> tuple[Floats, Floats, Floats]:
     """[s] since arming, [m] truth and reference north and east, where a place is held."""
-    wanted = {m.stamp_ns // 10_000_000: m for m in dive.references}
+    wanted = {m.stamp_ns // 10_000_000: m for m in dive.said(topics.REFERENCE)}
     rows = list[tuple[float, ...]]()
-    end = dive.truth[-1].stamp_ns
-    for m in dive.truth:
+    for m in dive.said(topics.TRUTH):
         r = wanted.get(m.stamp_ns // 10_000_000)
         if r is not None and r.north is not None and r.east is not None:
-            at = dive.t - (end - m.stamp_ns) * 1e-9
-            rows.append((at, *m.position[:2], r.north.position, r.east.position))
+            rows.append((dive.when(m.stamp_ns), *m.position[:2], r.north.position, r.east.position))
     found = np.array(rows)
     return found[:, 0], found[:, 1:3], found[:, 3:5]

@@ -1,99 +1,98 @@
-"""A real dive of this machine, in processes, beside which something is measured."""
+"""Real dives of this machine: `lindy` started as a user does, and watched from outside."""
 
-import json
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Collection, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
 import msgspec
 
-from messages import topics
-from messages.vehicle import VehicleStatus
-from services.runtime.bus.zenoh_bus import open_bus
+from lindy.api import LindyError
+from lindy_research.bench.costs import Cost, costs
 from services.runtime.config.running import RUNNING, Running
-from tests.support.processes import Cost, costs
+from tools.report.report import Report
 
-START_S = 60.0  # [s] at most, until the drone is armed
-END_S = 60.0  # [s] at most, for files and report at the end
-SETTLE_S = 1.0  # [s] after arming, before anything is measured
-SCRIPT = """t,surge,sway,heave,yaw
-0,0,0,0,0
-1,0,0,0.8,0
-4,0.5,0,0,0.3
-12,0,0,0,0.4
-16,0.3,0.3,0,0
-22,0,0,-0.3,0
-24,0,0,0,0
-"""
+LINDY = (sys.executable, "-P", "-m", "lindy")
+PATIENCE_S = 120.0  # [s] for anything that happens in a moment on an idle computer
+SETTLE_S = 2.0  # [s] after arming, before it is watched
+WATCH_S = 12.0  # [s] of steady flight
+QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
+PILOT = ("--pilot", "script:first_dive")  # a minute and a half
+HAS_STICKS = "has the sticks"  # the pilot's line when the drone is armed
 
 
 class RealDive:
-    """Made by `real_dive`, when the drone is armed."""
+    """One `lindy` command that is running. Its folder is `out`."""
 
-    def __init__(self, process: subprocess.Popen[bytes], out: Path, running: Running) -> None:
-        self._process, self._out, self._running = process, out, running
+    def __init__(self, out: Path, words: Collection[str], environment: Mapping[str, str]) -> None:
+        self._out, self._screen = out, out.with_suffix(".txt")
+        with self._screen.open("w") as screen:
+            self._process = subprocess.Popen(
+                [*LINDY, *words, *QUICK, "--out", str(out)], stdin=subprocess.DEVNULL,
+                stdout=screen, stderr=subprocess.STDOUT, env=os.environ | dict(environment),
+            )  # fmt: skip
 
-    def costs(self, seconds: float) -> dict[str, Cost]:
-        """Of every process of the dive, over the next `seconds`."""
-        own = {"supervisor": self._running.supervisor}
-        return costs(own | self._running.pids, seconds)
+    def until_said(self, text: str) -> None:
+        """Wait for a line on its screen.
 
-    def report(self) -> dict[str, Any]:
-        """What the dive's own report says, once it has ended by itself."""
-        self._process.wait(END_S)
-        return json.loads((self._out / "report.json").read_text())
+        Raises:
+            LindyError: it ended, or takes too long.
+        """
+        deadline = time.monotonic() + PATIENCE_S
+        while text not in (said := self._screen.read_text()):
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                last = (said.strip().splitlines() or ["it printed nothing"])[-1]
+                raise LindyError(f"a dive of the benchmark does not get to {text!r}: {last}")
+            time.sleep(0.05)
+
+    def running(self) -> Running:
+        """Where it can be reached."""
+        return msgspec.json.decode((self._out / RUNNING).read_bytes(), type=Running)
+
+    def pids(self) -> dict[str, int]:
+        """Its supervisor, hubs and services; of services that share a process, one."""
+        running = self.running()
+        by_pid = {pid: name for name, pid in running.pids.items()}
+        return {name: pid for pid, name in by_pid.items()} | {"supervisor": running.supervisor}
+
+    def report(self) -> Report:
+        """End it, and read its report."""
+        self.end()
+        return msgspec.json.decode((self._out / "report.json").read_bytes(), type=Report)
+
+    def end(self) -> None:
+        """As Ctrl-C does."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            self._process.wait(PATIENCE_S)
 
 
 @contextmanager
-def real_dive(seconds: float, environment: Mapping[str, str] | None = None) -> Generator[RealDive]:
-    """A dive that ends by itself `seconds` after arming.
-
+def started(
+    out: Path, *words: str, environment: Mapping[str, str] | None = None
+) -> Generator[RealDive]:
+    """
     Args:
         environment: variables, besides those of this process.
     """
-    with TemporaryDirectory() as folder:
-        script, out = Path(folder) / "script.csv", Path(folder) / "dive"
-        script.write_text(SCRIPT)
-        command = [sys.executable, "-P", "-m", "tools", "dive", "--headless"]
-        command += ["--pilot", f"script:{script}", "--seconds", f"{seconds:g}", "--out", str(out)]
-        command += ["--set", "estimation.calibration.still_time=3"]
-        with (Path(folder) / "screen.txt").open("wb") as screen:
-            process = subprocess.Popen(
-                command, stdout=screen, stderr=screen, env=os.environ | dict(environment or {})
-            )
-        try:
-            yield RealDive(process, out, _armed(out, process))
-        finally:
-            process.terminate()
-            process.wait()
+    dive = RealDive(out, words, environment or {})
+    try:
+        yield dive
+    finally:
+        dive.end()
 
 
-def _armed(out: Path, process: subprocess.Popen[bytes]) -> Running:
-    """Wait until the drone is armed.
-
-    Raises:
-        RuntimeError: the dive ended, or took too long.
-    """
-    deadline = time.monotonic() + START_S
-
-    def until(happened: Callable[[], bool]) -> None:
-        while not happened():
-            if process.poll() is not None or time.monotonic() > deadline:
-                raise RuntimeError("the dive does not begin")
-            time.sleep(0.05)  # other processes do it
-
-    until((out / RUNNING).is_file)
-    running = msgspec.json.decode((out / RUNNING).read_bytes(), type=Running)
-    with open_bus(running.endpoints["topside"], running.vehicle) as bus:
-        said = list[bool]()
-        decode = msgspec.msgpack.Decoder(VehicleStatus).decode
-        bus.hear(topics.STATUS.key, lambda envelope: said.append(decode(envelope.payload).armed))
-        until(lambda: bool(said) and said[-1])
-    time.sleep(SETTLE_S)
-    return msgspec.json.decode((out / RUNNING).read_bytes(), type=Running)
+def watched(
+    dives: Collection[RealDive], pilots: Collection[RealDive], seconds: float = WATCH_S
+) -> dict[str, Cost]:
+    """What each process of these dives costs, while all pilots fly."""
+    for pilot in pilots:
+        pilot.until_said(HAS_STICKS)
+    time.sleep(SETTLE_S)  # the first seconds after arming are not steady
+    return costs(
+        {f"{n}/{name}": pid for n, dive in enumerate(dives) for name, pid in dive.pids().items()},
+        seconds,
+    )

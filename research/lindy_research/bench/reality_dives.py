@@ -19,23 +19,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from lindy.api import DEPLOY
+from lindy.api.dives import Registry, Stack, VirtualHost
+from lindy.api.messages import Reference, Truth, Vec3, VehicleState, VehicleStatus, events, topics
 from lindy_research.bench.hull_runs import BUOYANCY, HULLS, HullDifference, file_of, settings
 from lindy_research.bench.reality_smoother import rotations
-from messages import events, topics
-from messages.reference import Reference
-from messages.state import VehicleState
-from messages.units import Vec3
-from messages.vehicle import Truth, VehicleStatus
+from lindy_research.dives import CHAIN, DEEP, HANDS_OFF, QUICK_START, Floats, Row, Stick, script
+from lindy_research.releases import FULL, LEAST, MOST, QUIET_S
 from services.recorder.io.parts import part_path
-from services.runtime.config.settings import DEPLOY
-from services.runtime.config.stack import Stack
 from services.runtime.hosts.garbage_collection import rare_collections
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.waves import WaveLine, Waves, lines_of
-from tests.support.flights import CHAIN
-from tests.support.goal_runs import FULL, LEAST, MOST, QUIET_S
-from tests.support.sortie import DEEP, HANDS_OFF, QUICK_START, Floats, SortieRow, SortieSticks
 
 VEHICLES = tuple(BUOYANCY)
 UNFLOWN = "acoustic"  # over it no stick position arrives in time
@@ -97,7 +90,7 @@ class Move(NamedTuple):
     """Sticks of one kind, let go at their end."""
 
     kind: str
-    rows: tuple[SortieRow, ...]  # from when on [s after the move's begin] which sticks
+    rows: tuple[Row, ...]  # from when on [s after the move's begin] which sticks
     seconds: float
 
 
@@ -217,7 +210,7 @@ def moves(seed: int, vehicle: str, seconds: float) -> list[tuple[float, Move]]:
     down; none leaves the water."""
     rng = np.random.default_rng([seed, 29])
     down = DOWN / FULL[vehicle]
-    first: SortieSticks = (0.0, 0.0, 1.0, 0.0)
+    first: Stick = (0.0, 0.0, 1.0, 0.0)
     found = [(1.0, Move("pure", ((0.0, first),), down))]
     t, depth = 1.0 + down + QUIET_S, DOWN
     while t < seconds:
@@ -253,7 +246,7 @@ def _slam(rng: np.random.Generator) -> Move:
 
 def _taps(rng: np.random.Generator) -> Move:
     sticks = _on(rng, int(rng.integers(4)))
-    rows, t = list[SortieRow](), 0.0
+    rows, t = list[Row](), 0.0
     for _ in range(int(rng.integers(2, 6))):
         rows += [(t, sticks), (t + float(rng.uniform(0.1, 0.3)), HANDS_OFF)]
         t = rows[-1][0] + float(rng.uniform(0.2, 0.6))
@@ -273,21 +266,21 @@ def _smooth(rng: np.random.Generator) -> Move:
 KINDS = (_pure, _two_axes, _slam, _taps, _smooth)
 
 
-def _on(rng: np.random.Generator, axis: int) -> SortieSticks:
+def _on(rng: np.random.Generator, axis: int) -> Stick:
     return _full(axis, float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.3, 1.0)))
 
 
-def _full(axis: int, size: float) -> SortieSticks:
+def _full(axis: int, size: float) -> Stick:
     a, b, c, d = (size if axis == n else 0.0 for n in range(4))
     return a, b, c, d
 
 
-def _sum(*sticks: SortieSticks) -> SortieSticks:
+def _sum(*sticks: Stick) -> Stick:
     a, b, c, d = (sum(parts) for parts in zip(*sticks, strict=True))
     return a, b, c, d
 
 
-def _times(factor: float, sticks: SortieSticks) -> SortieSticks:
+def _times(factor: float, sticks: Stick) -> Stick:
     a, b, c, d = sticks
     return factor * a, factor * b, factor * c, factor * d
 
@@ -342,12 +335,12 @@ def fly(
     plan = moves(seed, c.vehicle, seconds)
     over = plan[-1][0] + plan[-1][1].seconds + QUIET_S
     with TemporaryDirectory() as folder:
-        script = Path(folder) / "sticks.csv"
-        script.write_text(_script(plan))
+        sticks = Path(folder) / "sticks.csv"
+        sticks.write_text(_script(plan))
         stack = Stack(
             vehicle=c.vehicle,
             link=c.link,
-            pilot=f"script:{script}",
+            pilot=f"script:{sticks}",
             out=folder,
             seed=seed,
             virtual=True,
@@ -379,13 +372,12 @@ def fly(
 
 
 def _script(plan: list[tuple[float, Move]]) -> str:
-    rows: list[SortieRow] = [(0.0, HANDS_OFF)]
+    rows = list[Row]()
     for begin, move in plan:
         rows += [(begin + after, sticks) for after, sticks in move.rows]
         rows.append((begin + move.seconds, HANDS_OFF))
     rows.append((3600.0, HANDS_OFF))
-    lines = [f"{t:.2f},{','.join(f'{part:.3f}' for part in sticks)}" for t, sticks in rows]
-    return "\n".join(["t,surge,sway,heave,yaw", *lines])
+    return script(rows)
 
 
 def _stops(heard: Heard, plan: list[tuple[float, Move]], sea: Sequence[WaveLine]) -> list[Stop]:

@@ -17,19 +17,25 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
+from lindy.api import LindyError
+from lindy.api.dives import Stack
+from lindy.api.messages import (
+    AidSource,
+    ImuSample,
+    MagnetometerSample,
+    PressureSample,
+    Vec3,
+    VehicleEstimate,
+    VehicleState,
+    events,
+    topics,
+)
+from lindy.api.vehicle import GRAVITY, Vehicle
 from lindy_research.bench.reality_smoother import REST_SAMPLES, Floats, Smoothed, smoothed
-from messages import events, topics
-from messages.aiding import AidSource
 from messages.events import Outbox
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
-from messages.state import VehicleState
-from messages.units import Ns, Vec3
-from messages.vehicle import VehicleEstimate
+from messages.units import Ns
 from services.estimation.core import Estimator
 from services.estimation.settings import Settings
-from services.marine.vehicle import GRAVITY, Vehicle
-from services.runtime.config.errors import LindyError
-from services.runtime.config.stack import Stack
 from tools.importing.command import opened
 from tools.importing.conversion import Conversion, Imported
 from tools.importing.log_file import chosen

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lindy.api import LindyError
 from lindy_research.bench.reality_logs import LoggedDive, Part, judged, known
-from services.runtime.config.errors import LindyError
 from tools.sweep.all_cores import in_order
 
 FOLDER = "LINDY_REAL"

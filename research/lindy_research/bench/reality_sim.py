@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lindy.api import LindyError
 from lindy_research.bench.reality_dives import (
     CASES,
     INCONSISTENT,
@@ -25,7 +26,6 @@ from lindy_research.bench.reality_dives import (
     RoughDive,
     fly,
 )
-from services.runtime.config.errors import LindyError
 from tools.sweep.all_cores import on_all_cores
 
 SEEDS, FIRST = 24, 500

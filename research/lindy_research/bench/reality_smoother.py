@@ -19,9 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.sensors import ImuSample, PressureSample
-from messages.units import Vec3
-from services.marine.vehicle import ATMOSPHERE, GRAVITY
+from lindy.api.messages import ImuSample, PressureSample, Vec3
+from lindy.api.vehicle import ATMOSPHERE, GRAVITY
 
 Floats = NDArray[np.float64]
 FIRST_TILT_S, TILT_S = 2.0, 4.0  # [s] 1σ of the window, in the first round and in the others

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from lindy.api.references import Limits, solve, thesis_rule
 from lindy_research.bench.table import Figure
 from lindy_research.bench.timing import race
 from lindy_research.laws import batch, thesis_steps
 from lindy_research.laws.stepping import stepper
-from services.reference.trajectory.minimum_jerk import Limits, reader, solve
-from tools.generators import thesis_rule
+from services.reference.trajectory.minimum_jerk import reader
 
 DT = 0.01  # [s]
 STEPS = 300

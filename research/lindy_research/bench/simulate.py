@@ -11,13 +11,11 @@ from collections.abc import Collection
 from contextlib import closing
 from pathlib import Path
 
+from lindy.api.dives import Registry, Stack, VirtualHost
+from lindy.api.recordings import open_recording
 from lindy_research.bench.table import Figure
-from services.runtime.config.stack import Stack
+from lindy_research.dives import CHAIN
 from services.runtime.hosts.garbage_collection import rare_collections
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.flights import CHAIN
-from tools.recordings.recording import open_recording
 from tools.report import Extras, make_report
 
 SECONDS = 60  # [s] of each dive

@@ -1,19 +1,17 @@
-"""What the simulator costs per step of 5 ms, beside a three-hundredth of real time, and beside the
-textbook's way of solving the same equations (textbook_vessel.py)."""
+"""What the simulator costs per step of 5 ms, beside a three-hundredth of real time."""
 
 from collections.abc import Callable
 
 import msgspec
 
+from lindy.api.dives import Stack
+from lindy.api.messages import ThrusterCommand
+from lindy.api.vehicle import Vehicle
 from lindy_research.bench.table import Figure
 from lindy_research.bench.timing import race
-from messages.control import ThrusterCommand
 from messages.events import Outbox
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
 from services.simulator.core import Settings, Simulator, at_the_surface
 from services.simulator.vessel import Vessel
-from tests.support.textbook_vessel import TextbookVessel
 
 STEP = 0.005  # [s]
 STEP_NS = 5_000_000
@@ -27,8 +25,8 @@ Turn = Callable[[], int]
 
 def figures() -> list[Figure]:
     pioneer, heavy = _vehicle("pioneer"), _vehicle("bluerov2_heavy")
-    ours, textbook, alone, measured, eight = race(
-        _vessel(pioneer), _textbook(pioneer), _simulator(pioneer, measured=False),
+    ours, alone, measured, eight = race(
+        _vessel(pioneer), _simulator(pioneer, measured=False),
         _simulator(pioneer, measured=True), _vessel(heavy),
     )  # fmt: skip
     goal = STEP * 1e9 / SPEEDUP
@@ -38,7 +36,6 @@ def figures() -> list[Figure]:
         _figure("physics, eight thrusters", eight, limit, goal, 1.0),
         _figure("with commands at 100 Hz and battery", alone, limit, goal, 1.0),
         _figure("the same, and all its sensors and truth at 100 Hz", measured, limit, goal),
-        _figure(name, ours, "textbook terms, Runge-Kutta 4 at 10 ms", textbook),
     ]
 
 
@@ -66,18 +63,6 @@ def _vessel(vehicle: Vehicle) -> Turn:
     def turn() -> int:
         for _ in range(STEPS):
             ship.advance(STEP)
-        return STEPS
-
-    return turn
-
-
-def _textbook(vehicle: Vehicle) -> Turn:
-    """Steps twice as long: at 10 ms it is as exact as it needs to be."""
-    ship = TextbookVessel(vehicle, 1.0, UNDER_WAY, _thrust(vehicle))
-
-    def turn() -> int:
-        for _ in range(STEPS // 2):
-            ship.step(2 * STEP)
         return STEPS
 
     return turn

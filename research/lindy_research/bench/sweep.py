@@ -1,11 +1,11 @@
 """A thousand simulated dives: how long they take as a sweep, and as calls of `lindy simulate`."""
 
 import subprocess
-import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from lindy_research.bench.real_dive import LINDY
 from lindy_research.bench.table import Figure
 from tools.sweep.all_cores import in_order
 from tools.sweep.axes import axes
@@ -64,6 +64,6 @@ def _calls() -> float:
 
 
 def _call(folder: Path, seed: int) -> "subprocess.Popen[bytes]":
-    command = [sys.executable, "-m", "tools", "simulate", "--seed", str(seed)]
+    command = [*LINDY, "simulate", "--seed", str(seed)]
     command += ["--seconds", str(SECONDS), "--out", str(folder / str(seed))]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL)

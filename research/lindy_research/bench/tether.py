@@ -15,23 +15,18 @@ from tempfile import TemporaryDirectory
 import msgspec
 import numpy as np
 
+from lindy.api.dives import Registry, Stack, VirtualHost
+from lindy.api.links import named
+from lindy.api.messages import LinkStatus, PilotCommand, Qos, topics
 from lindy_research.bench.table import Figure
 from lindy_research.bench.timing import race
-from messages import topics
-from messages.link import LinkStatus
-from messages.pilot import PilotCommand
-from messages.topic import Qos
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.zenoh_bus import open_bus
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.local_stack import local_stack
 from services.runtime.launch.process_plan import Dive
 from services.tether.core import Link
 from services.tether.delay import Delays, Drawn, Exponential, Pareto
-from services.tether.io.profile_file import named
 from services.tether.link_model import LinkDirection
 from services.tether.loss import Loss, Losses
 from services.tether.priority_queue import RANK

@@ -16,11 +16,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
+import services
+from lindy_research.bench.costs import Cost, costs, total
 from lindy_research.bench.table import Figure
 from lindy_research.bench.transport_chain import HEARS, HZ
 from services.runtime.bus.zenoh_bus import ONE_THREAD, VARIABLE
 from services.runtime.hosts.process_host import HubLaunch
-from tests.support.processes import Cost, costs, total
 
 DEFAULT_THREADS = {VARIABLE: "()"}  # nothing set: Zenoh's own five pools
 SETTLE_S, WINDOW_S, REST_S = 1.5, 8.0, 0.3
@@ -92,7 +93,7 @@ def _start(command: list[str], environment: Mapping[str, str]) -> subprocess.Pop
 def _hub(folder: str, environment: Mapping[str, str]) -> subprocess.Popen[str]:
     launch = HubLaunch(listen=[f"unixsock-stream/{folder}/hub.sock"], parent=os.getpid())
     text = msgspec.json.encode(launch).decode()
-    hub = _start([sys.executable, "-P", "-m", "services", "hub", text], environment)
+    hub = _start([sys.executable, "-P", "-m", services.__name__, "hub", text], environment)
     while not Path(folder, "hub.sock").exists():
         time.sleep(0.02)  # it does not announce itself
         if hub.poll() is not None:

@@ -20,7 +20,7 @@ from typing import Any, Protocol
 
 import msgspec
 
-from messages import topics
+from lindy.api.messages import topics
 from messages.topic import AnyTopic
 from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.hosts.garbage_collection import rare_collections

@@ -4,9 +4,8 @@ For comparison with the paper's figures and tables only: the printed times leave
 `reference_model.plan` does not have.
 """
 
+from lindy.api.references import MotionRequest, ReferenceModel
 from tools.generators.fernandes import (
-    MotionRequest,
-    ReferenceModel,
     SpeedChange,
     assembled,
     cruise_speed,

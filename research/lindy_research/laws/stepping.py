@@ -8,7 +8,8 @@ Source: Andrén 2023, ch. 5, with the corrections named in `minimum_jerk`.
 from collections.abc import Callable
 from math import inf, sqrt
 
-from services.reference.trajectory.minimum_jerk import Limits, State, solve
+from lindy.api.references import Limits, solve
+from services.reference.trajectory.minimum_jerk import State
 
 TINY = 1e-150  # a velocity change that is none
 

@@ -5,13 +5,13 @@ from math import sqrt
 
 import numpy as np
 
+from lindy.api.references import thesis_rule
 from lindy_research.laws.thesis_steps import clamped_step, planned_clamp_step
 from lindy_research.papers.claims import Claim, judged
 from lindy_research.papers.claims_common import STATES, random_states, total_time
 from lindy_research.papers.setups import CLAMPED, CLAMPED_TARGETS
 from lindy_research.papers.thesis_clamped import run
 from services.reference.trajectory import minimum_jerk
-from tools.generators import thesis_rule
 
 
 def clamped_claims() -> list[Claim]:

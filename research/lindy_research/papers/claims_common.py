@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from random import Random
 
-from services.reference.trajectory.minimum_jerk import Segment
+from lindy.api.references import Segment
 
 State = tuple[float, float, float]  # velocity, acceleration, target
 STATES = 300

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lindy.api.references import Filter, Limits, Segment, minimum_time
 from lindy_research.papers.claims import Claim, judged
 from lindy_research.papers.claims_common import peak_jerk, total_time
 from lindy_research.papers.curves import steered
@@ -16,8 +17,6 @@ from lindy_research.papers.setups import (
 )
 from lindy_research.papers.thesis_comparison import generators, peak_acceleration
 from services.reference.trajectory import minimum_jerk
-from services.reference.trajectory.minimum_jerk import Limits, Segment
-from tools.generators.baselines import Filter, minimum_time
 
 ZETA = f"ω = {FILTER_FREQUENCY:g} rad/s; ζ is not printed, {FILTER_DAMPING:g} here"
 

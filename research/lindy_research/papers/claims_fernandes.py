@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 from math import degrees, exp, factorial, floor, pi, radians
 
+from lindy.api.references import ReferenceModel, plan
 from lindy_research.laws.model_as_printed import basic_as_printed
 from lindy_research.papers.claims import Claim, judged
 from lindy_research.papers.fernandes_model import optimal, optimal_times, same_limits_pair
@@ -32,7 +33,6 @@ from lindy_research.papers.setups import (
 from lindy_research.papers.unwrapped import accumulate
 from services.reference.paths.path import Path
 from tools.generators.clothoid import TwinClothoids
-from tools.generators.fernandes import ReferenceModel, plan
 from tools.generators.route import ProfileSequence, Route, sequence
 
 PAPER = "Fernandes et al. 2015"

@@ -6,14 +6,13 @@ from math import hypot, sqrt
 
 import numpy as np
 
+from lindy.api.references import Limits, Segment, thesis_rule
 from lindy_research.laws import thesis_steps
 from lindy_research.papers.claims import Claim, judged
 from lindy_research.papers.claims_common import STATES, State, peak_jerk, random_states, total_time
 from lindy_research.papers.setups import CLAMPED, JERK
 from lindy_research.papers.thesis_comparison import peak_acceleration
 from services.reference.trajectory import minimum_jerk
-from services.reference.trajectory.minimum_jerk import Limits, Segment
-from tools.generators import thesis_rule
 
 RETARGETED = "holds from rest; a stick that moves during a transition asks for more"
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from services.runtime.config.errors import LindyError
+from lindy.api import LindyError
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import nearest
 from tools.choices import named

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from services.reference.trajectory.minimum_jerk import Sample, Segment, along
-from tools.generators.baselines import BaselineReference
+from lindy.api.references import BaselineReference, Sample, Segment
+from services.reference.trajectory.minimum_jerk import along
 
 Floats = NDArray[np.float64]
 Stick = Sequence[tuple[float, float]]  # from this time [s] on, this velocity is asked for

@@ -13,27 +13,29 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from lindy.api.dives import Registry, Stack, VirtualHost
+from lindy.api.messages import (
+    DvlSample,
+    ThrusterCommand,
+    Topic,
+    Truth,
+    VehicleState,
+    Wrench,
+    topics,
+)
+from lindy.api.references import plan
+from lindy.api.service import Node
+from lindy.api.vehicle import Vehicle
 from lindy_research.papers import fernandes_loop_law
 from lindy_research.papers.fernandes_loop_guide import Guide
 from lindy_research.papers.fernandes_model import peak_limits
 from lindy_research.papers.setups import MIN_RADIUS, SEA_TRIAL, paper_path, paper_route, table_3
-from messages import topics
-from messages.control import ThrusterCommand, Wrench
-from messages.sensors import DvlSample
-from messages.state import VehicleState
-from messages.topic import M, Topic
-from messages.vehicle import Truth
-from services.marine.vehicle import Vehicle
+from messages.topic import M
 from services.reference.paths.path import Path
 from services.reference.trajectory.minimum_jerk import MotionProfile
 from services.runtime.bus.envelope import Envelope
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.service_module import Wire, wire_of
-from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.node.node import Node
 from services.simulator.core import Settings, at_the_surface
-from tools.generators.fernandes import plan
 from tools.generators.route import Route, sequence, stretch
 
 Floats = NDArray[np.float64]

@@ -7,15 +7,13 @@ by the same generators and published as `Reference` messages, as `reference` wou
 
 from dataclasses import dataclass
 
-from messages import topics
-from messages.reference import Motion, Reference
-from messages.state import VehicleState
+from lindy.api.dives import Stack
+from lindy.api.messages import Motion, Reference, VehicleState, topics
+from lindy.api.service import Node
 from messages.units import Ns
 from services.marine.attitude import north_offset
 from services.reference.guidance.ground_motion import ground_of
 from services.reference.paths.path import RoutePoint
-from services.runtime.config.stack import Stack
-from services.runtime.node.node import Node
 from tools.generators.route import Route
 
 

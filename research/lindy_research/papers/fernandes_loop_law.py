@@ -9,18 +9,21 @@ knows nothing of the water's motion but what its integral learns, which is never
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from messages import topics
-from messages.control import ThrusterCommand, Wrench
-from messages.reference import Motion, Reference
-from messages.state import VehicleState
-from messages.units import Ns, Vec6
+from lindy.api.dives import Stack
+from lindy.api.messages import (
+    Motion,
+    Reference,
+    ThrusterCommand,
+    Vec6,
+    VehicleState,
+    Wrench,
+    topics,
+)
+from lindy.api.service import Node
+from lindy.api.vehicle import Allocation, Vehicle, system_inertia
+from messages.units import Ns
 from services.control import horizontal_plane
-from services.control.allocation.allocation import Allocation
 from services.control.axis.plant import plant_of
-from services.marine.hydrodynamics import system_inertia
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
-from services.runtime.node.node import Node
 
 PERIOD_NS = 150_000_000  # [ns] 6.67 Hz
 K_P = (52.6, 83.8, 53.3, 69.2)  # [N/m], [N m/rad] surge, sway, heave, yaw

@@ -6,13 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lindy.api.references import Limits, PositionMove, ReferenceModel, Sample, plan
+from lindy.api.references import position_move as pair
 from lindy_research.laws.model_as_printed import basic_as_printed
 from lindy_research.papers import style
 from lindy_research.papers.curves import sampled, show
 from lindy_research.papers.setups import SEA_TRIAL, TABLE_2_BEGIN, XI, table_2
-from services.reference.trajectory.minimum_jerk import Limits, Sample
-from services.reference.trajectory.position import PositionMove, pair
-from tools.generators.fernandes import ReferenceModel, plan
 
 
 def peak_limits(model: ReferenceModel) -> Limits:

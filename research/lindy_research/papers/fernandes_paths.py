@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lindy.api.references import plan
 from lindy_research.papers import style
 from lindy_research.papers.fernandes_model import peak_limits
 from lindy_research.papers.fernandes_turns import draw_path, map_of
@@ -19,7 +20,6 @@ from lindy_research.papers.setups import (
     table_3,
 )
 from services.reference.trajectory.minimum_jerk import MotionProfile
-from tools.generators.fernandes import plan
 from tools.generators.route import ProfileSequence, Route, furthest, sequence, stretch
 
 PARTS = ("1st", "2nd", "3rd", "4th", "5th")

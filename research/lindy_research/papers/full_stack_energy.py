@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from lindy_research.bench.chain import DT, Chain, Floats
+from lindy.api.messages import topics
+from lindy_research.dives import DT, Dive, Floats
 from lindy_research.papers import style
 from lindy_research.papers.full_stack_runs import NAIVE
 from lindy_research.papers.identified_battery import hotel_power
-from messages import topics
 from services.runtime.config.settings import deploy_file
 
 DIVE, SECONDS = "first_dive", 87.0  # [s]
@@ -44,7 +44,7 @@ class Used(NamedTuple):
 @cache
 def used(*, naive: bool) -> Used:
     script = deploy_file("dives", DIVE, ".csv").read_text(encoding="utf-8")
-    dive = Chain.flown(script, SECONDS, NAIVE if naive else ())
+    dive = Dive(script, overrides=NAIVE if naive else ()).until(SECONDS)
     return Used(
         dive.t,
         dive.column(topics.TRUTH, lambda m: m.position[2]),

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lindy_research.bench.chain import DT, Chain, Floats
-from messages import topics
-from services.marine.vehicle import Vehicle, total_wrench, wrench_per_newton
-from services.runtime.config.stack import Stack
+from lindy.api.dives import Stack
+from lindy.api.messages import topics
+from lindy.api.vehicle import Vehicle, total_wrench, wrench_per_newton
+from lindy_research.dives import DT, Dive, Floats
 
 AT_ONCE = ("heave.jerk", "heave.max_acceleration", "yaw.jerk", "yaw.max_acceleration",
            "horizontal.max_rate_change", "horizontal.max_rate")  # fmt: skip
@@ -95,7 +95,7 @@ class StepScores(NamedTuple):
 @cache
 def flown(seed: int = SEEDS[0], *, naive: bool) -> StepRun:
     """The same script, from the same seed."""
-    dive = Chain.flown(SCRIPT, SECONDS, NAIVE if naive else (), seed)
+    dive = Dive(SCRIPT, seed=seed, overrides=NAIVE if naive else ()).until(SECONDS)
     rate = dive.column(topics.TRUTH, lambda m: m.angular_rate[1])
     return StepRun(dive.t, _depth(dive), _heading(dive), np.degrees(rate))
 
@@ -128,7 +128,7 @@ def idle(axis: AxisLog) -> float:
     return 100.0 * float(np.mean(np.abs(axis.between(*AT_REST).produced) < 1e-3))
 
 
-def _depth(dive: Chain) -> AxisLog:
+def _depth(dive: Dive) -> AxisLog:
     return AxisLog(
         wanted=dive.column(topics.REFERENCE, lambda m: m.depth.position),
         wanted_rate=dive.column(topics.REFERENCE, lambda m: m.depth.velocity),
@@ -141,7 +141,7 @@ def _depth(dive: Chain) -> AxisLog:
     )
 
 
-def _heading(dive: Chain) -> AxisLog:
+def _heading(dive: Dive) -> AxisLog:
     return AxisLog(
         wanted=np.degrees(dive.column(topics.REFERENCE, lambda m: m.heading.position)),
         wanted_rate=np.degrees(dive.column(topics.REFERENCE, lambda m: m.heading.velocity)),
@@ -154,7 +154,7 @@ def _heading(dive: Chain) -> AxisLog:
     )
 
 
-def _produced(dive: Chain, axis: int) -> Floats:
+def _produced(dive: Dive, axis: int) -> Floats:
     """[N] or [N m] What the thrusters add up to along an axis of the body."""
     columns = [wrench_per_newton(each) for each in Stack().section("vehicle", Vehicle).thruster]
     return dive.column(topics.ACTUATION, lambda m: total_wrench(columns, m.thrust)[axis])

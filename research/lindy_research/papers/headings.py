@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lindy_research import heading_runs as runs
+from lindy_research.dives import Floats
 from lindy_research.papers import style
-from tests.support import heading_runs as runs
-from tests.support.heading_runs import Floats
 
 SECONDS = 100.0  # [s] after calibration
 AT, FOR, STRENGTH = 50.0, 20.0, 20e-6  # [s], [s], [T]

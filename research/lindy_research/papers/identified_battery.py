@@ -4,10 +4,10 @@ from functools import cache
 
 import numpy as np
 
+from lindy.api.dives import Stack
+from lindy.api.vehicle import Vehicle
 from lindy_research.papers.identified_plant import DT, Floats
 from lindy_research.papers.identified_runs import run
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
 from services.simulator.propulsion import Battery
 from services.simulator.settings import Settings
 

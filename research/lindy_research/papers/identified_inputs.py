@@ -4,10 +4,8 @@ from math import exp, pi, sin
 
 import numpy as np
 
+from lindy.api.references import PlannedBaseline, Segment, thesis_rule
 from lindy_research.papers.identified_plant import DRAG, DT, KD, KP, MASS, Floats, Sums
-from services.reference.trajectory.minimum_jerk import Segment
-from tools.generators import thesis_rule
-from tools.generators.baselines import PlannedBaseline
 
 SPEED = 0.3  # [m/s] of the step
 STEP_ON, STEP_OFF = 1.0, 4.0  # [s]

@@ -13,10 +13,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.reference import Motion
+from lindy.api.messages import Motion
+from lindy.api.references import BaselineReference
 from services.control.axis.axis import Axis, Effort, Gains
 from services.control.axis.plant import Plant
-from tools.generators.baselines import BaselineReference
 
 Floats = NDArray[np.float64]
 DT = 0.01  # [s]

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from lindy.api.references import BaselineReference, Direct, Limits, Ramp
 from lindy_research.papers.identified_inputs import (
     LOG_END,
     STEP_END,
@@ -27,8 +28,6 @@ from lindy_research.papers.identified_plant import (
     rise_time,
     sums,
 )
-from services.reference.trajectory.minimum_jerk import Limits, Ramp
-from tools.generators.baselines import BaselineReference, Direct
 
 Stick = Literal["step", "log"]
 Summed = Literal["position", "thrust"]

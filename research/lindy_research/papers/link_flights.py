@@ -10,16 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from messages import topics
-from messages.link import LinkRequest
-from messages.pilot import PilotCommand
-from messages.reference import Reference
-from messages.topic import Direction
-from messages.vehicle import VehicleStatus
+from lindy.api.dives import Registry, Stack, VirtualHost
+from lindy.api.messages import (
+    Direction,
+    LinkRequest,
+    PilotCommand,
+    Reference,
+    VehicleStatus,
+    topics,
+)
 from services.runtime.bus.envelope import Envelope
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
 
 Floats = NDArray[np.float64]
 Stick = Sequence[tuple[float, float]]  # from this time [s] on, this much of a full heave stick

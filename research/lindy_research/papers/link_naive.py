@@ -7,11 +7,11 @@ from typing import TypeVar
 import msgspec
 import numpy as np
 
+from lindy.api.dives import Stack
+from lindy.api.laws import Settings
+from lindy.api.links import named
+from lindy.api.references import Ramp
 from lindy_research.papers.link_flights import SEED, Followed, LinkRun, newest_seen
-from services.reference.settings import Settings
-from services.reference.trajectory.minimum_jerk import Ramp
-from services.runtime.config.stack import Stack
-from services.tether.io.profile_file import named
 from services.tether.link_model import LinkDirection
 from services.tether.profile import DirectionProfile, Queue
 

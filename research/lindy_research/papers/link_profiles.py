@@ -4,11 +4,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lindy.api.links import named
 from lindy_research.papers import style
 from lindy_research.papers.link_flights import Floats, Followed, Stick, flown
 from lindy_research.papers.link_naive import followed
 from messages.pilot import TTL_MS
-from services.tether.io.profile_file import named
 
 LINKS = ("tether", "remote", "congested", "flaky", "severe")
 # Down, up, quick reversals, down again; released in an outage of `flaky` at 8.1 s and at 15.2 s.

@@ -5,8 +5,9 @@ from matplotlib.figure import Figure
 
 from lindy_research.bench.depth_runs import DepthWorld, Sensor, lindy, thesis, world
 from lindy_research.bench.thesis_depth import Way
+from lindy_research.dives import Floats
+from lindy_research.flights import Script, flown
 from lindy_research.papers import style
-from tests.support.flights import Floats, Script, flown
 
 SENSOR = Sensor("σ 5 cm", 0.05)
 SEED = 3

@@ -5,11 +5,10 @@ Figures and claims share them, so a claim is about the figure that is drawn.
 
 from math import exp
 
+from lindy.api.references import Limits, MotionRequest, plan
 from services.reference.paths.path import Path
 from services.reference.paths.turn import SmoothTurn
-from services.reference.trajectory.minimum_jerk import Limits
 from tools.generators.clothoid import TwinClothoids
-from tools.generators.fernandes import MotionRequest, plan
 from tools.generators.route import ProfileSequence, Route, sequence
 
 # Andrén 2023, figures 4.2 and 4.3.

@@ -6,14 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lindy.api.references import Limits, PlannedBaseline, Ramp, Segment, thesis_rule
 from lindy_research.laws import thesis_steps
 from lindy_research.papers import style
 from lindy_research.papers.curves import MOTION, Curves, plan_curves, show, steered, stick_position
 from lindy_research.papers.setups import END_JERK, FIXED_TIME, JERK
 from services.reference.trajectory import minimum_jerk
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, Segment
-from tools.generators import thesis_rule
-from tools.generators.baselines import PlannedBaseline
 
 Planner = Callable[[float, float, float], Segment]  # velocity, acceleration, target
 VELOCITIES = np.linspace(-1.0, 1.0, 9)  # [m/s]

@@ -7,13 +7,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lindy.api.references import thesis_rule
 from lindy_research.laws import thesis_steps
 from lindy_research.laws.thesis_steps import State
 from lindy_research.papers import style
 from lindy_research.papers.curves import Curves, plan_curves, show
 from lindy_research.papers.setups import CLAMPED, CLAMPED_TARGETS
 from services.reference.trajectory import minimum_jerk
-from tools.generators import thesis_rule
 
 Step = Callable[..., State]
 LABELS = ("velocity [m/s]", "acceleration [m/s²]", "jerk [m/s³]")

@@ -5,6 +5,16 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
+from lindy.api.references import (
+    BaselineReference,
+    Direct,
+    Filter,
+    Limits,
+    PlannedBaseline,
+    Ramp,
+    Segment,
+    minimum_time,
+)
 from lindy_research.papers import style
 from lindy_research.papers.curves import show, steered
 from lindy_research.papers.setups import (
@@ -15,14 +25,6 @@ from lindy_research.papers.setups import (
     SMALL_STEP,
 )
 from services.reference.trajectory import minimum_jerk
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, Segment
-from tools.generators.baselines import (
-    BaselineReference,
-    Direct,
-    Filter,
-    PlannedBaseline,
-    minimum_time,
-)
 
 START = 0.1  # [s] when the stick moves
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lindy_research.bench.chain import Floats
+from lindy_research.dives import Floats
 from lindy_research.papers import style
 from lindy_research.papers.full_stack_runs import (
     DEPTH,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from services.marine.attitude import wrapped
+from lindy.api.vehicle import wrapped
 
 
 def accumulate(headings: Iterable[float]) -> list[float]:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from lindy.api.vehicle import GRAVITY, to_world
 from lindy_research.bench.depth_runs import (
-    PER_METRE,
     TYPICAL,
     Estimates,
     Sensor,
@@ -13,8 +13,6 @@ from lindy_research.bench.depth_runs import (
     thesis,
     world,
 )
-from services.marine.attitude import to_world
-from services.marine.vehicle import GRAVITY
 
 pytestmark = pytest.mark.slow
 
@@ -43,18 +41,6 @@ def test_a_late_sensor_says_the_depth_of_before():
     late = seen.stamps > 0.1
     truth = np.interp(seen.stamps[late] - 0.03, seen.t, seen.depth)
     assert seen.said[late] == pytest.approx(truth, abs=2e-3)
-
-
-def test_a_coarse_sensor_speaks_in_steps():
-    steps = np.diff(world(Sensor("steps", 0.02, step=0.05), 3).said) / 0.05
-    assert steps == pytest.approx(np.round(steps), abs=1e-6)
-    assert np.ptp(steps) > 0.0
-
-
-def test_the_data_sheet_becomes_settings():
-    told = Sensor("both", 0.03, step=0.1, latency=0.02).settings()
-    assert told.pressure_std == pytest.approx(PER_METRE * (0.03**2 + 0.1**2 / 12) ** 0.5)
-    assert told.pressure_latency == 0.02
 
 
 def test_a_rate_that_comes_late_is_scored_so():

@@ -3,9 +3,9 @@
 import os
 from pathlib import Path
 
+from lindy.api.dives import Registry
+from lindy_research.bench.costs import costs, total
 from lindy_research.bench.onboard import LEFT_OUT, without_files
-from services.runtime.hosts.registry import Registry
-from tests.support.processes import costs, total
 
 
 def test_the_drone_s_side_is_the_simulated_stack_without_what_writes_files(tmp_path: Path) -> None:

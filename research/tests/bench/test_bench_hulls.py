@@ -3,9 +3,9 @@ flown. The dives themselves take minutes: `lindy bench --only hulls`."""
 
 import pytest
 
-from lindy_research.bench.hull_runs import BUOYANCY, GOALS, HULLS, HullDive, file_of, settings
+from lindy.api.dives import Stack
+from lindy_research.bench.hull_runs import HULLS, HullDive, file_of, settings
 from lindy_research.bench.hulls import judged
-from services.runtime.config.stack import Stack
 from services.simulator.hull import in_the_water
 from services.simulator.settings import Settings
 
@@ -30,17 +30,6 @@ def test_the_simulator_gets_the_hull_and_nobody_else(vehicle: str) -> None:
     assert stack.section("vehicle", type(file)) == file
 
 
-def test_nominal_is_the_vehicle_of_the_file_and_buoyancy_is_newtons() -> None:
-    assert [settings("pioneer", hull) for hull in HULLS["nominal"]] == [[]]
-    (name,) = [line for line in HULLS if "buoyancy" in line]
-    found = [settings("pioneer", hull)[0] for hull in HULLS[name]]
-    net = file_of("pioneer").net_buoyancy
-    assert found == [
-        f"simulator.hull.net_buoyancy={net + BUOYANCY['pioneer']}",
-        f"simulator.hull.net_buoyancy={net - BUOYANCY['pioneer']}",
-    ]
-
-
 def dive(bounce: float, overshoot: float, heading: float) -> HullDive:
     return HullDive((1.0, bounce), (0.1, overshoot), 50.0, heading)
 
@@ -61,19 +50,3 @@ def test_the_worst_stop_of_a_line_is_judged(line: str, flown: HullDive, missed: 
     assert [f.name.split(": ")[1].split(",")[0] for f in found if f.met is False] == missed
     assert found[0].ours == max(flown.bounces)
     assert found[0].note.endswith("of 4")
-
-
-@pytest.mark.parametrize("vehicle", VEHICLES[1:])
-def test_the_goals_of_the_others_are_scaled_by_thrust_per_inertia(vehicle: str) -> None:
-    ours, theirs = GOALS["pioneer"], GOALS[vehicle]
-    assert theirs.bounce / ours.bounce == pytest.approx(
-        heave_acceleration("pioneer") / heave_acceleration(vehicle), rel=0.03
-    )
-    assert theirs.last_bounce / theirs.bounce == pytest.approx(70.0 / 40.0, rel=0.02)
-
-
-def heave_acceleration(vehicle: str) -> float:
-    """[m/s²] At full thrust down."""
-    file = file_of(vehicle)
-    thrust = sum(t.limits[1] for t in file.thruster if t.direction[2] > 0.9)
-    return thrust / (file.mass + file.added_mass[2])

@@ -19,7 +19,6 @@ from lindy_research.bench.record import (
     compare,
     cores_at_work,
     kept,
-    merged,
     noisier,
     with_table,
     worse,
@@ -45,20 +44,6 @@ def of(*found: float, others: float = 0.0, machine: str = "m") -> list[KeptFigur
 def test_seen_from_the_other_side_worse_is_better(old: float, new: float, noise: float) -> None:
     assert compare(new, old, noise) == OPPOSITE[compare(old, new, noise)]
     assert compare(old, old, noise) == "same"
-
-
-@given(ratios, ratios, noises, noises)
-def test_more_noise_never_makes_a_verdict(old: float, new: float, one: float, other: float) -> None:
-    less, more = sorted((one, other))
-    assert compare(old, new, more) in ("same", compare(old, new, less))
-    assert compare(old, new, abs(new - old)) == "same"
-
-
-@given(ratios, st.floats(1e-3, 10.0), st.floats(0.0, 10.0))
-def test_it_is_worse_beyond_the_noise_and_further_up_as_well(
-    old: float, beyond: float, further: float
-) -> None:
-    assert compare(old, old + 2.0 * beyond + further, beyond) == "worse"
 
 
 @given(st.lists(ratios, min_size=1, max_size=7))
@@ -93,12 +78,6 @@ def test_the_cores_at_work_are_what_is_neither_idle_nor_waiting(ticks: list[int]
     assert 0.0 <= found <= n
     if sum(ticks):
         assert found == pytest.approx(n * (1.0 - (ticks[3] + ticks[4]) / sum(ticks)))
-
-
-def test_the_last_figures_of_a_section_that_was_not_measured_stay() -> None:
-    last = kept([[figure(1.0, "a"), figure(1.0, "a", "gone"), figure(1.0, "b")]], 0.0, "m")
-    now = kept([[figure(2.0, "a")]], 0.0, "m")
-    assert merged(last, now) == [now[0], last[2]]
 
 
 def test_figures_beside_other_work_do_not_replace_quiet_ones() -> None:

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from lindy_research.bench.hull_runs import HullDifference, settings
-from tests.support.sortie import DEEP, Sortie, SortieRow
+from lindy_research.dives import DEEP, Dive, Row
 
 SAGGING = settings("pioneer", HullDifference(thrust=0.6))
 FULL_TURN = (0.98, 0.38, 0.3, -1.0)
 
 
-def heading_error(rows: list[SortieRow], until: float, seed: int) -> float:
+def heading_error(rows: list[Row], until: float, seed: int) -> float:
     """[deg] Largest, of the reference less the truth."""
-    seen = Sortie(rows, seed=seed, overrides=(DEEP, *SAGGING)).until(until).columns(0.0, until)
-    error = seen.wanted_heading - seen.heading
+    dive = Dive(rows, seed=seed, overrides=(DEEP, *SAGGING)).until(until)
+    error = dive.wanted_heading() - dive.heading()
     return float(np.degrees(np.abs(error - np.median(error[:90])).max()))
 
 
@@ -23,7 +23,7 @@ def test_a_turn_with_surge_keeps_its_heading_at_sixty_percent_of_the_thrust(yaw:
     it began stay as it was when it is not true any more, nor may the rounding of other thrusters
     be taken for a moment that is not to be had."""
     surge, sway, heave, _ = FULL_TURN
-    rows: list[SortieRow] = [
+    rows: list[Row] = [
         (1.0, (surge, sway, heave, 0.0)),
         (5.0, (surge, sway, heave, yaw)),
         (8.0, (0.0, 0.0, 0.0, 0.0)),

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lindy.api.references import Limits, Ramp, solve
 from lindy_research.laws import batch
 from lindy_research.laws.stepping import step
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, solve
 
 N = 400
 CLOSE = 1e-12  # relative to the size of the motion
@@ -48,11 +48,6 @@ def test_durations_agree_with_the_scalar_law() -> None:
     np.testing.assert_allclose(batch.solve(*axes()).duration, expected, rtol=CLOSE, atol=1e-15)
 
 
-def test_one_time_for_all_axes_is_the_same_as_one_each() -> None:
-    plans = batch.solve(*axes())
-    np.testing.assert_array_equal(plans.at(0.3), plans.at(np.full(N, 0.3)))
-
-
 @pytest.mark.parametrize("dt", [1e-3, 0.03, 0.4, 3.0])
 def test_a_step_is_the_scalar_step_on_every_axis(dt: float) -> None:
     v, a, target, jerk, a_max = axes()
@@ -73,18 +68,3 @@ def test_steps_with_new_targets_keep_the_limits_and_the_same_limits_serve_all_ax
         assert np.max(np.abs(a - a_before)) <= 2.0 * 0.05 * (1 + 1e-9)
         assert np.max(np.abs(v - v_before)) <= 0.5 * 0.05 * (1 + 1e-9)
         assert np.max(np.abs(x - x_before)) <= np.max(np.abs([v, v_before])) * 0.05 + 1e-3
-
-
-def test_working_in_blocks_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    v, a, target, jerk, a_max = axes()
-    whole = batch.solve(*axes()).at(0.3), batch.step(v, v, a, target, jerk, a_max, 0.1)
-    monkeypatch.setattr(batch, "BLOCK", 37)
-    parts = batch.solve(*axes()).at(0.3), batch.step(v, v, a, target, jerk, a_max, 0.1)
-    np.testing.assert_array_equal(whole, parts)
-
-
-@pytest.mark.parametrize("bad", [(np.nan, 1.0, 1.0), (0.0, 0.0, 1.0), (0.0, 1.0, -1.0)])
-def test_wrong_axes_are_refused(bad: tuple[float, float, float]) -> None:
-    v, jerk, a_max = bad
-    with pytest.raises(ValueError, match="every axis"):
-        batch.solve(np.array([0.0, v]), 0.0, 1.0, jerk, a_max)

@@ -2,13 +2,13 @@
 
 import re
 from dataclasses import replace
-from math import exp, inf, log, nan
+from math import exp, inf, nan
 
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tools.generators.fernandes import MotionRequest, ReferenceModel, plan
+from lindy.api.references import MotionRequest, ReferenceModel, plan
 
 many = settings(max_examples=100, deadline=None)
 GOOD = MotionRequest(length=50.0, cruise=0.3, accel_time=20.0, decel_time=20.0)
@@ -177,30 +177,6 @@ def test_a_length_that_limits_the_speed_leaves_exactly_the_least_fraction(
 
 
 @many
-@given(motions(at_rest=True))
-def test_from_rest_to_rest_it_is_the_basic_version(m: ReferenceModel) -> None:
-    """(27)-(29) and (41) as printed, with the parameters read back from the phases."""
-    up, settle_up, cruise, down, settle_down = m.phases
-    speed, rate_a, rate_d = abs(m.v_m), abs(m.a_m), abs(m.d_m)
-    t_a, t_d = speed / rate_a, speed / rate_d
-    theta_a, theta_d = 1 - settle_up.tau / t_a, settle_down.tau / t_d
-    xi_a, xi_d, theta_0 = -log(up.left), -log(down.left), settle_up.left
-    n_a, n_d = xi_a - exp(-xi_a), xi_d - exp(-xi_d)
-    kappa_a = (
-        theta_a**2 * (n_a**2 - 2 * (xi_a - 1)) / (2 * (xi_a - 1) ** 2)
-        - (1 - theta_a) ** 2 * (1 - theta_0)
-        - (1 - theta_a) * log(theta_0)
-    )
-    kappa_d = (
-        -((1 - theta_d) ** 2) * n_d**2 / (2 * (xi_d - 1) ** 2)
-        + theta_d**2 * (1 - theta_0)
-        + ((1 - theta_d) ** 2 + (1 - theta_d) * n_d) / (xi_d - 1)
-    )
-    t3 = abs(m.length) / speed - (kappa_a * t_a + kappa_d * t_d)
-    assert cruise.duration == pytest.approx(t3, rel=1e-8, abs=1e-9 * (t_a + t_d))
-
-
-@many
 @given(st.floats(0.0, 0.8), st.floats(0.5, 20.0), st.floats(0.1, 0.95))
 def test_the_quoted_largest_final_speed_is_the_boundary(
     initial: float, time: float, share: float
@@ -240,13 +216,6 @@ def test_the_quoted_smallest_final_speed_is_the_boundary(
             plan(beyond)
 
 
-def test_a_motion_at_constant_speed_has_only_the_second_phase() -> None:
-    m = plan(MotionRequest(50.0, 1.0, 10.0, 10.0, 1.0, 1.0))
-    assert m.t == (0.0, 0.0, 50.0, 50.0, 50.0)
-    assert m.P == (0.0, 0.0, 50.0, 50.0, 50.0)
-    assert m.at(20.0) == (20.0, 1.0, 0.0, 0.0)
-
-
 BAD = [
     ({"length": 0.0}, "length is 0"),
     ({"length": inf}, "length is inf"),
@@ -280,9 +249,3 @@ BAD = [
 def test_a_value_that_is_not_allowed_is_refused(change: dict[str, float], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         plan(replace(GOOD, **change))
-
-
-@pytest.mark.parametrize("t", [nan, inf, -inf])
-def test_a_time_that_is_no_time_is_refused(t: float) -> None:
-    with pytest.raises(ValueError, match="time is"):
-        plan(GOOD).at(t)

@@ -4,8 +4,8 @@ from math import exp
 
 import pytest
 
-from lindy_research.laws.model_as_printed import advanced_as_printed, basic_as_printed
-from tools.generators.fernandes import MotionRequest, plan
+from lindy.api.references import MotionRequest, plan
+from lindy_research.laws.model_as_printed import advanced_as_printed
 from tools.generators.route import sequence
 
 # ξ: v_c, t1 … t5, P1 … P4 of L 50, V_d 0.3, T_a = T_d = 20, θ0 = e^(−100/9), corrected times
@@ -29,27 +29,6 @@ BASIC = {
         (1.9297958284695214, 15.023132748684096, 46.54694237737443, 49.760003586881254),
     ),
 }  # fmt: skip
-# the same with the times as printed, and by how much P5 misses L
-PRINTED = {
-    10: (
-        (17.77777777777778, 62.222222222222214, 166.66674737765294, 184.4445251554307,
-         228.88896959987517),
-        (1.943701551410737, 15.037038471625312, 46.370396018254525, 49.76002780017712),
-        2.42132958732e-5,
-    ),
-    12: (
-        (17.454545454545457, 61.898989898989896, 166.66667560370286, 184.12122105824832,
-         228.56566550269275),
-        (1.935867573605162, 15.029204493819737, 46.45951020523362, 49.7600062679921),
-        2.68111084978e-6,
-    ),
-    15: (
-        (17.142857142857142, 61.58730158730158, 166.66666701626934, 183.80952415912648,
-         228.2539686035709),
-        (1.9297959123741588, 15.023132832588734, 46.546942461279066, 49.76000369176205),
-        1.04880804486e-7,
-    ),
-}  # fmt: skip
 
 
 def sea_trial(xi: float) -> MotionRequest:
@@ -64,20 +43,6 @@ def test_the_sea_trial_of_the_basic_version(xi: int) -> None:
     assert (m.v_m, m.a_m, m.d_m) == pytest.approx((0.3, 0.015, -0.015), abs=1e-12)
     assert m.t == pytest.approx(t, abs=1e-9)
     assert list(m.P) == pytest.approx((*P, 50.0), abs=1e-9)
-
-
-@pytest.mark.parametrize("xi", PRINTED)
-def test_the_sea_trial_with_the_printed_times_misses_its_end(xi: int) -> None:
-    t, P, gap = PRINTED[xi]
-    m = basic_as_printed(sea_trial(xi))
-    assert m.t == pytest.approx(t, abs=1e-9)
-    assert list(m.P) == pytest.approx((*P, 50.0 + gap), abs=1e-9)
-    assert m.at(m.t[4] - 1e-9).position - 50.0 == pytest.approx(gap, rel=1e-4)
-
-
-def test_the_printed_basic_version_goes_from_rest_to_rest_only() -> None:
-    with pytest.raises(ValueError, match="from rest to rest"):
-        basic_as_printed(MotionRequest(50.0, 0.3, 20.0, 20.0, initial=0.1))
 
 
 def table_2(xi: float) -> list[MotionRequest]:
@@ -134,26 +99,3 @@ def test_the_cruise_speed_is_the_exact_one(
     assert [part.v_c for part in parts] == pytest.approx(v_c, abs=1e-9)
     begins = [times[0] + begin for begin in (*chain.begins, chain.duration)]
     assert begins == pytest.approx(times, abs=1e-9)
-
-
-@pytest.mark.parametrize("xi", [10.0, 12.0, 15.0])
-def test_table_2_begins_and_ends_as_the_paper_says(xi: float) -> None:
-    chain = sequence([plan(request) for request in table_2(xi)])
-    begins = [15.0 + begin for begin in (*chain.begins, chain.duration)]
-    assert begins == pytest.approx((15.0, 78.0, 128.0, 224.0), abs=0.5)
-    assert chain.at(chain.duration)[:3] == pytest.approx((250.0, 0.0, 0.0))
-
-
-@pytest.mark.parametrize(("xi", "tolerance"), [(10.0, 0.6), (12.0, 0.6), (15.0, 0.9)])
-def test_table_3_begins_and_ends_as_the_paper_says(xi: float, tolerance: float) -> None:
-    """The paper's v_m of part 1 is 0.7 % below the exact one, and it rounds parts to samples."""
-    chain = sequence([plan(request) for request in table_3(xi)])
-    begins = [50.0 + begin for begin in (*chain.begins, chain.duration)]
-    assert begins == pytest.approx((50.0, 140.3, 313.1, 430.6, 603.5, 731.5), abs=tolerance)
-    assert chain.at(chain.duration).position == pytest.approx(184.3011909924)
-
-
-def test_the_first_part_of_table_3_cannot_reach_its_cruise_speed() -> None:
-    first = plan(table_3(15.0)[0])
-    assert first.v_m == pytest.approx(0.37475, abs=1e-5)
-    assert first.v_m > 0.372  # the first step of the paper's grid that was feasible

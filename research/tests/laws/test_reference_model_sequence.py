@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tools.generators.fernandes import MotionRequest, plan
+from lindy.api.references import MotionRequest, plan
 from tools.generators.route import sequence
 
 many = settings(max_examples=60, deadline=None)

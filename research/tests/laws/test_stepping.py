@@ -10,8 +10,9 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from lindy.api.references import Limits, Ramp, Sample, solve
 from lindy_research.laws.stepping import step, stepper
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, reader, solve
+from services.reference.trajectory.minimum_jerk import reader
 
 velocity = st.one_of(st.floats(-3.0, 3.0), st.just(0.5))
 acceleration = st.one_of(st.floats(-4.0, 4.0), st.just(0.0))
@@ -116,9 +117,3 @@ def test_the_jerk_is_that_of_the_plan_in_each_part_of_the_law() -> None:
 def test_no_change_at_all_stays_at_rest() -> None:
     assert stepper(Limits(1.0, 1.0), 0.1)(2.0, 0.5, 0.0, 0.5) == (2.05, 0.5, 0.0, 0.0)
     assert stepper(Limits(1.0), 0.1)(0.0, 0.0, 0.0, 5e-324)[1] == 5e-324
-
-
-@pytest.mark.parametrize(("jerk", "a_max", "dt"), [(0, 1, 1), (1, -1, 1), (1, 1, 0), (1, 1, inf)])
-def test_wrong_limits_are_refused(jerk: float, a_max: float, dt: float) -> None:
-    with pytest.raises(ValueError, match="above 0"):
-        stepper(Limits(jerk, a_max), dt)

@@ -9,21 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 
-from lindy_research.papers import command
+from lindy.api import LindyError
+from lindy_research.papers import catalogue
 from lindy_research.papers.catalogue import FIGURES, CatalogueEntry, drawn
 from lindy_research.papers.claims import Claim
 from lindy_research.papers.claims_fernandes_loop import FLOWN
+from lindy_research.papers.claims_rule import rule_claims
 from lindy_research.papers.command import figures
-from services.runtime.config.errors import LindyError
 
 pytestmark = pytest.mark.slow
 
 ANDREN = ("4.2", "4.3", "5.1", "5.2", "5.3", "5.4", "5.5", "5.6", "5.7", "5.8", "5.9")
 FERNANDES = (1, 3, 4, 5, 9, 10, 11, 12, 13, 18)
-# Those of flights take a minute to fly and have tests of their own; those with dives and long links
-# are drawn by research/long/figures_of_dives.py.
+# Those of flights take a minute to fly and have tests of their own; of those with dives and long
+# links tests/wheel/test_research.py draws one.
 LONG = ("energy-dive", "link-profiles", "observer-depth", "observer-heading")
 UNFLOWN = [
     each
@@ -31,10 +31,6 @@ UNFLOWN = [
     if each.id not in LONG and not any(each.id in what.figures for what in FLOWN)
 ]
 PNG = b"\x89PNG\r\n\x1a\n"
-
-
-def entry(id_: str) -> CatalogueEntry:
-    return next(each for each in FIGURES if each.id == id_)
 
 
 def test_every_figure_about_references_is_in_the_catalogue() -> None:
@@ -64,40 +60,6 @@ def test_a_figure_names_its_source_axes_and_units_and_every_curve_is_finite(
             assert np.isfinite(y).all()
 
 
-def curve(panel: Axes, label: str) -> tuple[np.ndarray, np.ndarray]:
-    line = next(each for each in panel.lines if str(each.get_label()).startswith(label))
-    return np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
-
-
-def test_figure_4_3_shows_the_filter_at_ten_times_the_jerk_of_the_others() -> None:
-    jerk = drawn(entry("andren-4.3")).axes[3]
-    peaks = {
-        name: float(np.max(np.abs(curve(jerk, name)[1])))
-        for name in ("linear filter", "minimum time", "minimum jerk")
-    }
-    assert peaks["linear filter"] == pytest.approx(100.0, rel=0.02)
-    assert peaks["minimum time"] == pytest.approx(10.0)
-    assert peaks["minimum jerk"] == pytest.approx(10.0, rel=0.02)
-
-
-def test_figure_5_6_shows_that_only_lindy_stays_within_the_jerk() -> None:
-    jerk = drawn(entry("andren-5.6")).axes[2]
-    assert float(np.max(np.abs(curve(jerk, "thesis")[1]))) > 12.0
-    assert float(np.max(np.abs(curve(jerk, "Lindy")[1]))) <= 10.0 + 1e-9
-
-
-def test_figure_5_8_arrives_when_it_says() -> None:
-    velocity = drawn(entry("andren-5.8")).axes[0]
-    t, v = curve(velocity, "2 m/s")
-    assert t[int(np.argmax(v >= 2.0 - 1e-12))] == pytest.approx(4.6149261, abs=1e-3)
-
-
-def test_figure_1_shows_what_the_misprinted_times_do() -> None:
-    arrival = drawn(entry("fernandes-1")).axes[3]
-    assert float(np.max(curve(arrival, "as printed")[1])) == pytest.approx(24.2, abs=0.1)
-    assert float(np.max(curve(arrival, "corrected")[1])) == pytest.approx(0.0, abs=1e-4)
-
-
 def test_two_processes_draw_the_same_bytes(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; from lindy_research.papers import catalogue, style;"
@@ -114,9 +76,11 @@ def test_two_processes_draw_the_same_bytes(tmp_path: Path) -> None:
     assert b"<dc:date>" not in (tmp_path / "first.svg").read_bytes()
 
 
-def test_the_verb_draws_what_is_asked_for_and_checks_every_claim(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_verb_draws_what_is_asked_for_and_checks_claims(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """All 136 of them: tests/wheel/test_research.py."""
+    monkeypatch.setattr(catalogue, "CLAIMS", (rule_claims,))
     out = tmp_path / "made" / "here"
     assert figures(out=out, only=("andren-5.1", "fernandes-3")) == 0
     names = {path.name for path in out.iterdir()}
@@ -137,22 +101,4 @@ def test_the_verb_draws_what_is_asked_for_and_checks_every_claim(
 def test_an_unknown_figure_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     with pytest.raises(LindyError, match=r"unknown figure 'andren-5\.11'; did you mean 'andren-5"):
         figures(out=tmp_path / "out", only=("andren-4.2", "andren-5.11"))
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(LindyError, match=r"^cannot write to .*file/out: Not a directory$"):
-        figures(out=tmp_path / "file" / "out", only=("fernandes-3",))
-
-
-def test_without_matplotlib_the_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def missing(_name: str) -> None:
-        return None
-
-    monkeypatch.setattr(command, "find_spec", missing)
-    with pytest.raises(LindyError, match=r"not installed; .*`uv sync --extra figures`"):
-        figures(out=tmp_path / "out")
     assert not (tmp_path / "out").exists()

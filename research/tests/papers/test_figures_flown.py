@@ -11,23 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
+from lindy.api.messages import Estimate, VehicleState
+from lindy.api.references import Limits
 from lindy_research.papers import fernandes_loop, style
-from lindy_research.papers.catalogue import FIGURES, flight_claims
 from lindy_research.papers.claims import table
 from lindy_research.papers.claims_fernandes_loop import (
-    FLOWN,
     FlownSection,
     claims_not_flown,
     flown_claims,
 )
 from lindy_research.papers.fernandes_loop import PaperLimits as Errors
-from lindy_research.papers.fernandes_loop import RoutePair, rotation
+from lindy_research.papers.fernandes_loop import RoutePair
 from lindy_research.papers.fernandes_loop_flight import LawName, flown, survey_route, trial_route
 from lindy_research.papers.fernandes_loop_guide import Guide
-from messages.message import Estimate
-from messages.state import VehicleState
 from services.reference.paths.path import Path
-from services.reference.trajectory.minimum_jerk import Limits
 from tools.generators.route import Route, stretch
 
 pytestmark = pytest.mark.slow
@@ -122,19 +119,6 @@ def test_the_guide_counts_the_heading_from_north_however_the_gyroscopes_drift(
     assert said.north.position == pytest.approx(SHORT.at(later - 5.0).north, abs=1e-6)
 
 
-def test_the_guide_does_not_arm_a_drone_that_is_lost() -> None:
-    state = _state(0, 0.0, None)
-    assert not Guide(SHORT, 80.0, 5.0).step(state, 0).armed
-
-
-@given(st.floats(-1.0, 1.0))
-@settings(max_examples=50, deadline=None)
-def test_thrust_goes_with_the_square_of_the_rotation(share: float) -> None:
-    thrust = np.array([share * (200.0 if share >= 0.0 else 100.0)])
-    turns = rotation(thrust, (100.0, 200.0))[0]
-    assert turns * abs(turns) == pytest.approx(share, abs=1e-12)
-
-
 def test_claims_of_flights_are_judged_when_flown_and_else_say_when_they_are() -> None:
     what = FlownSection("4.1", ("fernandes-6",), Errors(0.5, 0.15, 2.5), short)
     found, missing = flown_claims(what), claims_not_flown(what)
@@ -146,11 +130,6 @@ def test_claims_of_flights_are_judged_when_flown_and_else_say_when_they_are() ->
         "claims: 0 hold, 0 differ",
         "6 of flights not computed, since no figure of theirs is drawn",
     ]
-
-
-def test_nothing_is_flown_for_other_figures() -> None:
-    assert {claim.verdict for claim in flight_claims(["andren-5.1"])} == {"not computed"}
-    assert {id_ for what in FLOWN for id_ in what.figures} <= {each.id for each in FIGURES}
 
 
 def _state(now: int, control: float, north: float | None) -> VehicleState:

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lindy_research.bench.chain import DT, Chain, Floats
+from lindy.api.messages import topics
+from lindy_research.dives import DT, Dive, Floats
 from lindy_research.papers.full_stack_energy import PUSHING, Used
 from lindy_research.papers.full_stack_runs import NAIVE, AxisLog, StickStep, scores
 from lindy_research.papers.identified_battery import hotel_power
-from messages import topics
 
 pytestmark = pytest.mark.slow
 
@@ -22,11 +22,11 @@ STEP = StickStep(1.0, 4.0, 9.0, 0.02)
 
 
 @cache
-def flown(*, naive: bool) -> Chain:
-    return Chain.flown(STICKS, END, NAIVE if naive else ())
+def flown(*, naive: bool) -> Dive:
+    return Dive(STICKS, overrides=NAIVE if naive else ()).until(END)
 
 
-def references(dive: Chain) -> dict[str, Floats]:
+def references(dive: Dive) -> dict[str, Floats]:
     say = dive.column
     return {
         "depth": say(topics.REFERENCE, lambda m: m.depth.position),

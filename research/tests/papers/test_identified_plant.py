@@ -5,15 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lindy.api.references import Direct
 from lindy_research.bench.drag_runs import QuadraticWater
-from lindy_research.papers.identified_battery import hotel_power, longer, speed_for, thruster_energy
 from lindy_research.papers.identified_inputs import (
     LOG_EVERY,
     LOG_FULL,
     STEP_ON,
-    expected_from_noise,
     log_stick,
-    sines,
     step_stick,
     thesis_rule_reference,
 )
@@ -38,8 +36,6 @@ from lindy_research.papers.identified_runs import (
     run,
 )
 from lindy_research.papers.thesis_tables import PRINTED
-from services.control.axis.plant import Plant
-from tools.generators.baselines import Direct
 
 few = settings(max_examples=15, deadline=None)
 many = settings(max_examples=100, deadline=None)
@@ -52,13 +48,6 @@ force = st.floats(-50.0, 50.0)
 def test_a_step_of_the_water_loses_no_momentum(x: float, v: float, f: float) -> None:
     x_next, v_next = LinearWater().advance(x, v, f)
     assert MASS * (v_next - v) + DRAG * (x_next - x) == pytest.approx(f * DT, abs=1e-10)
-
-
-@many
-@given(speed, force)
-def test_both_waters_agree_where_the_drag_is_linear(v: float, f: float) -> None:
-    found = QuadraticWater(Plant(MASS, DRAG, 0.0)).advance(0.0, v, f)
-    assert found == pytest.approx(LinearWater().advance(0.0, v, f), abs=1e-9)
 
 
 @many
@@ -145,12 +134,6 @@ def test_a_disturbance_moves_every_reference_alike(seed: int) -> None:
     assert moved[0] == pytest.approx(moved[1], abs=1e-9)
 
 
-def test_what_noise_adds_on_average() -> None:
-    noise = expected_from_noise(800)
-    assert noise[:3] == pytest.approx((0.0, 0.14014308171811815, 97.48933288012961), rel=1e-9)
-    assert noise.jerk == pytest.approx(21.17760903549549 * 799 / 800, rel=1e-9)
-
-
 def test_the_log_is_a_stick_and_gives_table_6_2() -> None:
     stick = log_stick()
     assert len(stick) == 2800
@@ -177,24 +160,3 @@ def test_a_faster_observer_leaves_less_error() -> None:
     naive = sums(run(NAIVE)).position
     found = [naive / sums(improved(END_JERK, bandwidth)).position for bandwidth in (1.0, 3.0, 10.0)]
     assert found == pytest.approx([84.0, 452.0, 4132.0], rel=0.02)
-
-
-def test_the_sines_are_the_same_force_for_every_length() -> None:
-    assert sines(10) == sines(2800)[:10]
-
-
-@many
-@given(st.floats(3.0, 30.0), st.floats(0.1, 0.7), st.floats(1.0, 25.0))
-def test_driven_that_much_faster_the_battery_lasts_that_much_longer(
-    naive: float, share: float, percent: float
-) -> None:
-    jerky = naive * share
-    power = speed_for(percent, naive, jerky) ** 1.5
-    assert longer(power * naive, power * jerky) == pytest.approx(percent)
-
-
-def test_thruster_energy_is_thrust_to_the_power_one_and_a_half() -> None:
-    thrust = run(END_JERK, "log").thrust
-    watts = 2 * 350.0 * (abs(thrust) / 2 / 35.0) ** 1.5
-    assert thruster_energy(END_JERK)[-1] == pytest.approx(float(watts.sum()) * DT)
-    assert hotel_power() > 0

@@ -17,6 +17,7 @@ TYPES = {
     "css": "text/css; charset=utf-8",
     "js": "text/javascript; charset=utf-8",
     "json": "application/json",
+    "svg": "image/svg+xml",
 }
 HEADERS = {
     # Nothing from elsewhere, and nobody may lay another page over the sticks.

@@ -7,7 +7,9 @@ export const LEAK = "leak";
 
 export class Alarms {
   constructor(settings, words) {
-    Object.assign(this, { settings, words });
+    this.settings = settings;
+    this.words = words;
+    this.audio = null;
     this.since = new Map(); // by name: when it was last heard [ms]
     // Browsers let a page sound once somebody has touched it.
     for (const name of ["pointerdown", "keydown"]) addEventListener(name, () => this.wake(), { once: true, capture: true });
@@ -18,8 +20,8 @@ export class Alarms {
     if (Audio) this.audio ??= new Audio();
   }
 
-  // alarms: name and sentence of every alarm that stands now. The numbers of a sentence may change;
-  // it is the same alarm as long as its name is.
+  // alarms: code and sentence of every alarm that stands now. The numbers of a sentence may change;
+  // it is the same alarm as long as its code is.
   look(alarms, now) {
     const names = alarms.map(([name]) => name);
     for (const known of this.since.keys()) if (!names.includes(known)) this.since.delete(known);

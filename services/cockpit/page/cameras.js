@@ -1,7 +1,7 @@
 // Several cameras: one fills the screen, the others stand small at the edge, each with its name, its
 // age and what arrives of it. A tap makes one large; which one it is the service says, to all pages.
 
-import { cameraName, seconds } from "./panel.js";
+import { make, write } from "./dom.js";
 import { units } from "./units.js";
 import { Video } from "./video.js";
 import { words } from "./words.js";
@@ -9,7 +9,8 @@ import { words } from "./words.js";
 export class Cameras {
   // choose(name): the pilot wants it large
   constructor(first, connection, choose) {
-    Object.assign(this, { connection, choose });
+    this.connection = connection;
+    this.choose = choose;
     this.large = first; // its video
     this.videos = [first]; // in the order of the service's list
     this.tiles = new Map(); // by name
@@ -30,12 +31,11 @@ export class Cameras {
   }
 
   add(name) {
-    const [button, called, text] = ["button", "b", "span"].map((tag) => document.createElement(tag));
+    const [button, called, text] = [make("button", "", "camera"), make("b"), make("span")];
     const first = !this.tiles.size;
     const video = first ? this.videos[0] : new Video(document.createElement("canvas"), this.connection, name);
     if (!first) this.videos.push(video);
     video.name = name;
-    button.className = "camera";
     button.disabled = this.connection.watching;
     button.append(called, text);
     if (video !== this.large) button.prepend(video.canvas);
@@ -76,11 +76,11 @@ export class Cameras {
 function label({ video, button, called, text }, roomless) {
   const { age, least, silence, ages, kbit } = video;
   const known = age !== undefined && silence < Infinity;
-  const how = roomless ? words.t("no_room") : known ? `${least}${seconds(age / 1000)}` : words.t("no picture");
+  const how = roomless ? words.t("no_room") : known ? `${least}${units.age(age)}` : words.t("no picture");
   const said = roomless || !known ? how : `${how} · ${units.number(kbit)} kbit/s`;
-  const name = cameraName(video.name);
-  if (called.textContent !== name) called.textContent = name;
-  if (text.textContent !== said) text.textContent = said;
+  const name = words.camera(video.name);
+  write(called, name);
+  write(text, said);
   text.className = roomless || !known || silence > ages[0] ? "old" : "";
   button.setAttribute("aria-label", `${name} · ${said}`);
 }

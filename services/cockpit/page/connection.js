@@ -14,21 +14,23 @@ const LATER_MS = 5000; // until another attempt where there is no room
 
 export class Connection {
   constructor() {
+    /** @type {PageText | null} */
     this.picture = null; // the newest
     this.arrived = 0; // [ms] when, by this page's clock
     this.track = []; // of the map: north and east [dm] and how it goes on, for each point
-    this.log = []; // all warnings and errors of the dive
-    this.listed = -Infinity; // [ms] when that arrived
+    this.log = null; // warnings and errors of the dive; null: not heard yet
     this.ages = { state: [Infinity, Infinity], picture: [1000, 3000] }; // until said
     this.words = "connecting"; // what is wrong; empty: nothing
     this.old = false; // this page is of another version than the service
     this.clock = new ServiceClock();
     this.watching = location.pathname.endsWith("/watch");
-    this.version = document.querySelector("meta[name=version]").content;
+    this.version = document.querySelector("meta[name=version]").getAttribute("content");
     this.opened = 0;
     this.stop = null; // that was not confirmed: when it was pressed, and how many were heard then
     this.waits = null; // [ms] since when the drone has not answered one
     this.missed = -Infinity; // [ms] when one was given up
+    this.heard = () => {}; // something new has arrived
+    this.stopHeard = () => {}; // the service has confirmed a STOP
     this.open();
     setInterval(() => this.look(), 500);
   }
@@ -57,7 +59,7 @@ export class Connection {
     const url = new URL(path, location.href); // the page may be below a path of somebody else's server
     url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     const query = new URLSearchParams({ version: this.version, token: location.hash.slice(1), ...more });
-    [url.search, url.hash] = [query, ""];
+    [url.search, url.hash] = [String(query), ""];
     return url.href;
   }
 
@@ -72,11 +74,11 @@ export class Connection {
     const { stops = 0, stop_waits } = this.picture.you;
     if (this.stop && stops > this.stop.heard) {
       this.stop = null;
-      this.stopHeard?.();
+      this.stopHeard();
     }
     this.waits = stop_waits ? (this.waits ?? this.arrived) : null;
     if (this.picture.n - this.confirmed >= CONFIRM_EVERY) this.send("seen", {});
-    this.heard?.();
+    this.heard();
   }
 
   // STOP is sent until the service has confirmed it, also to one that was started again meanwhile.
@@ -115,6 +117,7 @@ export class Connection {
   }
 
   // Returns whether it was sent.
+  /** @param {PageWish["what"]} what @param {Partial<PageWish>} fields */
   wish(what, fields = {}) {
     return this.send("wish", { what, ...fields });
   }
@@ -123,6 +126,7 @@ export class Connection {
     this.send("absent", { why });
   }
 
+  /** @param {PageSaid["kind"]} kind */
   send(kind, fields) {
     if (this.socket.readyState !== WebSocket.OPEN) return false;
     const seen = this.picture ? this.picture.n : 0;

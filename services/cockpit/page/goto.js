@@ -1,20 +1,21 @@
 // A depth and a heading that the drone goes to by itself: typed, or in steps. A deflected stick takes
 // over at any moment.
 
+import { $, blur } from "./dom.js";
+import { stepped } from "./shape.js";
 import { units } from "./units.js";
 
-const $ = (id) => document.getElementById(id);
 const STEP_M = 0.5, STEP_DEG = 10; // of a key
-const LIGHTS = [0, 0.25, 0.5, 0.75, 1];
 
 export class Goto {
   // view(): the drone; wish(what, fields); say(key): why not
   constructor(view, wish, say) {
-    Object.assign(this, { view, wish, say });
+    this.view = view;
+    this.wish = wish;
+    this.say = say;
     $("goto").addEventListener("submit", (e) => { e.preventDefault(); this.go(); });
     for (const button of $("goto").querySelectorAll("[data-step]"))
       button.addEventListener("click", () => this.turn(button.parentElement.querySelector("input"), Number(button.dataset.step)));
-    for (const [id, way] of [["brighter", 1], ["darker", -1]]) $(id).addEventListener("click", () => this.light(way));
   }
 
   // The fields say what the drone holds now.
@@ -39,7 +40,7 @@ export class Goto {
       ...(depth === undefined ? {} : { depth: units.metres(depth) }),
       ...(heading_deg === undefined ? {} : { heading_deg }),
     });
-    document.activeElement?.blur();
+    blur();
   }
 
   deeper(way) {
@@ -53,9 +54,8 @@ export class Goto {
   }
 
   light(way) {
-    const now = this.view().light ?? 0;
-    const next = way > 0 ? LIGHTS.find((each) => each > now + 0.01) : LIGHTS.findLast((each) => each < now - 0.01);
-    if (next !== undefined) this.wish("light", { value: next });
+    const value = stepped(this.view().light, way);
+    if (value !== undefined) this.wish("light", { value });
   }
 }
 

@@ -7,7 +7,11 @@ export class HoldButton {
   // meaning(): what it asks for now; begin(): it was pressed; done(what): it was held long enough;
   // spoilt(): its meaning has changed under the finger
   constructor(element, meaning, begin, done, spoilt) {
-    Object.assign(this, { element, meaning, begin, done, spoilt });
+    this.element = element;
+    this.meaning = meaning;
+    this.begin = begin;
+    this.done = done;
+    this.spoilt = spoilt;
     this.since = null;
     element.addEventListener("pointerdown", (e) => {
       e.preventDefault();

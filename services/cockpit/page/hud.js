@@ -1,5 +1,5 @@
-// The head-up display around the digits of heading and depth: horizon, tapes with their reference,
-// thrusters. Horizon and heading tape fit the picture: what lies 10° to starboard is there on both.
+// The head-up display around the digits of heading and depth: horizon and tapes with their
+// reference. Horizon and heading tape fit the picture: what lies 10° to starboard is there on both.
 
 import { units } from "./units.js";
 
@@ -34,6 +34,7 @@ export class Hud {
   }
 
   // axis: of the camera on the screen; boxes: of the digits of heading and depth, DOMRects
+  /** @param {PageView} view */
   draw(view, old, axis, boxes) {
     const { canvas, g } = this;
     const ratio = devicePixelRatio || 1;
@@ -54,10 +55,6 @@ export class Hud {
     g.setLineDash([]);
     if (boxes.heading.width) this.heading(view, width, axis, boxes.heading);
     if (boxes.depth.top > boxes.heading.bottom) this.depth(view, boxes.depth, height, boxes.heading.bottom);
-    const aside = boxes.map.right < width / 2 ? boxes.map.right : 0; // beside the map, where it leaves room
-    const lower = [boxes.left, boxes.buttons, ...(aside ? [] : [boxes.map])].filter((box) => box.height && box.left < 10 * this.u);
-    const below = Math.min(height, ...lower.map((box) => box.top));
-    this.thrusters(view, aside, Math.max(boxes.aids.bottom, boxes.heading.bottom), below);
   }
 
   font(size, weight = 500) { this.g.font = `${weight} ${Math.max(12, size * this.u)}px system-ui, "DejaVu Sans", sans-serif`; }
@@ -90,6 +87,7 @@ export class Hud {
     else { g.strokeStyle = colour; g.stroke(); }
   }
 
+  /** @param {PageView} view */
   horizon(view, width, height, axis, top, bottom) {
     const { g, u, c } = this;
     if (view.roll_deg === undefined || view.pitch_deg === undefined) return;
@@ -123,6 +121,7 @@ export class Hud {
     this.path([[x - 3 * u, y], [x - u, y], [x, y + 0.8 * u], [x + u, y], [x + 3 * u, y]], this.ink);
   }
 
+  /** @param {PageView} view */
   heading(view, width, axis, box) {
     const { g, u, c } = this;
     const y = (box.top + box.bottom) / 2, tall = box.height / 2, half = Math.min(width * 0.36, 26 * u), x = axis.x;
@@ -148,44 +147,29 @@ export class Hud {
     }
   }
 
+  /** @param {PageView} view */
   depth(view, box, height, top) {
     const { g, u, c } = this;
     const x = box.left, right = box.right, y = (box.top + box.bottom) / 2;
     const half = Math.min(height * 0.27, 18 * u, y - top - 1.6 * u), span = units.length(5);
     const per = half / span, clear = box.height / 2 + 0.7 * u;
+    const now = units.length(view.depth_m), wanted = units.length(view.depth_wanted_m);
+    const tape = half > 2.5 * clear; // else there is no room to read one
+    this.font(0.85);
+    if (wanted !== undefined) this.text(`→ ${units.number(wanted, 2)}`, (x + right) / 2, y - (tape ? half : clear) - 0.8 * u, c.bug);
+    if (!tape) return;
     g.fillStyle = c.panel;
     g.fillRect(x, y - half, right - x, 2 * half);
-    const now = units.length(view.depth_m), wanted = units.length(view.depth_wanted_m);
+    if (now === undefined) return;
     const step = span > 10 ? 5 : 1; // of what is numbered
-    if (now !== undefined) {
-      this.font(0.85);
-      for (let k = Math.max(0, Math.ceil((2 * (now - span)) / step)); (k * step) / 2 <= now + span; k++) {
-        const value = (k * step) / 2, at = y + (value - now) * per, whole = k % 2 === 0;
-        if (Math.abs(at - y) > half) continue;
-        this.path([[x, at], [x + (whole ? 0.8 : 0.4) * u, at]], this.ink);
-        if (whole && Math.abs(at - y) > clear && half - Math.abs(at - y) > 0.6 * u) this.text(units.number(value), (x + right) / 2 + 0.4 * u, at);
-      }
-      if (wanted !== undefined) {
-        const at = y + Math.max(-half, Math.min(half, (wanted - now) * per));
-        this.path([[x, at], [x - 1.1 * u, at - 0.7 * u], [x - 1.1 * u, at + 0.7 * u]], c.bug, true);
-      }
+    for (let k = Math.max(0, Math.ceil((2 * (now - span)) / step)); (k * step) / 2 <= now + span; k++) {
+      const value = (k * step) / 2, at = y + (value - now) * per, whole = k % 2 === 0;
+      if (Math.abs(at - y) > half) continue;
+      this.path([[x, at], [x + (whole ? 0.8 : 0.4) * u, at]], this.ink);
+      if (whole && Math.abs(at - y) > clear && half - Math.abs(at - y) > 0.6 * u) this.text(units.number(value), (x + right) / 2 + 0.4 * u, at);
     }
-    this.font(0.85);
-    if (wanted !== undefined) this.text(`→ ${units.number(wanted, 2)}`, (x + right) / 2, y - half - 0.8 * u, c.bug);
-  }
-
-  thrusters(view, left, top, bottom) {
-    const { g, u, c } = this;
-    const shares = view.thrust ?? [], w = 0.75 * u, gap = 0.3 * u;
-    const half = Math.min(4 * u, (bottom - top) / 2 - u), x0 = left + u, y = bottom - half - u;
-    if (half < u || !shares.length) return;
-    shares.forEach((share, k) => {
-      const x = x0 + k * (w + gap), full = Math.abs(share) >= 0.99;
-      g.fillStyle = c.panel;
-      g.fillRect(x, y - half, w, 2 * half);
-      g.fillStyle = full ? c.warn : this.ink;
-      g.fillRect(x, y, w, -share * half);
-      this.path([[x, y], [x + w, y]], c.line);
-    });
+    if (wanted === undefined) return;
+    const at = y + Math.max(-half, Math.min(half, (wanted - now) * per));
+    this.path([[x, at], [x - 1.1 * u, at - 0.7 * u], [x - 1.1 * u, at + 0.7 * u]], c.bug, true);
   }
 }

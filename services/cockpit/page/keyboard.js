@@ -1,12 +1,18 @@
 // Keys that are down. Another window gets their release, so all count as released with the focus. The
 // same holds for Ctrl, Alt and Meta: what is pressed with them is the browser's.
 
+import { blur } from "./dom.js";
 import { level } from "./shape.js";
 
 export class Keyboard {
-  // press(action): once; hold(action, isDown): what is deliberate; moved(): a key that steers
-  constructor(keys, press, hold, moved) {
-    Object.assign(this, { keys, press, hold, moved });
+  // press(action): once; hold(action, isDown): what is deliberate; moved(): a key that steers;
+  // idle(event): a key that does nothing
+  constructor(keys, press, hold, moved, idle) {
+    this.keys = keys;
+    this.press = press;
+    this.hold = hold;
+    this.moved = moved;
+    this.idle = idle;
     this.down = new Set(); // codes
     addEventListener("keydown", (e) => this.pressed(e), { capture: true });
     addEventListener("keyup", (e) => this.let(e), { capture: true });
@@ -17,10 +23,11 @@ export class Keyboard {
     const row = this.keys.actions.get(event.code);
     const stop = row?.action === "stop";
     if ((event.ctrlKey || event.altKey || event.metaKey) && !stop) return this.release();
-    if (!row || (writes(event.target) && !stop)) return;
+    if (writes(event.target) && !stop) return;
+    if (!row) return event.repeat || this.idle(event);
     // A button that has the focus would be clicked by Space or Enter as well.
     event.preventDefault();
-    document.activeElement?.blur();
+    blur();
     if (event.repeat) return;
     this.down.add(event.code);
     if (row.kind === "steer" || row.kind === "tool") this.moved();

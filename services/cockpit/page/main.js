@@ -2,25 +2,25 @@
 
 import { Alarms } from "./alarms.js";
 import { Cameras } from "./cameras.js";
+import { Card, padName } from "./card.js";
 import { Connection } from "./connection.js";
-import { Film } from "./film.js";
+import { $ } from "./dom.js";
 import { Goto } from "./goto.js";
 import { HoldButton } from "./hold_button.js";
 import { Hud } from "./hud.js";
 import { Keyboard } from "./keyboard.js";
-import { Keys } from "./keys.js";
-import { KeysPanel } from "./keys_panel.js";
+import { keyName, Keys } from "./keys.js";
 import { SeaMap } from "./map.js";
 import { Menu } from "./menu.js";
+import { codeOf, messages, Stopped } from "./messages.js";
 import { Pad } from "./pad.js";
-import { PadPanel } from "./pad_panel.js";
-import { aids, alarm, buttons, digits, lines, show, showPicture, stale } from "./panel.js";
+import { PadSheet } from "./pad_sheet.js";
+import { buttons, digits, figures, stale, status, tell } from "./panel.js";
 import { Picture } from "./picture.js";
 import { Settings } from "./settings.js";
 import { Steering } from "./steering.js";
 import { Tools } from "./tools.js";
 import { TouchStick } from "./touch_stick.js";
-import { Trace } from "./trace.js";
 import { units } from "./units.js";
 import { Video } from "./video.js";
 import { LANGUAGES, words } from "./words.js";
@@ -31,26 +31,29 @@ const SAME_MS = 200; // the same picture is drawn again after this
 const WORDS_MS = 100; // words are drawn so often
 const TOGETHER_MS = 60; // what is new waits so long at most for a picture
 const SAID_MS = 5000; // a sentence of the page
+const RECENT_MS = 10000; // what the service has said is now; then it is past
+const STANDS = /^(lost|notice|failsafe):/; // events that are said for as long as they last
 const CLICKED_MS = 100; // after a touch: what it has clicked has heard of it
 const FOV_DEG = 80; // where the service does not say how wide the picture is
-const $ = (id) => document.getElementById(id);
 
 const connection = new Connection();
 const hud = new Hud($("hud"));
-const trace = new Trace($("trace"));
 export const video = new Video($("picture"), connection);
 const cameras = new Cameras(video, connection, (name) => connection.wish("camera", { camera: name }));
 const picture = new Picture($("picture"));
 const settings = new Settings(apply);
 const alarms = new Alarms(settings, words);
+const stopped = new Stopped();
 let arming = "arm"; // what the hold button asks for now
-let flew = false; // this page had the sticks when it was drawn last
-let gone = false; // the device that steered is gone
 
+/** @returns {Personal} */
 const you = () => connection.picture?.you ?? {};
+/** @returns {PageView} */
 const view = () => connection.picture?.view ?? {};
-const wish = (what, fields) => (what === "stop" ? connection.halt() : connection.wish(what, fields));
-connection.stopHeard = () => say(words.t("stop.sent"));
+const mine = () => Boolean(you().has_sticks && you().in_control);
+const wish = (what, fields = {}) => (what === "stop" ? connection.halt() : connection.wish(what, fields));
+let halted = false; // a STOP was confirmed
+connection.stopHeard = () => { halted = true; };
 $("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("stop"); });
 const goto = new Goto(view, wish, (key) => say(words.t(key)));
 
@@ -66,9 +69,8 @@ const held = {
   force: deliberate("force", () => "force", () => {}),
 };
 const hold = (what, down) => (down ? held[what].press() : held[what].release());
-const click = (id) => $(id).hidden || $(id).click();
 const OWN = { // what the page does itself
-  map: () => settings.next("map"), speed: () => settings.next("speed"), mute: () => settings.next("sound"), film: () => click("film"), snapshot: () => click("snapshot"),
+  map: () => settings.next("map"), speed: () => settings.next("speed"), mute: () => settings.next("sound"),
   next_camera: () => cameras.next(), brighter: () => goto.light(1), darker: () => goto.light(-1),
   deeper: () => goto.deeper(1), shallower: () => goto.deeper(-1),
   heading_port: () => goto.turned(-1), heading_starboard: () => goto.turned(1),
@@ -76,51 +78,68 @@ const OWN = { // what the page does itself
 const press = (what) => (what in OWN ? OWN[what]() : wish(what));
 const by = (device, act) => (...what) => { steering.used(device); act(...what); };
 const keys = await Keys.load();
-const keysPanel = new KeysPanel(keys, say); // hears a key before what steers does
 const pad = new Pad(by("pad", press), by("pad", hold));
-const padPanel = new PadPanel(pad);
-const film = new Film(wish);
-const keyboard = new Keyboard(keys, by("keyboard", press), by("keyboard", hold), steer);
+const padSheet = new PadSheet(pad);
+const card = new Card(pad);
+const keyboard = new Keyboard(keys, by("keyboard", press), by("keyboard", hold), steer, (e) => {
+  if (e.key.length === 1 && e.key !== "?") say(words.t("key.none", { key: keyName(e.code) }));
+});
 const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
 const tools = new Tools(wish, steer);
-const steering = new Steering(...thumbs, keyboard, pad, tools);
-const mine = () => Boolean(you().has_sticks && you().in_control);
+const steering = new Steering(thumbs[0], thumbs[1], keyboard, pad, tools);
 const map = new SeaMap(connection, settings, mine, wish, (key) => say(words.t(key)));
 const menu = new Menu((name) => {
   if (name === "menu") goto.fill();
-  if (name === "keys") keysPanel.draw();
+  if (name === "keys") keys.draw();
   draw();
 });
 
-// On a small phone what is pressed less often stands in the menu.
-const phone = matchMedia("(min-aspect-ratio: 1/1) and (max-height: 560px), (max-width: 480px) and (max-height: 700px)");
-const gather = () => (phone.matches ? $("menu").querySelector("header").after($("extras")) : $("film").before($("extras")));
-phone.addEventListener("change", gather);
-gather();
-$("tools-open").addEventListener("click", () => menu.show(""));
-$("map-open").addEventListener("click", () => menu.show(""));
-for (const id of ["take", "offer", "give_back", "home", "unwind"]) $(id).addEventListener("click", () => wish(id));
+for (const id of ["tools-open", "map-open"]) $(id).addEventListener("click", () => menu.show(""));
+for (const id of ["take", "offer", "give_back", "home", "unwind", "film", "snapshot"]) $(id).addEventListener("click", () => wish(id));
 $("lamp").addEventListener("click", () => wish("light"));
 $("flight_mode").addEventListener("change", (e) => { wish("mode", { flight_mode: e.target.value }); e.target.blur(); });
 $("gain").addEventListener("click", () => settings.next("speed"));
 
 // Sticks, 50 times a second while the page can be seen, and at once when one has moved.
 let sent = "", sentAt = 0, movedAt = 0;
+let gone = false; // the device that steered is gone
 function steer() {
   if (document.hidden || connection.watching) return;
-  const sticks = steering.read(Number(settings.speed) / 100);
+  const sticks = steering.read(Number(settings.speed) / 100), at = positions(sticks);
   if (keyboard.moving || pad.active) document.body.classList.remove("touch");
-  if (!you().has_sticks) return;
-  const now = performance.now(), moved = positions(sticks) !== sent;
+  if (at !== sent && steering.moving) idle();
+  if (!you().has_sticks) { sent = at; return; }
+  const now = performance.now(), moved = at !== sent;
   if (now - (moved ? movedAt : sentAt) < (moved ? MOVED_MS : STICKS_MS - 1)) return;
   if (sticks && !connection.steer(sticks)) return;
   if (!sticks && !gone) connection.absent("unplugged");
   gone = !sticks;
-  [sent, sentAt] = [positions(sticks), now];
+  [sent, sentAt] = [at, now];
   if (moved) movedAt = now;
 }
 const positions = (sticks) => sticks && [sticks.surge, sticks.sway, sticks.heave, sticks.yaw, sticks.tilt, sticks.gripper].join();
 setInterval(steer, STICKS_MS / 2); // a pad tells nobody that it has moved
+
+// Why sticks move nothing.
+function idle() {
+  if (!view().activity) return;
+  if (!view().armed) say(words.t("idle.disarmed", { key: armKey() }));
+  else if (!mine()) say(words.t("idle.sticks"));
+}
+// What arms, on the device that the pilot seems to have.
+function armKey() {
+  const button = pad.pad ? pad.map.arm : -1;
+  if (button >= 0) return pad.pad.mapping === "standard" && button === 9 ? "start" : `${words.t("button")} ${button}`;
+  if (document.body.classList.contains("touch") || matchMedia("(pointer: coarse)").matches) return words.t("card.button");
+  return keyName(keys.codes("arm")[0]);
+}
+// What comes next.
+function hint() {
+  if (connection.watching || !view().activity || connection.words) return "";
+  if (you().taken) return words.t("another page has the sticks");
+  if (!view().armed) return view().activity === "ready" ? words.t("hint.arm", { key: armKey() }) : "";
+  return mine() ? "" : words.t("hint.take");
+}
 
 // The first touch shows the sticks. It moves none, and nothing moves away under it.
 addEventListener("pointerup", (e) => {
@@ -146,32 +165,22 @@ function stayAwake() {
 }
 stayAwake();
 
-// Choices for this screen; without one the theme is as the system wants it.
-const light = matchMedia("(prefers-color-scheme: light)"), contrast = matchMedia("(prefers-contrast: more)");
-const wanted = () => (contrast.matches ? "contrast" : light.matches ? "bright" : "dark");
-const theme = () => (settings.chosen ? settings.theme : wanted());
+// Choices for this screen.
+const CHOICES = ["theme", "crop", "sound", "speech", "units"];
 async function apply(changed) {
-  document.documentElement.className = theme();
+  document.documentElement.className = settings.theme;
   hud.colours();
   if (changed === "language" || words.language !== settings.language) await words.use(settings.language);
   units.use(settings.units, settings.language);
-  name();
+  $("map-up").textContent = `↑ ${words.t(`up.${settings.up}`)}`;
+  for (const id of CHOICES) $(id).textContent = `${words.t(id)}: ${words.t(`${id}.${settings[id]}`)}`;
+  $("gain").textContent = `${words.t("speed")} ${settings.speed} %`;
+  $("silence").title = words.t("silence");
   drawnAt = 0;
   wake();
   if (menu.open) menu.opened(menu.open);
 }
-// What stands on buttons that say a choice.
-function name() {
-  const named = { theme: theme(), crop: settings.crop, sound: settings.sound, speech: settings.speech, units: settings.units };
-  $("map-up").textContent = `↑ ${words.t(`up.${settings.up}`)}`;
-  for (const [id, value] of Object.entries(named)) $(id).textContent = `${words.t(id)}: ${words.t(`${id}.${value}`)}`;
-  $("gain").textContent = `${words.t("speed")} ${settings.speed} %`;
-  $("gain").classList.toggle("limited", settings.speed !== "100");
-}
-for (const id of ["theme", "crop", "sound", "speech", "units"]) $(id).addEventListener("click", () => {
-  if (id === "theme" && !settings.chosen) settings.theme = wanted();
-  settings.next(id);
-});
+for (const id of CHOICES) $(id).addEventListener("click", () => settings.next(id));
 $("language").append(...Object.entries(LANGUAGES).map(([code, called]) => new Option(called, code)));
 $("language").value = settings.language;
 $("language").addEventListener("change", (e) => settings.set("language", e.target.value));
@@ -215,37 +224,51 @@ let own = "", ownAt = 0;
 function say(sentence) {
   [own, ownAt] = [sentence, performance.now()];
 }
-function told(now) {
-  if (now - ownAt > SAID_MS) own = "";
-  alarm("own", own);
+
+// What the service has just said to the pilot, after what this page found when it was opened.
+let newest = null, recent = null, recentAt = 0;
+function listen(now) {
+  const line = connection.log?.findLast((each) => each[5] && !STANDS.test(each[4])), said = line ? line.join() : "";
+  if (newest !== null && said && said !== newest) [recent, recentAt] = [{ code: codeOf(line[4]), text: words.said(line[3], line[4]) }, now];
+  if (connection.log) newest = said;
+  return recent && now - recentAt < RECENT_MS ? recent : undefined;
 }
 
-// All words, and where they stand; then what moves.
-let wordsAt = 0, boxes = {}, heard = "";
-function draw() {
-  const now = (wordsAt = performance.now()), seen = view();
-  const found = show(connection, you(), seen, steering.device);
-  cameras.show(seen.cameras, seen.large);
-  picture.use(cameras.large.canvas);
-  showPicture(cameras.large);
-  film.show(seen, !connection.watching);
-  map.draw();
-  told(now);
-  arming = buttons(you(), seen);
-  aids(seen, Number(settings.speed), you().delay_ms);
-  const newest = connection.log.at(-1)?.join();
-  if (menu.open && newest && newest !== heard) say(words.said(connection.log.at(-1)[3], connection.log.at(-1)[4])); // lies under it
-  heard = newest;
-  tools.show(seen.tools ?? [], Boolean(you().has_sticks && you().in_control));
+let flew = false, seenPad = ""; // this page had the sticks when it was drawn last; which pad
+function notice() {
   // Whoever takes the sticks here is told what the pilot before may have left.
   if (you().has_sticks && !flew && !settings.shipped("speed")) say(words.t("speed.yours", { s: settings.speed }));
   flew = Boolean(you().has_sticks);
-  alarms.look(found, now);
-  $("silence").hidden = !found.length || settings.sound === "off";
-  if (menu.open === "menu") lines(connection.log.toReversed(), "log");
-  if (menu.open === "pad") padPanel.draw();
-  trace.add(seen.rtt_ms, now);
-  boxes = Object.fromEntries(["heading", "depth", "aids", "buttons", "left", "map"].map((id) => [id, $(id).getBoundingClientRect()]));
+  const id = pad.any?.id ?? "";
+  if (id && id !== seenPad) say(words.t(pad.pad ? "pad.seen" : "pad.unknown", { pad: padName(pad.any) }));
+  seenPad = id;
+}
+
+// All words, and where they stand; then what moves.
+let wordsAt = 0, boxes = {};
+function draw() {
+  const now = (wordsAt = performance.now()), seen = view();
+  cameras.show(seen.cameras, seen.large);
+  status(connection, you(), seen, steering.device, cameras.large);
+  picture.use(cameras.large.canvas);
+  map.draw();
+  arming = buttons(you(), seen, connection.watching);
+  figures(you(), seen, Number(settings.speed));
+  card.show(seen, connection.watching);
+  tools.show(seen.tools ?? [], mine());
+  notice();
+  if (now - ownAt > SAID_MS) own = "";
+  const all = messages(seen, you(), {
+    stop: connection.stopSaid(), cut: connection.words, watching: connection.watching,
+    stopped: stopped.look(seen, halted), hint: hint(), recent: listen(now),
+  });
+  halted = false;
+  tell(all, own, connection.log ?? []);
+  const loud = all.filter((each) => each.loud);
+  alarms.look(loud.map(({ code, text }) => [code, text]), now);
+  $("silence").hidden = !loud.length || settings.sound === "off";
+  if (menu.open === "pad") padSheet.draw();
+  boxes = Object.fromEntries(["heading", "depth", "buttons"].map((id) => [id, $(id).getBoundingClientRect()]));
   drawMotion();
 }
 
@@ -261,5 +284,4 @@ function drawMotion() {
 addEventListener("resize", draw);
 await words.use(settings.language);
 await apply("language");
-for (const query of [light, contrast]) query.addEventListener("change", () => apply("theme"));
 wake();

@@ -1,8 +1,9 @@
 // The map: where the drone is and how surely, where it has been, its home, where it goes. A tap names
 // a place; a held button sends the drone there. North and east are those of the drone's state.
 
+import { $, write } from "./dom.js";
 import { HoldButton } from "./hold_button.js";
-import { UNKNOWN, units } from "./units.js";
+import { units } from "./units.js";
 import { words } from "./words.js";
 
 const RAD = Math.PI / 180;
@@ -10,7 +11,6 @@ const TAP_PX = 10, SHOWN_M = 30; // [m] from side to side, at first
 const CLOSEST = 400, FURTHEST = 0.02; // [px/m]
 const BEGINS = 2, RECKONED = 1; // how a point of the track follows the one before
 
-const $ = (id) => document.getElementById(id);
 export const way = ([n, e], [to, aside]) => {
   const north = to - n, east = aside - e;
   return { m: Math.hypot(north, east), deg: (Math.atan2(east, north) / RAD + 360) % 360 };
@@ -19,12 +19,18 @@ export const way = ([n, e], [to, aside]) => {
 export class SeaMap {
   // may(): this page flies the drone; wish(what, fields); say(key): why not
   constructor(connection, settings, may, wish, say) {
-    Object.assign(this, { connection, settings, may, wish, say });
+    this.connection = connection;
+    this.settings = settings;
+    this.may = may;
+    this.wish = wish;
+    this.say = say;
     this.canvas = $("map").querySelector("canvas");
     this.g = this.canvas.getContext("2d");
     this.scale = 0; // [px/m]
     this.centre = null; // [m] north, east; null: the drone
     this.wanted = null; // a place that was tapped
+    /** @type {[number, number] | null} */
+    this.tapped = null; // [px] by a finger that may yet be a drag
     this.fingers = new Map(); // by pointer
     const listen = (name, act) => this.canvas.addEventListener(name, (e) => { e.preventDefault(); act(e); this.draw(); });
     listen("pointerdown", (e) => this.touch(e));
@@ -40,9 +46,14 @@ export class SeaMap {
     this.hold = new HoldButton($("map-go"), () => String(this.wanted), () => {}, () => this.go(), () => say("void"));
   }
 
+  /** @returns {PageView} */
   get view() { return this.connection.picture?.view ?? {}; }
 
-  get here() { return this.view.place?.slice(0, 2); }
+  /** @returns {[number, number] | undefined} */
+  get here() {
+    const { place } = this.view;
+    return place ? [place[0], place[1]] : undefined;
+  }
 
   // What the drone needs for going to a place.
   get measured() { return Boolean(this.view.place?.[3]); }
@@ -69,7 +80,9 @@ export class SeaMap {
   }
 
   move(e) {
-    const before = this.fingers.get(e.pointerId), now = [e.offsetX, e.offsetY];
+    const before = this.fingers.get(e.pointerId);
+    /** @type {[number, number]} */
+    const now = [e.offsetX, e.offsetY];
     if (!before) return;
     if (this.tapped && Math.hypot(now[0] - this.tapped[0], now[1] - this.tapped[1]) < TAP_PX) return;
     this.tapped = null;
@@ -108,12 +121,14 @@ export class SeaMap {
 
   get turn() { return this.settings.up === "heading" ? (this.heading ?? 0) * RAD : 0; }
 
+  /** @returns {[number, number]} */
   px([n, e]) {
     const [cn, ce] = this.middle, c = Math.cos(this.turn), s = Math.sin(this.turn);
     const up = c * (n - cn) + s * (e - ce), right = c * (e - ce) - s * (n - cn);
     return [this.canvas.clientWidth / 2 + right * this.scale, this.canvas.clientHeight / 2 - up * this.scale];
   }
 
+  /** @returns {[number, number]} */
   at([x, y]) {
     const right = (x - this.canvas.clientWidth / 2) / this.scale, up = (this.canvas.clientHeight / 2 - y) / this.scale;
     const [cn, ce] = this.middle, c = Math.cos(this.turn), s = Math.sin(this.turn);
@@ -153,8 +168,7 @@ export class SeaMap {
       here && view.home ? words.t("map.home_is", said(way(here, view.home))) : "",
       here && goal ? words.t(wanted ? "map.go_to" : "map.goes", said(way(here, goal))) : "",
     ];
-    const text = rows.filter(Boolean).join(" · ");
-    if ($("map-said").textContent !== text) $("map-said").textContent = text;
+    write($("map-said"), rows.filter(Boolean).join(" · "));
     $("map-said").className = this.measured ? "" : "warning";
     // Where it is not offered its place stays empty: nothing else comes to lie under the finger.
     $("map-go").classList.toggle("away", !wanted);
@@ -226,15 +240,16 @@ export class SeaMap {
 
   // North, and where the water goes.
   compass(c, w, h) {
-    const { g, u, view } = this, at = w > 2 * h ? [w - 64 - u, 1.7 * u] : [w - 1.6 * u, 56 + 1.7 * u]; // beside the button, or below it
+    const { g, u, view } = this, beside = w > 2 * h; // the button, or below it
+    const [x, y] = [beside ? w - 64 - u : w - 1.6 * u, beside ? 1.7 * u : 56 + 1.7 * u];
     const arrow = [[0, -1], [0.35, -0.2], [0.1, -0.2], [0.1, 1], [-0.1, 1], [-0.1, -0.2], [-0.35, -0.2]];
-    this.shape(arrow, at, -this.turn, c.ink, c.paper);
+    this.shape(arrow, [x, y], -this.turn, c.ink, c.paper);
     g.fillStyle = c.ink;
-    g.fillText("N", at[0] - 1.2 * u, at[1]);
+    g.fillText("N", x - 1.2 * u, y);
     if (!view.current) return;
-    const [n, e] = view.current, speed = Math.hypot(n, e), to = [at[0] - 5 * u, at[1]];
-    if (speed > 0.01) this.shape(arrow, to, Math.atan2(e, n) - this.turn, c.bug, c.paper);
-    g.fillText(units.speed(speed), to[0], to[1] + 1.7 * u);
+    const [n, e] = view.current, speed = Math.hypot(n, e);
+    if (speed > 0.01) this.shape(arrow, [x - 5 * u, y], Math.atan2(e, n) - this.turn, c.bug, c.paper);
+    g.fillText(units.speed(speed), x - 5 * u, y + 1.7 * u);
   }
 
   bar(c, bottom) {

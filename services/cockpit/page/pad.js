@@ -1,6 +1,7 @@
 // The browser's gamepad. It is trusted once its sticks were centred. How long ago it last reported
 // anything goes to the service with every position, which judges whether it is frozen.
 
+import { remember, remembered } from "./dom.js";
 import { level, shape } from "./shape.js";
 
 const DEAD_BAND = 0.12, EXPO = 0.4;
@@ -21,7 +22,7 @@ export class Pad {
   constructor(press, hold) {
     this.press = press;
     this.hold = hold;
-    try { this.maps = JSON.parse(localStorage.getItem(STORE)) ?? {}; } catch { this.maps = {}; }
+    try { this.maps = JSON.parse(remembered(STORE)) ?? {}; } catch { this.maps = {}; }
     this.clear();
   }
 
@@ -105,7 +106,7 @@ export class Pad {
     if (this.pad) this.maps[this.pad.id] = map;
     this.pressed = {};
     this.waits = null;
-    try { localStorage.setItem(STORE, JSON.stringify(this.maps)); } catch { /* not allowed: not remembered */ }
+    remember(STORE, JSON.stringify(this.maps));
   }
 
   // -1 … 1 of an axis, shaped.

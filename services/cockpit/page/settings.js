@@ -1,5 +1,7 @@
-// What this browser remembers for its pilot. Each setting has a few values; a button goes through
-// them.
+// What this browser remembers for its pilot. Each setting has a few values, of which the first is as
+// shipped; a button goes through them.
+
+import { remember, remembered } from "./dom.js";
 
 const VALUES = {
   theme: ["dark", "bright", "contrast"],
@@ -13,15 +15,16 @@ const VALUES = {
   language: ["en", "no", "sv", "de", "es", "zh"],
 };
 
-export class Settings {
+/** @type {new (changed: (name: string) => void) => any} */
+export const Settings = class {
   constructor(changed) {
     this.changed = changed;
     for (const name of Object.keys(VALUES)) {
-      const stored = read(name);
+      const stored = remembered(name);
       this[name] = VALUES[name].includes(stored) ? stored : VALUES[name][0];
     }
-    if (read("language") === null) this.language = spoken();
-    this.chosen = read("theme") !== null; // by the pilot; else as the system wants it
+    if (remembered("language") === null) this.language = spoken();
+    if (remembered("theme") === null && matchMedia("(prefers-contrast: more)").matches) this.theme = "contrast";
   }
 
   next(name) { this.set(name, VALUES[name][(VALUES[name].indexOf(this[name]) + 1) % VALUES[name].length]); }
@@ -30,18 +33,13 @@ export class Settings {
 
   set(name, value) {
     this[name] = value;
-    if (name === "theme") this.chosen = true;
-    try { localStorage.setItem(name, value); } catch { /* not allowed: not remembered */ }
+    remember(name, value);
     this.changed(name);
   }
-}
+};
 
 // The first language of the browser that the page has.
 function spoken() {
   const codes = (navigator.languages ?? []).map((each) => each.slice(0, 2).replace(/^n[bn]$/, "no"));
   return codes.find((code) => VALUES.language.includes(code)) ?? "en";
-}
-
-function read(name) {
-  try { return localStorage.getItem(name); } catch { return null; }
 }

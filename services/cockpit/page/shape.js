@@ -12,3 +12,10 @@ export function shape(travel, deadBand, expo) {
   if (!(beyond > 0)) return 0;
   return Math.sign(travel) * beyond * (1 - expo * (1 - beyond * beyond));
 }
+
+const STEPS = [0, 0.25, 0.5, 0.75, 1]; // of a dimmer
+
+// The next step up or down; undefined: there is none.
+export function stepped(now, way) {
+  return way > 0 ? STEPS.find((each) => each > (now ?? 0) + 0.01) : STEPS.findLast((each) => each < (now ?? 0) - 0.01);
+}

@@ -7,7 +7,11 @@ const DEAD_BAND = 0.06, EXPO = 0.4;
 
 export class Steering {
   constructor(left, right, keyboard, pad, tools) {
-    Object.assign(this, { left, right, keyboard, pad, tools });
+    this.left = left;
+    this.right = right;
+    this.keyboard = keyboard;
+    this.pad = pad;
+    this.tools = tools;
     this.device = "touch";
   }
 
@@ -34,6 +38,8 @@ export class Steering {
       yaw: of(this.left.x), tilt: 0, device: "touch",
     };
   }
+
+  get moving() { return this.left.down || this.right.down || this.keyboard.moving || this.pad.active; }
 
   get name() { return `pad ${this.pad.id}`.slice(0, 100); }
 

@@ -1,16 +1,16 @@
 // Lights, lasers and the gripper, by the names of the vehicle file. A dimmer has steps, a switch is on
 // or off; a gripper moves while its button is held, and only then.
 
+import { $, make, write } from "./dom.js";
+import { stepped } from "./shape.js";
 import { units } from "./units.js";
 import { words } from "./words.js";
-
-const $ = (id) => document.getElementById(id);
-export const STEPS = [0, 0.25, 0.5, 0.75, 1];
 
 export class Tools {
   // wish(what, fields): ask the drone; moved(): the gripper is held, or no longer
   constructor(wish, moved) {
-    Object.assign(this, { wish, moved });
+    this.wish = wish;
+    this.moved = moved;
     this.gripper = 0; // [-] + opens, while it is held here
     this.made = ""; // for which outputs, in which language
     this.values = {}; // [-] newest, by name
@@ -37,10 +37,8 @@ export class Tools {
 
   // outputs: [name, kind, value] of each, undefined: not known; mine: this page has the sticks.
   show(outputs, mine) {
-    const others = outputs.some(([name]) => name !== "light"); // the light alone has its own buttons
-    $("tools-open").hidden = !others;
-    $("light-steps").hidden = others;
-    if (!others && !$("tools").hidden) this.open(false);
+    $("tools-open").hidden = !outputs.length;
+    if (!outputs.length && !$("tools").hidden) this.open(false);
     if (!mine) this.release();
     const made = words.language + outputs.map(([name, kind]) => `${name} ${kind}`).join();
     if (made !== this.made) {
@@ -53,7 +51,7 @@ export class Tools {
       const row = $("tools").children[k];
       for (const button of row.querySelectorAll("button")) if (button.disabled === mine) button.disabled = !mine;
       const said = row.querySelector(".value"), text = this.text(kind, value);
-      if (said && said.textContent !== text) said.textContent = text;
+      if (said) write(said, text);
       if (kind === "switch") said.setAttribute("aria-pressed", String(Boolean(value)));
     });
   }
@@ -64,23 +62,18 @@ export class Tools {
   }
 
   row(name, kind) {
-    const row = document.createElement("div"), title = document.createElement("b");
-    title.textContent = name === "light" ? words.t("light") : name.replaceAll("_", " ");
-    row.append(title);
+    const row = make("div");
+    row.append(make("b", name === "light" ? words.t("light") : name.replaceAll("_", " ")));
     if (kind === "gripper") row.append(this.held(-1), this.held(1));
     else if (kind === "switch") row.append(this.button("–", () => this.set(name, this.values[name] ? 0 : 1), "value"));
     else {
-      const value = document.createElement("output");
-      value.className = "value";
-      row.append(this.button("−", () => this.step(name, -1)), value, this.button("+", () => this.step(name, 1)));
+      row.append(this.button("−", () => this.step(name, -1)), make("output", "", "value"), this.button("+", () => this.step(name, 1)));
     }
     return row;
   }
 
   button(text, click, kind = "") {
-    const button = document.createElement("button");
-    button.textContent = text;
-    button.className = kind;
+    const button = make("button", text, kind);
     button.addEventListener("click", click);
     return button;
   }
@@ -99,8 +92,7 @@ export class Tools {
   }
 
   step(name, way) {
-    const now = this.values[name] ?? 0;
-    const next = way > 0 ? STEPS.find((each) => each > now + 0.01) : STEPS.findLast((each) => each < now - 0.01);
+    const next = stepped(this.values[name], way);
     if (next !== undefined) this.set(name, next);
   }
 

@@ -1,19 +1,22 @@
 // Numbers as the pilot reads them: units, and digits by his language.
 
+/** @type {Record<string, { length: [number, string], speed: [number, string], temperature: (c: number) => [number, string] }>} */
 const SYSTEMS = {
   metric: { length: [1, "m"], speed: [1, "m/s"], temperature: (c) => [c, "°C"] },
   imperial: { length: [1 / 0.3048, "ft"], speed: [1 / 0.3048, "ft/s"], temperature: (c) => [c * 1.8 + 32, "°F"] },
   knots: { length: [1, "m"], speed: [3600 / 1852, "kn"], temperature: (c) => [c, "°C"] },
 };
-export const UNITS = Object.keys(SYSTEMS);
 export const UNKNOWN = "–";
 
 class Units {
-  constructor() { this.use("metric", "en"); }
+  system = SYSTEMS.metric;
+  language = "en";
+  formats = new Map(); // by number of decimals
 
   use(system, language) {
-    [this.system, this.language] = [SYSTEMS[system] ?? SYSTEMS.metric, language];
-    this.formats = new Map(); // by number of decimals
+    this.system = SYSTEMS[system] ?? SYSTEMS.metric;
+    this.language = language;
+    this.formats.clear();
   }
 
   number(value, decimals = 0) {
@@ -23,25 +26,29 @@ class Units {
     return this.formats.get(decimals).format(value);
   }
 
-  // Numbers within a text of the service, which writes them with a point.
-  said(text) { return text.replace(/\d+\.(\d+)/g, (all, decimals) => this.number(Number(all), decimals.length)); }
-
   get lengthUnit() { return this.system.length[1]; }
-
-  get speedUnit() { return this.system.speed[1]; }
 
   // [m] to what is shown, and back.
   length(metres) { return metres === undefined ? undefined : metres * this.system.length[0]; }
 
   metres(length) { return length / this.system.length[0]; }
 
-  speed(value, decimals = 2) {
-    return value === undefined ? UNKNOWN : `${this.number(value * this.system.speed[0], decimals)} ${this.speedUnit}`;
-  }
+  // undefined: not known.
+  depth(metres) { return metres === undefined ? undefined : `${this.number(this.length(metres), 2)} ${this.lengthUnit}`; }
+
+  speed(value) { return `${this.number(value * this.system.speed[0], 2)} ${this.system.speed[1]}`; }
 
   temperature(celsius) {
     const [value, unit] = this.system.temperature(celsius);
     return `${this.number(value)} ${unit}`;
+  }
+
+  ms(value) { return value === undefined ? UNKNOWN : `${this.number(value, value < 9.95 ? 1 : 0)} ms`; }
+
+  // [ms] In seconds from one on.
+  age(value) {
+    if (value === undefined) return UNKNOWN;
+    return value < 995 ? `${this.number(value)} ms` : `${this.number(value / 1000, 1)} s`;
   }
 
   time(seconds) {

@@ -9,9 +9,13 @@ const STRIPE_ROWS = 18; // [px] at the top of a picture that has its time in it,
 const RETRY_MS = 700, RATE_MS = 2000;
 
 export class Video {
+  static decoded = () => {}; // a picture can be drawn
+
   // name: of the camera; empty: the first one
   constructor(canvas, connection, name = "") {
-    Object.assign(this, { canvas, connection, name });
+    this.canvas = canvas;
+    this.connection = connection;
+    this.name = name;
     this.g = canvas.getContext("2d");
     this.light = null; // [ms] of the shown picture, by the service's clock …
     this.exact = false; // … and not earlier
@@ -22,7 +26,9 @@ export class Video {
     this.underWay = []; // units that the decoder has
     this.failures = 0;
     this.wanted = true; // the drone has this camera
-    [this.bytes, this.since, this.rate] = [0, performance.now(), 0]; // of what arrives
+    this.bytes = 0; // that have arrived …
+    this.since = performance.now(); // … since then
+    this.rate = 0; // [kbit/s]
     document.addEventListener("visibilitychange", () => (document.hidden ? this.close() : this.open()));
     if (!document.hidden) this.open();
   }
@@ -106,7 +112,7 @@ export class Video {
     this.light = unit.light;
     this.exact = Boolean(unit.flags & EXACT);
     this.shownAt = performance.now();
-    Video.decoded?.();
+    Video.decoded();
   }
 
   fail(error) {

@@ -17,7 +17,9 @@ class Words {
     if (!(language in LANGUAGES)) return;
     this.own = language === "en" ? this.english : await read(language);
     this.language = document.documentElement.lang = language;
-    for (const element of document.querySelectorAll("[data-t]")) element.textContent = this.t(element.dataset.t);
+    /** @type {NodeListOf<HTMLElement>} */
+    const named = document.querySelectorAll("[data-t]");
+    for (const element of named) element.textContent = this.t(element.dataset.t);
   }
 
   t(key, values = {}) {
@@ -25,33 +27,14 @@ class Words {
     return sentence.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "–");
   }
 
-  // Sentences that come without their names, each with what its event adds in brackets.
-  same(text) {
-    if (text.startsWith("LINK ")) return `${this.t("LINK")} ${this.same(text.slice(5))}`;
-    const whole = this.known(text);
-    if (whole) return whole;
-    return text.split("; ").map((part) => {
-      const [sentence] = part.split(/ \(|, \d| for \d/), own = this.known(sentence);
-      return this.known(part) ?? (own ? own + part.slice(sentence.length) : part);
-    }).join("; ");
-  }
-
-  // An English sentence in the pilot's language, with the numbers that are in it; undefined: not one of ours.
-  known(text) {
-    for (const [key, sentence] of Object.entries(this.english)) {
-      if (sentence === text) return this.t(key);
-      if (!key.startsWith("link.") || !sentence.includes("{")) continue;
-      const found = text.match(`^${sentence.replace(/\{(\w+)\}/g, "(?<$1>[\\d.]+)")}$`);
-      if (found) return this.t(key, found.groups);
-    }
-    return undefined;
-  }
-
   // A sentence that the service says: that of its event is translated, and its details stay.
   said(text, event) {
     const english = find(this.english, event), own = find(this.own, event);
     return english && own ? text.replace(english, () => own) : text;
   }
+
+  // The first camera has a name of ours, the others those of the vehicle file.
+  camera(name) { return name === "front" ? this.t("front") : name.replaceAll("_", " "); }
 }
 
 // By the event's name, or by its kind. A condition has one sentence, whether it acts or not.

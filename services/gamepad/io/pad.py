@@ -8,6 +8,10 @@ they are opened. Arming and disarming have to be held.
 `age_ms` is the time since the pad last answered. It grows from the moment the pad is unplugged, or
 has stopped answering although it is plugged in (`PadSilence` says how that is known); then the
 pilot is lost. It is 0 for still sticks, because a pad only reports changes.
+
+A radio pad that lost its link may come back as a second device while the system still repeats the
+last state of the first. So of two devices of one name that which moves is the pilot's, and a new
+one takes over as soon as the first is still.
 """
 
 import pygame
@@ -28,11 +32,34 @@ BUTTONS = (
 )  # fmt: skip
 URGENT: frozenset[Press] = frozenset(("stop", "disarm"))  # accepted from a pad at any time
 HELD: frozenset[Press] = frozenset(("arm", "disarm"))
+STILL_NS = 300_000_000  # [ns] without a change; a hand that moves a stick changes it at each report
 FULL = 32767  # SDL's full travel; the other way it is one more, which counts as full
 
 
+class PadDevice:
+    """One pad that SDL has opened."""
+
+    def __init__(self, index: int) -> None:
+        """
+        Args:
+            index: among the devices that there are now.
+
+        Raises:
+            pygame.error: it was unplugged again before it could be opened.
+        """
+        self.pad = controller.Controller(index)
+        self.name = str(self.pad.name)
+        self.id = self.pad.as_joystick().get_instance_id()  # now: the index counts those there are
+        self.controls = controls_of(self.pad)
+
+    def read(self) -> bool:
+        """Its controls; whether they changed."""
+        before, self.controls = self.controls, controls_of(self.pad)
+        return self.controls != before
+
+
 class Pad:
-    """The first pad that SDL knows. Others are named in the log and ignored."""
+    """The first pad that SDL knows. Another one is named in the log, and waits."""
 
     played = 0
 
@@ -42,7 +69,9 @@ class Pad:
         controller.init()
         self.name = "gamepad"
         self._profile, self._outbox = profile, outbox
-        self._pad: controller.Controller | None = None
+        self._pad: PadDevice | None = None
+        self._others: list[PadDevice] = []  # the newest last
+        self._is_new = False  # the newest has not been taken yet
         self._silence = PadSilence(profile.silent_after, profile.dead_band)
         self._holds = Holds()
         self._silent = False  # it is plugged in and does not answer
@@ -60,15 +89,20 @@ class Pad:
             self._answered_at = now
         if self._pad is None:
             return self._absent(now)
-        controls = controls_of(self._pad)
-        answering = self._silence.read(controls, now)
+        self._pad.read()
+        answering = self._silence.read(self._pad.controls, now)
+        if (other := self._pilots_own(now)) is not None:
+            self._others = [each for each in (*self._others, self._pad) if each is not other]
+            self._take(other, "has the sticks now, because the other one is still")
+            self._pad, answering = other, self._silence.read(other.controls, now)
+        controls = self._pad.controls
         self._answered_at = now - answering.age_ns
         self._notice_silence(self._pad.name, answering)
         if self._silent:
             return self._absent(now)
         sticks = sticks_of(controls, self._profile)
         presses: tuple[Press, ...]
-        presses = presses_of(self._pressed(happened, self._pad), self._profile)
+        presses = presses_of(_pressed(happened, self._pad), self._profile)
         if not self._trusted:
             presses = tuple(kind for kind in presses if kind in URGENT)
         counted = HELD if self._trusted else URGENT
@@ -102,10 +136,27 @@ class Pad:
         )
 
     def _notice_loss(self) -> None:
-        if self._pad is not None and not self._pad.attached():
+        for gone in [each for each in self._others if not each.pad.attached()]:
+            self._others.remove(gone)
+            gone.pad.quit()
+        if self._pad is not None and not self._pad.pad.attached():
             self._outbox.tell(events.UNPLUGGED_PAD(detail=self._pad.name))
-            self._pad.quit()
+            self._pad.pad.quit()
             self._pad, self._silent = None, False
+            if self._others:
+                self._take(self._others.pop(), "is plugged in")
+
+    def _pilots_own(self, now: int) -> PadDevice | None:
+        """Another pad that takes over, where the first is still or does not answer: the same one
+        that came back, or is moved."""
+        moved = [other for other in self._others if other.read()]
+        if self._pad is None or not self._others or self._silence.still_ns(now) < STILL_NS:
+            return None
+        fitting = [each for each in self._others if self._silent or each.name == self._pad.name]
+        if self._is_new and self._others[-1] in fitting:
+            return self._others[-1]
+        in_hand = [each for each in moved if not sticks_of(each.controls, self._profile).at_rest]
+        return next((each for each in in_hand if each in fitting), None)
 
     def _notice_silence(self, name: str, answering: PadAnswer) -> None:
         """A pad that answers again is as one that was plugged in again."""
@@ -119,11 +170,7 @@ class Pad:
 
     def _notice_arrival(self, event: pygame.event.Event) -> None:
         if event.type == pygame.CONTROLLERDEVICEADDED:
-            if self._pad is None:
-                self._adopt(event.device_index)
-            else:
-                why = f"while {self._pad.name} is plugged in"
-                self._outbox.say("info", f"another pad is ignored {why}")
+            self._open(event.device_index)
         elif event.type == pygame.JOYDEVICEADDED and not controller.is_controller(
             event.device_index
         ):
@@ -133,28 +180,37 @@ class Pad:
                 "describe it in the environment variable SDL_GAMECONTROLLERCONFIG",
             )
 
-    def _adopt(self, index: int) -> None:
+    def _open(self, index: int) -> None:
         try:
-            self._pad = controller.Controller(index)
+            pad = PadDevice(index)
         except pygame.error as error:  # unplugged again before it could be opened
             self._outbox.say("warning", f"a pad was plugged in and cannot be opened: {error}")
             return
-        self.name = f"gamepad {self._pad.name}"
-        self._silence = PadSilence(self._profile.silent_after, self._profile.dead_band)
-        self._trusted = False
-        self._announced = True
-        self._outbox.say("info", f"the pad {self._pad.name} is plugged in")
+        if self._pad is None:
+            self._take(pad, "is plugged in")
+            return
+        self._others.append(pad)
+        self._is_new = True
+        until = "is still" if pad.name == self._pad.name else "is gone or silent"
+        self._outbox.say("info", f"another pad, {pad.name}, waits until {self._pad.name} {until}")
 
-    def _pressed(self, happened: list[pygame.event.Event], pad: controller.Controller) -> list[str]:
-        """Names of the buttons that went down, in order."""
-        here = pad.as_joystick().get_instance_id()
-        return [
-            BUTTONS[event.button]
-            for event in happened
-            if event.type == pygame.CONTROLLERBUTTONDOWN
-            and event.instance_id == here
-            and event.button < len(BUTTONS)
-        ]
+    def _take(self, pad: PadDevice, why: str) -> None:
+        self._pad, self.name = pad, f"gamepad {pad.name}"
+        self._silence = PadSilence(self._profile.silent_after, self._profile.dead_band)
+        self._trusted = self._silent = self._is_new = False
+        self._announced = True
+        self._outbox.say("info", f"the pad {pad.name} {why}")
+
+
+def _pressed(happened: list[pygame.event.Event], device: PadDevice) -> list[str]:
+    """Names of the buttons that went down, in order."""
+    return [
+        BUTTONS[event.button]
+        for event in happened
+        if event.type == pygame.CONTROLLERBUTTONDOWN
+        and event.instance_id == device.id
+        and event.button < len(BUTTONS)
+    ]
 
 
 def controls_of(pad: controller.Controller) -> dict[str, float]:

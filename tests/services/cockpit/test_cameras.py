@@ -102,7 +102,8 @@ class Pages:
         return events
 
     def show(self, texts: Mapping[int, str]) -> None:
-        self.newest |= {page: json.loads(text) for page, text in texts.items()}
+        for page, text in texts.items():  # the log comes with some of them
+            self.newest[page] = {**self.newest.get(page, {}), **json.loads(text)}
 
 
 class Deck:
@@ -177,7 +178,7 @@ def test_what_comes_too_late_or_is_no_camera_is_refused_and_said(
     deck.wish(ANN, "camera", held_ms, camera=camera)
     assert deck.chosen == []
     assert sum(deck.node.counts[name] for name in ("expired:wish", "refused_here:camera")) == 1
-    assert any("camera" in line[3] for line in deck.views()[0]["lines"])
+    assert any("camera" in line[3] for line in deck.pages.newest[ANN]["log"])
 
 
 def test_what_another_pilot_chose_is_shown_and_which_camera_has_no_room() -> None:

@@ -1,8 +1,10 @@
 """Two cameras on the pilot's page in a real browser, with the cockpit's own service behind it;
 skipped where there is no Chromium."""
 
+import socket
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
 
@@ -27,10 +29,14 @@ from services.marine.field_of_view import FieldOfView
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.docs.chromium import Browser, BrowserPage, Size
-from tests.support.doors import free_port
+from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.page_screen import CONTRAST, FINGER, SIZES, STATES, UNPRESSED, Served
 
-pytestmark = pytest.mark.system
+PROGRAM = chromium()
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
+]
 STEP_NS = 40_000_000  # [ns]
 WIDTH, HEIGHT = 320, 180
 LUMA = {"front": 200, "down": 60, "gripper": 120, "aft": 90}  # by which a picture is known
@@ -52,7 +58,8 @@ class Deck:
     """A cockpit in real time, and the cameras of its drone."""
 
     def __init__(self, exits: ExitStack, names: list[str]) -> None:
-        settings = Settings(port=free_port(), pilot="ann")
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            settings = Settings(port=free.getsockname()[1], pilot="ann")
         self.url = f"http://127.0.0.1:{settings.port}/"
         self.views = {name: VIEWS[name] for name in names}
         self.host = VirtualHost()
@@ -110,6 +117,19 @@ class Deck:
         self._say[name](msgspec.msgpack.encode(part))
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    assert PROGRAM is not None
+    with Browser(PROGRAM) as opened:
+        yield opened
+
+
+@pytest.fixture
+def exits() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
 def wait_for(page: BrowserPage, what: str, camera: str) -> None:
     """Until a canvas shows this camera: video range becomes full range, and coding blurs."""
     bright = (LUMA[camera] - 16) * 255 / 219
@@ -157,4 +177,31 @@ def test_each_camera_has_an_age_of_its_own(browser: Browser, exits: ExitStack) -
     page.wait("document.getElementById('no-picture').textContent === ''")  # the large one goes on
     deck.roomless.add("down")
     page.wait(f"{LABELS}.join() === 'down · no room on the link'")
+    page.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
+def test_every_camera_and_button_can_be_pressed_whatever_the_drone_does(
+    browser: Browser, exits: ExitStack, size: Size
+) -> None:
+    served = Served(exits)
+    page = served.open(browser, size)
+    listed: dict[str, Any] = {
+        "cameras": [[name, name == "aft"] for name in VIEWS],
+        "large": "front",
+    }
+    for state in STATES.values():
+        served.becomes(page, **state, **listed)
+        page.look(FINGER if size.touch else "0")
+        assert page.look(UNPRESSED) == "", state
+        alarmed = page.look("!document.getElementById('silence').hidden")
+        if alarmed and size.height < 560:  # they give way to what is more urgent
+            page.look("document.getElementById('silence').click()")
+            served.becomes(page, **state, **listed)
+        seen = "document.querySelectorAll('.camera:not([hidden])')"
+        assert page.look(f"[...{seen}].filter((e) => e.checkVisibility()).length") == 3
+        assert page.look(UNPRESSED) == "", state
+        contrast, where = page.look(CONTRAST)
+        assert contrast >= 4.5, where
     page.close()

@@ -1,6 +1,7 @@
 """The page in a real browser flies the simulated drone; skipped where there is no Chromium."""
 
-from collections.abc import Callable
+import socket
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
@@ -10,13 +11,16 @@ pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 from messages import topics
 from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import VehicleStatus
-from tests.support.docs.chromium import Browser, BrowserPage, Size, insist
+from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium, insist
 from tests.support.docs.cockpit_dive import CockpitDive
 from tests.support.docs.cockpit_picture import arm, hold
-from tests.support.doors import free_port
 from tests.support.patience import until
 
-pytestmark = pytest.mark.system
+PROGRAM = chromium()
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
+]
 PHONE = Size(360, 640, touch=True)
 
 CONNECTED = "document.getElementById('activity').textContent.length > 8"
@@ -42,15 +46,17 @@ OVERFLOWS = """
 
 
 class Flight:
-    def __init__(self, browser: Browser, exits: ExitStack, *, camera: bool = False) -> None:
-        port = free_port()
+    def __init__(self, exits: ExitStack, *, camera: bool = False) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        assert PROGRAM is not None
         self.commands: list[PilotCommand] = []
         self.statuses: list[VehicleStatus] = []
         self.dive = exits.enter_context(CockpitDive(port, camera=camera))
         observer = self.dive.host.node("observer", ["drone"])
         observer.each(topics.PILOT_COMMAND, lambda m, _: self.commands.append(m))
         observer.each(topics.STATUS, lambda m, _: self.statuses.append(m))
-        self.browser = browser
+        self.browser = exits.enter_context(Browser(PROGRAM))
 
     def page(self, size: Size, path: str = "") -> BrowserPage:
         return self.browser.open(self.dive.url + path, size)
@@ -63,14 +69,16 @@ class Flight:
 
 
 @pytest.fixture
-def flight(browser: Browser, exits: ExitStack) -> Flight:
-    return Flight(browser, exits)
+def flight() -> Iterator[Flight]:
+    with ExitStack() as exits:
+        yield Flight(exits)
 
 
 @pytest.fixture
-def filmed_flight(browser: Browser, exits: ExitStack) -> Flight:
+def filmed_flight() -> Iterator[Flight]:
     pytest.importorskip("av", reason="the extra camera is not installed")
-    return Flight(browser, exits, camera=True)
+    with ExitStack() as exits:
+        yield Flight(exits, camera=True)
 
 
 @pytest.mark.slow
@@ -104,6 +112,24 @@ def test_a_phone_arms_dives_by_thumb_stops_and_is_lost_when_it_is_locked(filmed_
 
 
 @pytest.mark.slow
+def test_a_phone_that_is_twenty_times_slower_still_lets_go_of_a_stick(flight: Flight):
+    page = flight.page(PHONE)
+    arm(page)
+    page.call("Emulation.setCPUThrottlingRate", rate=20)
+    left = page.middle("#left")
+
+    def push() -> None:
+        page.touch("touchStart", left)
+        page.touch("touchMove", (left[0], left[1] + 40.0))
+
+    insist(lambda: flight.is_so("said[-1].heave > 0.2"), push, lambda: page.touch("touchEnd"))
+    page.touch("touchEnd")
+    flight.until("said[-1].heave == 0.0")
+    page.look("document.getElementById('stop').dispatchEvent(new PointerEvent('pointerdown'))")
+    flight.until("now[-1].activity == 'stopping' or now[-1].failsafe != 'none'")
+
+
+@pytest.mark.slow
 def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight: Flight):
     page = flight.page(Size(1280, 800))
     page.look(PAD)
@@ -127,7 +153,7 @@ def test_a_pad_and_keys_fly_and_a_frozen_pad_is_lost_and_space_never_arms(flight
     insist(lambda: flight.is_so("any(each.heave < -0.3 for each in said)"), push, centre)
     # It stays connected, deflected, and says nothing.
     flight.until("self.dive.counts['lost:page_frozen'] >= 1 and said[-1].pilot == 'lost'")
-    page.wait("document.getElementById('alarms').textContent.includes('pad holds a stick')")
+    page.wait("document.getElementById('now').textContent.includes('pad holds a stick')")
     page.look("document.getElementById('arm').focus()")
     page.key("keyDown", "Space", " ")
     page.key("keyUp", "Space", " ")
@@ -159,3 +185,9 @@ def hold_key(page: BrowserPage, code: str, key: str, happens: Callable[[], bool]
 
     insist(happens, lambda: page.key("keyDown", code, key), let_go)
     let_go()
+
+
+def press(page: BrowserPage, selector: str) -> None:
+    """As a finger does: at its place on the screen, whatever lies there."""
+    page.touch("touchStart", page.middle(selector))
+    page.touch("touchEnd")

@@ -1,6 +1,8 @@
 """The page's map in a real browser: a tap sends the simulated drone there. Skipped where there is
 no Chromium."""
 
+import socket
+from collections.abc import Iterator
 from contextlib import ExitStack
 from math import cos, dist, hypot, radians, sin
 
@@ -12,14 +14,17 @@ pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 from messages import topics
 from messages.pilot import PilotRequest
 from messages.vehicle import Truth, VehicleStatus
-from tests.support.docs.chromium import Browser, BrowserPage, Size
+from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
 from tests.support.docs.cockpit_dive import CockpitDive
 from tests.support.docs.cockpit_picture import arm
-from tests.support.doors import free_port
-from tests.support.page_screen import Served
+from tests.support.page_screen import CONTRAST, FINGER, SIZES, UNPRESSED, Served
 from tests.support.patience import until
 
-pytestmark = pytest.mark.system
+PROGRAM = chromium()
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
+]
 PHONE = Size(390, 844, touch=True)
 POSITION = ("simulator.dvl.rate=5", "simulator.usbl.rate=1", "simulator.usbl.std=0.1")
 TAPPED = (0.58, 0.45)  # [-] of the map's width and height
@@ -41,13 +46,17 @@ PLACE: dict[str, object] = {
     "place": [3.0, 4.0, 0.4, True], "compass_deg": 10.0, "home": [0.0, 0.0], "goal": [9.0, 9.0],
     "current": [0.1, -0.1], "altitude_m": 2.1, "altitude_wanted_m": 2.0,
 }  # fmt: skip
+RECKONED = {**PLACE, "place": [3.0, 4.0, 2.0, False], "goal": None}
+NOWHERE: dict[str, object] = {"compass_deg": 10.0}
 
 
 class MappedDive:
     """A drone, and who watches it."""
 
-    def __init__(self, browser: Browser, exits: ExitStack, *settings: str) -> None:
-        port = free_port()
+    def __init__(self, exits: ExitStack, *settings: str) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        assert PROGRAM is not None
         self.asked: dict[str, PilotRequest] = {}  # by id: they are repeated until answered
         self.truth: Truth | None = None
         self.status: VehicleStatus | None = None
@@ -56,7 +65,7 @@ class MappedDive:
         observer.each(topics.PILOT_REQUEST, lambda m, _: self.asked.update({m.id: m}))
         observer.each(topics.TRUTH, self._see)
         observer.each(topics.STATUS, self._hear)
-        self.page = browser.open(dive.url, PHONE)
+        self.page = exits.enter_context(Browser(PROGRAM)).open(dive.url, PHONE)
         arm(self.page)
         self.page.look(OPEN)
 
@@ -93,9 +102,22 @@ def hold(page: BrowserPage, button: str, gone: str) -> None:
     page.touch("touchEnd")
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    assert PROGRAM is not None
+    with Browser(PROGRAM) as opened:
+        yield opened
+
+
+@pytest.fixture
+def exits() -> Iterator[ExitStack]:
+    with ExitStack() as opened:
+        yield opened
+
+
 @pytest.mark.slow
-def test_a_tap_and_a_held_button_send_the_drone_there(browser: Browser, exits: ExitStack) -> None:
-    dive = MappedDive(browser, exits, *POSITION)
+def test_a_tap_and_a_held_button_send_the_drone_there(exits: ExitStack) -> None:
+    dive = MappedDive(exits, *POSITION)
     page = dive.page
     page.wait(f"{SAID}.startsWith('±')")
     tap(page, TAPPED)
@@ -133,10 +155,8 @@ def test_a_tap_and_a_held_button_send_the_drone_there(browser: Browser, exits: E
 
 
 @pytest.mark.slow
-def test_without_a_measured_position_it_says_why_it_cannot_go(
-    browser: Browser, exits: ExitStack
-) -> None:
-    dive = MappedDive(browser, exits)
+def test_without_a_measured_position_it_says_why_it_cannot_go(exits: ExitStack) -> None:
+    dive = MappedDive(exits)
     page = dive.page
     page.wait(f"{SAID}.startsWith('this drone does not know its position')")
     tap(page, TAPPED)
@@ -144,6 +164,28 @@ def test_without_a_measured_position_it_says_why_it_cannot_go(
     page.wait(f"{own} === 'this drone does not know its position'")
     assert page.look("document.getElementById('map-go').disabled")
     assert dive.gone_to == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
+def test_what_is_on_the_map_can_be_pressed_and_read(
+    browser: Browser, exits: ExitStack, size: Size
+) -> None:
+    served = Served(exits)
+    page = served.open(browser, size, before="localStorage.setItem('map', 'shut');")
+    page.look(FINGER if size.touch else "0")
+    page.look(OPEN)
+    for place in (PLACE, RECKONED, NOWHERE):
+        served.becomes(page, **place)
+        assert page.look(UNPRESSED) == ""
+        contrast, where = page.look(CONTRAST)
+        assert contrast >= 4.5, where
+    if size.touch:
+        served.becomes(page, **PLACE)
+        tap(page, TAPPED)
+        page.wait("!document.getElementById('map-go').disabled")
+        assert page.look(UNPRESSED) == ""
+    page.close()
 
 
 def test_home_is_one_more_place_to_go_to(browser: Browser, exits: ExitStack) -> None:
@@ -174,7 +216,9 @@ def test_the_next_way_points_of_a_path_are_on_the_map(browser: Browser, exits: E
 @pytest.mark.parametrize(
     ("up", "heading", "where", "course"),
     [
+        ("north", 90.0, (0.5, 0.2), 0),
         ("north", 90.0, (0.9, 0.5), 90),
+        ("heading", 90.0, (0.5, 0.2), 90),
         ("heading", 200.0, (0.1, 0.5), 110),
     ],
 )

@@ -3,26 +3,27 @@ the event table and the page itself."""
 
 import json
 import re
-from itertools import product
-from typing import cast
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
-from messages.vehicle import Failsafe, Reaction, VehicleStatus
+from services.cockpit.core import Patience
 from services.cockpit.io.files import PageFiles
-from services.cockpit.page_view import acting
+from services.cockpit.page_view import notes
 from services.link_monitor.core import LinkAlarm
 from services.piloting.keys import KEYS
-from services.reference.failsafe.table import ACTING
-from services.vehicle_view.view import DOES, Newest, vehicle_view
+from services.reference.failsafe.table import table
+from services.reference.settings import FailsafeSettings
+from services.vehicle_view.view import DOES, NOT_OBEYED, VehicleView
 
 FILES = PageFiles().contents
 PAGE = {name: text.decode() for name, text in FILES.items()}
 SENTENCES = {
     name[6:8]: json.loads(text) for name, text in PAGE.items() if name.startswith("words_")
 }
+ON_DISK = Path("services/cockpit/page")
 ENGLISH = SENTENCES["en"]
 OTHERS = sorted(set(SENTENCES) - {"en"})
 S = 1_000_000_000  # [ns]
@@ -57,27 +58,37 @@ def test_every_sentence_that_the_page_asks_for_is_there():
     assert asked - set(ENGLISH) == set()
 
 
-@pytest.mark.parametrize("does", ["stopping", *DOES.values()])
-def test_whatever_the_drone_does_by_itself_is_said_in_four_sentences(does: str):
-    names = [key.removesuffix(".short") for key in ENGLISH if key.endswith(".short")]
-    assert len(names) == 6
-    reactions: dict[str, Reaction] = {words: reaction for reaction, words in DOES.items()}
-    reactions["stopping"] = "stop"
-    for name, resumable in product(names, (False, True)):
-        status = VehicleStatus(
-            stamp_ns=0,
-            activity="stopping" if does == "stopping" else "ready",
-            armed=True,
-            failsafe=cast(Failsafe, name.removeprefix("notice:")),
-            reaction=reactions[does],
-            since_ns=0,
-            resumable=resumable,
-        )
-        assert status.reaction in ACTING
-        said = [key for key, _ in acting(vehicle_view(Newest(status), 5))]
-        keys = [key.replace("failsafe:", "notice:") for key in said]
-        assert len(keys) == 4
-        assert all(ENGLISH[key] for key in keys)
+def test_whatever_the_drone_does_by_itself_can_be_said():
+    acting = [row for row in table(FailsafeSettings()) if row.acts]
+    keys = {f"does.{does}" for does in ("stopping", NOT_OBEYED, *DOES.values())}
+    keys |= {f"notice:{row.name}{part}" for row in acting for part in ("", ".short", ".do")}
+    keys |= {f"back.{row.name}" for row in acting if row.brief}
+    assert len(acting) == 6
+    assert keys <= set(ENGLISH)
+
+
+def test_what_is_wrong_is_sent_by_its_key_with_what_the_drone_adds():
+    note = (
+        "the battery is low (20 %); a sensor is in trouble; calibrating: keep the drone still, 3 s"
+    )
+    view = VehicleView(
+        note=f"{note}; not ready: nobody knows", alarm="no answer from the drone yet"
+    )
+    assert [(each.key, each.more) for each in notes(view)] == [
+        ("link.never", ""),
+        ("notice:battery_low", " (20 %)"),
+        ("notice:sensor", ""),
+        ("calibrating", ", 3 s"),
+        ("", "not ready: nobody knows"),
+    ]
+
+
+def test_a_drone_that_is_not_heard_rises_when_its_failsafe_says_so():
+    assert Patience().pilot_patience == FailsafeSettings().pilot_patience
+    view = VehicleView(armed=True, silent_s=12.0)
+    assert Patience(40.0).counted(view).next_s == 29.0  # a second until it has noticed
+    assert Patience(5.0).counted(view).next_s == 0.0
+    assert Patience().counted(VehicleView(silent_s=12.0)).next_s is None
 
 
 def test_an_alarm_of_the_link_is_known_in_every_language_whatever_its_numbers():
@@ -93,6 +104,7 @@ def test_an_alarm_of_the_link_is_known_in_every_language_whatever_its_numbers():
     alarm.sent(60 * S)
     said["link.silent"] = alarm.text(90 * S)
     for key, text in said.items():
+        assert notes(VehicleView(alarm=text))[0].key == key
         template = re.sub(r"\\\{\w+\\\}", "[0-9.]+", re.escape(ENGLISH[key]))
         assert re.fullmatch(template, text), (key, text)
 
@@ -108,3 +120,10 @@ def test_a_page_is_light():
     languages = [sent[f"words_{language}.json"] for language in OTHERS]
     rest = sum(size for name, size in sent.items() if name[6:8] not in OTHERS)
     assert rest + max(languages) <= MOST
+
+
+def test_the_files_are_where_translators_find_them():
+    for language in OTHERS:
+        text = (ON_DISK / f"words_{language}.json").read_text()
+        own = json.loads(text)
+        assert text == json.dumps(dict(sorted(own.items())), indent=2, ensure_ascii=False) + "\n"

@@ -1,7 +1,9 @@
 """The camera's picture in a real browser; skipped where there is no Chromium."""
 
+import socket
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import msgspec
@@ -23,11 +25,14 @@ from services.cockpit.page_messages import PageClosed, PageOpened
 from services.cockpit.page_view import AGES_MS
 from services.cockpit.video import PageUnit, PictureStream
 from services.marine import time_stripe
-from tests.support.docs.chromium import Browser, BrowserPage, Size
-from tests.support.doors import free_port
+from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
 from tests.support.patience import until
 
-pytestmark = pytest.mark.system
+PROGRAM = chromium()
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
+]
 WIDTH, HEIGHT, HZ = 640, 360, 25.0
 FRAME_MS = 1000.0 / HZ
 AGAIN = 500  # pictures from one keyframe to the next: a page that was held up waits for it
@@ -73,7 +78,8 @@ class Film:
     """
 
     def __init__(self) -> None:
-        settings = Settings(port=free_port())
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            settings = Settings(port=free.getsockname()[1])
         self.url = f"http://127.0.0.1:{settings.port}/watch"
         self.server = PageServer(settings, access_to(settings), Outbox())
         self.late_ms, self.running, self.broken, self.exact = 0.0, False, False, True
@@ -135,11 +141,19 @@ class Film:
         self.server.close()
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    assert PROGRAM is not None
+    with Browser(PROGRAM) as opened:
+        yield opened
+
+
 @pytest.fixture
-def film(exits: ExitStack) -> Film:
-    film = Film()
-    exits.callback(film.close)
-    return film
+def film() -> Iterator[Film]:
+    with ExitStack() as exits:
+        film = Film()
+        exits.callback(film.close)
+        yield film
 
 
 def ages(page: BrowserPage) -> tuple[float, float, float]:

@@ -18,7 +18,6 @@ from services.runtime.config.errors import LindyError
 sdl.load()
 
 import pygame  # noqa: E402
-from pygame._sdl2 import controller  # noqa: E402
 
 from services.gamepad.io.pad import Pad  # noqa: E402
 
@@ -31,14 +30,36 @@ B, Y, BACK, START = 1, 3, 4, 6
 DPAD_UP, DPAD_DOWN = 11, 12
 
 
+class VirtualJoystick(ctypes.Structure):
+    """SDL_VirtualJoystickDesc."""
+
+    _fields_ = (
+        *((name, ctypes.c_uint16) for name in (
+            "version", "type", "naxes", "nbuttons", "nhats", "vendor_id", "product_id", "padding",
+        )),
+        ("button_mask", ctypes.c_uint32),
+        ("axis_mask", ctypes.c_uint32),
+        ("name", ctypes.c_char_p),
+        *((name, ctypes.c_void_p) for name in (
+            "userdata", "update", "player", "rumble", "triggers", "led", "effect",
+        )),
+    )  # fmt: skip
+
+
 class VirtualPad:
     """A pad that a test plugs in, moves and pulls."""
 
-    def __init__(self, kind: int = CONTROLLER) -> None:
+    def __init__(self, kind: int = CONTROLLER, name: bytes | None = None) -> None:
+        """`name`: None: as SDL calls it."""
         sdl2 = self._sdl2 = _sdl2()
-        self._index = sdl2.SDL_JoystickAttachVirtual(kind, 6, 21, 0)
-        assert self._index >= 0
-        self._joystick = sdl2.SDL_JoystickOpen(self._index)
+        if name is None:
+            index = sdl2.SDL_JoystickAttachVirtual(kind, 6, 21, 0)
+        else:
+            said = VirtualJoystick(version=1, type=kind, naxes=6, nbuttons=21, name=name)
+            index = sdl2.SDL_JoystickAttachVirtualEx(ctypes.byref(said))
+        assert index >= 0
+        self._joystick = sdl2.SDL_JoystickOpen(index)
+        self._id = sdl2.SDL_JoystickInstanceID(self._joystick)
 
     def axis(self, axis: int, travel: float) -> None:
         value = max(-32768, min(32767, round(travel * 32768)))
@@ -49,7 +70,9 @@ class VirtualPad:
 
     def pull(self) -> None:
         self._sdl2.SDL_JoystickClose(self._joystick)
-        self._sdl2.SDL_JoystickDetachVirtual(self._index)
+        every = range(self._sdl2.SDL_NumJoysticks())
+        [index] = [k for k in every if self._sdl2.SDL_JoystickGetDeviceInstanceID(k) == self._id]
+        self._sdl2.SDL_JoystickDetachVirtual(index)
 
 
 def _sdl2() -> ctypes.CDLL:
@@ -58,6 +81,7 @@ def _sdl2() -> ctypes.CDLL:
     library = ctypes.CDLL(next(line.split()[-1] for line in maps if "/libSDL2-" in line))
     library.SDL_JoystickOpen.restype = ctypes.c_void_p
     library.SDL_JoystickClose.argtypes = [ctypes.c_void_p]
+    library.SDL_JoystickInstanceID.argtypes = [ctypes.c_void_p]
     library.SDL_JoystickSetVirtualAxis.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_int16]
     library.SDL_JoystickSetVirtualButton.argtypes = [
         ctypes.c_void_p,
@@ -216,24 +240,107 @@ def test_until_the_sticks_were_centred_only_stop_and_disarm_are_heard(pilot: Pil
     plugged.pull()
 
 
-def test_a_second_pad_is_named_and_left_alone(pilot: Pilot):
+@pytest.mark.parametrize("name", [None, b"Another Pad"])
+def test_a_second_pad_is_named_and_left_alone_while_the_first_is_moved(
+    pilot: Pilot, name: bytes | None
+):
     first = VirtualPad()
     pilot.read()
-    second = VirtualPad()
+    second = VirtualPad(name=name)
     pilot.lines()
     pilot.read()
-    assert "ignored" in pilot.lines()[0]
-    other = controller.Controller(1)  # somebody listens to it: only so does SDL tell its buttons
+    assert "another pad, " in pilot.lines()[0]
     second.axis(LEFT_Y, 1.0)
     for button in (START, B, BACK):
         second.button(button)
-    reading = pilot.read()
-    assert reading.sticks == CENTRED
-    assert reading.presses == ()
-    other.quit()
+    for k in range(100):
+        first.axis(RIGHT_X, 0.5 + k / 1000)
+        reading = pilot.read()
+        assert reading.sticks.heave == 0.0
+        assert reading.sticks.sway > 0.0
+        assert reading.presses == ()
     second.pull()
     assert pilot.read().present
     first.pull()
+
+
+def test_a_pad_that_comes_back_as_another_device_has_the_sticks_at_once(pilot: Pilot):
+    """The system still repeats the last state of the first device: its stick no longer acts."""
+    first = VirtualPad()
+    pilot.read()
+    first.axis(LEFT_Y, 0.5)
+    assert [pilot.read() for _ in range(50)][-1].sticks.heave > 0.0
+    again = VirtualPad()
+    assert pilot.read() == StickReading(present=True, at_rest=True, age_ms=0.0)
+    assert "has the sticks now" in pilot.lines()[-1]
+    again.axis(RIGHT_X, 1.0)
+    again.button(B)
+    reading = pilot.read()
+    assert (reading.sticks, reading.presses) == (Sticks(sway=0.6), ("stop",))
+    first.pull()  # at last
+    assert pilot.read().sticks == Sticks(sway=0.6)
+    assert pilot.outbox.counts == {}
+    again.pull()
+    assert not pilot.read().present
+
+
+def test_a_pad_that_comes_back_with_a_held_stick_must_be_centred_first(pilot: Pilot):
+    first = VirtualPad()
+    pilot.read()
+    first.axis(LEFT_Y, 0.5)
+    for _ in range(20):
+        pilot.read()
+    again = VirtualPad()
+    again.axis(LEFT_Y, 0.5)
+    held = [pilot.read() for _ in range(10)]
+    assert all(reading.sticks == CENTRED and not reading.at_rest for reading in held)
+    again.axis(LEFT_Y, 0.0)
+    pilot.read()
+    again.axis(LEFT_Y, 1.0)
+    assert pilot.read().sticks == Sticks(heave=0.6)
+    again.pull()
+    first.pull()
+
+
+def test_of_two_pads_of_one_name_that_which_is_moved_has_the_sticks(pilot: Pilot):
+    first = VirtualPad()
+    pilot.read()
+    second = VirtualPad()
+    for _ in range(50):
+        pilot.read()  # the second one has the sticks, as it came last
+    for moved, still in ((first, second), (second, first), (first, second)):
+        moved.axis(LEFT_Y, 0.5)
+        pilot.read()
+        moved.axis(LEFT_Y, 0.0)
+        pilot.read()
+        moved.axis(LEFT_Y, 1.0)
+        assert pilot.read().sticks == Sticks(heave=0.6)
+        moved.axis(LEFT_Y, 0.0)
+        assert [pilot.read() for _ in range(50)][-1].sticks == CENTRED
+        assert still
+    second.pull()
+    first.pull()
+
+
+def test_another_pad_is_taken_when_the_first_is_gone_or_silent(pilot: Pilot):
+    first = VirtualPad()
+    pilot.read()
+    other = VirtualPad(name=b"Another Pad")
+    for _ in range(100):
+        pilot.read()
+    assert pilot.pad.name == "gamepad Virtual Controller"
+    first.axis(LEFT_Y, 0.5)
+    readings = [pilot.read() for _ in range(252)]
+    assert pilot.outbox.counts == {"silent:pad": 1}
+    assert readings[-1].at_rest
+    assert pilot.pad.name == "gamepad Another Pad"
+    other.pull()
+    pilot.read()
+    assert pilot.pad.name == "gamepad Virtual Controller"
+    first.pull()
+    third = VirtualPad()
+    assert pilot.read().present
+    third.pull()
 
 
 def test_a_pad_sdl_does_not_know_is_named_in_one_line(pilot: Pilot):

@@ -21,6 +21,15 @@ ways = st.lists(
 )  # [ms] pad, link, reference, control, thruster
 
 
+def at_rest(sensed: int) -> VehicleState:
+    here = Estimate(0.0, 0.1)
+    return VehicleState(
+        stamp_ns=sensed + 2 * MS, sensor_ns=sensed, phase="running", depth=here, depth_rate=here,
+        depth_acceleration=here, attitude=(1.0, 0.0, 0.0, 0.0), roll=here, pitch=here,
+        heading=here, heading_navigation=None, yaw_rate=here,
+    )  # fmt: skip
+
+
 def fly(budget: LatencyAccount, k: int, way: tuple[int, ...]) -> int:
     """One command from the stick to the thruster. Returns when its telemetry is back."""
     pad, link, reference, control, thruster = way
@@ -96,15 +105,9 @@ def test_what_is_old_is_not_said() -> None:
 
 def test_the_way_back_adds_up_too_and_is_unknown_without_a_screen() -> None:
     budget = LatencyAccount()
-    here = Estimate(0.0, 0.1)
     for k in range(20):
         sensed = k * 10 * MS
-        state = VehicleState(
-            stamp_ns=sensed + 2 * MS, sensor_ns=sensed, phase="running", depth=here,
-            depth_rate=here, depth_acceleration=here, attitude=(1.0, 0.0, 0.0, 0.0), roll=here,
-            pitch=here, heading=here, heading_navigation=None, yaw_rate=here,
-        )  # fmt: skip
-        budget.state(state, sensed + 32 * MS)
+        budget.state(at_rest(sensed), sensed + 32 * MS)
     assert budget.report(300 * MS, None, "").up is None
     for k in range(8):
         budget.shown(Shown(stamp_ns=k * 250 * MS + 50 * MS, sensor_ns=k * 250 * MS), 300 * MS)
@@ -158,3 +161,17 @@ def test_two_clocks_that_disagree_give_no_time_below_zero(error: int, delay: int
     again = msgspec.msgpack.decode(msgspec.msgpack.encode(said), type=LatencyBudget)
     assert again == said
     assert again.stick_to_thruster_ms is not None
+
+
+@given(arrivals=st.lists(st.integers(1, 3000), max_size=60), after=st.integers(0, 5000))
+def test_what_is_lost_is_the_time_in_which_no_state_arrived(
+    arrivals: list[int], after: int
+) -> None:
+    """Also while the pause lasts. A message that another one replaces at once is not missed."""
+    budget, now = LatencyAccount(), 0
+    assert budget.report(50 * S, None, "").lost_s == 0.0  # nothing was there yet
+    for pause_ms in (0, *arrivals):
+        now += pause_ms * MS
+        budget.state(at_rest(now), now)
+    pauses = [pause for pause in (*arrivals, after) if pause > 500]
+    assert budget.report(now + after * MS, None, "").lost_s * 1000 == sum(pauses)

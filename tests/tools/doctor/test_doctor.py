@@ -1,6 +1,7 @@
 """`lindy doctor`: what it finds at the double of a board, and that it only ever asks."""
 
 import json
+import re
 import socket
 import subprocess
 import sys
@@ -401,6 +402,16 @@ def test_a_stack_that_does_not_go_with_the_vehicle_file_is_said(
     assert main(["doctor", "--vehicle", "pioneer", "--stack", "ardusub"]) == 1
     said = capsys.readouterr().out
     assert f"no table [ardusub]: asked at {Settings().url}, as by default" in said
+
+
+def test_a_vehicle_that_nothing_drives_down_is_said_by_its_thrusters(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own, text = tmp_path / "flat.toml", Path("deploy/vehicles/pioneer.toml").read_text()
+    own.write_text(re.sub(r"direction = \[0\.0, 0\.0, [-0-9.]+\]", "direction = [1, 0, 0]", text))
+    for words in (["doctor"], ["simulate", "--no-files"]):
+        said = complaint(capsys, *words, "--vehicle", str(own))
+        assert "vehicle.thruster: no thruster drives heave" in said
 
 
 @pytest.mark.parametrize(

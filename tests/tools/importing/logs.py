@@ -2,7 +2,7 @@
 
 import json
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import cos, sin
 from pathlib import Path
 from typing import Any
@@ -22,13 +22,20 @@ def noise(seed: int) -> Iterator[float]:
     yield from np.random.default_rng(seed).normal(0.0, 0.01, 10_000)
 
 
-def ros1(path: Path, kind: str = "plain", *, unit: float = 1.0) -> Path:
+def ros1(
+    path: Path,
+    kind: str = "plain",
+    *,
+    unit: float = 1.0,
+    clock: Callable[[int], int] = lambda at: at,
+) -> Path:
     """A bag of ROS 1 with an IMU, pressure, a DVL that is not valid half of the time, and a pad.
 
     Args:
         kind: plain; unset: stamps of 1970; board: stamps since the board began, arriving late;
             nan, twice, gap: what happens at 2 s; old: the logger's clock was never set.
         unit: by which specific force is divided.
+        clock: what the computer's clock says at a time [ns], with which all is stamped.
     """
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
@@ -49,7 +56,7 @@ def ros1(path: Path, kind: str = "plain", *, unit: float = 1.0) -> Path:
 
         random, before = noise(1), None
         for k in range(SECONDS * IMU_HZ):
-            at = began + k * S // IMU_HZ
+            at = clock(began + k * S // IMU_HZ)
             if kind == "gap" and 2.0 <= k / IMU_HZ < 3.0:
                 continue
             stamp = {"unset": 0, "board": at - began + 77 * S}.get(kind, at)
@@ -188,10 +195,18 @@ def dataflash(path: Path, firmware: str = "ArduSub V4.5.3", *, restart: bool = F
     return path
 
 
-def tlog(path: Path, *, kind: int = 12, systems: Sequence[int] = (1,), milli: float = 1.0) -> Path:
+def tlog(
+    path: Path,
+    *,
+    kind: int = 12,
+    systems: Sequence[int] = (1,),
+    milli: float = 1.0,
+    clock: Callable[[int], int | None] = lambda at: at,
+) -> Path:
     """A telemetry log with the sticks of a ground station.
 
     Args:
+        clock: what the ground station's clock says at a time [ns]; None: it heard nothing.
         kind: type of the vehicle.
         systems: vehicles in it.
         milli: by which the pressure [hPa] is multiplied.
@@ -207,7 +222,8 @@ def tlog(path: Path, *, kind: int = 12, systems: Sequence[int] = (1,), milli: fl
     with path.open("wb") as file:
 
         def write(at: int, codec: Any, message: Any) -> None:
-            file.write(struct.pack(">Q", at // 1000) + bytes(message.pack(codec)))
+            if (said := clock(at)) is not None:
+                file.write(struct.pack(">Q", said // 1000) + bytes(message.pack(codec)))
 
         for k in range(SECONDS * SLOW_HZ):
             at = BEGAN_NS + k * S // SLOW_HZ
@@ -249,12 +265,13 @@ ULOG_TOPICS = {  # in the order of their sizes, as PX4 has them, so that nothing
 }  # fmt: skip
 
 
-def ulog(path: Path, *, kind: int = 12) -> Path:
+def ulog(path: Path, *, kind: int = 12, gps_ns: int = BEGAN_NS) -> Path:
     """A log of PX4: one IMU, a barometer, attitude and depth, sticks, a mode. At the end of 2 s its
     estimator no longer knows the depth.
 
     Args:
         kind: type of the vehicle.
+        gps_ns: [ns] UTC as its GPS says.
     """
     blocks = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", BOOT_S * 1_000_000)]
 
@@ -273,7 +290,7 @@ def ulog(path: Path, *, kind: int = 12) -> Path:
         block(b"D", struct.pack("<H", numbers[name]) + body)
 
     random = noise(6)
-    say("vehicle_gps_position", BOOT_S * 1_000_000, BEGAN_NS // 1000)
+    say("vehicle_gps_position", BOOT_S * 1_000_000, gps_ns // 1000)
     for k in range(SECONDS * IMU_HZ):
         us = BOOT_S * 1_000_000 + k * 1_000_000 // IMU_HZ
         say("sensor_combined", us, 0.1, 0.2, 0.3, next(random), 0.0, -GRAVITY)

@@ -47,7 +47,7 @@ def test_a_logger_s_clock_that_steps_back_goes_on() -> None:
     began = 1_700_000_000 * S
     found = [clock.arrival(began + k * S) for k in (0, 10, 4, 5, 6)]
     assert [(at - began) // S for at in found] == [0, 10, 10, 11, 12]
-    assert clock.steps == [(10.0, 6.0)]
+    assert clock.set_at == [(10.0, -6.0)]
 
 
 def test_what_was_written_a_little_out_of_order_is_no_step() -> None:
@@ -55,7 +55,7 @@ def test_what_was_written_a_little_out_of_order_is_no_step() -> None:
     began = 1_700_000_000 * S
     found = [clock.arrival(began + k * S // 10) for k in (0, 3, 2, 4)]
     assert [(at - began) * 10 // S for at in found] == [0, 3, 3, 4]
-    assert clock.steps == []
+    assert clock.set_at == []
 
 
 def test_a_pause_is_a_gap_only_where_it_is_long_for_that_stream() -> None:

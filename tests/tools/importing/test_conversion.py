@@ -85,7 +85,7 @@ def test_an_autopilot_that_is_wrong_is_left_out_and_counted(rolls: list[float]) 
     numbers = [*rolls, *[100.0 + k for k in range(200)], *rolls]
     found, odd = converted("vehicle/estimate", {"roll": {"from": ["x"], "unit": "rad"}}, numbers)
     assert [m.roll for m in found if isinstance(m, VehicleEstimate)] == rolls
-    assert odd["roll cannot be [SI], left out"] == len(numbers) - len(rolls)
+    assert odd["roll cannot be [rad], left out"] == len(numbers) - len(rolls)
 
 
 def test_commands_are_armed_as_the_status_says() -> None:

@@ -38,7 +38,7 @@ FULL = View(
     down_ms=112.3,
     up_ms=108.9,
     rtt_ms=221.2,
-    lost=123456,
+    lost_s=1234.5,
     silent=("link_monitor_drone", "hub_drone"),
     alarm="round trip has risen from 1234 to 12345 ms",
     flight_mode="station_keeping",
@@ -80,7 +80,7 @@ def test_a_full_screen_fits_and_has_as_many_lines_as_one_of_unknowns(width: int)
 def test_every_value_is_shown_whole(width: int):
     text = "\n".join(text_of(FULL, width))
     for value in (
-        "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 123456",
+        "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 1234.5 s",
         "01:23 of 01:35", "ARMED", "stopping", "FAILSAFE pilot lost for 17 s, rises in 43 s",
         "+0.50", "-1.00", "-0.25",
         "visualizer gone", "1234567", FULL.alarm, "station keeping", "50 %", "15.9 V",
@@ -103,12 +103,12 @@ def test_whatever_the_height_nothing_that_a_pilot_needs_is_cut(
     assert "ARMED" in text
     assert "12.35 m" in text
     assert "15.9 V" in text
-    assert "lost 123456" in text
+    assert "lost 1234.5 s" in text
     assert (FULL.alarm in text) == alarm
     assert FULL.words in text
-    if height >= 9 + alarm + 1 + LINES:  # there is room for every log line
+    if height >= 10 + alarm + 1 + LINES:  # there is room for every log line
         assert all(f"line {n} [ms]" in text for n in range(3, LINES + 3))
-    if height >= 9 + alarm + 1 + LINES + 4 and services:  # … and for a service or two
+    if height >= 10 + alarm + 1 + LINES + 4 and services:  # … and for a service or two
         assert f"service_{services - 1} gone" in text
 
 
@@ -195,7 +195,7 @@ def test_everything_at_once_is_shown_whole_on_80_by_24():
         "last known: ARMED", "FAILSAFE IMU lost for 17 s, rises in 43 s", WORST.words,
         "no status from the drone for 1234 s",
         WORST.alarm, "SILENT recorder +2", "123.45 m", "123.46 m", "359.9°", "359.8°", "3.0 s old",
-        "station keeping", "50 %", "15.9 V, 46 %", "+0.50", "lost 123456",
+        "station keeping", "50 %", "15.9 V, 46 %", "+0.50", "lost 1234.5 s",
         "2.0 s reference: battery low", "1.0 s reference: tether pulled",
         "0.0 s reference: water in the enclosure", "toy49: all is well",
     ):  # fmt: skip

@@ -9,9 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from services.recorder.foxglove.channel import is_view
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
 from tools.log.cut import WantedPart, cut_out
+from tools.log.recover import recovered
 from tools.recordings.recording import is_whole, open_recording
 
 from .conftest import ShortDive
@@ -65,7 +67,8 @@ def test_it_keeps_what_arrived_in_that_time_and_nothing_else(
     with TemporaryDirectory() as folder:
         out = Path(folder) / "part.mcap"
         if expected:
-            assert cut_out(recording, out, part) == len(expected)
+            drawn = sum(is_view(topic) for topic, *_ in expected)
+            assert cut_out(recording, out, part) == len(expected) - drawn
             assert messages(out) == expected
 
 
@@ -84,6 +87,18 @@ def test_attachments_and_schemas_are_kept_and_the_hash_is_not(
         assert schemas < {schema.data for schema, _, _ in before.iter_messages() if schema}
     assert "hash" not in metadata
     assert metadata["cut"]["to_s"] == "2.0"
+
+
+def test_messages_are_counted_as_every_other_verb_counts_them(
+    dive: ShortDive, tmp_path: Path
+) -> None:
+    """Without what is only drawn for Foxglove, which is kept."""
+    every, out = messages(dive.folder), tmp_path / "part.mcap"
+    drawn = sum(is_view(topic) for topic, *_ in every)
+    assert drawn > 0
+    assert cut_out(open_recording(dive.folder), out, WantedPart(0.0, inf)) == len(every) - drawn
+    assert recovered(dive.folder, tmp_path / "mended.mcap").messages == len(every) - drawn
+    assert sum(1 for _ in open_recording(str(out))) == len(every) - drawn
 
 
 def test_from_beginning_to_end_is_everything(dive: ShortDive, tmp_path: Path) -> None:

@@ -44,6 +44,7 @@ def dive(
         topics.PILOT_REQUEST.key: stream("stamp_ns", "kind"),
         topics.STATUS.key: stream(*STATUS),
         topics.REFERENCE.key: stream("valid_ns", "epoch"),
+        topics.TRUTH.key: stream("stamp_ns", "heave", "yaw"),
     }
     return counting(RecordedDive({}, {}, streams), armed)
 
@@ -91,6 +92,18 @@ def test_a_stop_is_measured(bounce: float, centre: float, tmp_path: Path) -> Non
     assert stop.lindy_ran_on is not None
     assert 0.0 < stop.lindy_ran_on < SPEED * 2.0
     assert stop.jerk is not None
+
+
+def test_where_the_truth_was_recorded_a_stop_is_measured_by_it(tmp_path: Path) -> None:
+    flown, true = dive("heave"), sinking(0.0)
+    rows = [(1e9 * t, depth, 0.0) for t, depth in zip(true.t, true.depth, strict=True)]
+    flown.streams[topics.TRUTH.key] = stream("stamp_ns", "heave", "yaw", rows=rows)
+    found = reviewed_stops(flown, sinking(0.05), None, settings(tmp_path), None)
+    (stop,) = found.stops
+    assert (stop.by, stop.bounced_back) == ("truth", pytest.approx(0.0, abs=1e-3))
+    assert stop.ran_on == pytest.approx(SPEED * TAU, rel=0.05)
+    estimated = reviewed_stops(dive("heave"), sinking(0.05), None, settings(tmp_path), None)
+    assert [stop.by for stop in estimated.stops] == ["estimate"]
 
 
 def test_a_stop_ends_where_the_drone_goes_on_by_itself(tmp_path: Path) -> None:

@@ -2,23 +2,21 @@
 simulator's sensors, a new unit for each seed, and the errors of each heading."""
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 from msgspec.structs import replace
 
-from messages.sensors import ImuSample, MagnetometerSample, PressureSample
-from messages.units import Quaternion, Vec3
+from lindy.api.dives import Stack
+from lindy.api.messages import ImuSample, MagnetometerSample, PressureSample, Quaternion, Vec3
+from lindy.api.vehicle import Vehicle, from_euler, to_body, to_world
+from lindy_research.dives import DT, Floats
+from lindy_research.flights import TruthLog, busy, flown
 from services.estimation.core import Estimator
 from services.estimation.settings import Settings as EstimationSettings
-from services.marine.attitude import from_euler, to_body
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
+from services.marine.attitude import down_in_body, normalised
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Settings
-from tests.support import marg
-from tests.support.flights import DT, Floats, TruthLog, busy, flown
-from tests.support.flights import HZ as HZ
 
 PLAIN_GAIN = 0.05  # [rad/s] of the plain filter
 RAMP = 2.0  # [s] over which iron comes and goes
@@ -117,7 +115,7 @@ def plain(flight: TruthLog, samples: HeadingSamples) -> Floats:
     q: Quaternion = from_euler(0.0, 0.0, float(flight.heading[first]))
     headings = np.full(n, np.nan)
     for k in range(first, n):
-        q = marg.step(q, rates[k], samples.force[k], samples.field[k], PLAIN_GAIN, DT)
+        q = followed(q, rates[k], samples.force[k], samples.field[k], PLAIN_GAIN, DT)
         w, x, y, z = q
         headings[k] = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return _off(headings, flight)
@@ -130,3 +128,54 @@ def rms(errors: Floats) -> float:
 
 def _off(headings: Floats, flight: TruthLog) -> Floats:
     return np.remainder(headings - flight.heading + pi, 2 * pi) - pi
+
+
+def followed(
+    q: Quaternion, rate: Vec3, force: Vec3, field: Vec3, beta: float, dt: float
+) -> Quaternion:
+    """The plain filter: Madgwick's for gyroscope, accelerometer and magnetometer (Madgwick 2010,
+    section 3.3), which follows whatever the compass says.
+
+    q_NB after `dt` [s] with the angular rate [rad/s], the specific force and the magnetic field
+    (any unit), FRD; `beta` [rad/s] is the filter's gain (Madgwick 2010, eq. 29 to 34 and 45, 46:
+    north is where the field shows now, so it pulls on the heading alone)."""
+    down = _scaled(force, -1.0)
+    m = _scaled(field, 1.0)
+    north, east, _ = to_world(q, m)
+    bx = sqrt(north * north + east * east)
+    dx, dy, dz = down_in_body(q)
+    bz = dx * m[0] + dy * m[1] + dz * m[2]
+    w, x, y, z = q
+    ex, ey, ez = dx - down[0], dy - down[1], dz - down[2]
+    # bx times the world's north plus bz times its down, in the body, against what was measured.
+    fx = bx * (1 - 2 * (y * y + z * z)) + bz * dx - m[0]
+    fy = bx * 2 * (x * y - w * z) + bz * dy - m[1]
+    fz = bx * 2 * (x * z + w * y) + bz * dz - m[2]
+    ax, ay, az = ex + bz * fx, ey + bz * fy, ez + bz * fz  # both pull along the down axis
+    gw = 2 * (x * ay - y * ax + bx * (y * fz - z * fy))
+    gx = 2 * (z * ax + w * ay - 2 * x * az + bx * (y * fy + z * fz))
+    gy = 2 * (z * ay - w * ax - 2 * y * az + bx * (x * fy + w * fz - 2 * y * fx))
+    gz = 2 * (x * ax + y * ay + bx * (x * fz - w * fy - 2 * z * fx))
+    slope = sqrt(gw * gw + gx * gx + gy * gy + gz * gz)
+    tw, tx, ty, tz = _turned(q, rate, dt)
+    if slope > 0.0:
+        k = beta * dt / slope
+        tw, tx, ty, tz = tw - k * gw, tx - k * gx, ty - k * gy, tz - k * gz
+    return normalised((tw, tx, ty, tz))
+
+
+def _turned(q: Quaternion, rate: Vec3, dt: float) -> Quaternion:
+    """q + dt dq/dt, not yet a unit (Madgwick 2010, eq. 12)."""
+    w, x, y, z = q
+    a, b, c = (0.5 * dt * r for r in rate)
+    return (
+        w - x * a - y * b - z * c,
+        x + w * a + y * c - z * b,
+        y + w * b - x * c + z * a,
+        z + w * c + x * b - y * a,
+    )
+
+
+def _scaled(v: Vec3, sign: float) -> Vec3:
+    size = sign * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return v[0] / size, v[1] / size, v[2] / size

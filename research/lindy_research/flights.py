@@ -10,25 +10,15 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from messages import topics
-from messages.reference import Reference
-from messages.state import VehicleState
-from messages.vehicle import Actuation, Truth
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from lindy.api.dives import Registry, Stack, VirtualHost
+from lindy.api.messages import Actuation, Reference, Truth, VehicleState, topics
+from lindy_research.dives import CHAIN, DEEP, LONGEST_START, Floats, Row, Stick
 
-Floats = NDArray[np.float64]
-Stick = tuple[float, float, float, float]  # surge, sway, heave, yaw; -1 … 1
-Script = tuple[tuple[float, Stick], ...]  # from when [s after arming] on which sticks
+Script = tuple[Row, ...]
 
-CHAIN = ("simulator", "estimation", "reference", "control", "tether", "gamepad")
 HZ = 100.0  # [1/s] of the truth
 DT = 1.0 / HZ  # [s]
-LONGEST_START = 60.0  # [s] until armed, or something is wrong
-DEEP = "simulator.floor_depth=60"  # [m] nothing to bump into
 LEAST, MOST = 2.0, 20.0  # [m] the pilot turns round here
 HEAVE = (-1.0, -0.6, 0.0, 0.0, 0.6, 1.0)
 FULL_HEAVE = 0.5  # [m/s]

@@ -1,0 +1,97 @@
+// What a pilot is told, the most important first, each by a code: it is the same message whatever its
+// numbers do. Red is danger, amber is now, plain is what comes next, grey is past.
+
+import { LEAK } from "./alarms.js";
+import { units } from "./units.js";
+import { words } from "./words.js";
+
+const BACK = ["link_lost", "pilot_lost", "state_lost"]; // failsafes that are over once they can be resumed
+const BUSY = "notice:service_late"; // is nothing to fly by
+
+/** @typedef {{ code: string, tone: "alarm" | "warning" | "plain" | "past", text: string, loud: boolean }} Message */
+
+// Each with a capital letter and a full stop.
+const sentences = (parts) =>
+  parts.filter(Boolean).map((each) => `${each[0].toUpperCase()}${each.slice(1).replace(/[.。]$/, "")}.`).join(" ");
+
+/** @param {PageView} view */
+export const acts = (view) => Boolean(view.failsafe && view.failsafe !== "none");
+
+// Of an event its name without its kind: a condition is one, whether it is noticed or acts.
+export const codeOf = (name) => name.replace(/^(notice|failsafe):/, "");
+
+/**
+ * @param {PageView} view
+ * @param {Personal} you
+ * @param {{ stop?: string, cut?: string, watching?: boolean, stopped?: boolean, hint?: string, recent?: { code: string, text: string } }} page
+ *   keys of what the page itself knows: of a STOP that is not answered, of a cut connection; sentences
+ *   of what comes next, and of what has just been said
+ * @returns {Message[]}
+ */
+export function messages(view, you, page) {
+  /** @type {Message[]} */
+  const all = [];
+  const notes = view.notes ?? [], silent = view.silent_s !== undefined;
+  const add = (code, tone, ...parts) => all.push({ code, tone, text: sentences(parts), loud: tone === "alarm" });
+  if (page.stop) add(page.stop, "alarm", words.t(page.stop));
+  if (view.wet) add(LEAK, "alarm", words.t("notice:leak"), words.t("notice:leak.do"));
+  if (page.cut === "connecting") add("cut", "plain", words.t(page.cut));
+  else if (page.cut) add("cut", "alarm", words.t(page.cut), page.watching ? "" : words.t("pilot_lost"));
+  if (silent && view.armed) add("silent", "alarm", words.t("link.gone"), gone(view));
+  else if (acts(view)) all.push(failsafe(view, you));
+  else if (you.lost && view.armed) add("pilot_lost", "alarm", words.t(you.lost));
+  if (!silent) for (const note of notes) if (note[0] === "link") add("link", "alarm", `${words.t("LINK")} ${said(note)}`);
+  if (you.wants_rest) add("wants_rest", "warning", words.t("wants_rest"));
+  if (page.stopped) add("stopped", "warning", words.t(view.activity === "stopping" ? "stopping.rest" : "stopped"));
+  const { recent } = page;
+  if (recent && !all.some(({ code }) => code === recent.code)) add(recent.code, "warning", recent.text);
+  for (const note of notes) {
+    const [kind, key] = note, code = codeOf(key);
+    if (kind === "link" || all.some((each) => each.code === code && code)) continue;
+    if (key === BUSY) add(code, "past", words.t("busy"));
+    else add(code, key === "calibrating" ? "plain" : "warning", said(note));
+  }
+  if (page.hint) add("hint", "plain", page.hint);
+  return all;
+}
+
+// What the drone says beside its event stays as it says it.
+function said([, key, numbers, more]) {
+  const own = Object.entries(numbers).map(([name, value]) => [name, units.number(value, Number.isInteger(value) ? 0 : 1)]);
+  return (key ? words.t(key, Object.fromEntries(own)) : "") + more;
+}
+
+// What a drone does that hears nobody either.
+/** @param {PageView} view */
+function gone(view) {
+  if (acts(view)) return words.t(`does.${view.doing}`);
+  return view.next_s ? words.t("gone.rises", { s: units.number(view.next_s) }) : words.t("does.rising");
+}
+
+// What is lost, what the drone does, and what the pilot must.
+/** @param {PageView} view @param {Personal} you @returns {Message} */
+function failsafe(view, you) {
+  const name = view.failsafe, over = view.resumable && BACK.includes(name);
+  const mine = you.watcher || (you.has_sticks && you.in_control);
+  const depth = units.depth(view.depth_m);
+  const does = over && depth && view.doing === "holding" ? words.t("holds_at", { depth }) : words.t(`does.${view.doing}`);
+  const more = view.next_s === undefined ? does : words.t("then", { what: does, s: units.number(view.next_s) });
+  const must = view.returns === "centre" ? "do.centre" : over ? "do.resume" : `failsafe:${name}.do`;
+  const lost = name === "pilot_lost" && you.lost ? words.t(you.lost) : words.t(`failsafe:${name}.short`);
+  const takes = !mine && (over || view.returns === "centre" || name === "pilot_lost");
+  const text = sentences([over ? words.t(`back.${name}`) : lost, more, words.t(takes ? "do.take" : must)]);
+  return { code: name, tone: over ? "warning" : "alarm", text, loud: true };
+}
+
+// STOP holds the drone until a stick moves it, or something else does.
+export class Stopped {
+  holds = false;
+
+  /** @param {PageView} view @param {boolean} asked a STOP was just confirmed */
+  look(view, asked) {
+    const { activity } = view, moved = activity === "piloted" && (view.sticks ?? []).some(Boolean);
+    if (asked || activity === "stopping") this.holds = true;
+    if (!view.armed || moved || activity === "goto" || activity === "follow") this.holds = false;
+    return this.holds && !acts(view);
+  }
+}

@@ -1,0 +1,335 @@
+"""What is damaged, missing or set wrong in a log costs that alone, and is said, in every format."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from messages.sensors import PressureSample
+from tools.__main__ import main
+from tools.recordings.mcap_records import Damage, records
+
+from .logs import (
+    BEGAN_NS,
+    IMU_HZ,
+    SECONDS,
+    SLOW_HZ,
+    S,
+    dataflash,
+    fluid,
+    imu,
+    mcap,
+    messages,
+    noise,
+    odd,
+    report,
+    ros1,
+    ros2,
+    tlog,
+    ulog,
+)
+from .test_rosbags import imported
+
+WRITERS: dict[str, Callable[[Path], Path]] = {
+    "a.bag": ros1,
+    "a.mcap": mcap,
+    "a.bin": dataflash,
+    "a.tlog": tlog,
+    "a.ulg": ulog,
+}
+CHANGED_S = 1_650_000_000  # [s] UTC at which a file was changed last
+RUBBISH = np.random.default_rng(11).bytes(70_000)
+
+
+def imu_samples(folder: Path) -> int:
+    return len(messages(folder, "sensor/imu"))
+
+
+def all_samples(name: str) -> int:
+    return SECONDS * (SLOW_HZ if name.endswith("tlog") else IMU_HZ)
+
+
+def remarks(folder: Path) -> str:
+    return " ".join(report(folder)["remarks"])
+
+
+@pytest.mark.parametrize("rubbish", [b'"\x91' * 40, RUBBISH, bytes(5000) + RUBBISH])
+@pytest.mark.parametrize("name", WRITERS)
+def test_what_is_before_a_log_is_passed_over(tmp_path: Path, name: str, rubbish: bytes) -> None:
+    log = WRITERS[name](tmp_path / name)
+    log.write_bytes(rubbish + log.read_bytes())
+    out = imported(log, tmp_path / "dive")
+    assert imu_samples(out) == all_samples(name)
+    assert f"{len(rubbish)} bytes " in remarks(out)
+
+
+@pytest.mark.parametrize("size", [3_000_000, 5000, 100])
+@pytest.mark.parametrize("name", WRITERS)
+def test_zeros_behind_a_log_are_passed_over(tmp_path: Path, name: str, size: int) -> None:
+    """The space that a logger took before it wrote."""
+    log = WRITERS[name](tmp_path / name)
+    with log.open("ab") as file:
+        file.write(bytes(size))
+    out = imported(log, tmp_path / "dive")
+    assert all_samples(name) - 1 <= imu_samples(out) <= all_samples(name)
+    if size > 4096:
+        assert "bytes of zeros behind its end are left out" in remarks(out)
+
+
+def test_zeros_behind_a_recording_that_was_cut_off_are_one_damage(tmp_path: Path) -> None:
+    whole = mcap(tmp_path / "a.mcap").read_bytes()
+    log = tmp_path / "cut.mcap"
+    log.write_bytes(whole[: len(whole) // 2] + bytes(1_000_000))
+    damage = Damage()
+    assert sum(1 for _ in records(log, damage=damage)) > 100
+    assert len(damage.places) == 1
+    assert 50 < imu_samples(imported(log, tmp_path / "dive")) < SECONDS * IMU_HZ
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.bin", "a.ulg", "a.tlog", "a.csv"])
+def test_a_clock_that_was_never_set_ends_when_the_file_was_changed(
+    tmp_path: Path, name: str
+) -> None:
+    options: tuple[str, ...] = ()
+    if name == "a.bag":
+        log = ros1(tmp_path / name, "old")
+    elif name == "a.tlog":
+        log = tlog(tmp_path / name, clock=lambda at: at - BEGAN_NS + 5 * S)
+    elif name == "a.ulg":
+        log = ulog(tmp_path / name, gps_ns=5 * S)
+    elif name == "a.csv":
+        log, own = tmp_path / name, tmp_path / "map.toml"
+        rows = [f"{5 + k / IMU_HZ},{1013.0 + k}" for k in range(SECONDS * IMU_HZ)]
+        log.write_text("\n".join(["up,mbar", *rows]) + "\n")
+        own.write_text(TABLE)
+        options = ("--map", str(own))
+    else:
+        log = dataflash(tmp_path / name)
+    os.utime(log, (CHANGED_S, CHANGED_S))
+    out = imported(log, tmp_path / "dive", *options)
+    key = "sensor/pressure" if name == "a.csv" else "sensor/imu"
+    times = [one.log_ns for one in messages(out, key)]
+    assert times[-1] == pytest.approx(CHANGED_S * S, abs=S // 5)
+    assert times[-1] - times[0] == pytest.approx(SECONDS * S, abs=S // 5)
+    assert "its clock was never set" in remarks(out)
+
+
+TABLE = """
+about = "one table"
+vehicle = "pioneer"
+[[take]]
+topic = "*"
+as = "sensor/pressure"
+stamp = "up"
+stamp_unit = "s"
+[take.fields]
+pressure = { from = ["mbar"], unit = "mbar" }
+"""
+DAY = 86_400 * S  # [ns]
+CLOCKS: dict[str, list[int]] = {  # [ns] ahead of the truth, in each of the seconds of a log
+    "set once": [-1096 * DAY, 0, 0, 0],
+    "set at the end": [-1096 * DAY, -1096 * DAY, -1096 * DAY, 0],
+    "never set, then set": [-BEGAN_NS + S, -BEGAN_NS + S, 0, 0],
+    "there and back": [0, -1096 * DAY, 0, -1096 * DAY],
+    "three clocks": [-2000 * DAY, -1096 * DAY, -1096 * DAY, 0],
+    "by two hours": [-7200 * S, -7200 * S, 0, 0],
+}
+
+
+@pytest.mark.parametrize("kind", CLOCKS)
+def test_a_clock_that_is_set_in_mid_log_goes_on(tmp_path: Path, kind: str) -> None:
+    ahead = CLOCKS[kind]
+
+    def clock(at: int) -> int:
+        return at + ahead[min(SECONDS - 1, (at - BEGAN_NS) // S)]
+
+    out = imported(tlog(tmp_path / "a.tlog", clock=clock), tmp_path / "dive")
+    times = [one.log_ns for one in messages(out, "sensor/imu")]
+    assert times == pytest.approx(
+        [BEGAN_NS + k * S // SLOW_HZ for k in range(SECONDS * SLOW_HZ)], abs=2_000_000
+    )
+    assert "log: the logger's clock stepped" in " ".join(odd(out))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in CLOCKS if kind != "by two hours"])
+def test_a_table_s_clock_that_is_set_goes_on_too(tmp_path: Path, kind: str) -> None:
+    ahead = CLOCKS[kind]
+    rows = [
+        f"{(BEGAN_NS + k * S // 10 + ahead[k // 10]) / S:.3f},{1013.0 + k}"
+        for k in range(SECONDS * 10)
+    ]
+    log, own = tmp_path / "a.csv", tmp_path / "map.toml"
+    log.write_text("\n".join(["up,mbar", *rows]) + "\n")
+    own.write_text(TABLE)
+    out = imported(log, tmp_path / "dive", "--map", str(own))
+    times = [one.log_ns for one in messages(out, "sensor/pressure")]
+    assert times == pytest.approx(
+        [BEGAN_NS + k * S // 10 for k in range(SECONDS * 10)], abs=1_000_000
+    )
+
+
+@pytest.mark.parametrize("kind", ["set once", "set at the end", "never set, then set"])
+def test_a_bag_s_clock_that_is_set_goes_on_too(tmp_path: Path, kind: str) -> None:
+    """Also its stamps, which are by the same clock."""
+    ahead = CLOCKS[kind]
+    log = ros1(tmp_path / "a.bag", clock=lambda at: at + ahead[(at - BEGAN_NS) // S])
+    out = imported(log, tmp_path / "dive")
+    samples = messages(out, "sensor/imu")
+    wanted = [BEGAN_NS + k * S // IMU_HZ for k in range(SECONDS * IMU_HZ)]
+    assert [one.log_ns for one in samples] == pytest.approx(wanted, abs=1_000_000)
+    assert [one.publish_ns for one in samples] == pytest.approx(wanted, abs=1_000_000)
+
+
+def test_one_wrong_time_does_not_date_a_log(tmp_path: Path) -> None:
+    def clock(at: int) -> int:
+        return at + (20_000 * DAY if at == BEGAN_NS + S else 0)
+
+    out = imported(tlog(tmp_path / "a.tlog", clock=clock), tmp_path / "dive")
+    times = [one.log_ns for one in messages(out, "sensor/imu")]
+    assert times[0] == pytest.approx(BEGAN_NS, abs=2_000_000)
+    assert times[-1] - times[0] == pytest.approx(3.9 * S, abs=2_000_000)
+
+
+def test_a_dead_time_of_telemetry_is_kept_where_the_clock_is_set(tmp_path: Path) -> None:
+    """By the time since boot."""
+
+    def clock(at: int) -> int | None:
+        second = (at - BEGAN_NS) // S
+        return None if second == 1 else at - (1096 * DAY if second < 1 else 0)
+
+    out = imported(tlog(tmp_path / "a.tlog", clock=clock), tmp_path / "dive")
+    times = [one.log_ns for one in messages(out, "vehicle/estimate")]
+    assert times[-1] - times[0] == pytest.approx(3.9 * S, abs=S // 5)
+
+
+@pytest.mark.parametrize("kind", ["RAW_IMU", "SCALED_PRESSURE2", "HEARTBEAT"])
+def test_packets_with_a_wrong_checksum_are_counted_by_name(tmp_path: Path, kind: str) -> None:
+    numbers = {"RAW_IMU": 27, "SCALED_PRESSURE2": 137, "HEARTBEAT": 0}
+    data, at, damaged = bytearray(tlog(tmp_path / "a.tlog").read_bytes()), 8, 0
+    while at < len(data):
+        length, number = data[at + 1], int.from_bytes(data[at + 7 : at + 10], "little")
+        if number == numbers[kind]:
+            damaged += 1
+            data[at + 10 + length] ^= 0xFF * (damaged % 2)  # half of them
+        at += 12 + length + 8
+    (tmp_path / "a.tlog").write_bytes(data)
+    out = imported(tmp_path / "a.tlog", tmp_path / "dive")
+    assert f"damaged messages are left out: {(damaged + 1) // 2} of {kind}" in remarks(out)
+
+
+# Bags with a topic that cannot be read.
+
+ZERO_HASH = "RIHS01_" + "0" * 64
+OWN_TYPES = {  # what the bag says of /thrusters, its type, and what is said of it
+    "empty": ("", "my_msgs/msg/One", "its type is not in the log"),
+    "a part is missing": (
+        "my_msgs/Part[] parts\nfloat64 x\n", "my_msgs/msg/One",
+        "my_msgs/msg/Part, a part of its type, is not in the log",
+    ),
+    "a part of a part is missing": (
+        "my_msgs/Part part\n" + "=" * 80 + "\nMSG: my_msgs/Part\nmy_msgs/Deep[2] deep\n",
+        "my_msgs/msg/One", "my_msgs/msg/Deep, a part of its type, is not in the log",
+    ),
+    "no grammar": ("= = ; {no type}\n", "my_msgs/msg/One", "its type cannot be read"),
+    "constants only": (
+        "my_msgs/State[] states\n" + "=" * 80 + "\nMSG: my_msgs/State\nuint8 OFF=0\nuint8 ON=1\n",
+        "my_msgs/msg/All", "",
+    ),
+    "arrays and bounds": (
+        "float64[8] thrust\nstring<=10 name\nstring[<=3] names\nint16[] more\n",
+        "my_msgs/msg/Bounded", "",
+    ),
+    "another type of a known name": ("float64 x\n", "geometry_msgs/msg/Vector3", ""),
+    "a standard part that is left out": ("std_msgs/Header header\nfloat64 x\n", "a/msg/B", ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+@pytest.mark.parametrize("kind", OWN_TYPES)
+def test_a_topic_that_cannot_be_read_costs_that_topic_alone(
+    tmp_path: Path, kind: str, storage: str
+) -> None:
+    words, type_, said = OWN_TYPES[kind]
+    out = imported(bag_with(tmp_path / "bag", words, type_, storage), tmp_path / "dive")
+    assert imu_samples(out) == SECONDS * IMU_HZ
+    pressures = [one.message for one in messages(out, "sensor/pressure")]
+    assert len(pressures) == SECONDS * SLOW_HZ
+    assert isinstance(pressures[0], PressureSample)
+    assert pressures[0].pressure == pytest.approx(101_325.0, abs=1.0)
+    assert (f"/thrusters ({type_}) is left out: {said}" in remarks(out)) == bool(said)
+
+
+def bag_with(folder: Path, words: str, type_: str, storage: str) -> Path:
+    """An IMU, pressure, and a topic of an own type."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, random = get_typestore(Stores.ROS2_HUMBLE), noise(2)
+    with Writer(folder, version=9, storage_plugin=StoragePlugin[storage]) as writer:
+        links: dict[str, Any] = {
+            name: writer.add_connection(f"/{name}", f"sensor_msgs/msg/{kind}", typestore=store)
+            for name, kind in (("imu", "Imu"), ("depth", "FluidPressure"))
+        }
+        own = writer.add_connection("/thrusters", type_, msgdef=words, rihs01=ZERO_HASH)
+        for k in range(SECONDS * IMU_HZ):
+            at = BEGAN_NS + k * S // IMU_HZ
+            sample = imu(store.types, at, next(random), 1.0)
+            writer.write(links["imu"], at, store.serialize_cdr(sample, "sensor_msgs/msg/Imu"))
+            if k % (IMU_HZ // SLOW_HZ) == 0:
+                depth = fluid(store.types, at, 101_325.0 + k / 1e3)
+                data = store.serialize_cdr(depth, "sensor_msgs/msg/FluidPressure")
+                writer.write(links["depth"], at, data)
+                writer.write(own, at, b"\x00\x01\x00\x00" + bytes(8))
+    return folder
+
+
+def test_one_file_of_a_bag_is_read_too(tmp_path: Path) -> None:
+    [part] = ros2(tmp_path / "bag").glob("*.db3")
+    assert imu_samples(imported(part, tmp_path / "dive")) == SECONDS * IMU_HZ
+
+
+def test_messages_that_are_not_of_their_type_are_counted(tmp_path: Path) -> None:
+    """One sample of the recording is cut short."""
+    from mcap.reader import make_reader
+    from mcap.writer import Writer
+
+    with mcap(tmp_path / "a.mcap").open("rb") as file, (tmp_path / "b.mcap").open("wb") as torn:
+        writer = Writer(torn)
+        writer.start()
+        channel = 0
+        for number, (schema, _, message) in enumerate(make_reader(file).iter_messages()):
+            if number == 0:
+                assert schema is not None
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channel = writer.register_channel("/imu", "cdr", kind)
+            data = message.data[: 40 if number % 10 == 3 else None]
+            writer.add_message(channel, message.log_time, data, message.publish_time)
+        writer.finish()
+    out = imported(tmp_path / "b.mcap", tmp_path / "dive")
+    assert imu_samples(out) == SECONDS * IMU_HZ * 9 // 10
+    assert f"damaged messages are left out: {SECONDS * IMU_HZ // 10} of /imu" in remarks(out)
+
+
+def test_what_is_refused_makes_no_folder_and_names_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = imported(ros1(tmp_path / "a.bag"), tmp_path / "dive")
+    (tmp_path / "b.bag").write_bytes(b"PK\x03\x04 no bag at all")
+    capsys.readouterr()
+    assert main(["import", str(tmp_path / "b.bag"), "--out", str(out)]) == 1
+    assert capsys.readouterr().out == ""
+    assert not (tmp_path / "dive-2").exists()
+
+
+def test_of_a_bag_with_a_damaged_part_what_is_before_it_is_kept(tmp_path: Path) -> None:
+    log = ros1(tmp_path / "a.bag")
+    data = bytearray(log.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 3000] = RUBBISH[:3000]
+    log.write_bytes(data)
+    out = imported(log, tmp_path / "dive")
+    assert SECONDS * IMU_HZ // 8 < imu_samples(out) < SECONDS * IMU_HZ
+    assert remarks(out) != ""

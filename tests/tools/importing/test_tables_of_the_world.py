@@ -1,0 +1,254 @@
+"""A table gives the same samples however a logger, a spreadsheet or a power cut wrote it."""
+
+import codecs
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from messages.sensors import PressureSample
+from tests.tools.test_cli_verbs import complaint
+from tools.__main__ import main
+
+from .logs import BEGAN_NS, S, messages, odd, report
+from .test_rosbags import imported
+
+ROWS = 60
+MAP = """
+about = "one table"
+vehicle = "bluerov2_heavy"
+[[take]]
+topic = "*"
+as = "sensor/pressure"
+stamp = "time"
+stamp_unit = "s"
+[take.fields]
+pressure = {{ from = ["pressure"], unit = "{unit}" }}
+"""
+
+
+def pascal(k: int) -> float:
+    return 101_325.0 + 123.5 * k
+
+
+def second(k: int) -> float:
+    return BEGAN_NS / S + k / 10
+
+
+NAMES = "time,pressure,temp"
+LINES = [f"{second(k):.2f},{pascal(k):.1f},2{k % 10}.5" for k in range(ROWS)]
+PLAIN = "\n".join([NAMES, *LINES]) + "\n"
+HALF = len(NAMES) + 1 + sum(len(line) + 1 for line in LINES[: ROWS // 2])  # where a row begins
+
+
+def decimal_comma(text: str) -> str:
+    """As Excel writes it in most of Europe."""
+    return text.replace(",", ";").replace(".", ",")
+
+
+def thousands(text: str, mark: str, decimal: str, delimiter: str) -> str:
+    lines = [text.splitlines()[0].replace(",", delimiter)]
+    for line in text.splitlines()[1:]:
+        time, pressure, temp = (float(cell) for cell in line.split(","))
+        grouped = f"{pressure:,.1f}".replace(",", "\0").replace(".", decimal).replace("\0", mark)
+        cells = [
+            f"{time:.2f}".replace(".", decimal),
+            f'"{grouped}"',
+            f"{temp}".replace(".", decimal),
+        ]
+        if decimal == "," == delimiter:
+            cells = [f'"{cells[0]}"', cells[1], f'"{cells[2]}"']
+        lines.append(delimiter.join(cells))
+    return "\n".join(lines) + "\n"
+
+
+def semicolons(text: str) -> str:
+    return text.replace(",", ";")
+
+
+def utf16(text: str, *, big: bool = False, mark: bool = True) -> bytes:
+    order = codecs.BOM_UTF16_BE if big else codecs.BOM_UTF16_LE
+    return (order if mark else b"") + text.encode("utf-16-be" if big else "utf-16-le")
+
+
+WHOLE: dict[str, str | bytes] = {
+    "plain": PLAIN,
+    "comment": "# logger v1.2, pool\n" + PLAIN,
+    "three comments": "# logger v1.2\n% lake\n// 3 m, cold, dark\n" + PLAIN,
+    "comments in between": PLAIN[:HALF] + "# battery, changed, here\n" + PLAIN[HALF:],
+    "names in a comment": "# pool\n# " + PLAIN,
+    "names and units in comments": f"#{NAMES}\n#s,Pa,°C\n" + PLAIN[len(NAMES) + 1 :],
+    "lines of words first": "Instrument 7\nserial: 12\n\n" + PLAIN,
+    "latin-1": PLAIN.replace("temp", "temp é").encode("latin-1"),
+    "windows-1252": PLAIN.replace("temp", "temp °C – “wet”").encode("cp1252"),
+    "utf-8": PLAIN.replace("temp", "temp °C – “wet”"),
+    "utf-8 with a mark": codecs.BOM_UTF8 + PLAIN.encode(),
+    "utf-8 with a broken letter": PLAIN.replace("temp", "°C").encode() .replace(b"20.5", b"\xc3.5"),
+    "utf-16": utf16(PLAIN),
+    "utf-16, tabs and commas": utf16(PLAIN.replace(",", "\t").replace(".", ",")),
+    "utf-16, big end first": utf16(PLAIN, big=True),
+    "utf-16 without a mark": utf16(PLAIN, mark=False),
+    "utf-16, big end first, without a mark": utf16(PLAIN, big=True, mark=False),
+    "semicolon and decimal comma": decimal_comma(PLAIN),
+    "semicolon and point": PLAIN.replace(",", ";"),
+    "semicolon, in words too": "sep=;\n" + decimal_comma(PLAIN),
+    "tabs": PLAIN.replace(",", "\t"),
+    "bars": PLAIN.replace(",", " | "),
+    "blanks": PLAIN.replace(",", "  "),
+    "blank after each comma": PLAIN.replace(",", ", "),
+    "carriage returns": PLAIN.replace("\n", "\r\n"),
+    "old carriage returns": PLAIN.replace("\n", "\r"),
+    "a comma at each end": PLAIN.replace("\n", ",\n"),
+    "a comma at each end but the names": PLAIN.replace("5\n", "5,\n"),
+    "blank lines": PLAIN.replace("\n", "\n\n"),
+    "lines of commas": PLAIN[:HALF] + ",,\n" * 3 + PLAIN[HALF:],
+    "quotes": '"' + PLAIN.replace(",", '","').replace("\n", '"\n"')[:-1],
+    "line breaks in cells": PLAIN.replace("temp", '"temp\n(outside)"').replace("25.5", '"25\n5"'),
+    "no line's end": PLAIN[:-1],
+    "thousands": thousands(PLAIN, ",", ".", ","),
+    "thousands as in Germany": thousands(PLAIN, ".", ",", ";"),
+    "thousands as in France": thousands(PLAIN, "\u202f", ",", ";"),
+    "thousands as in Switzerland": thousands(PLAIN, "'", ".", ";"),
+    "commas in quotes": thousands(PLAIN, "", ",", ","),
+    "a mark in between": PLAIN[:HALF] + "\ufeff" + PLAIN[HALF:],
+    "plus signs": PLAIN.replace(",1", ",+1"),
+}  # fmt: skip
+
+
+def found(
+    folder: Path, content: str | bytes, unit: str = "Pa", name: str = "a.csv"
+) -> tuple[list[int], list[float]]:
+    """[ns] When and [Pa] what."""
+    log, own = folder / name, folder / "map.toml"
+    log.write_bytes(content if isinstance(content, bytes) else content.encode())
+    own.write_text(MAP.format(unit=unit))
+    samples = messages(imported(log, folder / "dive", "--map", str(own)), "sensor/pressure")
+    values = [one.message.pressure for one in samples if isinstance(one.message, PressureSample)]
+    return [one.publish_ns for one in samples], values
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_a_whole_table_gives_every_sample(tmp_path: Path, kind: str) -> None:
+    times, values = found(tmp_path, WHOLE[kind])
+    assert values == pytest.approx([pascal(k) for k in range(ROWS)])
+    assert times == pytest.approx([BEGAN_NS + k * S // 10 for k in range(ROWS)], abs=1000)
+    assert report(tmp_path / "dive")["remarks"] == []
+    assert odd(tmp_path / "dive") == {}
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.TSV"])
+def test_the_unicode_text_of_a_spreadsheet_is_a_table(tmp_path: Path, name: str) -> None:
+    _, values = found(tmp_path, WHOLE["utf-16, tabs and commas"], name=name)
+    assert len(values) == ROWS
+
+
+WRONG: dict[str, tuple[str | bytes, set[int], str]] = {  # content, rows that are lost, what is said
+    "cut in a cell that is not the last": (
+        PLAIN[: -len("1013.5,29.5\n")], {ROWS - 1},
+        "its last row, line 61, was cut off and is left out",
+    ),
+    "cut in the last cell": (
+        PLAIN[:-2], {ROWS - 1}, "its last row, line 61, was cut off and is left out"
+    ),
+    "cut in the time": (
+        PLAIN[: -len(LINES[-1]) + 5], {ROWS - 1}, "its last row, line 61, was cut off"
+    ),
+    "zeros behind the last row": (PLAIN.encode() + bytes(300), set(), "300 zero bytes in it"),
+    "a page of zeros": (PLAIN.encode() + bytes(9000), set(), "9000 bytes of zeros behind its end"),
+    "zeros behind a torn row": (
+        PLAIN[:-8].encode() + bytes(300), {ROWS - 1}, "its last row, line 61, was cut off"
+    ),
+    "zeros in two-byte letters": (
+        utf16(PLAIN) + bytes(6000), set(), "bytes of zeros behind its end"
+    ),
+    "a hole of zeros": (
+        PLAIN[: HALF - 6].encode() + bytes(500) + PLAIN[HALF + 4 :].encode(),
+        {ROWS // 2 - 1, ROWS // 2}, "2 lines are damaged, the first is 31",
+    ),
+    "names again": (
+        PLAIN[:HALF] + PLAIN.splitlines(keepends=True)[0] + PLAIN[HALF:], set(),
+        "line 32 has the names again: its logger began again",
+    ),
+    "names again behind a torn row": (
+        PLAIN[: HALF - 8] + "\n" + NAMES + "\n" + PLAIN[HALF:], {ROWS // 2 - 1},
+        "1 lines are damaged, the first is 31",
+    ),
+    "names again behind a hole": (
+        PLAIN[: HALF - 8].encode() + bytes(99) + f"{NAMES}\n{PLAIN[HALF:]}".encode(),
+        {ROWS // 2 - 1}, "has the names again",
+    ),
+    "other names in mid-file": (
+        PLAIN[:HALF] + "\ufefftime,depth,pressure\n"
+        + "".join(f"{second(k):.2f},0.0,{pascal(k)}\n" for k in range(ROWS // 2, ROWS)), set(),
+        "line 32 has the names again",
+    ),
+    "units below the names": (
+        NAMES + "\n[s],[Pa],[°C]\n" + PLAIN[len(NAMES) + 1 :], set(),
+        "line 2 is no row: [s], [Pa], [°C]",
+    ),
+    "units and types below the names": (
+        NAMES + "\ns,Pa,degC\nfloat,float,float\n" + PLAIN[len(NAMES) + 1 :], set(),
+        "line 3 is no row: float, float, float",
+    ),
+    "a row with other cells": (
+        PLAIN[:HALF] + "1,2,3,4\n" + PLAIN[HALF:], set(), "1 lines are damaged, the first is 32"
+    ),
+    "a word among the numbers": (
+        PLAIN.replace(LINES[20], f"{second(20):.2f},ERR,20.5"), {20},
+        "pressure is 'ERR' in line 22, which is no number; 1 cells of it are none",
+    ),
+    "a word among the times": (
+        PLAIN.replace(LINES[20], "restart,1,2"), {20},
+        "time is 'restart' in line 22, which is no number",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_what_is_lost_of_a_table_is_said_and_nothing_else_is_lost(
+    tmp_path: Path, kind: str
+) -> None:
+    content, lost, said = WRONG[kind]
+    _, values = found(tmp_path, content)
+    assert values == pytest.approx([pascal(k) for k in range(ROWS) if k not in lost])
+    assert said in " ".join(report(tmp_path / "dive")["remarks"])
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (PLAIN.partition("\n")[2], "has no names of columns above its rows"),
+        (PLAIN.replace("\n1700", "\n17000000"), "which is no time since 1970 in s"),
+        (PLAIN.replace("\n1700", "\n1700000"), 'write stamp_unit = "ms" at'),
+    ],
+)
+def test_a_table_that_means_nothing_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, said: str
+) -> None:
+    (tmp_path / "a.csv").write_text(content)
+    (tmp_path / "map.toml").write_text(MAP.format(unit="Pa"))
+    options = ("--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / "dive"))
+    assert said in complaint(capsys, "import", str(tmp_path / "a.csv"), *options)
+    assert not (tmp_path / "dive").exists()
+
+
+@pytest.mark.parametrize("decimals", [1, 3])
+@pytest.mark.parametrize("write", [str, decimal_comma, semicolons])
+def test_three_decimals_are_no_thousands(
+    tmp_path: Path, write: Callable[[str], str], decimals: int
+) -> None:
+    """101,325 of kPa may be either; the other numbers of the table tell."""
+    rows = [f"{second(k):.2f},{pascal(k) / 1000:.{decimals}f}" for k in range(ROWS)]
+    _, values = found(tmp_path, write("\n".join(["time,pressure", *rows]) + "\n"), "kPa")
+    assert values == pytest.approx([pascal(k) for k in range(ROWS)], abs=100.0)
+
+
+def test_a_row_that_has_nothing_in_a_column_of_a_condition_is_left_out(tmp_path: Path) -> None:
+    """Also where it is the first one."""
+    log, own = tmp_path / "a.csv", tmp_path / "map.toml"
+    kinds = ["", "XX", "BI", "", "BI"]
+    rows = [f"{second(k)},{kind},{pascal(k)}" for k, kind in enumerate(kinds)]
+    log.write_text("\n".join(["time,kind,pressure", *rows]) + "\n")
+    own.write_text(MAP.format(unit="Pa").replace("stamp =", 'only = { kind = "BI" }\nstamp ='))
+    assert main(["import", str(log), "--map", str(own), "--out", str(tmp_path / "dive")]) == 0
+    assert len(messages(tmp_path / "dive", "sensor/pressure")) == 2
