@@ -1,6 +1,6 @@
 """One name, one range: the bounded numbers of messages and settings."""
 
-import ast
+import re
 from collections import defaultdict
 from pathlib import Path
 
@@ -12,19 +12,16 @@ from messages import units
 ROOT = Path(__file__).parents[2]
 
 
+NUMBER = re.compile(r"^(\w+) = Annotated\[|^(Vec3|Vec6|Quaternion) = ", re.MULTILINE)
+
+
 def number_types() -> dict[str, list[str]]:
     """Every name that is given to a bounded number or to a vector, and the files that do so."""
     found: dict[str, list[str]] = defaultdict(list)
     for folder in ("messages", "services", "tools"):
         for file in sorted((ROOT / folder).rglob("*.py")):
-            for node in ast.parse(file.read_text(encoding="utf-8")).body:
-                match node:
-                    case ast.Assign([ast.Name(name)], ast.Subscript(ast.Name("Annotated"))):
-                        found[name].append(str(file.relative_to(ROOT)))
-                    case ast.Assign([ast.Name("Vec3" | "Vec6" | "Quaternion" as name)]):
-                        found[name].append(str(file.relative_to(ROOT)))
-                    case _:
-                        pass
+            for match in NUMBER.finditer(file.read_text(encoding="utf-8")):
+                found[match[1] or match[2]].append(str(file.relative_to(ROOT)))
     return found
 
 

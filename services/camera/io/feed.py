@@ -289,7 +289,7 @@ class _Live:
         self._passing = False
         self._undecoded: list[av.Packet[VideoStream]] = []  # passed on, since the last keyframe
         self._split = False  # slices of one picture come as packets of their own
-        self._counted = Counted(feed.now())
+        self._counted = ArrivalRates(feed.now())
 
     def watch(self) -> None:
         """Read, until it ends.
@@ -395,7 +395,7 @@ class _Live:
 
 
 @dataclass(slots=True)
-class Counted:
+class ArrivalRates:
     """How much comes, over the last whole period of `PERIOD_NS`."""
 
     _since: Ns

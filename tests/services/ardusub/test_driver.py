@@ -189,13 +189,6 @@ def test_bytes_that_are_no_mavlink_hint_at_the_speed_of_the_port() -> None:
     assert cable.counts["malformed:mavlink"] == 500
 
 
-def test_a_parameter_that_is_never_answered_is_named() -> None:
-    cable = Cable()
-    del cable.board.params["ACRO_YAW_P"]
-    cable.run(8.0)
-    assert "the board is not armed: ACRO_YAW_P is not answered" in cable.said
-
-
 def test_the_pilot_timeout_is_lowered_only_where_the_settings_say_so() -> None:
     plain = Cable().accepted()
     assert plain.board.params["FS_PILOT_TIMEOUT"] == 3.0
@@ -220,13 +213,6 @@ def test_a_failsafe_that_would_stop_the_motors_in_mid_dive_is_said(acts: float) 
     cable = Cable(params={"FS_PILOT_TIMEOUT": 1.0, **dict.fromkeys(names, acts)}).accepted()
     said = [name for name in names for text in cable.said if text.startswith(f"{name} is 2: ")]
     assert said == (list(names) if acts else [])
-
-
-def test_a_board_without_an_optional_parameter_is_done_with_the_others() -> None:
-    cable = Cable()
-    del cable.board.params["FS_EKF_ACTION"]
-    cable.run(4.0)
-    assert cable.driver.stage == "accepted", cable.said
 
 
 def test_an_axis_on_another_channel_is_found_however_many_answers_are_lost() -> None:

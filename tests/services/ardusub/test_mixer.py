@@ -76,15 +76,6 @@ def test_what_is_expected_is_what_the_board_does(version: str, thrust: tuple[flo
     assert np.allclose(thrust_there, mixed.thrust, atol=0.8)
 
 
-@given(forces)
-def test_the_mirror_image_is_the_mirror_image(thrust: tuple[float, ...]) -> None:
-    """Swapping port and starboard turns sway, roll and yaw around and nothing else."""
-    one, two, three, four, five, six, seven, eight = thrust
-    ours = np.array(MIXER.mix(thrust).wrench)
-    theirs = np.array(MIXER.mix((two, one, four, three, six, five, eight, seven)).wrench)
-    assert np.allclose(theirs, ours * np.array([1, -1, 1, -1, 1, -1]), atol=EDGE)
-
-
 @given(st.tuples(*[st.floats(-5.0, 5.0)] * 6))
 def test_control_asks_for_hardly_more_than_the_board_can_give(shares: tuple[float, ...]) -> None:
     """Whatever the pilot wants, what control believes it achieved is what comes, so that no

@@ -252,55 +252,6 @@ def test_a_starved_decoder_never_makes_a_picture_older_than_is_said(
     assert events.SKIPPED_PICTURE() in seen.feed.events
 
 
-PATTERN = ("ffmpeg", "-nostdin", "-loglevel", "error", "-re", "-f", "lavfi", "-i")
-CODED = (
-    "-c:v",
-    "libx264",
-    "-preset",
-    "ultrafast",
-    "-tune",
-    "zerolatency",
-    "-g",
-    "10",
-    "-f",
-    "mpegts",
-)
-
-
-@contextmanager
-def pattern(size: str, url: str, pixels: str = "yuv420p") -> Generator[None]:
-    """FFmpeg's own test picture."""
-    source = f"testsrc=size={size}:rate={HZ}"
-    words = (*PATTERN, source, "-pix_fmt", pixels, *CODED, f"{url}?pkt_size=1316")
-    process = subprocess.Popen(words)
-    try:
-        yield
-    finally:
-        process.kill()
-        process.wait()
-
-
-@ffmpeg
-def test_a_camera_that_changes_its_size_stays_the_same_picture() -> None:
-    url = f"udp://127.0.0.1:{free_port()}"
-    with watched(url) as seen:
-        with pattern("320x240", url):
-            seen.until_pictures(5)
-        with pattern("1280x720", url):
-            seen.until_pictures(30)
-    assert {shot.picture.y.shape for shot in seen.shots} == {(HEIGHT, WIDTH)}
-
-
-@ffmpeg
-@pytest.mark.parametrize("pixels", ["gray", "yuv444p", "yuv422p10le"])
-def test_colours_of_another_format_are_converted(pixels: str) -> None:
-    url = f"udp://127.0.0.1:{free_port()}"
-    with watched(url) as seen, pattern("320x240", url, pixels):
-        seen.until_pictures(5)
-    assert seen.said == []
-    assert {shot.picture.u.shape for shot in seen.shots} == {(HEIGHT // 2, WIDTH // 2)}
-
-
 @pytest.mark.slow
 def test_a_camera_that_answers_and_sends_nothing_is_one_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from messages.events import Outbox
 from messages.units import Ns
-from messages.video import HEADERS, PICTURE_STAGES, Assembler, PictureAge, VideoPart
+from messages.video import HEADERS, PICTURE_STAGES, Assembler, VideoPart
 from services.camera_monitor.core import Carried, PictureAccount
 
 MS, S = 1_000_000, 1_000_000_000
@@ -102,13 +102,6 @@ def test_after_a_lost_part_it_waits_for_a_keyframe_and_asks_for_it() -> None:
     assert said.total is None
     arrive(account, parts(4), now)
     assert not account.report(now + S).keyframe_wanted
-
-
-def test_the_report_fits_its_limits() -> None:
-    account = PictureAccount(Outbox())
-    arrive(account, parts(1), 50 * MS, 0)
-    said = account.report(60 * MS)
-    assert msgspec.msgpack.decode(msgspec.msgpack.encode(said), type=PictureAge) == said
 
 
 @given(st.permutations([*"aaaa", *"bbbb"]), st.floats(0.2, 20.0))

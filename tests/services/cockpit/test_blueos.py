@@ -1,7 +1,6 @@
 """The cockpit as an extension of BlueOS: how it is found, and that its page works below a path."""
 
 import json
-import socket
 import tomllib
 import urllib.error
 import urllib.request
@@ -27,6 +26,7 @@ from services.runtime.config.settings import DEPLOY
 from services.runtime.hosts.registry import Registry
 from tests.support.blueos_double import TAKEN, TYPES, asked_for, labels, proxy, registered
 from tests.support.docs.chromium import Browser, Size, chromium
+from tests.support.doors import free_port
 from tests.support.patience import PATIENCE_S, until
 
 FILE = DEPLOY / "blueos" / "Dockerfile"
@@ -39,8 +39,7 @@ class Extension:
     """The cockpit as the extension has it, behind the proxy of BlueOS."""
 
     def __init__(self, exits: ExitStack) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            port = free.getsockname()[1]
+        port = free_port()
         self.settings = Settings(host="0.0.0.0", port=port, insecure=True)
         self.server = PageServer(self.settings, access_to(self.settings), Outbox())
         self.server.start(lambda: None)

@@ -20,10 +20,10 @@ from services.cockpit.chart import (
     Chart,
 )
 from services.cockpit.page_view import PageView, chart_view
+from tests.support.messages import example
 
 S = 1_000_000_000
 DT = S // 25
-NONE = Estimate(0.0, 0.01)
 
 
 def seen(
@@ -35,23 +35,12 @@ def seen(
     heading: float = 0.0,
 ) -> VehicleState:
     place = None if north is None else (north, east)
-    return VehicleState(
-        stamp_ns=0,
-        sensor_ns=0,
-        phase="running",
-        depth=NONE,
-        depth_rate=NONE,
-        depth_acceleration=NONE,
-        attitude=(1.0, 0.0, 0.0, 0.0),
-        roll=NONE,
-        pitch=NONE,
-        heading=Estimate(heading, 0.01),
-        heading_navigation=None,
-        yaw_rate=NONE,
+    return example(
+        VehicleState, phase="running", heading=Estimate(heading, 0.01),
         north=None if place is None else Estimate(place[0], 0.3, valid),
         east=None if place is None else Estimate(place[1], 0.2, valid),
         origin=UNSET if place is None else origin,
-    )
+    )  # fmt: skip
 
 
 class Watch:
@@ -72,6 +61,8 @@ class Watch:
 
 def test_a_measured_place_is_shown_as_it_is_and_home_is_where_it_was_armed() -> None:
     watch = Watch()
+    watch.go(seen())
+    assert (watch.chart.here, watch.chart.home(), watch.points) == (None, None, [])
     watch.chart.step(seen(1.0, 2.0), 1, armed=False)
     assert watch.chart.home() is None
     watch.go(seen(3.0, 4.0))
@@ -94,14 +85,6 @@ def test_what_was_measured_a_while_ago_goes_on_as_the_state_says_and_is_marked()
     assert watch.chart.here == here
     watch.go(seen())
     assert watch.chart.here is None
-
-
-def test_a_drone_that_never_measured_has_no_place() -> None:
-    watch = Watch()
-    watch.go(seen())
-    assert watch.chart.here is None
-    assert watch.chart.home() is None
-    assert watch.points == []
 
 
 def test_of_another_origin_neither_home_nor_track_is_shown_until_the_first_is_back() -> None:

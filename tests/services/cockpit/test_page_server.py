@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.doors import free_port
+
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -41,11 +43,6 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.patience import PATIENCE_S, until
 
 STICKS = {"kind": "sticks", "seen": 0, "held_ms": 0, "surge": 0, "sway": 0, "heave": 0, "yaw": 0}
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]
 
 
 class Served:
@@ -253,9 +250,6 @@ def stack(*settings: str, virtual: bool = False) -> Stack:
         (("host=192.168.2.1",), r"reached by other machines"),
         (("certificate=/x.pem",), r"certificate and key go together"),
         (("certificate=/x.pem", "key=/y.pem"), r"/x.pem with cockpit.key /y.pem cannot be used"),
-        (("port=0",), r"port"),
-        (("pilot=",), r"pilot"),
-        (("prot=1",), r"--set cockpit\.prot"),
     ],
 )
 def test_a_wrong_setting_is_one_sentence(settings: tuple[str, ...], sentence: str):

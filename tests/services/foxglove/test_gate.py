@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from services.foxglove.core import parameters, refusal
 from services.foxglove.io import gate
+from tests.support.doors import free_port
+from tests.support.foxglove import Watched
 from tests.support.patience import PATIENCE_S, until
-
-from .test_live_server import Watched, free_port
 
 needs_sdk = pytest.mark.skipif(
     importlib.util.find_spec("foxglove") is None, reason="the foxglove extra is not installed"

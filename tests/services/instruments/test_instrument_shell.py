@@ -7,7 +7,6 @@ from collections.abc import Generator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,7 +17,6 @@ from services.instruments.watch import AGAIN_NS, OTHER_NS, FirstOfTwo
 from services.mavlink_io.io.links import Links
 from services.ping.core import PingDriver
 from services.ping.core import Settings as PingSettings
-from services.runtime.config.errors import LindyError
 from services.waterlinked.core import DvlDriver
 from services.waterlinked.core import Settings as WaterlinkedSettings
 from tests.support.instruments import ping1d
@@ -69,12 +67,6 @@ def test_a_cable_that_comes_back_under_another_number_is_found(tmp_path: Path) -
             until(pings)
             instrument.unplug()
             until(lambda: bool(links.trouble), meanwhile=links.receive)
-
-
-@pytest.mark.parametrize("url", ["serial:/dev/ttyNONE:123", "tcp:somewhere", "http://192.168.2.94"])
-def test_a_url_that_cannot_be_is_one_sentence(url: str) -> None:
-    with pytest.raises(LindyError, match=r"test\.url"), linked(url, "dvl", Outbox()):
-        pass
 
 
 @given(st.lists(st.tuples(st.integers(0, 1), st.integers(1, 4 * OTHER_NS)), max_size=60))

@@ -1,9 +1,7 @@
 """Truth of the simulator → double → driver → the bus → what estimation and reference make of it."""
 
 from collections.abc import Callable, Sequence
-from math import hypot, sqrt
 from pathlib import Path
-from statistics import fmean
 from typing import TypeVar
 
 import pytest
@@ -11,25 +9,20 @@ import pytest
 from messages import topics
 from messages.events import Outbox
 from messages.message import Message
-from messages.sensors import AltitudeSample, UsblSample
+from messages.sensors import AltitudeSample
 from messages.state import VehicleState
 from messages.topic import Topic
 from messages.vehicle import Truth
-from services.instruments.fixes import LocalFixes
 from services.ping.core import PingDriver
 from services.ping.core import Settings as PingSettings
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.ugps.core import PATHS, UgpsDriver
-from services.ugps.core import Settings as UgpsSettings
 from tests.support.instruments.ping1d import Ping1dDouble
 from tests.support.instruments.truth import SeenMotion
-from tests.support.instruments.ugps import Fault, answers
 from tests.support.sortie import CHAIN
 
 S = 1_000_000_000
-HERE = (63.4220, 10.4240)
 FLOOR, SLOPE = 10.0, -0.1  # [m] deep at the start, and deeper by so much for each metre north
 P = TypeVar("P", bound=Message)
 Hears = Callable[[SeenMotion, int], Sequence[P]]  # what a driver makes of the motion at [ns]
@@ -71,38 +64,6 @@ class DiveWithInstrument:
 
         node.every(hz, look)
         self.host.run(seconds * S)
-
-
-@pytest.mark.slow
-def test_with_an_underwater_gps_the_position_is_known_as_well_as_it_says(tmp_path: Path) -> None:
-    script = "0,0,0,0,0,goto depth=3\n10,0.5,0,0,0.05,\n50,0,0,0,0,\n70,0,0,0,0,\n"
-    dive, outbox = DiveWithInstrument(tmp_path, script), Outbox()
-    driver = UgpsDriver(UgpsSettings(latency=0.0), LocalFixes("ugps", outbox, HERE), outbox)
-    silent_from = 75 * S
-
-    def hears(motion: SeenMotion, now: int) -> Sequence[UsblSample]:
-        faults = frozenset[Fault]({"not_valid"} if now > silent_from else ())
-        said = answers(motion, now / S, 0, HERE, faults)
-        return driver.heard([said[path] for path in PATHS], now)
-
-    dive.fly(topics.USBL, 2.0, hears, 100)
-    true = {message.stamp_ns: message.position for message in dive.truth}
-    off, way = list[float](), list[float]()
-    for state in dive.states:
-        if 20 * S < state.sensor_ns < silent_from and state.sensor_ns in true:
-            assert state.north is not None
-            assert state.east is not None
-            assert state.north.valid
-            north, east, _ = true[state.sensor_ns]
-            off.append(hypot(state.north.value - north, state.east.value - east))
-            way.append(hypot(north, east))
-    assert max(way) > 10.0
-    assert max(off) < 1.0  # [m] of fixes that are off by 0.3 m (1 sigma) and say 0.7 m
-    assert sqrt(fmean(o * o for o in off)) < 0.35
-    newest = dive.states[-1].north  # 25 s after the last fix
-    assert newest is not None
-    assert not newest.valid
-    assert outbox.counts == {"answering:ugps": 1, "no_fix:ugps": 1}
 
 
 @pytest.mark.slow

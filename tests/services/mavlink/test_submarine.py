@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from messages.events import Outbox
 from messages.health import LogLine
-from messages.message import Estimate
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
@@ -21,18 +20,14 @@ from services.mavlink.pilot import GroundStation, Reaction, ReceivedPacket
 from services.mavlink.telemetry import CHOSEN, DEFAULT_HZ, STREAMS, Snapshot
 from services.mavlink_io.packet import FORCE, MESSAGE_IDS, MavCommand, MavResult
 from services.piloting.pilot import Pilot, Progress
+from tests.support.messages import example
 from tests.support.told import told
 
 S, MS = 1_000_000_000, 1_000_000
 ANN, BOB = GroundStation("udp a", 255, 190), GroundStation("tcp b", 254, 190)
 HERE: dict[str, Any] = {"target_system": 1, "target_component": 1}
 anything = st.floats(allow_nan=True, allow_infinity=True, width=32)
-ZERO = Estimate(0.0, 0.0)
-STATE = VehicleState(
-    stamp_ns=0, sensor_ns=0, phase="running", depth=ZERO, depth_rate=ZERO, depth_acceleration=ZERO,
-    attitude=(1.0, 0.0, 0.0, 0.0), roll=ZERO, pitch=ZERO, heading=ZERO, heading_navigation=None,
-    yaw_rate=ZERO,
-)  # fmt: skip
+STATE = example(VehicleState)
 
 
 class Drone:
@@ -280,6 +275,9 @@ def test_the_list_of_parameters_is_whole_and_goes_to_who_asked() -> None:
     assert all(len(name) <= 16 for name in NAMES)
     links = {a.link for r in reactions for a in r.packets if a.packet.name == "PARAM_VALUE"}
     assert links == {ANN.link}
+    for index in (-1, len(NAMES)):
+        drone.hear("PARAM_REQUEST_READ", param_id="NOBODY", param_index=index, **HERE)
+    assert drone.outbox.counts["unknown_parameter:mavlink"] == 2
 
 
 @given(name=st.sampled_from(NAMES), value=anything)
@@ -466,6 +464,17 @@ def test_buttons_arm_choose_modes_and_light_when_they_go_down() -> None:
     drone.sticks(buttons=1 << 14)
     drone.sticks(buttons=1 << 4)
     assert drone.asked[-3:] == ["mode", "light", "disarm"]
+
+
+def test_a_button_beyond_sixteen_counts_and_one_of_a_tool_that_is_not_there_does_not() -> None:
+    drone = Drone()
+    drone.sticks()
+    for button, function in ((16, 3), (0, 51)):
+        fields: dict[str, Any] = {"param_id": f"BTN{button}_FUNCTION", "param_value": function}
+        drone.hear("PARAM_SET", param_type=2, **fields, **HERE)
+    drone.sticks(buttons2=1)
+    assert drone.asked.count("arm") == 1
+    assert drone.sticks(buttons=1).requests == []
 
 
 def test_a_held_button_tilts_the_camera_and_one_changes_the_gain() -> None:

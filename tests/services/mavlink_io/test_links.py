@@ -15,13 +15,8 @@ from services.ardusub.service import ONE_BOARD
 from services.instruments.io.shell import limits_of
 from services.mavlink_io.io.links import PAUSE_S, Links
 from services.runtime.config.errors import LindyError
+from tests.support.doors import free_port
 from tests.support.patience import PATIENCE_S, until
-
-
-def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def accept(board: socket.socket, accepted: list[socket.socket]) -> None:
@@ -70,7 +65,7 @@ def test_a_link_that_cannot_be_opened_is_one_sentence(url: str) -> None:
 
 
 def test_a_port_that_is_taken_is_said() -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     link = Board(f"udpin:127.0.0.1:{port}")
     with pytest.raises(LindyError, match="another program has this port"):
         Board(f"udpin:127.0.0.1:{port}")
@@ -78,7 +73,7 @@ def test_a_port_that_is_taken_is_said() -> None:
 
 
 def test_udp_answers_the_board_and_leaves_others_alone() -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     link = Board(f"udpin:127.0.0.1:{port}")
     link.send(b"nobody yet")
     with (
@@ -98,7 +93,7 @@ def test_udp_answers_the_board_and_leaves_others_alone() -> None:
 
 
 def test_all_that_waits_is_read_at_once() -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     link = Board(f"udpin:127.0.0.1:{port}")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as board:
         sent = [bytes([n]) * 30 for n in range(200)]
@@ -106,26 +101,6 @@ def test_all_that_waits_is_read_at_once() -> None:
             board.sendto(datagram, ("127.0.0.1", port))
         assert link.receive() == sent
     link.close()
-
-
-def test_tcp_connects_again_after_the_board_was_lost() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as board:
-        board.bind(("127.0.0.1", 0))
-        board.listen()
-        board.settimeout(PATIENCE_S)
-        link = Board(f"tcp:127.0.0.1:{board.getsockname()[1]}")
-        for word in (b"first", b"second"):
-            accepted = list[socket.socket]()
-            waiting = threading.Thread(target=accept, args=(board, accepted))
-            waiting.start()
-            # An attempt follows a second after a loss.
-            until(lambda waiting=waiting: not waiting.is_alive(), meanwhile=link.receive)
-            with accepted[0] as end:
-                end.sendall(word)
-                assert link.heard(len(word)) == word
-                link.send(b"down")
-                assert end.recv(100) == b"down"
-        link.close()
 
 
 def test_tcp_without_a_board_opens_and_counts_what_is_not_sent() -> None:
@@ -151,7 +126,7 @@ def test_a_serial_port_passes_every_byte_as_it_is() -> None:
 
 
 def test_whoever_started_it_is_told_of_every_arrival_and_a_flood_does_not_keep_it_busy() -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     link = Board(f"udpin:127.0.0.1:{port}")
     told, heard = threading.Event(), list[bytes]()
     calls = [0]

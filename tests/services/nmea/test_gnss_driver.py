@@ -95,10 +95,6 @@ def test_rmc_is_used_where_there_is_no_gga() -> None:
     assert len(fixes("rmc_only")[0]) == len(fixes("empty_hdop")[0]) == 10
 
 
-def test_multipath_is_passed_on_and_estimation_weighs_it() -> None:
-    assert fixes("multipath")[0][0].north == pytest.approx(30.0, abs=3.0)
-
-
 def test_the_first_position_is_the_origin_and_is_said_and_remembered() -> None:
     outbox, kept = Outbox(), list[GeoPoint]()
     local = LocalFixes("gnss", outbox, None, lambda it: kept.append(it.origin))
@@ -115,11 +111,6 @@ def test_a_position_on_the_other_side_of_the_earth_is_none() -> None:
     assert driver.heard([summed("GPGGA,1,0000.00,N,00000.00,E,1,9,1.0,0,M,0,M,,")], S) == []
     assert driver.heard([epoch(SeenMotion(), 1.0, 0, (0.0, 10.0))], 2 * S) == []
     assert outbox.counts["implausible:gnss"] == 2
-
-
-@given(st.lists(st.binary(max_size=60), max_size=20))
-def test_no_bytes_end_it(pieces: list[bytes]) -> None:
-    driver_of(Outbox()).heard([*pieces, b"\n"], S)
 
 
 @given(st.text("GNRMCA,.0123456789-NSEWV", max_size=60))

@@ -56,12 +56,6 @@ def test_the_rate_is_that_of_the_settings() -> None:
     assert len(dialogue(Ping1dDouble(), settings=Settings(rate=2.0))[0]) in (20, 21)
 
 
-@pytest.mark.parametrize(("fault", "altitude"), [("multipath", 6.4), ("fish", 1.28)])
-def test_a_wrong_echo_is_passed_on_as_it_is_told(fault: Fault, altitude: float) -> None:
-    samples, _ = dialogue(Ping1dDouble(faults=frozenset({fault})))
-    assert samples[0].altitude == pytest.approx(altitude, abs=0.05)
-
-
 @pytest.mark.parametrize(("fault", "samples"), [("air", 0), ("off", 1)])
 def test_without_a_bottom_or_a_new_ping_there_is_no_altitude_and_it_is_said_once(
     fault: Fault, samples: int
@@ -136,11 +130,6 @@ def test_a_frame_is_found_in_any_pieces_behind_any_bytes(before: bytes, cuts: li
         data = data[cut:]
     assert found[-1] == (DISTANCE, bytes(24))
     assert len(found) == 3 or before
-
-
-@given(st.lists(st.binary(max_size=60), max_size=20))
-def test_no_bytes_end_it(pieces: list[bytes]) -> None:
-    PingDriver(Settings(), Outbox()).heard(pieces, S)
 
 
 def test_a_wrong_speed_of_the_cable_is_said_once() -> None:

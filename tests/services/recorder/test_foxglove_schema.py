@@ -34,10 +34,3 @@ def test_every_part_has_a_plain_type_and_nothing_the_parser_refuses():
             assert part["type"] != "object" or "properties" in part
             assert part["type"] != "array" or part["items"]["type"] != "array"
             assert not REFUSED & set(part)
-
-
-def test_a_value_that_may_be_null_keeps_its_own_type():
-    properties = schema_of(topics.STATE.message)["properties"]
-    assert properties["heading_navigation"]["properties"]["value"]["type"] == "number"
-    assert properties["attitude"]["items"]["type"] == "number"
-    assert properties["phase"] == {"type": "string"}

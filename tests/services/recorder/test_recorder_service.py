@@ -117,21 +117,6 @@ def test_the_parts_of_a_dive_count_by_one_time_of_day_although_the_clock_was_set
         del stamps[:3]
 
 
-def test_log_time_is_utc(tmp_path: Path):
-    host = VirtualHost()
-    recorder = host.node("recorder", ["drone"])
-    recorder.wall_offset_ns = 1_700_000_000 * SECOND
-    wire(recorder, Stack(out=str(tmp_path)))
-    say = host.node("neighbour", ["drone"]).publisher(topics.PRESSURE)
-    host.run(SECOND)
-    say.put(PressureSample(stamp_ns=7, pressure=1.0))
-    host.run(2 * SECOND)
-    host.close()
-    (entry,) = [e for e in open_recording(tmp_path) if e.key == topics.PRESSURE.key]
-    assert entry.log_ns == 1_700_000_001 * SECOND
-    assert entry.publish_ns == 1_700_000_000 * SECOND + 7
-
-
 @pytest.mark.parametrize("side", ["drone", "topside"])
 def test_with_two_clocks_every_publish_time_is_by_the_recorders(tmp_path: Path, side: str):
     """Before the two clocks are known, and for rows said on both sides, it is the arrival."""
@@ -171,19 +156,6 @@ def test_a_killed_recorder_has_lost_at_most_a_quarter_of_a_second(tmp_path: Path
     dive.run(1.99)
     dive.crash()
     assert dive.stamps() == [t for t in ticks(2.0) if t <= 1.8 * SECOND]
-
-
-def test_a_restart_in_the_same_dive_goes_on_in_a_second_part(tmp_path: Path):
-    dive = Dive(tmp_path)
-    dive.run(1.0)
-    dive.crash()
-    dive.run(1.5)
-    dive.start()
-    dive.run(2.0)
-    dive.host.close()
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["dive.mcap", "dive.part2.mcap"]
-    assert dive.stamps() == [t for t in ticks(2.0) if t <= SECOND or t > 1.5 * SECOND]
-    assert log_hash(tmp_path) is None
 
 
 def test_no_file_that_is_there_is_written_to_or_removed(tmp_path: Path):

@@ -19,6 +19,7 @@ from messages.units import Quaternion
 from messages.vehicle import Truth, VehicleStatus
 from messages.video import VideoPart
 from services.marine.attitude import from_euler, to_euler
+from tests.support.messages import example
 
 UTC_NS = 1_700_000_000_123_456_789
 LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -36,35 +37,17 @@ def state(attitude: Quaternion = LEVEL, **more: Any) -> VehicleState:
         "north": known(4.0),
         "east": known(-7.0),
     }
-    return VehicleState(
-        stamp_ns=1,
-        sensor_ns=1,
-        phase="running",
-        depth=known(2.0, 0.05),
-        depth_rate=more.pop("depth_rate", known(0.1)),
-        depth_acceleration=known(0.0),
-        attitude=attitude,
-        roll=known(roll),
-        pitch=known(pitch),
-        heading=known(heading, 0.2),
-        heading_navigation=None,
-        yaw_rate=known(0.5),
-        **(values | more),
-    )
+    return example(
+        VehicleState, 1, phase="running", depth=known(2.0, 0.05), attitude=attitude,
+        depth_rate=more.pop("depth_rate", known(0.1)), roll=known(roll), pitch=known(pitch),
+        heading=known(heading, 0.2), yaw_rate=known(0.5), **(values | more),
+    )  # fmt: skip
 
 
-HEALTH = Health(
-    stamp_ns=1,
-    service="control",
-    loop_hz=100.0,
-    lateness_p50_ms=1.0,
-    lateness_p99_ms=2.0,
-    cpu_percent=None,
-    rss_mb=None,
-    sent=1,
-    received=2,
+HEALTH = example(
+    Health, 1, service="control", lateness_p50_ms=1.0, lateness_p99_ms=2.0,
     counts={"clamped:sticks": 3},
-)
+)  # fmt: skip
 EVERY: list[tuple[AnyTopic, str, Any]] = [
     (topics.IMU, "sensor/imu", ImuSample(
         stamp_ns=1, specific_force=(0.0, 0.0, -9.81), angular_rate=(0.1, 0.2, 0.3))),

@@ -2,7 +2,6 @@
 that know nothing of Lindy, only rmw_zenoh's design document."""
 
 import json
-import socket
 from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -24,9 +23,10 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
+from tests.support import ros_document as document
+from tests.support.doors import free_endpoint
 from tests.support.patience import until
 
-from . import design_document as document
 from .examples import state
 
 MS = 1_000_000
@@ -38,8 +38,7 @@ class RosMachine:
     node: Node
 
     def __init__(self, exits: ExitStack) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            self.router = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+        self.router = free_endpoint()
         settings = zenoh.Config()
         for key, value in {
             "mode": "router",

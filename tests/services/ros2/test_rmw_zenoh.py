@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from services.ros2.mapping import type_hash
 from services.ros2.rmw_zenoh import Attachment, RosNode, id_of, key_of
-
-from . import design_document as document
+from tests.support import ros_document as document
 
 names = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,8}", fullmatch=True)
 places = st.lists(names, max_size=3).map(lambda found: "".join(f"/{name}" for name in found))

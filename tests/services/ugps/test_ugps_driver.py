@@ -6,7 +6,6 @@ from messages.events import Outbox
 from messages.sensors import UsblSample
 from services.instruments.fixes import LocalFixes
 from services.instruments.io.shell import Instrument, exchange
-from services.runtime.config.errors import LindyError
 from services.ugps.core import ACOUSTIC, PATHS, Settings, UgpsDriver
 from services.ugps.io.poller import HttpPoller
 from tests.support.instruments.truth import SeenMotion
@@ -61,10 +60,6 @@ def test_what_is_no_answer_is_counted(fault: Fault) -> None:
     assert outbox.counts == {"malformed:ugps": 20}
 
 
-def test_multipath_is_passed_on_and_estimation_weighs_it() -> None:
-    assert asked("multipath")[0][0].north == pytest.approx(27.0, abs=1.5)
-
-
 def test_it_is_asked_over_http_and_again_when_it_was_gone() -> None:
     pages = answers(FLIES, 0.0, 0, TRONDHEIM, frozenset())
     outbox, now, found = Outbox(), 100 * S, list[UsblSample]()
@@ -90,12 +85,6 @@ def test_it_is_asked_over_http_and_again_when_it_was_gone() -> None:
         until(lambda: bool(found), meanwhile=look)
         poller.close()
     assert outbox.counts["answering:ugps"] == 2
-
-
-@pytest.mark.parametrize("url", ["192.168.2.94", "https://box", "http://", "http://box:port"])
-def test_a_url_that_cannot_be_is_one_sentence(url: str) -> None:
-    with pytest.raises(LindyError, match=r"ugps\.url: found"):
-        HttpPoller(url, "ugps.url", PATHS, 1.0, Outbox())
 
 
 def test_answers_that_nobody_came_for_are_counted() -> None:

@@ -51,12 +51,6 @@ def test_lines_that_differ_in_numbers_alone_are_one_and_the_newest_numbers_are_s
     assert brief(told) == "  41.3 s  2 × reference: round trip has risen from 40 to 99 ms"
 
 
-def test_the_same_words_of_two_services_are_two_lines():
-    lines = LogLines()
-    lines.add(said("x"), 1.0)
-    assert lines.add(said("x", "control"), 1.0) is not None
-
-
 @pytest.mark.parametrize("at", [None, -0.5])
 def test_before_arming_there_is_no_time(at: float | None):
     told = LogLines().add(said("x"), at)
@@ -88,17 +82,6 @@ def test_a_pipe_gets_the_first_line_at_once_and_the_count_at_the_end(
     ]  # fmt: skip
 
 
-def test_the_countdown_before_arming_is_not_repeated_at_the_end():
-    lines = LogLines()
-    for left in (10, 8, 6):
-        text = f"calibrating: {left} s at rest to go"
-        lines.add(LogLine(stamp_ns=0, service="estimation", level="info", text=text), None)
-    assert lines.unprinted() == []
-    lines.add(said("x"), None)
-    lines.add(said("x"), None)
-    assert [(entry.line.text, entry.times) for entry in lines.unprinted()] == [("x", 2)]
-
-
 @given(st.text(max_size=40))
 def test_nothing_that_a_terminal_would_obey_is_printed(text: str):
     """Anybody on the bus can send a line."""
@@ -127,12 +110,6 @@ def test_a_warning_that_comes_back_is_printed_with_its_own_time(
         f"{level:<7}   43.7 s  ardusub: no heartbeat of ArduSub arrives (again, 3 times in all)"
     )
     assert lines.unprinted() == []
-
-
-def test_information_that_comes_back_is_not_printed_again():
-    lines = LogLines()
-    lines.add(said_at(1.0, "info"), None)
-    assert lines.add(said_at(50.0, "info"), 43.7) is None
 
 
 @given(st.lists(st.floats(0.0, 60.0), max_size=400))

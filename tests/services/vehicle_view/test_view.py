@@ -1,10 +1,10 @@
-"""The vehicle as a pilot sees it: what is old is said so, what is gone is not shown, and in a
-failsafe nobody has the sticks."""
+"""What the pilot is shown of the vehicle, as numbers in their places, and what is old or gone."""
 
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from messages import topics
 from messages.control import ThrusterCommand
@@ -14,7 +14,10 @@ from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.vehicle_view import ages, words
 from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
-from services.vehicle_view.view import OVERRULED_NS, Newest, believed, vehicle_view
+from services.vehicle_view.head_up import NumbersRow, head_up
+from services.vehicle_view.view import OVERRULED_NS, Newest, VehicleView, believed, vehicle_view
+from services.vehicle_view.words import notes
+from tests.support.messages import example
 
 S = 1_000_000_000
 FAILSAFES: list[Failsafe] = ["leak", "state_lost", "pilot_lost", "link_lost"]
@@ -26,12 +29,7 @@ def status(**fields: object) -> VehicleStatus:
 
 
 def state(depth: float = 3.0) -> VehicleState:
-    one = Estimate(depth, 0.1)
-    return VehicleState(
-        stamp_ns=0, sensor_ns=0, phase="running", depth=one, depth_rate=one,
-        depth_acceleration=one, heading=one, yaw_rate=one, roll=one,
-        pitch=one, attitude=(1.0, 0.0, 0.0, 0.0), heading_navigation=None,
-    )  # fmt: skip
+    return example(VehicleState, phase="running", depth=Estimate(depth, 0.1))
 
 
 def test_the_age_table_is_that_of_the_topic_table():
@@ -115,3 +113,78 @@ def test_water_inside_is_an_alarm_also_where_the_pilot_flies_on(
         stamp_ns=0, activity="piloted", armed=True, conditions=conditions, note="look here"
     )
     assert words.others(vehicle_view(Newest(status), 0)) == [("look here", tone)]
+
+
+# The head-up numbers: everything that a pilot must see, each always in its place.
+
+
+CALM = VehicleView(
+    activity="piloted",
+    doing="piloted",
+    flight_mode="station_keeping",
+    light=0.5,
+    battery_v=15.94,
+    used_wh=12.3,
+    capacity_wh=266.0,
+    charge=0.95,
+    armed=True,
+    age_ms=42.0,
+    depth_m=12.345,
+    depth_wanted_m=12.4,
+    heading_deg=359.9,
+    heading_wanted_deg=0.1,
+    rtt_ms=23.4,
+)
+number = st.none() | st.floats(-1e4, 1e4)
+text = st.text(max_size=300)
+views = st.builds(
+    VehicleView,
+    activity=text, doing=text, flight_mode=text, light=number,
+    battery_v=number, used_wh=number, capacity_wh=number,
+    armed=st.booleans(), silent_s=number, failsafe=st.sampled_from(["none", "pilot_lost"]),
+    since_s=number, next_s=number, words=text, note=text, age_ms=number, depth_m=number,
+    depth_wanted_m=number, heading_deg=number, heading_wanted_deg=number, rtt_ms=number,
+    alarm=text,
+)  # fmt: skip
+
+
+def places(rows: list[NumbersRow]) -> list[tuple[str, int]]:
+    return [(row.size, len(row.cells)) for row in rows]
+
+
+def said(view: VehicleView) -> str:
+    cells = [cell for row in head_up(view) for cell in row.cells]
+    return "\n".join(f"{cell.label}: {cell.text}" for cell in cells)
+
+
+@given(views)
+def test_whatever_is_known_every_number_stays_in_its_place(view: VehicleView):
+    assert places(head_up(view)) == places(head_up(VehicleView()))
+
+
+@given(views)
+def test_a_failsafe_and_the_links_alarm_are_alarms_with_all_their_words(view: VehicleView):
+    shown = head_up(view)[-1].cells[0]
+    assert (shown.tone == "alarm") == bool(
+        view.failsafe != "none" or view.next_s is not None or view.words or view.alarm
+    )
+    for part in (view.words, view.alarm, view.note):
+        assert part in shown.text
+
+
+def test_old_numbers_and_the_last_known_state_are_warnings():
+    view = replace(CALM, age_ms=2345.0, silent_s=4.0)
+    rows = head_up(view)
+    assert [cell.tone for cell in rows[1].cells] == ["warning", "warning"]
+    assert rows[0].cells[0].label == "last known"
+    assert "2.3 s old" in said(view)
+
+
+@given(st.floats(0.0, 1e5))
+def test_a_drone_that_is_not_heard_is_the_last_known_one(age_s: float):
+    status = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, light=1.0)
+    view = vehicle_view(Newest(status=status), round(age_s * 1e9))
+    assert view.armed
+    silent = [note for note in notes(view) if note.startswith("no status from the drone")]
+    assert view.last_known == bool(silent) == (round(age_s * 1e9) > ages.STATUS.grey_ns)
+    assert (view.light is None) == view.last_known

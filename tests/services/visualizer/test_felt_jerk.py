@@ -1,9 +1,7 @@
 """The jerk in the viewer: the laws of its filter, and the figures of the report of one dive."""
 
-from functools import cache
 from itertools import pairwise
-from math import degrees, isnan, pi, sqrt
-from typing import NamedTuple
+from math import isnan, pi, sqrt
 
 import numpy as np
 import pytest
@@ -13,126 +11,29 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.message import Estimate, Message
+from messages.message import Estimate
 from messages.state import VehicleState
-from messages.topic import AnyTopic
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
 from services.visualizer.computed import (
     BAND,
     LONGEST_NS,
-    LOOKS,
     SETTLE_NS,
     WINDOW,
     JerkLines,
     LowPassedJerk,
     ThrusterChanges,
 )
-from services.visualizer.core import Collector
-from tests.support.sortie import DEEP, Sortie
+from tests.support.messages import example
 from tools.analysis import spectra as report
-from tools.analysis.dive import GatheredDive, RecordedDive
 
-VEHICLE = Stack().section("vehicle", Vehicle)
 SECOND = 1_000_000_000  # [ns]
 STEP = SECOND // 100
-LONG_S = 24.0
-AGREES = 0.1  # [-] the edge of a filter is not that of a sum over a spectrum
 Numbers = list[float]
-
-
-class Flown(NamedTuple):
-    curves: dict[str, tuple[Numbers, list[Numbers]]]  # [s] and rows of each path
-    dive: RecordedDive
-
-
-@cache
-def flown() -> Flown:
-    """A dive with surge, heave and yaw, drawn by the viewer second by second, and as recorded."""
-    rows = [(1.0, (0.5, 0.0, 0.8, 0.0)), (6.0, (0.0, 0.0, 0.0, 0.0))]
-    rows += [(10.0, (0.0, 0.0, -0.5, 0.8)), (15.0, (0.0, 0.0, 0.0, 0.0))]
-    sortie = Sortie(rows, seed=3, overrides=(DEEP,)).until(LONG_S)
-    said: list[tuple[AnyTopic, Message]] = []
-    for topic, messages in (
-        (topics.STATE, sortie.states),
-        (topics.REFERENCE, sortie.references),
-        (topics.THRUSTERS, sortie.commands),
-    ):
-        said += [(topic, m) for m in messages]
-    armed = next(m.stamp_ns for m in sortie.references if m.armed)
-    said = sorted((t for t in said if t[1].stamp_ns >= armed), key=lambda pair: pair[1].stamp_ns)
-    said = [pair for pair in said if pair[1].stamp_ns < armed + (LONG_S - 1.0) * SECOND]
-    collector, gathered = Collector(VEHICLE, start=armed), GatheredDive()
-    curves: dict[str, tuple[Numbers, list[Numbers]]] = {}
-    drain = armed + SECOND
-
-    def draw(now: int) -> None:
-        for columns in collector.drain(now).columns:
-            times, points = curves.setdefault(columns.path, ([], []))
-            times.extend([time / SECOND for time in columns.times])
-            points.extend([list(row) for row in columns.rows])
-
-    for topic, message in said:
-        collector.hear(topic, topic.key, message, message.stamp_ns)
-        gathered.add(topic.key, message, message.stamp_ns)
-        if message.stamp_ns >= drain:
-            draw(drain)
-            drain += SECOND
-    draw(drain)
-    return Flown(curves, gathered.dive({}, {}))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("axis", ["heave", "yaw"])
-@pytest.mark.parametrize("who", ["felt", "reference"])
-def test_the_viewer_shows_the_jerk_of_the_report(axis: str, who: str) -> None:
-    found = report.smoothness(flown().dive)
-    told = found.heave if axis == "heave" else found.yaw
-    assert told is not None
-    expected = told.felt if who == "felt" else told.reference
-    times, rows = flown().curves[f"jerk_{axis}/{who}"]
-    unit = 1.0 if axis == "heave" else degrees(1.0)
-    at = np.arange(0.0, LONG_S - 1.0, 1.0 / report.RATE)
-    line = np.interp(at, times, [row[0] / unit for row in rows])
-    drawn = report.spectrum(line, report.RATE).rms(BAND)  # the same windows over the same moves
-    assert drawn == pytest.approx(expected, rel=AGREES)
-
-
-@pytest.mark.slow
-def test_the_viewer_counts_the_starts_and_reversals_of_the_report() -> None:
-    times, rows = flown().curves["thruster_changes"]
-    dive = flown().dive
-    starts, reversals = report.thruster_changes(dive)
-    minutes = dive.armed_seconds / 60.0
-    assert sum(starts) > 0.0
-    for told, drawn in zip((starts, reversals), rows[-1], strict=True):
-        assert drawn <= sum(told) * minutes + 0.1
-    stamps = dive[topics.THRUSTERS]["stamp_ns"]
-    late = stamps >= stamps[0] + int(times[-1]) * SECOND
-    ahead, astern = (report.bits(dive[topics.THRUSTERS][n], 4) for n in ("ahead", "astern"))
-    on = ahead | astern
-    since = np.count_nonzero((on[1:] & ~on[:-1])[late[1:]])
-    assert rows[-1][0] + since == pytest.approx(sum(starts) * minutes, abs=0.1)
-
-
-@pytest.mark.slow
-def test_few_points_are_drawn_and_all_have_a_look() -> None:
-    styled = {look.path for look in LOOKS}
-    for path, (times, _) in flown().curves.items():
-        if path.startswith(("jerk_", "thruster_changes")):
-            assert path in styled
-            assert len(times) < 15 * LONG_S
-    assert styled <= set(flown().curves)
 
 
 def test_an_estimate_that_is_lost_ends_its_line_once() -> None:
     line = JerkLines()
     here, lost = Estimate(0.0, 0.1), Estimate(0.0, 0.1, valid=False)
-    state = VehicleState(
-        stamp_ns=0, sensor_ns=0, phase="running", depth=here, depth_rate=here,
-        depth_acceleration=here, attitude=(1.0, 0.0, 0.0, 0.0), roll=here, pitch=here,
-        heading=here, heading_navigation=None, yaw_rate=here,
-    )  # fmt: skip
+    state = example(VehicleState, phase="running")
     drawn = Numbers()
     for at in range(0, 3 * SECOND, STEP):
         known = here if at < 2 * SECOND else lost

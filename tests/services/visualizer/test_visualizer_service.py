@@ -1,5 +1,4 @@
 import sys
-from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from messages.message import Estimate, Message
 from messages.state import VehicleState
 from messages.topic import AnyTopic, Direction
 from services.marine.vehicle import Vehicle
-from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
@@ -20,7 +18,6 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from services.runtime.node.ports import Publisher
 from services.visualizer.batch import Batch, Note
-from services.visualizer.io import live_viewer
 from services.visualizer.io.live_viewer import LiveViewer
 from services.visualizer.service import wire
 from tests.support.patience import PATIENCE_S, until
@@ -113,21 +110,6 @@ def test_every_stream_of_both_realms_is_in_the_file(tmp_path: Path, sample: Samp
     assert shown <= found
 
 
-@pytest.mark.slow
-def test_each_sample_comes_back_with_its_own_time(tmp_path: Path, sample: Sample) -> None:
-    def sinking(key: str, now: int) -> Message:
-        message = sample(key, now)
-        if isinstance(message, VehicleState):
-            return msgspec.structs.replace(message, depth=Estimate(now / SECOND, 0.1))
-        return message
-
-    dive(tmp_path, sinking, 30.3).close()  # between two writes: the end must not be lost
-    times, values = read_back(tmp_path / "dive.rrd", "/depth/estimate")
-    # The first message begins the dive at 0.2 s.
-    np.testing.assert_allclose(times, np.arange(151) * 0.2, atol=1e-9)
-    np.testing.assert_allclose(values, np.arange(1, 152) * 0.2, atol=1e-9)
-
-
 def test_of_equal_samples_only_the_ends_are_written(tmp_path: Path, sample: Sample) -> None:
     """The same line is drawn. The end is drawn anew with each write of the file."""
 
@@ -144,19 +126,6 @@ def test_of_equal_samples_only_the_ends_are_written(tmp_path: Path, sample: Samp
     np.testing.assert_allclose(times, [0.0, 3.8, 4.0, 4.8, 5.0, 9.8], atol=1e-9)
 
 
-def test_a_service_has_one_colour_in_every_panel(tmp_path: Path, sample: Sample) -> None:
-    dive(tmp_path, sample, 2.0).close()
-    colours: dict[str, set[int]] = defaultdict(set)  # by service
-    for part in chunk.RrdReader(str(tmp_path / "dive.rrd")).stream():
-        path = str(part.entity_path)
-        if part.is_static and path.startswith("/health/"):
-            rgba = part.to_record_batch()["SeriesLines:colors"][0].as_py()
-            colours[path.rpartition("/")[2]].update(rgba)
-    assert set(colours) == {"control", "topside"}
-    assert all(len(one) == 1 for one in colours.values())
-    assert colours["control"] != colours["topside"]
-
-
 def test_a_restart_in_mid_dive_writes_a_second_part_on_the_same_clock(
     tmp_path: Path, sample: Sample
 ) -> None:
@@ -164,27 +133,6 @@ def test_a_restart_in_mid_dive_writes_a_second_part_on_the_same_clock(
     times, _ = read_back(tmp_path / "dive.part2.rrd", "/depth/truth")
     assert min(times) > 1.5
     assert (tmp_path / "dive.rrd").is_file()
-
-
-def test_garbage_is_counted_and_the_rest_still_shown(tmp_path: Path, sample: Sample) -> None:
-    host, stack = VirtualHost(), Stack(out=str(tmp_path))
-    others = {side: host.node(side, [side]) for side in BOTH_REALMS.sides}
-    node = host.add("visualizer", BOTH_REALMS, stack, wire)
-    speak(others, sample)
-    stranger = host.side("topside")
-    wrong = msgspec.msgpack.encode({"stamp_ns": 0, "thrust": [1.0]})
-    for key, payload, encoding in (
-        ("state", b"\xc1garbage", topics.STATE.encoding),
-        ("reference", wrong, topics.REFERENCE.encoding),
-        ("control/wrench", wrong, "application/json"),
-        ("somebody/elses", wrong, "application/json"),
-    ):
-        stranger.forward(Envelope(key, payload, encoding))
-    host.run(2 * SECOND)
-    host.close()
-    expected = {"malformed:state": 1, "malformed:reference": 1, "wrong_type:control/wrench": 1}
-    assert node.counts == {**expected, "unknown_key": 1}
-    assert read_back(tmp_path / "dive.rrd", "/depth/estimate")[0]
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
@@ -222,25 +170,6 @@ class Heard:
 
     def log(self, level: str, text: str) -> None:
         self.lines.append((level, text))
-
-
-@pytest.mark.slow
-def test_a_viewer_that_never_reads_costs_batches_but_no_time(
-    tmp_path: Path, sample: Sample, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The dive below would never end if anything waited for this viewer."""
-    monkeypatch.setattr(live_viewer, "WAITING_BYTES", 1_000)
-    stalled = [sys.executable, "-c", STALLED_VIEWER]
-    monkeypatch.setattr("services.visualizer.service.viewer_command", lambda: stalled)
-    host, stack = VirtualHost(), Stack(out=str(tmp_path), viewer=True)
-    others = {side: host.node(side, [side]) for side in BOTH_REALMS.sides}
-    node = host.add("visualizer", BOTH_REALMS, stack, wire)
-    speak(others, sample)
-    host.run(30 * SECOND)
-    host.close()
-    assert node.counts["dropped:live"] > 0
-    times, _ = read_back(tmp_path / "dive.rrd", "/depth/truth")
-    assert (times[0], times[-1]) == pytest.approx((0.0, 29.8))
 
 
 def test_a_stalled_viewer_leaves_no_process_of_ours_behind() -> None:

@@ -1,7 +1,7 @@
 """What a DVL says becomes samples: laws of the core, and each fault of the double."""
 
 from collections.abc import Iterable
-from math import hypot, nan
+from math import nan
 
 import pytest
 from hypothesis import given
@@ -13,12 +13,10 @@ from services.marine.mounting import ALONG, Mount, Mounting, Rotation
 from services.vehicle.mounting import AtOrigin
 from services.waterlinked.core import LEAST_STD, LONGEST, DvlDriver, DvlReport, Settings
 from tests.support.instruments.dvl import (
-    FISH,
     DvlFaults,
     DvlSettings,
     Fault,
     position,
-    rate,
     report,
 )
 from tests.support.instruments.truth import SeenMotion
@@ -87,14 +85,6 @@ def test_a_line_may_arrive_in_any_pieces(cuts: list[int], seed: int) -> None:
     assert not any(name.startswith("malformed") for name in told.counts)
 
 
-@given(st.lists(st.binary(max_size=60), max_size=20))
-def test_no_bytes_end_it(pieces: list[bytes]) -> None:
-    told = Told()
-    told.hears(*pieces)
-    told.hears(b"\n")
-    assert len(told.hears(report(SWIMS, 1.0, 0))) == 1
-
-
 def test_reports_that_arrive_together_are_as_far_apart_as_they_were_measured() -> None:
     together = [report(SWIMS, t, 0, faulty(latency=0.1)) for t in (1.0, 1.1, 1.2)]
     stamps = [sample.stamp_ns for sample in Told().hears(*together)]
@@ -107,23 +97,8 @@ def test_without_lock_there_is_no_velocity_and_it_is_alive(kind: Fault) -> None:
     (sample,) = told.hears(report(SWIMS, 1.0, 0, faulty(kind)))
     assert (sample.velocity, sample.altitude) == (None, None)
     assert not any(name.startswith("implausible") for name in told.counts)
-    assert any("too hot" in text for text in told.said) is (kind == "air")
-
-
-def test_too_hot_is_said_once() -> None:
-    told = Told()
-    for n in range(5):
-        told.hears(report(SWIMS, float(n), 0, faulty("air")), at=(100 + n) * S)
-    assert told.counts["trouble:dvl"] == 1
-
-
-def test_a_wrong_lock_is_passed_on_as_it_is_said() -> None:
-    """Nothing in the report gives it away; estimation weighs it against everything else."""
-    (sample,) = Told().hears(report(SWIMS, 1.0, 0, faulty("fish")))
-    wrong = [v - f for v, f in zip(SWIMS.velocity, FISH, strict=True)]
-    assert sample.velocity == pytest.approx(wrong, abs=0.03)
-    (sample,) = Told().hears(report(SWIMS, 1.0, 0, faulty("multipath")))
-    assert sample.altitude == pytest.approx(4.0)
+    told.hears(report(SWIMS, 2.0, 0, faulty(kind)), at=101 * S)
+    assert told.counts.get("trouble:dvl", 0) == (kind == "air")  # it is too hot, said once
 
 
 @pytest.mark.parametrize(
@@ -163,11 +138,6 @@ def test_the_standard_deviation_is_the_largest_that_is_said(variance: float, fom
     covariance = [[variance, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 9.0]]
     std = DvlReport(fom=fom, covariance=covariance).std
     assert std == max(LEAST_STD, fom, variance**0.5 if variance > 0 else 0.0)
-
-
-def test_a_covariance_of_zeros_leaves_the_figure_of_merit() -> None:
-    (sample,) = Told().hears(report(SWIMS, 1.0, 0, faulty("zero_covariance")))
-    assert sample.std == pytest.approx(0.0045)
 
 
 def test_an_endless_line_is_left_out_and_the_next_is_read() -> None:
@@ -235,16 +205,6 @@ def test_one_that_never_answers_is_asked_five_times() -> None:
         told.hears(report(SWIMS, float(n), 0), at=(100 + n) * S)
         asked += len(told.driver.due(told.now))
     assert asked == 5
-
-
-def test_the_double_turns_back_what_it_is_told_and_says_the_same_twice() -> None:
-    """The page "Axes": an offset equal to the angle of its mounting gives the vehicle's axes."""
-    faults = faulty(mounted=120.0)
-    assert report(SWIMS, 1.0, 3, faults) == report(SWIMS, 1.0, 3, faults)
-    (sample,) = Told().hears(report(SWIMS, 1.0, 3, faults, offset=120.0))
-    assert sample.velocity == pytest.approx(SWIMS.velocity, abs=0.03)
-    assert rate(SWIMS, faults) == 26.0
-    assert hypot(*SWIMS.velocity) > 0.1
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from messages import topics
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort, matches
-from tests.support.hindered_host import HinderedBus
 
 CHUNK = st.sampled_from(["a", "b", "state", "health", "log", "control", "pilot", "command", "1_x"])
 KEYS = st.one_of(
@@ -67,40 +66,3 @@ def test_who_comes_later_is_heard_and_who_has_left_hears_nothing() -> None:
     say(b"3")
     assert [e.payload for e in heard] == [b"1", b"2", b"2", b"3"]
     assert {(e.key, e.encoding) for e in heard} == {("state", topics.STATE.encoding)}
-
-
-@given(
-    before=st.lists(st.binary(max_size=4), max_size=4),
-    meanwhile=st.lists(st.binary(max_size=4), max_size=4),
-    after=st.lists(st.binary(max_size=4), max_size=4),
-    keeps=st.booleans(),
-)
-def test_a_hub_that_hangs_delivers_later_and_one_that_ended_loses(
-    before: list[bytes], meanwhile: list[bytes], after: list[bytes], keeps: bool
-) -> None:
-    bus = HinderedBus()
-    arrived: list[bytes] = []
-    MemoryBusPort(bus).hear("state", lambda envelope: arrived.append(envelope.payload))
-    says = MemoryBusPort(bus).say(topics.STATE)
-    for payload in before:
-        says(payload)
-    bus.stop(keeps=keeps)
-    for payload in meanwhile:
-        says(payload)
-    assert arrived == before
-    bus.go_on()
-    for payload in after:
-        says(payload)
-    assert arrived == [*before, *(meanwhile if keeps else []), *after]
-
-
-def test_a_hub_that_hangs_and_is_then_ended_loses_what_it_kept() -> None:
-    bus = HinderedBus()
-    arrived: list[bytes] = []
-    MemoryBusPort(bus).hear("state", lambda envelope: arrived.append(envelope.payload))
-    says = MemoryBusPort(bus).say(topics.STATE)
-    bus.stop(keeps=True)
-    says(b"kept")
-    bus.stop(keeps=False)
-    bus.go_on()
-    assert arrived == []

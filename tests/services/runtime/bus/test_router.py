@@ -5,7 +5,6 @@ That nothing came is only believed after a message that was sent later has come.
 """
 
 import json
-import socket
 import time
 from collections.abc import Generator
 from contextlib import ExitStack
@@ -17,7 +16,7 @@ import pytest
 import zenoh
 
 from messages import topics
-from messages.topic import AnyTopic, Direction, Side
+from messages.topic import Direction, Side
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.access_control import keys as keys_of
 from services.runtime.bus.envelope import Envelope
@@ -31,6 +30,7 @@ from services.runtime.bus.zenoh_bus import (
     connected,
     listening,
 )
+from tests.support.doors import CROSS, free_endpoint, one, say
 from tests.support.patience import PATIENCE_S, until
 from tests.support.router_file import FILE, router_tree
 from tools.keys import authority
@@ -41,25 +41,10 @@ NOW = datetime.now(UTC)
 AWAY_S = 0.2  # [s] a router that is back within 0.05 s is not found again by all (docs/fleet.md)
 DRONES = here_key(EVERY_SPACE, "drone")
 LAST = "log/last"  # said behind everything else: what has not come when it has, never comes
-CROSS = [topic for topic in topics.ALL if topic not in topics.WITHIN_ONE_MACHINE]
 SAID_BY: dict[Side, tuple[Direction, Direction]] = {
     "drone": (Direction.UP, Direction.BOTH),
     "topside": (Direction.DOWN, Direction.BOTH),
 }
-
-
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
-
-
-def one(topic: AnyTopic) -> AnyTopic:
-    return topic.of("x") if topic.is_family else topic
-
-
-def say(session: zenoh.Session, key: str, payload: bytes = b"") -> None:
-    """As slowly as it takes: dropping is allowed to nobody here."""
-    session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
 def zenohd(folder: Path, tree: dict[str, Any], name: str = "router") -> zenoh.Session:
@@ -239,31 +224,6 @@ def test_a_router_that_is_started_again_is_joined_again_by_everybody(tmp_path: P
         assert topics.STATE.key not in {e.key for e in desk.heard}
         with open_network(endpoint, PATIENCE_S) as network:
             until(lambda: network.tokens(DRONES) == [here_key(namespace("a"), "drone", "1")])
-
-
-def test_a_loop_of_routers_carries_every_message_once(tmp_path: Path) -> None:
-    ring = [free_endpoint() for _ in range(3)]
-    with ExitStack() as exits:
-        for k, here in enumerate(ring):
-            others = [each for each in ring if each != here]
-            exits.enter_context(zenohd(tmp_path, router_tree([here], others), f"r{k}"))
-        drone = Half("drone", "a", ring[0], tmp_path, exits)
-        desk = Half("topside", "a", ring[1], tmp_path, exits)
-        third = exits.enter_context(open_network(ring[2], PATIENCE_S))
-        meet(drone, desk)
-        meet(desk, drone)
-        until(lambda: third.tokens(DRONES) == [here_key(namespace("a"), "drone", "1")])
-        for half in (drone, desk):
-            half.heard.clear()
-        for k in range(200):
-            say(drone.session, topics.STATUS.key, b"%d" % k)
-            say(desk.session, topics.PILOT_REQUEST.key, b"%d" % k)
-        quiet(drone, desk)
-        quiet(desk, drone)
-        for half, row in ((desk, topics.STATUS), (drone, topics.PILOT_REQUEST)):
-            assert [e.payload for e in half.heard if e.key == row.key] == [
-                b"%d" % k for k in range(200)
-            ]
 
 
 class Keys:

@@ -14,14 +14,11 @@ import pytest
 import zenoh
 
 from messages import topics
-from messages.topic import AnyTopic, Direction, Side
 from services.runtime.bus import zenoh_bus
-from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import (
-    UNIX,
     ZenohBus,
     close_without_waiting,
     connected,
@@ -29,6 +26,7 @@ from services.runtime.bus.zenoh_bus import (
 )
 from services.runtime.config.errors import LindyError
 from services.runtime.os import portable
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
 
 SPACE = namespace("pioneer")
@@ -37,11 +35,6 @@ LAST = "log/last"  # said behind everything else: what has not come when it has,
 
 def socket_file(folder: Path, name: str = "hub") -> str:
     return f"unixsock-stream/{folder}/{name}.sock"
-
-
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return f"tcp/127.0.0.1:{free.getsockname()[1]}"
 
 
 class Star:
@@ -56,14 +49,15 @@ class Star:
         return ZenohBus(self._exits.enter_context(session))
 
 
-@pytest.fixture(params=["unixsock", "portable", "tcp"])
+@pytest.fixture
 def star(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Generator[Star]:
-    if request.param == "portable":
+    kind = getattr(request, "param", "unixsock")
+    if kind == "portable":
         monkeypatch.setattr(zenoh_bus, "system", portable)
     with ExitStack() as exits:
-        yield Star(free_endpoint() if request.param == "tcp" else socket_file(tmp_path), exits)
+        yield Star(free_endpoint() if kind == "tcp" else socket_file(tmp_path), exits)
 
 
 def meet(talker: ZenohBus, heard: list[Envelope]) -> None:
@@ -86,6 +80,7 @@ def until_all_is_there(talker: ZenohBus, heard: list[Envelope], payload: bytes =
     until(lambda: any(e.key == LAST for e in heard))
 
 
+@pytest.mark.parametrize("star", ["unixsock", "portable", "tcp"], indirect=True)
 def test_what_is_said_is_heard_once_by_the_others_with_its_encoding_and_qos(star: Star) -> None:
     talker, ear = star.client(), star.client()
     own, heard = list[Envelope](), list[Envelope]()
@@ -171,74 +166,11 @@ def test_a_service_is_seen_to_come_and_to_go(star: Star) -> None:
     assert seen == [("estimation", True), ("control", True), ("control", False)]
 
 
-@pytest.mark.parametrize("kind", ["unixsock", "tcp"])
-def test_an_endpoint_that_is_taken_is_one_sentence(tmp_path: Path, kind: str) -> None:
-    endpoint = socket_file(tmp_path) if kind == "unixsock" else free_endpoint()
-    with listening(endpoint), pytest.raises(LindyError) as refused:
-        listening(endpoint)
-    sentence = str(refused.value)
-    assert sentence.startswith(f"endpoint {endpoint} ")
-    assert sentence.endswith("; choose another, for example tcp/127.0.0.1:7447")
-    assert len(sentence.splitlines()) == 1
-
-
-@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:port", "nonsense", "carrier-pigeon/home:1"])
-def test_an_endpoint_that_is_none_is_one_sentence(endpoint: str) -> None:
-    with pytest.raises(LindyError, match=r"^endpoint .* cannot be listened on \(.*\); choose"):
-        listening(endpoint)
-
-
-def test_a_folder_that_takes_no_socket_is_one_sentence(tmp_path: Path) -> None:
-    folder = tmp_path / "missing"
-    with pytest.raises(LindyError, match=rf"^cannot write into {folder}, .*: no such file"):
-        listening(f"{UNIX}{folder}/hub.sock")
-
-
 def test_a_client_without_a_hub_gives_up_with_a_sentence(tmp_path: Path) -> None:
     endpoint = socket_file(tmp_path, "nobody")
     with pytest.raises(LindyError) as refused:
         connected(endpoint, SPACE, 0.2)
     assert str(refused.value) == f"no hub answers at {endpoint} after 0.2 s"
-
-
-SIDES: tuple[Side, Side] = ("drone", "topside")
-
-
-def test_between_two_machines_each_row_crosses_in_its_own_way_only(tmp_path: Path) -> None:
-    """Two hubs joined by TCP, a client on the private socket of each."""
-    rows = [t.of("x") for t in topics.ALL if t.is_family and t is not topics.LOG]
-    rows += [t for t in topics.ALL if not t.is_family]
-    heard: dict[Side, list[Envelope]] = {"topside": [], "drone": []}
-    with ExitStack() as exits:
-        between, bus = free_endpoint(), dict[Side, ZenohBus]()
-        for side in SIDES:
-            listen, connect = ([between], []) if side == "drone" else ([], [between])
-            # The private socket is named last: it is the one of which an error would speak.
-            own, border = socket_file(tmp_path, side), HubSide(side, SPACE)
-            exits.enter_context(listening(*listen, own, connect=connect, hub_side=border))
-            bus[side] = ZenohBus(exits.enter_context(connected(own, SPACE, PATIENCE_S)))
-            for topic in topics.ALL:
-                bus[side].hear(topic.key, heard[side].append)
-        for side, other in (SIDES, SIDES[::-1]):
-            meet(bus[side], heard[other])
-        for side, other in (SIDES, SIDES[::-1]):
-            for topic in rows:
-                bus[side].say(topic)(topic.key.encode())
-            until_all_is_there(bus[side], heard[other])
-            until(lambda side=side, other=other: keys(heard[other]) >= crossing(rows, side))
-    assert keys(heard["drone"]) == crossing(rows, "topside")
-    assert keys(heard["topside"]) == crossing(rows, "drone")
-
-
-def keys(heard: list[Envelope]) -> set[str]:
-    return {e.key for e in news(heard)}
-
-
-def crossing(rows: list[AnyTopic], side: Side) -> set[str]:
-    """Keys that the other side is to hear of what is said here."""
-    way = Direction.DOWN if side == "topside" else Direction.UP
-    cross = [topic for topic in rows if topic not in topics.WITHIN_ONE_MACHINE]
-    return {topic.key for topic in cross if topic.way in (way, Direction.BOTH)}
 
 
 # Without unix sockets: TCP of this machine, with a password.

@@ -78,7 +78,11 @@ def topic_of(qos: Qos) -> AnyTopic:
     return next(topic for topic in topics.ALL if topic.qos is qos and not topic.is_family)
 
 
-@pytest.mark.parametrize("qos", Qos)
+FIRST, *BETWEEN, LAST = [*Qos]
+MORE = [pytest.param(each, marks=pytest.mark.slow) for each in BETWEEN]
+
+
+@pytest.mark.parametrize("qos", [FIRST, *MORE, LAST])
 def test_large_messages_and_bursts_arrive_at_every_priority(hub: str, qos: Qos) -> None:
     topic, heard, numbers = topic_of(qos), list[bytes](), count()
     with ExitStack() as exits:

@@ -1,9 +1,6 @@
 """Sensors that a vehicle file names: their figures lie under what it states."""
 
-import tomllib
-from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
@@ -41,18 +38,6 @@ def test_a_parts_figures_count_where_the_vehicle_states_none() -> None:
     told = stack.section("estimation", Estimation)
     assert told.depth.acceleration_noise == part.estimation["depth"]["acceleration_noise"]
     assert told.depth.pressure_std == 500.0
-
-
-def test_naming_its_parts_changed_nothing_about_the_bluerov2() -> None:
-    stack = Stack(vehicle="bluerov2_heavy")
-    sensors = stack.section("simulator", Simulator)
-    named = ("gyro", "accelerometer", "magnetometer")
-    for field in Simulator.__struct_fields__:
-        if field.split("_")[0] in named and field != "magnetometer_rate":
-            assert getattr(sensors, field) == getattr(Simulator(), field), field
-    assert (sensors.pressure_std, sensors.pressure_step) == (100.0, 20.0)
-    told = stack.section("estimation", Estimation).depth
-    assert (told.pressure_std, told.acceleration_noise) == (200.0, 0.0016)
 
 
 @pytest.mark.parametrize(
@@ -124,20 +109,3 @@ def test_a_mistake_in_a_part_names_its_file(tmp_path: Path, part: str, sentence:
         vehicle_with(tmp_path, part).section("simulator", Simulator)
     assert sentence in str(told.value)
     assert "\n" not in str(told.value)
-
-
-def test_each_file_is_parsed_once_however_many_tables_are_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    parsed, loads = Counter[str](), tomllib.loads
-
-    def counted(text: str, /) -> dict[str, Any]:
-        parsed[text] += 1
-        return loads(text)
-
-    monkeypatch.setattr(tomllib, "loads", counted)
-    text = (DEPLOY / "vehicles/bluerov2_heavy.toml").read_text() + "# mine\n"
-    (tmp_path / "mine.toml").write_text(text)
-    Stack(vehicle=str(tmp_path / "mine.toml")).check(known_tables(Registry.read()))
-    assert parsed[text] == 1
-    assert set(parsed.values()) == {1}

@@ -1,14 +1,27 @@
 """Settings: a mistake gets one sentence with the file, the line, the key and what is allowed."""
 
+import re
+from datetime import date
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from services.camera.core import Settings as Camera
+from services.runtime.bus.endpoint import EXAMPLE, checked_endpoint
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import GONE, convert, deploy_file, override, read, read_toml
+from services.runtime.config.settings import (
+    GONE,
+    convert,
+    deploy_file,
+    line_of,
+    override,
+    read,
+    read_toml,
+)
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.simulator.core import Settings as Simulator
@@ -100,23 +113,11 @@ def test_a_mistake_in_an_optional_table_says_what_it_knows(assignment: str, sent
     assert str(refused.value).startswith(f"--set {assignment}: ")
 
 
-@pytest.mark.parametrize(("key", "instead"), GONE.items())
-def test_a_key_of_an_earlier_version_says_what_to_use_instead(key: str, instead: str) -> None:
-    assignment = f"{key}=1"
-    with pytest.raises(LindyError) as refused:
-        Stack(overrides=[assignment]).check(known_tables(Registry.read()))
-    assert str(refused.value) == f"--set {assignment}: this key is gone: {instead}"
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(LindyError, match=r"cannot read .*none.toml: No such file"):
-        read(tmp_path / "none.toml", Some)
-
-
-def test_overrides_reach_into_tables() -> None:
-    tree = {"depth": {"kp": 1.0}}
-    override(tree, ["depth.kp=3", "name=deep water", "depth.kd = 0.5"])
-    assert convert(tree, Some, "") == Some(Depth(3.0, 0.5), "deep water")
+def test_a_key_of_an_earlier_version_says_what_to_use_instead() -> None:
+    for key, instead in GONE.items():
+        with pytest.raises(LindyError) as refused:
+            Stack(overrides=[f"{key}=1"]).check(known_tables(Registry.read()))
+        assert str(refused.value) == f"--set {key}=1: this key is gone: {instead}"
 
 
 @pytest.mark.parametrize("bad", ["depth", "=3", "name.first=3"])
@@ -125,20 +126,10 @@ def test_a_malformed_override_is_refused(bad: str) -> None:
         override({"name": "x"}, [bad])
 
 
-def test_an_unknown_vehicle_suggests_the_nearest() -> None:
-    with pytest.raises(LindyError, match=r"unknown vehicle 'pionere'; did you mean 'pioneer'"):
-        deploy_file("vehicles", "pionere")
-
-
 @pytest.mark.parametrize("path", ["/tmp", "/dev/null", "./mine"])
 def test_a_path_that_is_no_file_of_the_kind_is_said(path: str) -> None:
     with pytest.raises(LindyError, match=rf"^{path} is no .toml file: give a name in deploy/veh"):
         deploy_file("vehicles", path)
-
-
-@pytest.mark.parametrize("vehicle", ["pioneer"])
-def test_every_shipped_vehicle_is_valid(vehicle: str) -> None:
-    Stack(vehicle=vehicle).check(known_tables(Registry.read()))
 
 
 def test_an_unknown_table_is_refused() -> None:
@@ -147,11 +138,6 @@ def test_an_unknown_table_is_refused() -> None:
         match=r"^--set contol\.depth\.kp=3: contol: unknown table .* did you mean 'control'",
     ):
         Stack(overrides=["contol.depth.kp=3"]).check(known_tables(Registry.read()))
-
-
-def test_a_table_that_is_no_vehicle_s_is_not_the_vehicle_file_s_fault() -> None:
-    with pytest.raises(LindyError, match=r"^--set link\.down\.delay_ms=5: link: unknown table"):
-        Stack(overrides=["link.down.delay_ms=5"]).check(known_tables(Registry.read()))
 
 
 @pytest.mark.parametrize(
@@ -193,26 +179,6 @@ def test_two_thrusters_of_one_name_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "assignment", ["vehicle.size=[1.0,.38,1.0]", "vehicle.mass=.38", "vehicle.size=[1.0", 'name="x']
-)
-def test_what_is_meant_as_a_value_and_is_no_toml_is_said_so(assignment: str) -> None:
-    with pytest.raises(LindyError, match=r"^--set .*: not valid TOML"):
-        Stack(overrides=[assignment]).check(known_tables(Registry.read()))
-
-
-@pytest.mark.parametrize("word", ["deep water", "-righty", "3rd", "a.b"])
-def test_a_bare_word_is_a_string(word: str) -> None:
-    tree: dict[str, str] = {}
-    override(tree, [f"name={word}"])
-    assert tree == {"name": word}
-
-
-def test_a_value_out_of_limits_stops_the_dive_before_it_starts() -> None:
-    with pytest.raises(LindyError, match=r"^--set vehicle.mass=-1: expected float > 0.0, found -1"):
-        Stack(overrides=["vehicle.mass=-1"]).check(known_tables(Registry.read()))
-
-
-@pytest.mark.parametrize(
     ("text", "said"),
     [(f"a = {'[' * 100_000}", "tables or arrays too deep"),
      ("# " + "a" * 1_000_000, "1000002 letters, at most 1000000 are allowed")],
@@ -231,3 +197,133 @@ def test_a_file_may_begin_with_the_mark_of_an_editor_on_windows(tmp_path: Path) 
     path = tmp_path / "marked.toml"
     path.write_bytes(b"\xef\xbb\xbfkp = 3\r\n")
     assert read_toml(path) == {"kp": 3}
+
+
+# `--set key.path=value`: every TOML value arrives as it is, and every mistake is one sentence.
+
+
+NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
+NUMBERS = st.one_of(
+    st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False, allow_infinity=False)
+)
+WORDS = (
+    st.text("abcdefghijklmnopqrstuvwxyz /._", min_size=1)
+    .map(str.strip)
+    .filter(lambda w: w not in ("", "nan"))
+)
+
+
+class Sized(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    size: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+
+
+def setting(text: str) -> Any:
+    tree: dict[str, Any] = {}
+    override(tree, [f"key={text}"])
+    return tree["key"]
+
+
+@given(WORDS)
+def test_words_need_no_quotes_unless_they_mean_something(text: str) -> None:
+    meant = {"true": True, "false": False, "inf": float("inf")}
+    assert setting(text) == meant.get(text, text)
+    assert setting(f'"{text}"') == text
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("", ""), (" 3 ", 3), ("1_000", 1000), ("0x10", 16), ("1e-3", 1e-3), ("'3'", "3"),
+        ("2026-01-02", date(2026, 1, 2)), ("{a = 1}", {"a": 1}), ("a=b", "a=b"), ("[]", []),
+        ("1e", "1e"),
+    ],
+)  # fmt: skip
+def test_what_toml_knows_is_read_as_toml(text: str, value: object) -> None:
+    assert setting(text) == value
+
+
+@pytest.mark.parametrize("text", [".5", "-.5", "05", "[1,", "{a=", "'open", '"open', "+.1"])
+def test_what_looks_like_a_value_and_is_none_is_refused(text: str) -> None:
+    with pytest.raises(LindyError) as refused:
+        setting(text)
+    sentence = str(refused.value)
+    assert sentence.startswith(f"--set key={text}: not valid TOML (")
+    assert len(sentence.splitlines()) == 1
+
+
+@given(st.lists(NAMES, min_size=1, max_size=5), st.integers())
+def test_a_path_of_any_length_reaches_its_value_and_changes_nothing_else(
+    path: list[str], value: int
+) -> None:
+    tree: dict[str, Any] = {"Other": {"kp": 1.0}}
+    override(tree, [f"{'.'.join(path)} = {value}"])
+    inner: Any = tree
+    for name in path:
+        inner = inner[name]
+    assert inner == value
+    assert tree["Other"] == {"kp": 1.0}
+    assert set(tree) == {"Other", path[0]}
+
+
+class Named(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    tables: dict[str, Sized] = {}
+
+
+@pytest.mark.parametrize(
+    ("table", "sentence"),
+    [
+        ({"size": -3.0}, "x.tables.b.size: expected float"),
+        ({"sise": 1.0}, "x.tables.b.sise: unknown key; did you mean 'size'?"),
+        (3, "x.tables.b: expected a table, found 3"),
+    ],
+)
+def test_a_mistake_in_one_of_several_named_tables_says_in_which(table: Any, sentence: str) -> None:
+    tree = {"tables": {name: {"size": 1.0} for name in "abc"} | {"b": table}}
+    with pytest.raises(LindyError, match=re.escape(sentence)):
+        convert(tree, Named, "x")
+
+
+@given(st.lists(NAMES, min_size=1, max_size=8, unique=True), st.integers(0, 3))
+def test_the_line_of_a_table_and_of_a_key_is_where_they_stand(
+    tmp_path_factory: pytest.TempPathFactory, names: list[str], blank: int
+) -> None:
+    path: Path = tmp_path_factory.getbasetemp() / "lines.toml"
+    block = "\n" * blank
+    path.write_text("".join(f"{block}[{name}]\n{name}_x = 1\n" for name in names))
+    for number, name in enumerate(names):
+        heading = number * (2 + blank) + blank + 1
+        assert line_of(path, (name,)) == f":{heading}"
+        assert line_of(path, (name, f"{name}_x")) == f":{heading + 1}"
+        assert line_of(path, (name, "missing")) == f":{heading}"
+        assert line_of(path, (name, "missing"), exact=True) == ""
+    path.unlink()
+    assert line_of(path, (names[0],)) == ""  # of a recorded dive, flown again in another folder
+
+
+def test_what_a_string_of_several_lines_says_is_no_key(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('[a]\ntext = """\nmass = 1\n"""\nmass = 2\n')
+    assert line_of(path, ("a", "mass")) == ":5"
+
+
+def test_an_endpoint_is_taken_as_it_is_unless_there_is_no_such_port() -> None:
+    for text in ("unixsock-stream//tmp/a.sock", "udp/rov.local:1", "tcp/host:7447#iface=eth0"):
+        assert checked_endpoint(text, "--listen") == text
+    for text in ("tcp/127.0.0.1:{}", "tls/[::1]:{}", "udp/host:{}#iface=a"):
+        assert checked_endpoint(text.format(65535), "--router") == text.format(65535)
+        for port in ("0", "65536", "9" * 5000):
+            with pytest.raises(LindyError, match=r"no such port, expected one of 1 to 65535$"):
+                checked_endpoint(text.format(port), "--router")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "127.0.0.1:7447", "tcp/host", "tcp/host:", "tcp/:7447", "tpc/host:7447",
+             "tcp/a b:1", "tls/host:7447#enable_mtls=false", "tls/host:7447?enable_mtls=false",
+             "tls/host:7447#iface=eth0;enable_mtls=false", "unixsock-stream//a.sock#x=1",
+             "ws/host:7447", "unixpipe//tmp/a", "vsock/1:1", "serial//dev/ttyS0"]
+)  # fmt: skip
+def test_what_is_no_endpoint_is_refused_with_an_example(text: str) -> None:
+    with pytest.raises(LindyError) as refused:
+        checked_endpoint(text, "--listen")
+    assert str(refused.value).startswith(f"--listen {text!r}: expected PROTOCOL/ADDRESS:PORT")
+    assert EXAMPLE in str(refused.value)

@@ -21,8 +21,6 @@ from tools.live.pilots import who_flies
 
 NUMBERS = count()
 WIRE = "def wire(node, stack):\n    "
-SIMULATOR = "[services.simulator]\nsides = ['drone']\nvehicle_side = true\n"
-GATEWAY = "[services.tether]\nsides = ['topside', 'drone']\ngateway = true\n"
 STRICT = """
 import msgspec
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -132,94 +130,54 @@ def test_a_cockpit_has_a_picture_where_there_can_be_one_and_else_says_why(
     flown.require_whole()
 
 
-def test_a_stack_with_a_camera_and_no_cockpit_is_left_as_it_is(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("tools.live.cockpit.find_spec", {"av": None}.get)
-    camera = Registry.read("camera")
-    assert with_picture(camera, Choices()) is camera
+def service(name: str, *keys: str) -> str:
+    return "\n".join([f"[services.{name}]", *keys, ""])
+
+
+ON_BOARD, TOPSIDE, BOTH = "sides = ['drone']", "sides = ['topside']", "sides = ['topside', 'drone']"
+VEHICLE, OF_X, MINE = "vehicle_side = true", "module = 'x'", "process = 'mine'"
+WHOLE = service("simulator", ON_BOARD, VEHICLE)
+GATEWAY = service("tether", BOTH, "gateway = true")
+SECOND = service("cable", "service = 'tether'", BOTH, "gateway = true")
+TAKEN = service("control", ON_BOARD) + service("estimation", ON_BOARD, "process = 'control'")
+TWO_HOMES = service("control", ON_BOARD, MINE) + service("gamepad", BOTH, MINE)
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    ("text", "where", "words"),
     [
-        ("", r"mine.toml: no service is the vehicle; one of them must have vehicle_side = true"),
-        ("[service.x]", r"mine.toml:1: service: unknown key; did you mean 'services'"),
+        ("", "", r"no service is the vehicle; one of them must have vehicle_side = true"),
+        ("[service.x]", ":1: service", "unknown key; did you mean 'services'"),
+        (service("contrl", ON_BOARD), ":1: ", "no service 'contrl', .* did you mean 'control'"),
+        (service("control", "sides = ['dron']"), ":2: services.control.sides number 1", "'dron'"),
+        (service("control", "sides = []"), ":2: services.control.sides", "expected array"),
+        (service("control", "side = ['drone']"), ":2: ", "did you mean 'sides'"),
+        (service("control", "sides = ['drone', 'drone']"), ":2: ", "'drone' is there twice"),
+        (service("vehicle", ON_BOARD, OF_X), "", "cannot be called 'vehicle'"),
+        (service("Driver", ON_BOARD, OF_X), "", "cannot be called 'Driver'"),
+        (service("hub_drone", ON_BOARD, OF_X), "", "cannot be called 'hub_drone'"),
+        (service("simulator", BOTH, VEHICLE), ":2: services.simulator.sides", r"is \[\"drone\"\]"),
+        (service("simulator", TOPSIDE, VEHICLE), ":2: services.simulator.sides", "allowed is"),
+        (service("tether", ON_BOARD, "gateway = true"), ":2: services.tether.sides", "topside"),
+        (WHOLE + GATEWAY + SECOND, ":10: services.cable.gateway", "tether is the gateway already"),
+        (WHOLE + service("x", ON_BOARD, VEHICLE, OF_X), ":6: ", "simulator is a whole vehicle alr"),
+        (service("control", ON_BOARD, "process = 'On board'"), ":3: ", "called 'On board'"),
+        (service("control", ON_BOARD, "process = 'hub_drone'"), ":3: ", "called 'hub_drone'"),
+        (TAKEN, ":5: services.estimation.process", "'control' is a service that is not in this"),
+        (TWO_HOMES, ":6: services.gamepad.process", "'mine' has control, whose home is the drone"),
+        ("extends = 'simulatd'", ":1: extends", "unknown stack 'simulatd'; did you mean"),
+        ("extends = 'mine.toml'", ":1: extends", "'mine.toml' is a file; allowed is a na"),
         (
-            "[services.contrl]\nsides = ['drone']",
-            r"mine.toml:1: .* no service 'contrl', .* did you mean 'control'",
+            "extends = 'simulated'\n" + service("x", "in_place_of = 'pad'"),
+            ":3: services.x.in_place_of", "there is no service 'pad' to replace; known",
         ),
-        (
-            "[services.control]\nsides = ['drone', 'dron']",
-            r"mine.toml:2: services.control.sides number 2: expected str matching .*found 'dron'",
-        ),
-        ("[services.control]\nsides = []", r"mine.toml:2: services.control.sides: expected array"),
-        ("[services.control]\nside = ['drone']", r"mine.toml:2: .*did you mean 'sides'"),
-        ("[services.vehicle]\nsides = ['drone']\nmodule = 'x'", "cannot be called 'vehicle'"),
-        ("[services.Driver]\nsides = ['drone']\nmodule = 'x'", "cannot be called 'Driver'"),
-        (
-            "[services.control]\nsides = ['drone', 'drone']",
-            r"mine.toml:2: services.control.sides: 'drone' is there twice; allowed is each",
-        ),
-        (
-            "[services.simulator]\nsides = ['drone', 'topside']\nvehicle_side = true",
-            r"mine.toml:2: services.simulator.sides: .* allowed is \[\"drone\"\], found \['dr",
-        ),
-        (
-            "[services.simulator]\nsides = ['topside']\nvehicle_side = true",
-            r"mine.toml:2: services.simulator.sides: .* allowed is \[\"drone\"\]",
-        ),
-        (
-            "[services.tether]\nsides = ['drone']\ngateway = true",
-            r"mine.toml:2: services.tether.sides: .* allowed is \[\"topside\", \"drone\"\], found",
-        ),
-        (
-            SIMULATOR + GATEWAY + GATEWAY.replace("tether]", "cable]\nservice = 'tether'"),
-            r"mine.toml:10: services.cable.gateway: tether is the gateway already, .* is one",
-        ),
-        (
-            SIMULATOR + "[services.driver]\nsides = ['drone']\nvehicle_side = true\nmodule = 'x'",
-            r"mine.toml:6: services.driver.vehicle_side: simulator is a whole vehicle already",
-        ),
-        ("[services.hub_drone]\nsides = ['drone']\nmodule = 'x'", "cannot be called 'hub_drone'"),
-        (
-            "[services.control]\nsides = ['drone']\nprocess = 'On board'",
-            r"mine.toml:3: services.control.process: a process cannot be called 'On board'; all",
-        ),
-        (
-            "[services.control]\nsides = ['drone']\nprocess = 'hub_drone'",
-            r"mine.toml:3: services.control.process: a process cannot be called 'hub_drone'",
-        ),
-        (
-            "[services.control]\nsides = ['drone']\nprocess = 3",
-            r"mine.toml:3: services.control.process: expected .*str.*, found 3",
-        ),
-        (
-            "[services.control]\nsides = ['drone']\n"
-            "[services.estimation]\nsides = ['drone']\nprocess = 'control'",
-            r"mine.toml:5: services.estimation.process: 'control' is a service that is not in this "
-            r"process; allowed is a name that no service has, or process = 'control' for it as",
-        ),
-        (
-            "[services.control]\nsides = ['drone']\nprocess = 'mine'\n"
-            "[services.gamepad]\nsides = ['topside', 'drone']\nprocess = 'mine'",
-            r"mine.toml:6: services.gamepad.process: process 'mine' has control, whose home is the "
-            r"drone, and gamepad, whose home is the topside; allowed are .* the same home",
-        ),
-        ("extends = 'simulatd'", r"mine.toml:1: extends: unknown stack 'simulatd'; did you mean"),
-        ("extends = 'mine.toml'", r"mine.toml:1: extends: 'mine.toml' is a file; allowed is a na"),
-        (
-            "extends = 'simulated'\n[services.x]\nin_place_of = 'pad'",
-            r"mine.toml:3: services.x.in_place_of: there is no service 'pad' to replace; known",
-        ),
-        (
-            "[services.reference]\nsides = ['topside']",
-            r"mine.toml:2: services.reference.sides: it is on board; allowed is \[.drone.\], found",
-        ),
+        (service("reference", TOPSIDE), ":2: services.reference.sides", "it is on board"),
     ],
-)
-def test_a_mistake_in_a_stack_file_is_named(tmp_path: Path, text: str, sentence: str) -> None:
-    with pytest.raises(LindyError, match=sentence):
+)  # fmt: skip
+def test_a_mistake_in_a_stack_file_is_named(
+    tmp_path: Path, text: str, where: str, words: str
+) -> None:
+    with pytest.raises(LindyError, match=f"mine.toml{where}.*{words}"):
         stack_file(tmp_path, text)
 
 
@@ -272,11 +230,9 @@ def test_a_stack_whose_sides_nothing_connects_is_refused(tmp_path: Path) -> None
         without(tmp_path, "tether").require_whole()
 
 
-@pytest.mark.parametrize(
-    "name", ["", "recorder", "visualizer", "predictor", "link_monitor", "recorder visualizer"]
-)
-def test_a_service_that_only_looks_on_may_be_left_out(tmp_path: Path, name: str) -> None:
-    without(tmp_path, *name.split()).require_whole()
+def test_a_service_that_only_looks_on_may_be_left_out(tmp_path: Path) -> None:
+    for names in ("", "recorder", "visualizer", "predictor", "link_monitor", "recorder visualizer"):
+        without(tmp_path, *names.split()).require_whole()
 
 
 def test_what_is_published_is_checked_where_it_is_known(tmp_path: Path) -> None:
@@ -290,18 +246,10 @@ def test_what_is_published_is_checked_where_it_is_known(tmp_path: Path) -> None:
             services.require_published({**published, "mine": [twice]})
 
 
-@pytest.mark.parametrize("name", ["estimation", "reference", "control"])
-def test_what_must_be_one_is_not_there_twice(tmp_path: Path, name: str) -> None:
-    more = f'[services.second]\nsides = ["drone"]\nservice = "{name}"\n'
-    with pytest.raises(LindyError, match=rf"services.second: it runs the code of {name}, and so"):
-        without(tmp_path, more=more)
-
-
-def test_without_shared_names_every_service_is_a_process_of_its_own_name() -> None:
-    for stack in ("simulated", "real"):
-        services = Registry.read(stack)
-        assert services.processes == {name: [name] for name in services}
-        assert services.shared == {}
+def test_what_must_be_one_is_not_there_twice(tmp_path: Path) -> None:
+    for name in ("estimation", "reference", "control"):
+        with pytest.raises(LindyError, match=rf"services.second: it runs the code of {name}, and"):
+            without(tmp_path, more=service("second", ON_BOARD, f"service = '{name}'"))
 
 
 def test_grouped_services_without_a_process_share_that_of_their_home() -> None:
@@ -355,9 +303,10 @@ def test_on_two_machines_each_instance_keeps_a_process_of_its_own(tmp_path: Path
     ("code", "sentence"),
     [
         (None, r"there is no module 'driver_\d+'; allowed: an installed module, or a file beside"),
-        ("x = 1", r"module 'driver_\d+' \(.*driver_\d+.py\) has no function wire\(node, stack\)"),
-        ("wire = 3", r"has no function wire"),
-        ("1 / 0", r"module 'driver_\d+' cannot be imported: ZeroDivisionError: division by zero"),
+        (
+            "wire = 3",
+            r"'driver_\d+' \(.*driver_\d+.py\) has no function wire\(node, stack\)",
+        ),
         ("import no_such_port", r"cannot be imported: ModuleNotFoundError: No module named 'no_s"),
         ("raise SystemExit('bye')", r"cannot be imported: SystemExit: bye"),
         ("class Settings: ...\n" + WIRE + "pass", r"Settings of module .* forbid_unknown_fields"),
@@ -399,13 +348,11 @@ def test_a_drivers_settings_are_checked_like_lindys_own(tmp_path: Path) -> None:
         Stack(overrides=["driver.baud=fast"]).check(known)
 
 
-@pytest.mark.parametrize("module", ["", "../x", "a b", ".x", "x.", "my-driver", "/opt/driver.py"])
+@pytest.mark.parametrize("module", ["", "../x", "my-driver", "/opt/driver.py"])
 def test_what_cannot_be_a_module_is_refused_with_what_can(tmp_path: Path, module: str) -> None:
-    text = f"[services.driver]\nsides = ['drone']\nvehicle_side = true\nmodule = '{module}'"
-    with pytest.raises(LindyError) as refused:
+    text = service("driver", ON_BOARD, VEHICLE, f"module = '{module}'")
+    with pytest.raises(LindyError, match=rf"toml:4: services.driver.module: '{module}' is no name"):
         stack_file(tmp_path, text)
-    sentence = f"mine.toml:4: services.driver.module: {module!r} is no name of a module; allowed: "
-    assert sentence in str(refused.value)
 
 
 def test_settings_of_a_module_that_declares_none_are_refused_with_how_to(tmp_path: Path) -> None:

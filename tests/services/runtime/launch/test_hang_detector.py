@@ -79,13 +79,3 @@ def test_who_is_stuck_is_not_waited_for_but_by_a_supervisor_that_is_late_itself(
         late = before + round(gap_s * 1e9)
         changes = answering.look({"tether": 0}, life, late, lambda _: True)
         assert [change.what for change in changes] == what
-
-
-def test_each_time_is_counted() -> None:
-    answering, life, now = HangDetector({"control": 1e3}), {"control": Life("running", lives=1)}, 0
-    for times in range(1, 4):
-        beat = now + STEP_NS
-        for _ in range(20):
-            now += STEP_NS
-            answering.look({"control": beat}, life, now)
-        assert answering.times == {"control": times}

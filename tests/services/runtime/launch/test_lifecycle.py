@@ -99,15 +99,10 @@ def test_status_1_before_it_was_ever_alive_is_the_users_mistake():
     assert action is Action.GIVE_UP
 
 
-def test_status_1_of_a_service_that_was_alive_is_a_crash():
-    life, action = advance(after(Life(), LifeEvent.TICK, LifeEvent.SEEN), Ended(MISTAKE), 1)
-    assert (life.phase, action) == ("waiting", None)
-
-
-@pytest.mark.parametrize("seen", [False, True])
-def test_status_0_of_a_service_that_nobody_asked_to_end_is_a_crash(seen: bool):
+@pytest.mark.parametrize(("seen", "status"), [(False, 0), (True, 0), (True, MISTAKE)])
+def test_an_end_that_nobody_asked_for_is_a_crash(seen: bool, status: int):
     life = after(Life(seen=seen), LifeEvent.TICK)
-    life, action = advance(life, Ended(0), 1)
+    life, action = advance(life, Ended(status), 1)
     assert (life.phase, life.crashes, action) == ("waiting", 1, None)
 
 

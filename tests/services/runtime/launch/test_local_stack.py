@@ -73,6 +73,7 @@ import msgspec
 class Memory(msgspec.Struct):
     lives: int
 def wire(node, stack):
+    node.on_close(lambda: print("closed", node.name, flush=True))
     known = node.restore_checkpoint(Memory)
     lives = 1 if known is None else known.lives + 1
     node.save_checkpoint(Memory(lives))
@@ -137,11 +138,7 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         assert sorted(local.missing()) == ["desk", "engine"]
         local.start_services()
         alive(local)
-        assert local.shown >= {
-            ("drone", "engine"),
-            ("topside", "desk"),
-            ("drone", "desk"),
-        }
+        assert local.shown >= {("drone", "engine"), ("topside", "desk"), ("drone", "desk")}
         found = running(stack)
         file, pids = str(services.file), local.supervisor.pids
         began = system.began(os.getpid())
@@ -156,32 +153,46 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         assert said[0].text == "here"
         folders = socket_folders(local)
         assert all(folder.is_dir() for folder in folders)
-    assert not [pid for pid in found.pids.values() if exists(pid)]
+        assert set(local.supervisor.restarts.values()) == {0}
+        after = kills_are_mended(local, stack)
+        require_it_goes_on_without_a_service_or_its_folder(local, stack)
+        pids = (*found.pids.values(), *after.values(), *local.supervisor.pids.values())
+    assert not [pid for pid in pids if exists(pid)]
     assert not [folder for folder in folders if folder.exists()]
     assert not (stack.out_dir / RUNNING).exists()
-    assert set(local.supervisor.restarts.values()) == {0}
+
+
+def kills_are_mended(local: LocalStack, stack: Stack) -> dict[str, int]:
+    """A service and a hub that are killed come again, and the file names the new processes."""
+    before = running(stack).pids
+    for name in ("engine", "hub_drone"):
+        os.kill(before[name], signal.SIGKILL)
+    pump_until(local, lambda: bool(local.missing()))
+    alive(local)
+    pump_until(local, lambda: {"engine", "hub_drone"} <= set(running(stack).pids))
+    after = running(stack).pids
+    assert {name for name, pid in after.items() if pid != before[name]} == {"engine", "hub_drone"}
+    restarts = {"hub_topside": 0, "hub_drone": 1, "engine": 1, "desk": 0}
+    assert local.supervisor.restarts == restarts
     assert "info engine: here" in (stack.out_dir / "logs/engine.log").read_text()
+    return after
 
 
-def test_what_is_killed_comes_again_and_the_file_names_the_new_process(tmp_path: Path) -> None:
-    stack, services = made(tmp_path)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
-        alive(local)
-        before = running(stack).pids
-        for name in ("engine", "hub_drone"):
-            os.kill(before[name], signal.SIGKILL)
-        pump_until(local, lambda: bool(local.missing()))
-        alive(local)
-        pump_until(local, lambda: {"engine", "hub_drone"} <= set(running(stack).pids))
-        after = running(stack).pids
-        assert {name for name, pid in after.items() if pid != before[name]} == {
-            "engine",
-            "hub_drone",
-        }
-        restarts = {"hub_topside": 0, "hub_drone": 1, "engine": 1, "desk": 0}
-        assert local.supervisor.restarts == restarts
-    assert not [pid for pid in (*before.values(), *after.values()) if exists(pid)]
+def require_it_goes_on_without_a_service_or_its_folder(local: LocalStack, stack: Stack) -> None:
+    """A service that was alive is not waited for: by then the drone may be armed. And without the
+    folder of the dive everything is started again as well."""
+    os.kill(local.supervisor.pids["desk"], signal.SIGKILL)
+    pump_until(local, lambda: "desk" in local.missing())
+    said = list[LogLine]()
+    local.node.show = said.append
+    local.wait_alive(-1.0, lambda: True)
+    assert "not alive after -1 s: desk; the dive goes on" in [line.text for line in said]
+    alive(local)
+    shutil.rmtree(stack.out_dir)
+    os.kill(local.supervisor.pids["desk"], signal.SIGKILL)
+    pump_until(local, lambda: bool(local.missing()))
+    alive(local)
+    assert local.supervisor.restarts["desk"] == 2
 
 
 @given(st.sets(st.tuples(st.sampled_from(SIDES), st.sampled_from(("engine", "desk", "foreign")))))
@@ -227,21 +238,11 @@ def test_what_is_stopped_is_named_and_started_again(tmp_path: Path, name: str) -
         assert local.restarts[name] == 1
 
 
-def test_a_handler_that_never_returns_is_a_hanging_service(tmp_path: Path) -> None:
-    stack, services = made(tmp_path, engine=BUSY)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
-        alive(local)
-        pump_until(local, lambda: last_beat(local.plan.heartbeat("engine")) is not None)
-        (tmp_path / "hang").touch()
-        pump_until(local, lambda: bool(local.hang_detector.silent))
-        (tmp_path / "hang").unlink()
-        pump_until(local, lambda: local.restarts["engine"] == 1)
-        alive(local)
-
-
 def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_path: Path) -> None:
-    stack, services = made(tmp_path, engine=REMEMBERING, stack=ONE_PROCESS)
+    """At its end, the recorder is closed last."""
+    recorder = '[services.recorder]\nsides = ["drone"]\nprocess = "onboard"\n'
+    whole = f'{ONE_PROCESS}{recorder}module = "engine_module"\n'
+    stack, services = made(tmp_path, engine=REMEMBERING, stack=whole)
     with local_stack(Dive(stack, services)) as local:
         said = list[LogLine]()
         local.node.show = said.append
@@ -250,53 +251,43 @@ def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_pa
         pump_until(local, lambda: "onboard" in local.supervisor.pids)
         assert local.supervisor.lives["onboard"].seen
         before = running(stack).pids
-        assert set(before) == {"hub_topside", "hub_drone", "engine", "sounder", "desk"}
+        onboard = {"engine", "sounder", "recorder"}
+        assert set(before) == {"hub_topside", "hub_drone", "desk"} | onboard
         assert before["engine"] == before["sounder"] != before["desk"]
         kept = [tmp_path / f"out/checkpoints/{name}.json" for name in ("engine", "sounder")]
         pump_until(local, lambda: all(path.is_file() for path in kept))
         log = stack.out_dir / "logs/onboard.log"
-        pump_until(local, lambda: log.read_text().count("life 1") > 1)
+        pump_until(local, lambda: log.read_text().count("life 1") > 2)
         os.kill(before["engine"], signal.SIGKILL)
-        pump_until(local, lambda: {"engine", "sounder"} <= set(local.missing()))
+        pump_until(local, lambda: onboard <= set(local.missing()))
         alive(local)
         after = running(stack).pids
         assert after["engine"] == after["sounder"] != before["engine"]
         assert after["desk"] == before["desk"]
-        restarts = {"hub_topside": 0, "hub_drone": 0, "engine": 1, "sounder": 1, "desk": 0}
-        assert local.restarts == restarts
+        others = dict.fromkeys(("hub_topside", "hub_drone", "desk"), 0)
+        assert local.restarts == others | dict.fromkeys(onboard, 1)
         lines = [line.text for line in said if not line.text.startswith("late: ")]
         assert lines == [
-            "onboard (engine, sounder) ended unexpectedly (signal SIGKILL)",
-            "onboard (engine, sounder) is started again",
+            "onboard (engine, sounder, recorder) ended unexpectedly (signal SIGKILL)",
+            "onboard (engine, sounder, recorder) is started again",
         ]
         lines = {f"info {name}: life {life}" for name in ("engine", "sounder") for life in (1, 2)}
         pump_until(local, lambda: lines <= set(log.read_text().splitlines()))
     assert not exists(after["engine"])
+    closed = [line for line in log.read_text().splitlines() if line.startswith("closed")]
+    assert sorted(closed) == ["closed engine", "closed recorder", "closed sounder"]
+    assert closed[-1] == "closed recorder"
 
 
-CLOSING = """
-def wire(node, stack):
-    node.on_close(lambda: print(node.name, flush=True))
-"""
-
-
-def test_of_one_process_the_recorder_is_closed_last(tmp_path: Path) -> None:
-    with_recorder = ONE_PROCESS + '[services.recorder]\nsides = ["drone"]\nprocess = "onboard"\n'
-    with_recorder += 'module = "engine_module"\n'
-    stack, services = made(tmp_path, engine=CLOSING, stack=with_recorder)
+def test_who_is_not_alive_in_time_is_named_and_may_still_come_and_a_viewer_is_last(
+    tmp_path: Path,
+) -> None:
+    viewer = '[services.visualizer]\nsides = ["topside"]\nmodule = "engine_module"\n'
+    stack, services = made(tmp_path, engine=QUIET, desk=WAITING, stack=STACK + viewer)
     with local_stack(Dive(stack, services)) as local:
         local.start_services()
-        alive(local)
-    closed = (stack.out_dir / "logs/onboard.log").read_text().split()
-    assert sorted(closed) == ["engine", "recorder", "sounder"]
-    assert closed[-1] == "recorder"
-
-
-def test_who_is_not_alive_in_time_is_named_and_may_still_come(tmp_path: Path) -> None:
-    stack, services = made(tmp_path, desk=WAITING)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
-        pump_until(local, lambda: local.missing() == ["desk"])
+        pump_until(local, lambda: ("drone", "engine") in local.shown)
+        assert "visualizer" not in local.supervisor.pids
 
         def look() -> bool:
             local.pump()
@@ -309,24 +300,8 @@ def test_who_is_not_alive_in_time_is_named_and_may_still_come(tmp_path: Path) ->
         local.wait_alive(0.0, lambda: False)  # whoever waits may give up without an error
         (tmp_path / "go").touch()
         local.wait_alive(PATIENCE_S, look)
-        assert local.missing() == []
-
-
-def test_the_dive_goes_on_without_a_service_that_was_alive_and_is_started_again(
-    tmp_path: Path,
-) -> None:
-    """By then the drone may be armed."""
-    stack, services = made(tmp_path)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
         alive(local)
-        os.kill(local.supervisor.pids["desk"], signal.SIGKILL)
-        pump_until(local, lambda: "desk" in local.missing())
-        said = list[LogLine]()
-        local.node.show = said.append
-        local.wait_alive(-1.0, lambda: True)
-        assert "not alive after -1 s: desk; the dive goes on" in [line.text for line in said]
-        alive(local)
+        assert "visualizer" in local.supervisor.pids
 
 
 @pytest.mark.slow
@@ -387,20 +362,10 @@ def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> 
         assert set(local.supervisor.pids) == {"hub_topside", "hub_drone"}
 
 
-def test_a_removed_folder_ends_nothing(tmp_path: Path) -> None:
-    stack, services = made(tmp_path)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
-        alive(local)
-        shutil.rmtree(stack.out_dir)
-        os.kill(local.supervisor.pids["engine"], signal.SIGKILL)
-        pump_until(local, lambda: bool(local.missing()))
-        alive(local)
-        assert local.supervisor.restarts["engine"] == 1
-
-
-def test_a_service_without_memory_is_named_and_started_again(tmp_path: Path) -> None:
-    stack, services = made(tmp_path, engine=GREEDY)
+def test_a_service_without_memory_and_one_whose_handler_hangs_are_started_again(
+    tmp_path: Path,
+) -> None:
+    stack, services = made(tmp_path, engine=GREEDY, desk=BUSY)
     with local_stack(Dive(stack, services)) as local:
         lines = list[LogLine]()
         local.node.show = lines.append
@@ -412,16 +377,27 @@ def test_a_service_without_memory_is_named_and_started_again(tmp_path: Path) -> 
         pump_until(local, lambda: "life 2" in log.read_text())
         said = [line.text for line in lines if line.text.startswith("engine ended unexpectedly")]
         assert said == ["engine ended unexpectedly (status 1: engine has no memory left)"]
-
-
-def test_a_hub_that_cannot_listen_for_a_while_is_tried_again_and_ends_nothing(
-    tmp_path: Path,
-) -> None:
-    """As where the folder of its socket has become read-only."""
-    stack, services = made(tmp_path)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
+        pump_until(local, lambda: last_beat(local.plan.heartbeat("desk")) is not None)
+        (tmp_path / "hang").touch()
+        pump_until(local, lambda: "desk" in local.hang_detector.silent)
+        (tmp_path / "hang").unlink()
+        pump_until(local, lambda: local.restarts["desk"] == 1)
         alive(local)
+
+
+def test_neither_a_hub_that_cannot_listen_for_a_while_nor_a_mistake_in_what_hears_ends_anything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As where the folder of its socket has become read-only. The mistake is printed once."""
+    stack, services = made(tmp_path, desk=TALKING)
+    with local_stack(Dive(stack, services)) as local:
+
+        def wrong(line: LogLine, _: int) -> None:
+            raise KeyError(line.text)
+
+        local.node.each(topics.LOG, wrong)
+        local.start_services()
+        pump_until(local, lambda: local.node.counts["mistake"] > 3 and not local.missing())
         lines = list[str]()
         local.node.show = lambda line: lines.append(line.text)
         socket = Path(local.plan.endpoints["drone"].partition("/")[2])
@@ -433,33 +409,7 @@ def test_a_hub_that_cannot_listen_for_a_while_is_tried_again_and_ends_nothing(
         socket.rmdir()
         pump_until(local, lambda: not local.missing() and socket.is_socket())
     assert local.supervisor.failure is None
-
-
-def test_a_mistake_in_what_listens_ends_nothing_and_is_printed_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    stack, services = made(tmp_path, desk=TALKING)
-    with local_stack(Dive(stack, services)) as local:
-
-        def wrong(line: LogLine, _: int) -> None:
-            raise KeyError(line.text)
-
-        local.node.each(topics.LOG, wrong)
-        local.start_services()
-        pump_until(local, lambda: local.node.counts["mistake"] > 3 and not local.missing())
     assert capsys.readouterr().err.count("KeyError: 'here'") == 1
-
-
-def test_a_viewer_is_started_when_the_others_are_alive(tmp_path: Path) -> None:
-    viewer = '[services.visualizer]\nsides = ["topside"]\nmodule = "engine_module"\n'
-    stack, services = made(tmp_path, engine=QUIET, desk=WAITING, stack=STACK + viewer)
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
-        pump_until(local, lambda: ("drone", "engine") in local.shown)
-        assert "visualizer" not in local.supervisor.pids
-        (tmp_path / "go").touch()
-        alive(local)
-        assert "visualizer" in local.supervisor.pids
 
 
 READING = """

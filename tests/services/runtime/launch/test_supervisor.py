@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.runtime.launch import supervisor as module
-from services.runtime.launch.child import Child, OsChild, Task
+from services.runtime.launch.child import Child, Task
 from services.runtime.launch.supervisor import Supervisor
 from tests.support.patience import until
 
@@ -78,28 +78,6 @@ def test_a_killed_child_is_started_again_and_it_is_said(toys: Toys):
     assert toys.told == ["toy ended unexpectedly (signal SIGKILL)", "toy is started again"]
 
 
-@pytest.mark.parametrize("number", [errno.EMFILE, errno.EAGAIN, errno.ENOMEM])
-def test_a_child_that_cannot_be_started_now_is_started_later(tmp_path: Path, number: int):
-    """A computer without free descriptors, processes or memory: for a while."""
-    toys, refused = Toys(tmp_path), [OSError(number, os.strerror(number))] * 3
-
-    def spawn(task: Task) -> Child:
-        if refused:
-            raise refused.pop()
-        return OsChild(task)
-
-    toys.supervisor = Supervisor(lambda _, text: toys.told.append(text), spawn)
-    try:
-        toys.add("toy", SLEEP)
-        assert toys.supervisor.pids == {}
-        toys.until(lambda: "toy" in toys.supervisor.pids)
-    finally:
-        toys.supervisor.stop()
-    why = f"toy could not be started: {os.strerror(number).lower()}; tried again"
-    assert toys.told == [why, *["toy is started again", why] * 2, "toy is started again"]
-    assert toys.supervisor.failure is None
-
-
 def test_a_mistake_of_the_users_is_shown_in_the_services_own_words(toys: Toys):
     toys.add("toy", MISTAKEN)
     toys.until(lambda: toys.supervisor.failure is not None)
@@ -117,27 +95,12 @@ def test_what_is_not_needed_ends_nothing_when_it_cannot_start(toys: Toys, tmp_pa
     assert list(toys.supervisor.pids) == ["other"]
 
 
-def test_a_name_of_two_words_keeps_its_words(toys: Toys):
-    toys.add("my_toy", MISTAKEN.replace("lindy toy", "lindy my_toy"))
-    toys.until(lambda: toys.supervisor.failure is not None)
-    assert toys.supervisor.failure == "depth is 7, expected at most 3"
-
-
 def test_a_service_that_cannot_start_is_named_with_its_last_line_and_its_log(
     toys: Toys, tmp_path: Path
 ):
     toys.add("toy", BROKEN)
     toys.until(lambda: toys.supervisor.failure is not None)
     assert toys.supervisor.failure == f"toy cannot start: KeyError: 'x' (see {tmp_path}/toy.log)"
-
-
-def test_stopping_leaves_nobody_behind(toys: Toys):
-    for name in ("one", "two", "three"):
-        toys.add(name, SLEEP)
-    pids = list(toys.supervisor.pids.values())
-    toys.supervisor.stop()
-    assert not any(exists(pid) for pid in pids)
-    assert toys.told == []
 
 
 def test_what_a_child_has_started_ends_with_it(toys: Toys):
@@ -218,6 +181,27 @@ def test_the_recorder_ends_after_the_services_and_the_hub_after_the_recorder():
     stage = Stage()
     stage.supervisor.stop()
     assert stage.order == ["control", "recorder", "hub"]
+
+
+def test_a_child_that_cannot_be_started_now_is_started_later():
+    """A computer without free descriptors, processes or memory: for a while."""
+    numbers, told, running = [errno.EMFILE, errno.EAGAIN, errno.ENOMEM], list[str](), list[str]()
+    words, now = [os.strerror(number).lower() for number in numbers], 0
+
+    def spawn(task: Task) -> Child:
+        if numbers:
+            raise OSError(number := numbers.pop(0), os.strerror(number))
+        return PretendChild(running, [], task.name)
+
+    supervisor = Supervisor(lambda _, text: told.append(text), spawn, lambda: now)
+    supervisor.add([Task("toy", [], Path())])
+    for _ in range(20):
+        supervisor.step()
+        now += 1_000_000_000
+    whys = [f"toy could not be started: {why}; tried again" for why in words]
+    again = "toy is started again"
+    assert told == [whys[0], again, whys[1], again, whys[2], again]
+    assert (running, supervisor.failure) == (["toy"], None)
 
 
 NAMES = st.sampled_from(["hub", "recorder", "control"])

@@ -9,7 +9,6 @@ import pytest
 from messages import events, topics
 from messages.health import Health, LogLine
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.launch.process_plan import unused_folder
 from services.runtime.node import checkpoint as checkpoints
 from services.runtime.node.checkpoint import CheckpointFile, VolatileCheckpoint, write_safely
 from services.runtime.node.node import FORGETS, Node
@@ -135,14 +134,3 @@ def test_checkpoints_that_fail_are_said_once_for_as_long_as_that_lasts() -> None
     said = [(line.level, line.text, line.stamp_ns // S) for line in lines]
     assert said == [("warning", FORGETS, 1), ("warning", FORGETS, 40)]
     assert node.counts[events.NOT_REMEMBERED.name] == 2 * 21
-
-
-def test_checkpoints_of_another_dive_are_neither_taken_over_nor_overwritten(tmp_path: Path):
-    wanted = tmp_path / "dive" / "checkpoints"
-    first = unused_folder(wanted)
-    (first / "estimation.json").write_bytes(b"another dive's atmosphere")
-    second = unused_folder(wanted)
-    assert first == wanted
-    assert second != first
-    assert list(second.iterdir()) == []
-    assert (first / "estimation.json").read_bytes() == b"another dive's atmosphere"

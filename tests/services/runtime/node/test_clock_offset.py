@@ -3,52 +3,43 @@
 from collections import Counter
 
 import msgspec
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
 from messages.events import Outbox
-from messages.link import Clock
-from messages.pilot import PilotCommand
-from messages.vehicle import Actuation
+from messages.link import Clock, ClockPing
+from messages.pilot import PilotCommand, PilotRequest
+from messages.topic import AnyTopic, Direction, Side
+from services.link_monitor.core import LinkMonitor, pong
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
-from services.runtime.node.clock_offset import ClockOffset
+from services.runtime.node.clock_offset import ABOUT_CLOCKS, SILENT_NS, ClockOffset
 from services.runtime.node.gate import Gate
 from services.runtime.node.ports import Inbox, Latest
+from tests.support.messages import example
 
 MS, SECOND = 1_000_000, 1_000_000_000
-DRONE = ServiceSpec(sides=["drone"])
-TOPSIDE = ServiceSpec(sides=["topside"])
 GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)
 
 
-def joined(clocks: dict[str, Skew] | None, link: str = "tether") -> VirtualHost:
-    host, stack = VirtualHost(clocks), Stack(link=link)
+def joined(clocks: dict[str, Skew]) -> VirtualHost:
+    host, stack = VirtualHost(clocks), Stack(link="tether")
     host.add("tether", GATEWAY, stack)
     every = Registry.read()
     monitor = every.only({"link_monitor": every["link_monitor"]})
-    host.add_all(monitor if clocks is None else monitor.apart(), stack)
+    host.add_all(monitor.apart(), stack)
     return host
 
 
-def told(clock_offset: ClockOffset, ahead: int, bound: int, now: int = 0) -> None:
+def teach(clock_offset: ClockOffset, ahead: int, bound: int, now: int = 0) -> None:
     """The link monitor's word on the drone's clock, heard on board."""
-    clock = Clock(
-        stamp_ns=0, offset_ns=ahead, bound_ns=bound, drift_ppm=None, rtt_ms=None,
-        rtt_min_ms=None, answered_ms=None,
-    )  # fmt: skip
+    clock = example(Clock, offset_ns=ahead, bound_ns=bound)
     clock_offset.learn(clock, now)
-
-
-def test_while_the_link_monitor_is_silent_the_clocks_are_known_less_and_less() -> None:
-    clock_offset = ClockOffset("drone")
-    told(clock_offset, 0, MS, now=SECOND)
-    assert clock_offset.bound_ns(SECOND) == MS
-    assert clock_offset.bound_ns(61 * SECOND) == MS + 6 * MS
 
 
 def envelope(message: PilotCommand) -> Envelope:
@@ -64,9 +55,9 @@ def test_better_knowledge_of_the_clock_lets_no_older_message_pass_a_newer_one(
     """`error` and `better` [ms] are what the clock is taken to be wrong by, before and after."""
     clock_offset, counts = ClockOffset("drone"), Counter[str]()
     gate = Gate(topics.PILOT_COMMAND, Outbox(counts), clock_offset)
-    told(clock_offset, error * MS, abs(error) * MS, SECOND)
+    teach(clock_offset, error * MS, abs(error) * MS, SECOND)
     newest = gate.admit(envelope(command(SECOND)), SECOND + 20 * MS)
-    told(clock_offset, better * MS, abs(better) * MS, SECOND)
+    teach(clock_offset, better * MS, abs(better) * MS, SECOND)
     older = gate.admit(envelope(command(SECOND - earlier * MS)), SECOND + 40 * MS)
     assert newest is None or older is None
     assert counts["lost:pilot/command"] == 0
@@ -80,22 +71,11 @@ def test_better_knowledge_of_the_clock_lengthens_no_life(error: int, better: int
     gate = Gate(topics.PILOT_COMMAND, Outbox(counts), clock_offset)
     inbox = Inbox("pilot/command", 8, lambda: 0, Outbox(counts))
     newest = Latest(topics.PILOT_COMMAND, inbox, gate, Outbox(counts))
-    told(clock_offset, error * MS, abs(error) * MS, SECOND)
+    teach(clock_offset, error * MS, abs(error) * MS, SECOND)
     inbox.store(envelope(command(SECOND)))
     newest.newest(SECOND)
-    told(clock_offset, better * MS, abs(better) * MS, SECOND)
+    teach(clock_offset, better * MS, abs(better) * MS, SECOND)
     assert newest.fresh(SECOND + age * MS) is None or age <= 300
-
-
-def test_a_machine_that_was_started_anew_is_heard_again() -> None:
-    clock_offset, counts = ClockOffset("drone"), Counter[str]()
-    gate = Gate(topics.PILOT_COMMAND, Outbox(counts), clock_offset)
-    told(
-        clock_offset, -3600 * SECOND, MS, 10 * SECOND
-    )  # the pilot's machine has run for an hour more
-    assert gate.admit(envelope(command(3610 * SECOND)), 10 * SECOND) is not None
-    told(clock_offset, 11 * SECOND, MS, 12 * SECOND)
-    assert gate.admit(envelope(command(SECOND)), 12 * SECOND) is not None
 
 
 def command(now: int, ttl_ms: float = 300.0) -> PilotCommand:
@@ -148,42 +128,171 @@ def test_a_command_is_never_older_than_its_time_to_live_when_it_acts(ahead: int,
     assert bool([now for now in acted if now > 3 * SECOND]) == (lag < 290) or 285 <= lag <= 305
 
 
-def test_one_stamp_goes_down_and_comes_back_as_it_was() -> None:
-    host = joined({"drone": Skew(10**13)})
-    pilot, drone = host.node("pilot", ["topside"]), host.node("drone", ["drone"])
-    commands, actuations = pilot.publisher(topics.PILOT_COMMAND), drone.publisher(topics.ACTUATION)
-    sent: list[int] = []
-    back: list[int | None] = []
-
-    def speak(now: int) -> None:
-        sent.append(now)
-        commands.put(command(now))
-
-    def answer(heard: PilotCommand, now: int) -> None:
-        actuations.put(
-            Actuation(
-                stamp_ns=now, thrust=(), actuated_ns=now, sensor_ns=None,
-                pilot_ns=heard.stamp_ns, stale=False, power=0.0,
-            )
-        )  # fmt: skip
-
-    pilot.every(50.0, speak)
-    drone.each(topics.PILOT_COMMAND, answer)
-    pilot.each(topics.ACTUATION, lambda m, _: back.append(m.pilot_ns))
-    host.run(3 * SECOND)
-    assert len(back) > 100
-    for pilot_ns in back:
-        assert pilot_ns is not None
-        assert min(abs(pilot_ns - stamp) for stamp in sent) < MS
+# Stamps of the other machine's clock: both sides agree, and what is not known is not guessed.
 
 
-def test_with_one_clock_nothing_is_moved_or_refused() -> None:
-    host = joined(None)
-    pilot, drone = host.node("pilot", ["topside"]), host.node("drone", ["drone"])
-    publisher = pilot.publisher(topics.PILOT_COMMAND)
-    stamps: list[int] = []
-    pilot.every(50.0, lambda now: publisher.put(command(now)))
-    drone.each(topics.PILOT_COMMAND, lambda m, _: stamps.append(m.stamp_ns))
-    host.run(SECOND)
-    assert stamps[0] == 20 * MS
-    assert not [name for name in drone.counts if name.startswith(("expired", "unsync"))]
+AHEAD = st.integers(-(10**15), 10**15)  # [ns] drone's clock minus the topside's
+STAMPS = st.integers(0, 10**15)
+ROWS = st.sampled_from(topics.ALL)
+
+
+def clock(offset: int | None, bound: int | None = 0) -> Clock:
+    return example(Clock, offset_ns=offset, bound_ns=bound)
+
+
+def told(side: Side, ahead: int, bound: int = 0, now: int = 0) -> ClockOffset:
+    offset = ClockOffset(side)
+    offset.learn(clock(ahead, bound), now)
+    return offset
+
+
+@given(AHEAD, STAMPS)
+def test_both_sides_read_the_same_instant(ahead: int, instant: int) -> None:
+    """`instant` [ns] by the topside's clock; the drone's shows `ahead` more."""
+    topside, drone = told("topside", ahead), told("drone", ahead)
+    assert drone.local_ns(topics.PILOT_COMMAND, instant) == instant + ahead
+    assert topside.local_ns(topics.STATE, instant + ahead) == instant
+    assert topside.ahead_ns == -(drone.ahead_ns or 0)
+
+
+@given(ROWS, AHEAD, STAMPS)
+def test_own_stamps_stay_as_they_are_and_those_of_either_clock_are_not_read(
+    topic: AnyTopic, ahead: int, stamp: int
+) -> None:
+    own_ways: dict[Side, set[Direction]] = {
+        "topside": {Direction.DOWN},
+        "drone": {Direction.UP, Direction.STAY},
+    }
+    for side, own in own_ways.items():
+        offset = told(side, ahead)
+        if topic.way is Direction.BOTH:
+            assert offset.local_ns(topic, stamp) is None
+            assert not offset.judges(topic)
+        elif topic.way in own:
+            assert offset.local_ns(topic, stamp) == stamp
+            assert not offset.concerns(topic)
+
+
+@given(ROWS)
+def test_what_crosses_concerns_one_side_only_and_clocks_carry_their_own_time(
+    topic: AnyTopic,
+) -> None:
+    concerned = [side for side in ("topside", "drone") if ClockOffset(side).concerns(topic)]
+    expected = {Direction.UP: ["topside"], Direction.DOWN: ["drone"]}.get(topic.way, [])
+    assert concerned == ([] if topic.message in ABOUT_CLOCKS else expected)
+
+
+@given(st.integers(0, 10**9), STAMPS, st.integers(0, 10**13), st.integers(0, 10**13))
+def test_knowledge_ages_by_the_drift_of_two_crystals_and_never_gets_better_by_itself(
+    bound: int, learnt: int, earlier: int, later: int
+) -> None:
+    offset = told("drone", 0, bound, learnt)
+    first, second = sorted((learnt + earlier, learnt + later))
+    assert bound <= offset.bound_ns(first) <= offset.bound_ns(second)
+    assert offset.bound_ns(second) == bound + round(1e-4 * (second - learnt))
+    assert offset.bound_ns(learnt - 1) == bound  # a clock that is looked at before it was learnt
+
+
+@pytest.mark.parametrize("lost", [clock(None, 5), clock(5, None), clock(None, None)])
+def test_a_clock_that_is_not_known_any_more_is_not_used(lost: Clock) -> None:
+    offset = told("drone", 1000)
+    offset.learn(lost, 1)
+    assert offset.ahead_ns is None
+    assert offset.local_ns(topics.PILOT_COMMAND, 7) is None
+
+
+# Two topsides have two clocks: stamps are converted by the clock of who sent them.
+
+
+S = SECOND
+ANN, BOB = 1, 2  # sources
+NOW = 1_000_000 * S
+ahead = st.integers(-900_000 * S, 900_000 * S)  # [ns] the drone's clock minus a topside's
+
+
+def clock_of(source: int, offset: int, epoch: int) -> Clock:
+    return example(Clock, offset_ns=offset, bound_ns=MS, source=source, epoch=epoch)
+
+
+def admitted(gate: "Gate[PilotCommand]", sent: PilotCommand, now: int) -> PilotCommand | None:
+    topic = topics.PILOT_COMMAND
+    return gate.admit(Envelope(topic.key, msgspec.msgpack.encode(sent), topic.encoding), now)
+
+
+@given(ahead, ahead, st.lists(st.sampled_from((ANN, BOB)), max_size=30))
+def test_both_pilots_commands_are_in_time_whoever_speaks_last(
+    ann: int, bob: int, said: list[int]
+) -> None:
+    offset, counts = ClockOffset("drone"), Counter[str]()
+    gate = Gate(topics.PILOT_COMMAND, Outbox(counts), offset)
+    theirs, epoch = {ANN: ann, BOB: bob}, {ANN: 7, BOB: 3}
+    for who in (BOB, ANN):
+        offset.learn(clock_of(who, theirs[who], epoch[who]), NOW)
+    for k, who in enumerate(said):
+        now = NOW + k * 20 * MS
+        offset.learn(clock_of(who, theirs[who], epoch[who]), now)
+        assert offset.ahead_ns == -ann, "the newest epoch is in control"
+        for one, ahead_ns in theirs.items():
+            sent = PilotCommand(
+                stamp_ns=now - 5 * MS - ahead_ns, surge=0, sway=0, heave=0, yaw=0,
+                epoch=epoch[one], seq=k,
+            )  # fmt: skip
+            message = admitted(gate, sent, now)
+            assert message is not None, counts
+            assert message.stamp_ns == now - 5 * MS
+
+
+@given(ahead, ahead)
+def test_the_request_for_control_of_the_second_pilot_is_in_time(ann: int, bob: int) -> None:
+    offset = ClockOffset("drone")
+    offset.learn(clock_of(ANN, ann, 7), NOW)
+    offset.learn(clock_of(BOB, bob, 0), NOW)
+    counts, topic = Counter[str](), topics.PILOT_REQUEST
+    gate = Gate(topic, Outbox(counts), offset)
+    request = PilotRequest(stamp_ns=NOW - bob, id="a", kind="lease", epoch=0)
+    heard = gate.admit(Envelope(topic.key, msgspec.msgpack.encode(request), topic.encoding), NOW)
+    assert heard is not None, counts
+    assert heard.stamp_ns == NOW
+
+
+def test_control_and_silence_move_the_clock_in_force() -> None:
+    offset = ClockOffset("drone")
+    offset.learn(clock_of(ANN, 10, 0), NOW)
+    offset.learn(clock_of(BOB, 20, 0), NOW)
+    assert offset.ahead_ns == -10, "nobody has control: the first stays"
+    offset.learn(clock_of(BOB, 20, 5), NOW)
+    assert offset.ahead_ns == -20
+    offset.learn(clock_of(ANN, 10, 6), NOW + SILENT_NS)
+    assert offset.ahead_ns == -10
+    offset.learn(clock_of(BOB, 20, 5), NOW + 2 * SILENT_NS + 1)
+    assert offset.ahead_ns == -20, "the other one is gone"
+
+
+def test_one_topside_is_as_before_and_its_silence_changes_nothing() -> None:
+    offset = ClockOffset("drone")
+    offset.learn(clock_of(ANN, 10, 0), NOW)
+    assert offset.of(99).ahead_ns == -10, "its clock does not name its new epoch yet"
+    assert offset.bound_ns(NOW + 60 * S) > MS
+    assert offset.ahead_ns == -10
+
+
+@given(ahead, ahead)
+def test_a_link_monitor_takes_only_the_answers_to_its_own_pings(ann: int, bob: int) -> None:
+    monitor = LinkMonitor(Outbox(), source=ANN)
+    for k in range(10):
+        now = NOW + k * 200 * MS
+        for source, ahead_ns in ((ANN, ann), (BOB, bob)):
+            ping = ClockPing(stamp_ns=now - ahead_ns, source=source)
+            monitor.pong(pong(ping, now + 10 * MS), now - ann + 20 * MS)
+    told = monitor.ping(NOW - ann + 3 * S)
+    assert told.offset_ns is not None
+    assert told.bound_ns is not None
+    assert abs(told.offset_ns - ann) <= told.bound_ns <= 11 * MS
+    assert not monitor.outbox.counts
+    assert told.source == ANN
+
+
+def test_the_clock_names_the_epoch_of_its_own_pilot() -> None:
+    monitor = LinkMonitor(Outbox(), source=ANN)
+    monitor.command(PilotCommand(stamp_ns=1, surge=0, sway=0, heave=0, yaw=0, epoch=4), 1)
+    assert monitor.ping(2).epoch == 4

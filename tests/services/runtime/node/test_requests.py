@@ -48,22 +48,6 @@ def test_an_answer_ends_the_repetition_and_a_second_answer_means_nothing(ticks: 
     assert requests.repeats(10**12) == requests.given_up(10**12) == []
 
 
-def test_another_ones_answer_changes_nothing():
-    requests = gamepad()
-    asked = requests.ask(request("arm"), 0)
-    stranger = PilotAnswer(stamp_ns=1, id="console-0-0", accepted=True)
-    assert requests.answered(stranger) is None
-    assert [pending.request for pending in requests.pending] == [asked]
-
-
-def test_after_five_seconds_a_request_is_given_up_once():
-    requests = gamepad()
-    asked = requests.ask(request("light"), 7)
-    assert requests.given_up(7 + GIVE_UP_NS - 1) == []
-    assert requests.given_up(7 + GIVE_UP_NS) == [asked]
-    assert requests.given_up(8 + GIVE_UP_NS) == requests.repeats(8 + GIVE_UP_NS) == []
-
-
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(0, 3 * REPEAT_NS), min_size=1, max_size=6))
 def test_whoever_looks_when_something_is_due_misses_nothing(waits: list[int]):

@@ -41,17 +41,6 @@ def test_a_slow_start_is_no_missed_tick(hz: float, made: int, took: int) -> None
     assert not tick.ring(due)
 
 
-@given(HZ, STARTS, st.lists(st.floats(0.0, 0.99), min_size=1, max_size=200))
-def test_jitter_below_a_period_shifts_no_later_tick(
-    hz: float, start: int, lateness: list[float]
-) -> None:
-    tick = Tick(hz, start, lambda _: None)
-    for number, late in enumerate(lateness, 1):
-        due = start + number * period(hz)
-        assert tick.due == due
-        assert not tick.ring(due + int(late * period(hz)))
-
-
 @given(HZ, STARTS, st.integers(1, MISSABLE))
 def test_a_short_delay_is_caught_up_with_tick_by_tick(hz: float, start: int, behind: int) -> None:
     rung = list[int]()

@@ -176,11 +176,6 @@ def test_an_output_that_nobody_reads_is_known(system: ModuleType) -> None:
         os.close(each)
 
 
-def test_a_cable_that_is_not_there_is_said(system: ModuleType, tmp_path: Path) -> None:
-    with pytest.raises(OSError, match=r"needs Linux or macOS|No such file"):
-        system.serial(str(tmp_path / "none"), 115200)
-
-
 # Files and folders.
 
 

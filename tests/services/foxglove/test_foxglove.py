@@ -1,61 +1,33 @@
-"""A dive is shown live to a client of Foxglove's own, which can command nothing."""
+"""A dive, live and recorded, is shown to clients and readers that are not ours."""
 
 import importlib.util
+import json
 import socket
 import sys
+from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 
 from messages import topics
-from messages.health import LogLine
-from messages.sensors import PressureSample
+from services.foxglove.core import parameters
 from services.foxglove.service import wire
+from services.recorder.foxglove.channel import OFFICIAL, is_view
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
+from services.runtime.config.settings import override, read_toml
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.foxglove import SECOND, SIDES, UTC, Watched, stack
+from tools.__main__ import main
+from tools.recordings.recording import open_recording
 
-SECOND = 1_000_000_000
-UTC = 1_700_000_000 * SECOND
-SIDES = ["topside", "drone"]
 needs_sdk = pytest.mark.skipif(
     importlib.util.find_spec("foxglove") is None, reason="the foxglove extra is not installed"
 )
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]
-
-
-def stack(*settings: str, virtual: bool = False) -> Stack:
-    return Stack(overrides=[f"foxglove.{s}" for s in settings], virtual=virtual)
-
-
-class Watched:
-    """A neighbour on the drone's side, a pilot's side that logs, and the service."""
-
-    def __init__(self, *settings: str) -> None:
-        self.port = free_port()
-        self.host = VirtualHost()
-        drone, topside = self.host.node("drone", ["drone"]), self.host.node("pilot", ["topside"])
-        say, log = drone.publisher(topics.PRESSURE), topside.publisher(topics.LOG.of("pilot"))
-        drone.every(40, lambda now: say.put(PressureSample(stamp_ns=now, pressure=101_325.0)))
-        topside.every(
-            5,
-            lambda now: log.put(LogLine(stamp_ns=now, service="pilot", level="info", text="hi")),
-        )
-        self.node = self.host.node("foxglove", SIDES)
-        self.node.wall_offset_ns = UTC
-        self.lines: list[LogLine] = []
-        self.node.show = self.lines.append
-        wire(self.node, stack(f"port={self.port}", "host=127.0.0.1", *settings))
-
-    def run_on(self) -> None:
-        self.host.run(self.host.now + SECOND // 10)
 
 
 @needs_sdk
@@ -135,7 +107,65 @@ def test_on_virtual_time_nobody_can_watch():
         wire(VirtualHost().node("foxglove", SIDES), stack(virtual=True))
 
 
-@pytest.mark.parametrize("wrong", ["port=0", "port=70000", "host=3", "prot=1"])
-def test_a_wrong_setting_is_named(wrong: str):
-    with pytest.raises(LindyError, match=rf"--set foxglove\.{wrong}"):
-        VirtualHost().add("foxglove", ServiceSpec(["topside"]), stack(wrong))
+# A recorded dive, read with readers that are not ours, in two languages.
+
+
+SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.5,0.5,0,0.5,0\n2,0,0,0,0\n"
+
+
+@pytest.fixture(scope="module")
+def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dives")
+    script = folder / "sticks.csv"
+    script.write_text(SCRIPT)
+    words = ["simulate", "--pilot", f"script:{script}", "--seconds", "4", "--out"]
+    quick = ["--set", "estimation.calibration.still_time=3"]
+    assert main([*words, str(folder / "dive"), *quick]) == 0
+    return folder / "dive"
+
+
+def counted(dive: Path) -> Counter[str]:
+    """Messages by key, as the mcap library for Python reads them."""
+    with (dive / "dive.mcap").open("rb") as stream:
+        return Counter(channel.topic for _, channel, _ in make_reader(stream).iter_messages())
+
+
+@pytest.mark.slow
+def test_views_are_beside_the_messages_and_are_not_taken_for_messages(dive: Path):
+    counts = counted(dive)
+    ours = Counter(raw.key for raw in open_recording(dive).raw())
+    assert ours == Counter({key: n for key, n in counts.items() if not is_view(key)})
+    for key in ("control/thrusters", "control/wrench", "vehicle/actuation", "sensor/imu"):
+        assert counts[f"foxglove/plot/{key}"] == pytest.approx(counts[key] / 4, rel=0.02)
+    assert counts["foxglove/transforms"] == counts["foxglove/pose"] > 100
+    assert counts["foxglove/log"] == sum(n for k, n in counts.items() if k.startswith("log/"))
+    losses = json.loads((dive / "report.json").read_text())["losses"]
+    assert not any(name.startswith(("unreadable", "unknown")) for name in losses)
+
+
+def test_foxglove_s_reader_finds_the_same_and_knows_the_types(
+    foxglove_program: Any, request: pytest.FixtureRequest
+):
+    dive: Path = request.getfixturevalue("dive")  # flown for who has the reader
+    found = foxglove_program("read_file.cjs", str(dive / "dive.mcap")).told()
+    assert found["counts"] == dict(counted(dive))
+    assert found["wrong"] == {}
+    without = set(OFFICIAL) - {"foxglove.CompressedVideo"}  # no camera in this dive
+    assert found["same"] == dict.fromkeys(without, True)
+    assert {"dive.json", "pioneer.toml", "topics.json"} <= set(found["attachments"])
+
+
+# Settings become parameters under the names that `--set` uses.
+
+
+def test_every_setting_of_a_vehicle_file_is_a_parameter_of_its_own_name():
+    tree = read_toml(Stack().vehicle_path)
+    override(tree, ["control.depth.kp=3", "simulator.seed=true", "x.words=[[1, 2], []]"])
+    found = parameters(tree)
+    assert found["control.depth.kp"] == 3
+    assert found["simulator.seed"] is True
+    assert found["vehicle.mass"] == 8.6
+    assert found["vehicle.thruster.1.name"] == "starboard"
+    assert found["vehicle.size.2"] == 0.354
+    assert (found["x.words.0.1"], "x.words.1" in found) == (2, False)
+    assert all(isinstance(value, bool | int | float | str) for value in found.values())
