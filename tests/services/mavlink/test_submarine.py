@@ -339,7 +339,7 @@ def test_data_streams_of_old_are_obeyed() -> None:
         seen = rates(drone, ANN.link, 2)
         for name in set(names) & {"ATTITUDE", "VFR_HUD", "SYS_STATUS", "AHRS2"}:
             assert seen[name] == pytest.approx(10.0, rel=0.1)
-        drone.hear("REQUEST_DATA_STREAM", **HERE, **asked | {"start_stop": 0})
+        drone.hear("REQUEST_DATA_STREAM", ANN, **HERE, **asked | {"start_stop": 0})
         assert not set(rates(drone, ANN.link, 1)) & set(names)
 
 
@@ -386,7 +386,7 @@ def test_questions_have_answers() -> None:
         ("MISSION_REQUEST_LIST", {"mission_type": 1, **HERE}, {"count": 0, "mission_type": 1}),
         ("LOG_REQUEST_LIST", {"start": 0, "end": 9, **HERE}, {"num_logs": 0}),
     ):
-        (addressed,) = drone.hear(name, **fields).packets
+        (addressed,) = drone.hear(name, ANN, **fields).packets
         assert addressed.link == ANN.link
         assert answer.items() <= dict(addressed.packet.fields).items()
     assert drone.hear("TIMESYNC", tc1=5, ts1=7).packets == []  # an answer
