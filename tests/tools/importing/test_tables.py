@@ -52,7 +52,7 @@ def table(path: Path, *, zone: str = "Z") -> Path:
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_tables_of_a_recording_give_its_samples_again(tmp_path: Path, kind: str) -> None:
     first = imported(ros1(tmp_path / "a.bag"), tmp_path / "first")
-    assert main(["log", kind, str(first), "--out", str(tmp_path / "tables")]) == 0
+    assert main(["log", "export", "--as", kind, str(first), "--out", str(tmp_path / "tables")]) == 0
     tables = sorted((tmp_path / "tables").glob(f"*.{kind}"))
     assert main(["import", *map(str, tables), "--out", str(tmp_path / "again")]) == 0
     for key in ("sensor/imu", "sensor/pressure", "pilot/command"):
