@@ -6,9 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from lindy_research.bench import control_loop, control_plant
+from lindy.api.messages import topics
+from lindy_research.bench import control_plant
+from lindy_research.bench.control_loop import INTEGRAL, LIGHTER
 from lindy_research.bench.drag_runs import worst_errors
 from lindy_research.bench.table import Figure
+from lindy_research.dives import Dive, Floats
 
 pytestmark = pytest.mark.slow
 
@@ -42,16 +45,16 @@ def test_known_quadratic_drag_is_what_the_error_was() -> None:
 
 
 def test_a_vehicle_that_becomes_lighter_is_pushed_up_by_what_it_lost() -> None:
-    dives = [
-        control_loop.flown(
-            control_loop.STICKS + "0,0,0,0,0\n1,0,0,0.8,0\n4,0,0,0,0\n60,0,0,0,0\n",
-            control_loop.DROP_S + 3.0, control_loop.INTEGRAL, 0, drops=drops,
-        )
-        for drops in (False, True)
-    ]  # fmt: skip
-    still, lighter = dives
-    unlike = np.abs(still.depth - lighter.depth)
-    assert float(np.max(unlike[: round(100 * control_loop.DROP_S)])) == 0.0
+    sticks = "t,surge,sway,heave,yaw\n0,0,0,0.8,0\n3,0,0,0,0\n60,0,0,0,0\n"
+    depth, heave = list[Floats](), list[Floats]()
+    for lost in ((), LIGHTER):
+        dive = Dive(sticks, overrides=INTEGRAL).until(6.0)
+        if lost:
+            dive.become(*lost)
+        dive.until(10.0)
+        depth.append(dive.depth())
+        heave.append(dive.column(topics.THRUSTERS, lambda m: m.thrust[-1]))
+    unlike = np.abs(depth[0] - depth[1])
+    assert float(np.max(unlike[:600])) == 0.0
     assert float(np.max(unlike)) > 0.02
-    pushed = lighter.heave[-100:] - still.heave[-100:]
-    assert float(np.mean(pushed)) == pytest.approx(10.0, abs=2.0)
+    assert float(np.mean((heave[1] - heave[0])[-100:])) == pytest.approx(10.0, abs=2.0)
