@@ -2,9 +2,8 @@
 
 import math
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
@@ -13,10 +12,6 @@ from messages.link import LinkRequest
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from tools.choices import RunningDive, Whole
-
-if TYPE_CHECKING:  # help loads nothing of the model
-    from services.tether.link_model import FateRow
-    from services.tether.profile import DirectionProfile
 
 MOST_MESSAGES = 5_000_000
 
@@ -39,9 +34,7 @@ def show(
     """What the link would do to a stream of messages, as CSV: seq,sent_s,arrived_s,reason.
 
     A lost message has a reason and no arrival; a copy has the same seq once more; a damaged one
-    arrives, with the reason damaged. The same seed gives the same lines. The standard error output
-    ends with the delay that the profile declares, beside the delay of these messages, which keep
-    their order and may wait in a queue.
+    arrives, with the reason damaged. The same seed gives the same lines.
 
     Example: lindy link show --profile severe --rate 100 --bytes 200 --seconds 60 --seed 1
     """
@@ -60,8 +53,6 @@ def show(
     rows = fates(leg, rate, bytes_, seconds, seed + (direction == "up"))
     lines = (f"{n},{sent:.6f},{_seconds(at)},{why}\n" for n, sent, at, why in rows)
     sys.stdout.write("seq,sent_s,arrived_s,reason\n" + "".join(lines))
-    sys.stdout.flush()
-    print(f"lindy: {_delay_in_words(leg, rows)}", file=sys.stderr, flush=True)
     return 0
 
 
@@ -132,20 +123,6 @@ def _why_not_flown(name: str) -> str | None:
         return why_not_flown(named(name))
     except LindyError:  # a file that only the tether's machine has
         return None
-
-
-def _delay_in_words(leg: "DirectionProfile", rows: "Sequence[FateRow]") -> str:
-    """The declared delay beside the delay of what arrived."""
-    declared = leg.declared_ms
-    text = "declared delay: " + ("a trace" if declared is None else f"mean {declared:.0f} ms")
-    delays = sorted(1e3 * (at - sent) for _, sent, at, _ in rows if at is not None)
-    if not delays:
-        return f"{text}; nothing arrived"
-    middle, most = (delays[len(delays) * percent // 100] for percent in (50, 99))
-    return (
-        f"{text}; measured, waiting included: mean {sum(delays) / len(delays):.0f}, median "
-        f"{middle:.0f}, 99 % {most:.0f}, longest {delays[-1]:.0f} ms"
-    )
 
 
 def _seconds(at: float | None) -> str:

@@ -45,7 +45,7 @@ def why_not_flown(link: Named) -> str | None:
         f"{link.name} cannot be flown: a command needs {shortest_ms(link.profile.down):.0f} ms to"
         f" the drone at best, and is ignored when older than {TTL_MS:g} ms, so the drone would"
         f" never arm, or would lose its pilot; links that can be flown: {', '.join(flyable())}"
-        f" (`lindy link --profile {link.name}` shows what this one does to messages)"
+        f" (`lindy link show --profile {link.name}` shows what this one does to messages)"
     )
 
 

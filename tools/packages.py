@@ -19,6 +19,19 @@ HANDS = ("gamepad", "keyboard")  # pilots whose sticks pygame reads
 SCRIPT = "or use --pilot script:FILE"
 
 
+def require_package(package: str, extra: str, what: str) -> None:
+    """
+    Args:
+        extra: that installs it.
+        what: needs it, for the message.
+
+    Raises:
+        LindyError: it is not installed.
+    """
+    if find_spec(package) is None:
+        raise LindyError(f"{what} needs {package}, which is not installed; {how_to_install(extra)}")
+
+
 def require_packages(services: Collection[str], pilot: str = "") -> None:
     """
     Raises:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 
 from messages.units import Share
-from services.tether.delay import Delay, Milliseconds, Trace
+from services.tether.delay import Delay, Milliseconds
 from services.tether.loss import Loss, Outages
 
 Kilobits = Annotated[float, msgspec.Meta(ge=0.0, le=1e7)]
@@ -48,16 +48,6 @@ class DirectionProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("a queue needs rate_kbit above 0; without a limit nothing waits")
         if self.delay is not None and self.jitter_ms > 0.0:
             raise ValueError("expected jitter_ms or delay, not both")
-
-    @property
-    def declared_ms(self) -> float | None:
-        """[ms] Mean one-way delay as declared: of a message that waits neither in the queue nor for
-        a slower one before it. None: a trace, which declares none."""
-        if isinstance(self.delay, Trace):
-            return None
-        spread = self.jitter_ms if self.delay is None else self.delay.expected
-        late = 0.0 if self.late is None else self.late.share * self.late.ms
-        return self.delay_ms + spread + late
 
 
 class LinkProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,7 +1,7 @@
 """From what a board answered to findings. What its parameters may be is decided where it is flown:
 services/ardusub/board_check.py."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 
 from services.ardusub import board_check, telemetry
@@ -16,10 +16,6 @@ from services.mavlink_io.packet import ARDUPILOT, GROUND_STATION
 from tools.doctor.file_checks import VehicleFinding, Verdict
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
 
-# MAV_AUTOPILOT and MAV_TYPE, of those that are met.
-AUTOPILOTS = {0: "generic", 3: "ArduPilot", 8: "none", 12: "PX4"}
-KINDS = {1: "a plane", 2: "a quadrotor", 6: "a ground station", 10: "a rover", 11: "a boat",
-         12: "a submarine", 13: "a hexarotor"}  # fmt: skip
 STAGES = {0: "dev", 64: "alpha", 128: "beta", 192: "release candidate", 255: "official"}
 # Of BATT_FS_*_ACT.
 ACTIONS = {0.0: "nothing", 1.0: "a warning", 2.0: "disarm", 3.0: "surface"}
@@ -56,49 +52,28 @@ def of_board(
         watch: how long the IMU may say one and the same.
         trouble: why there was no connection.
     """
-    found = [*_link(visit, url, trouble), *_board(visit, vehicle)]
+    found = [_link(visit, url, trouble), *_board(visit, vehicle)]
     return [*found, *_coarse(visit, watch or WatchSettings())]
 
 
-def _link(visit: BoardVisit, url: str, trouble: str) -> Iterator[VehicleFinding]:
+def _link(visit: BoardVisit, url: str, trouble: str) -> VehicleFinding:
+    waited = f"in {NO_BOARD_NS / S:g} s"
+    if visit.heartbeat is None and visit.others:
+        heard = _systems(visit.others)
+        told = f"no heartbeat of system {visit.settings.board} {waited}, only of {heard}; "
+        return VehicleFinding("missing", "board", told + "ardusub.board names the board's system")
+    if visit.heartbeat is None and visit.noise:
+        told = f"what came to {url} {waited} was no MAVLink: is it the speed of the serial port?"
+        return VehicleFinding("missing", "board", told)
     if visit.heartbeat is None:
-        waited = f"{NO_BOARD_NS / S:g} s"
-        if visit.others:
-            some = sorted(visit.others)[:MOST]
-            heard = ", ".join(f"system {s} component {c}" for s, c in some)
-            told = f"no heartbeat of system {visit.settings.board} in {waited}, only of {heard}; "
-            flood = f" ({visit.left_out} frames of a flood were not looked at)"
-            told += "ardusub.board names the board's system" + (flood if visit.left_out else "")
-            yield VehicleFinding("missing", "board", told)
-        elif visit.garbage:
-            told = f"what came to {url} in {waited} was no MAVLink"
-            yield VehicleFinding("missing", "board", f"{told}: is it the speed of the serial port?")
-        elif visit.unknown or visit.left_out:
-            frames = visit.unknown + visit.left_out
-            told = f"{frames} frames at {url} in {waited} were of no message of MAVLink"
-            yield VehicleFinding("missing", "board", f"{told}: is it the board that sends there?")
-        elif trouble:
-            told = f"no connection to {url} in {waited}: {trouble}"
-            yield VehicleFinding("missing", "board", f"{told}; is the board on?")
-        else:
-            told = f"nothing heard at {url} in {waited}: is the board on, and is there an endpoint"
-            yield VehicleFinding("missing", "board", f"{told} (docs/bluerov2.md, step 3)?")
-    else:
-        troubles = _troubles(visit)
-        verdict = CHANGE if troubles else "ok"
-        yield VehicleFinding(
-            verdict, "link", ": ".join([url, *filter(None, [", ".join(troubles)])])
+        why = trouble or "is the board on, and is there an endpoint (docs/bluerov2.md, step 3)?"
+        return VehicleFinding("missing", "board", f"nothing heard at {url} {waited}: {why}")
+    if visit.noise > FEW:
+        told = (
+            f"{url}: {visit.noise} times what came was no MAVLink, too much, or of another sender"
         )
-
-
-def _troubles(visit: BoardVisit) -> list[str]:
-    """Of a link."""
-    found = {
-        "times what came was no MAVLink": visit.garbage if visit.garbage > FEW else 0,
-        "frames of a flood were not looked at": visit.left_out,
-        "datagrams came from another sender than the board": visit.other_senders,
-    }
-    return [f"{count} {what}" for what, count in found.items() if count]
+        return VehicleFinding(CHANGE, "link", told)
+    return VehicleFinding("ok", "link", url)
 
 
 def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
@@ -106,12 +81,11 @@ def _board(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:
         return
     autopilot, kind = visit.heartbeat["autopilot"], visit.heartbeat["type"]
     if autopilot != ARDUPILOT:
-        found = f"{autopilot} ({AUTOPILOTS.get(autopilot, 'another one')})"
-        yield VehicleFinding(CHANGE, "autopilot", f"is {found}; allowed: 3 (ArduPilot)")
+        yield VehicleFinding(CHANGE, "autopilot", f"is {autopilot}; allowed: 3 (ArduPilot)")
         return
     if not visit.is_submarine:
-        found = f"{kind} ({KINDS.get(kind, 'another vehicle')})"
-        yield VehicleFinding(CHANGE, "autopilot", f"flies a vehicle of type {found}; allowed: 12")
+        told = f"flies a vehicle of type {kind}; allowed: 12 (a submarine)"
+        yield VehicleFinding(CHANGE, "autopilot", told)
         return
     yield from _state(visit)
     if visit.version is None:
@@ -239,23 +213,26 @@ def _leak(visit: BoardVisit) -> VehicleFinding:
 
 
 def _others(visit: BoardVisit) -> Iterator[VehicleFinding]:
-    """Whoever speaks as Lindy would is one too many; all others are only told."""
-    own = visit.settings.system
-    ranked = sorted(visit.others.items(), key=lambda item: (item[0][0] != own, item[0]))
-    heard = [(who, kind) for who, kind in ranked if who[0] != visit.settings.board]
-    for (system, component), kind in heard[:MOST]:
-        what = "ground station" if kind == GROUND_STATION else "other system"
-        told = f"system {system} component {component}"
-        if system == own:
-            told += (
-                " speaks as Lindy would, and the board would obey the sticks of both; give one of "
-                "the two another system (docs/bluerov2.md, step 4)"
-            )
-            yield VehicleFinding(CHANGE, what, told)
-        else:
-            yield VehicleFinding("ok", what, f"{told}; Lindy is {own}")
-    if len(heard) > MOST:
-        yield VehicleFinding(CHANGE, "other system", f"and {len(heard) - MOST} more")
+    """Whoever speaks as Lindy would is one too many; other ground stations are only told."""
+    own, board = visit.settings.system, visit.settings.board
+    ours = [who for who in visit.others if who[0] == own]
+    stations = [
+        who
+        for who, kind in visit.others.items()
+        if kind == GROUND_STATION and who[0] not in (own, board)
+    ]
+    if ours:
+        told = (
+            f"{_systems(ours)} speaks as Lindy would, and the board would obey the sticks of both; "
+            "give one of the two another system (docs/bluerov2.md, step 4)"
+        )
+        yield VehicleFinding(CHANGE, "other system", told)
+    if stations:
+        yield VehicleFinding("ok", "ground station", f"{_systems(stations)}; Lindy is {own}")
+
+
+def _systems(who: Iterable[tuple[int, int]]) -> str:
+    return ", ".join(f"system {s} component {c}" for s, c in sorted(who)[:MOST])
 
 
 def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFinding]:

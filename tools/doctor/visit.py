@@ -96,19 +96,11 @@ class BoardVisit:
         return beat is not None and (beat["autopilot"], beat["type"]) == (ARDUPILOT, SUBMARINE)
 
     @property
-    def garbage(self) -> int:
-        """Reads with bytes outside of frames, and frames with a wrong check sum."""
-        return self.lost.counts[events.MALFORMED("mavlink").name]
-
-    @property
-    def left_out(self) -> int:
-        """Frames of a flood."""
-        return self.lost.counts[events.OVERFLOWED("mavlink").name]
-
-    @property
-    def other_senders(self) -> int:
-        """Their datagrams."""
-        return self.lost.counts[events.STRANGER("mavlink").name]
+    def noise(self) -> int:
+        """Reads with bytes outside of frames, frames with a wrong check sum, of no known message or
+        of a flood, and datagrams of other senders."""
+        kinds = (events.MALFORMED, events.OVERFLOWED, events.STRANGER)
+        return self.unknown + sum(self.lost.counts[kind("mavlink").name] for kind in kinds)
 
     def hear(self, packet: MavlinkPacket, now: Ns) -> None:
         """One packet at its arrival [ns]."""

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from messages import topics
 from messages.identity import SideIdentity
+from messages.text import harmless
 from services.runtime.bus.network import NobodyThereError
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
@@ -17,11 +18,11 @@ from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
 from tools.ask import dives_here
 from tools.choices import HERE, Insecure, Json, KeysFolder, Router
-from tools.fleet.look import Drone, Roster, look
-from tools.fleet.names import clean
+from tools.fleet.look import MOST, Drone, Roster, look
 from tools.keys.credentials import credentials
 from tools.keys.roles import Role
 from tools.live.stop_signals import StopSignals
+from tools.text_table import aligned
 
 WATCHERS: tuple[Role, ...] = ("observer", "pilot")
 HEADING = ("name", "type", "Lindy", "activity", "battery", "who flies", "")
@@ -30,6 +31,7 @@ SILENT = "is announced, but says nothing"
 OTHER_MESSAGES = "other messages than here: cannot be flown from here"
 TWICE = "two drones of this name"
 WATCH_S = 1.0  # [s] between two lists
+LONGEST_CELL = 120  # [letters] of a text from a network
 
 
 def drones(
@@ -83,7 +85,7 @@ def _alone() -> str:
 def in_json(roster: Roster, ours: str) -> str:
     """For programs, on one line."""
     rows = [as_row(roster.drones[name], ours) for name in roster.names]
-    return json.dumps({"drones": rows, "not_listed": dict(roster.counts)})
+    return json.dumps({"drones": rows})
 
 
 def as_row(drone: Drone, ours: str) -> dict[str, Any]:
@@ -114,14 +116,12 @@ def as_row(drone: Drone, ours: str) -> dict[str, Any]:
 def table(roster: Roster, endpoint: str, ours: str) -> str:
     """For people, with what was not listed below it."""
     lines = [HEADING, *(_line(roster.drones[name], ours) for name in roster.names)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    rows = [
-        "  ".join(word.ljust(width) for word, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    ]
+    rows = aligned(lines, left=len(HEADING))
     if not roster.drones:
         rows = [f"no drone can be reached at {endpoint}"]
-    return "\n".join([*rows, *roster.remarks])
+    if roster.full:
+        rows.append(f"there may be more than these {MOST}")
+    return "\n".join(rows)
 
 
 def _line(drone: Drone, ours: str) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ def _line(drone: Drone, ours: str) -> tuple[str, ...]:
         "" if drone.status is None else view.pilot or "nobody",
         "; ".join(remarks),
     )
-    return tuple(map(clean, cells))
+    return tuple(harmless(cell.replace("\n", " "))[:LONGEST_CELL] for cell in cells)
 
 
 def _activity(view: VehicleView) -> str:

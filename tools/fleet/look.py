@@ -2,7 +2,7 @@
 hubs and three rows of each drone."""
 
 import time
-from collections import Counter, deque
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,12 +25,6 @@ PATIENCE_S = 1.0  # [s] for the endpoint to answer
 MOST = 256  # drones that are told apart
 MOST_STARTS = 8  # hubs of one name that are
 ROWS: tuple[AnyTopic, ...] = (topics.IDENTITY.of("drone"), topics.STATUS, topics.BATTERY)
-BEYOND, STRANGE, UNREADABLE = "beyond", "strange", "unreadable"
-REMARKS = {
-    BEYOND: f"announced beyond the first {MOST}, and not listed",
-    STRANGE: "announced with names that no drone may have, and not listed",
-    UNREADABLE: "unreadable messages from drones",
-}
 
 
 @dataclass(slots=True)
@@ -50,7 +44,7 @@ class Drone:
 
 class Roster:
     """Tokens and rows, in any order. Pure. Whatever strangers announce, it stays small: `MOST`
-    drones are told apart, and what is beyond, or cannot be read, is counted."""
+    drones are told apart."""
 
     def __init__(self, wanted: str = "") -> None:
         """
@@ -59,37 +53,24 @@ class Roster:
         """
         self._wanted = wanted
         self.drones: dict[str, Drone] = {}
-        self.counts: Counter[str] = Counter()
         self._decoders: dict[str, Any] = {
             topic.key: msgspec.msgpack.Decoder(topic.message) for topic in ROWS
         }
 
     def token(self, key: str, there: bool = True) -> None:
-        """A drone's hub came, or went."""
+        """A drone's hub came, or went; names that no drone may have mean nothing."""
         here = here_of(key)
         if here is None or here.side != "drone":
-            self._count(STRANGE, there)
-        elif there:
-            self._announced(here.name, here.instance)
-        elif (drone := self.drones.get(here.name)) is not None:
+            return
+        drone = self.drones.get(here.name)
+        if there and (drone is not None or not self.full or here.name == self._wanted):
+            starts = self.drones.setdefault(here.name, Drone(here.name)).starts
+            if len(starts) < MOST_STARTS:
+                starts.add(here.instance)
+        elif drone is not None:
             drone.starts.discard(here.instance)
             if not drone.starts:
                 del self.drones[here.name]
-        else:
-            self._count(BEYOND, there)
-
-    def _count(self, what: str, there: bool) -> None:
-        """One more, or one less, that is announced and not listed."""
-        self.counts[what] = max(0, self.counts[what] + (1 if there else -1))
-
-    def _announced(self, name: str, instance: str) -> None:
-        full = len(self.drones) >= MOST and name != self._wanted
-        if full and name not in self.drones:
-            self._count(BEYOND, True)
-            return
-        starts = self.drones.setdefault(name, Drone(name)).starts
-        if len(starts) < MOST_STARTS:
-            starts.add(instance)
 
     def row(self, key: str, payload: bytes) -> None:
         """One of `ROWS` of a drone. Of one that is not announced it means nothing."""
@@ -100,7 +81,6 @@ class Roster:
         try:
             message = decoder.decode(payload)
         except UNDECODABLE:  # also a field that is out of its range
-            self.counts[UNREADABLE] += 1
             return
         match message:
             case SideIdentity():
@@ -122,35 +102,22 @@ class Roster:
         return sorted(self.drones)
 
     @property
-    def remarks(self) -> list[str]:
-        """What was not used, in words."""
-        return [
-            f"{self.counts[what]} {words}" for what, words in REMARKS.items() if self.counts[what]
-        ]
+    def full(self) -> bool:
+        """Are there as many as are told apart? Others are then not listed."""
+        return len(self.drones) >= MOST
 
 
-def who_is_there(endpoint: str, keys: KeyFiles | None = None) -> list[str]:
-    """Names of the drones that are announced now.
+def who_is_there(endpoint: str, keys: KeyFiles | None = None, wanted: str = "") -> list[str]:
+    """Names of the drones that are announced now; `wanted` is among them however many there are.
 
     Raises:
         LindyError: nobody answers there, or nobody who lets us in.
     """
     with open_network(endpoint, PATIENCE_S, keys=keys) as network:
-        roster = Roster()
+        roster = Roster(wanted)
         for key in network.tokens(here_key(EVERY_SPACE, "drone")):
             roster.token(key)
         return roster.names
-
-
-def is_there(name: str, endpoint: str, keys: KeyFiles | None = None) -> bool:
-    """Is a drone of this name announced now?
-
-    Raises:
-        LindyError: nobody answers there, or nobody who lets us in.
-    """
-    with open_network(endpoint, PATIENCE_S, keys=keys) as network:
-        found = [here_of(key) for key in network.tokens(here_key(namespace(name), "drone"))]
-        return any(here is not None and here.name == name for here in found)
 
 
 def look(endpoint: str, keys: KeyFiles | None = None, longest_s: float = LOOK_S) -> Roster:

@@ -10,7 +10,7 @@ from services.runtime.bus.network import NobodyThereError
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from tools.fleet.look import is_there, who_is_there
+from tools.fleet.look import who_is_there
 from tools.fleet.names import in_words, own_name
 from tools.keys.credentials import credentials, is_local
 
@@ -79,7 +79,7 @@ def require_only(name: str, router: str, keys: KeyFiles | None) -> None:
     """
     deadline = time.monotonic() + GONE_S
     try:
-        while is_there(name, router, keys):
+        while name in who_is_there(router, keys, name):
             if time.monotonic() > deadline:
                 raise TakenNameError(
                     f"a drone called {name} is on the network of {router} already, and goes on; "

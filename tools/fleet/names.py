@@ -15,7 +15,6 @@ from services.runtime.launch.process_plan import HOME
 from tools.fleet.look import Roster
 
 SHOWN = 8  # names in one sentence
-LONGEST_WORDS = 120  # [characters] of a text from a network
 LOOK_HZ = 1.0  # [1/s]
 PATIENCE_S = 2.0  # [s] for this side's own hub
 WAIT_NS = 3_000_000_000  # [ns] in which the wanted drone may be announced behind others
@@ -57,12 +56,6 @@ for it"
         f"this is the topside of {wanted}, and only {in_words(there)} can be reached: end it, and "
         f"start it with --name {other}"
     )
-
-
-def clean(text: str, longest: int = LONGEST_WORDS) -> str:
-    """Text from a network, of which nothing can act on a terminal."""
-    kept = "".join(letter if letter.isprintable() else "?" for letter in text[: longest + 1])
-    return kept if len(kept) <= longest else f"{kept[: longest - 1]}…"
 
 
 class Others:

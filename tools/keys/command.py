@@ -9,8 +9,9 @@ from cyclopts import App, Parameter
 
 from services.runtime.config.errors import LindyError
 from tools.choices import Json, Whole, named
-from tools.keys.credentials import DEFAULT, require_cryptography
+from tools.keys.credentials import CRYPTOGRAPHY, DEFAULT
 from tools.keys.roles import LONGEST_DAYS, Identity, parse
+from tools.packages import require_package
 
 Keys = Annotated[Path, Parameter(name="--keys", converter=named, help="the folder of the keys")]
 Days = Annotated[Whole, Parameter(help="for which the certificates are valid")]
@@ -34,7 +35,7 @@ def new(
     Example: lindy keys new --drone pioneer --pilot ann
     """
     both = _parsed(f"drone:{drone}"), _parsed(f"pilot:{pilot}")
-    require_cryptography()
+    require_package(*CRYPTOGRAPHY)
     from tools.keys import authority
 
     place, now = folder.expanduser(), datetime.now(UTC)
@@ -63,7 +64,7 @@ def add(
              lindy keys add pilot ann --again
     """
     who = _parsed(f"{role}:{name}")
-    require_cryptography()
+    require_package(*CRYPTOGRAPHY)
     from tools.keys import authority
 
     place, now = folder.expanduser(), datetime.now(UTC)
@@ -85,7 +86,7 @@ def list_(*, folder: Keys = Path(DEFAULT), json: Json = False) -> int:
 
     Example: lindy keys list
     """
-    require_cryptography()
+    require_package(*CRYPTOGRAPHY)
     from tools.keys.authority import listed
     from tools.keys.certificates import day
 
@@ -118,7 +119,7 @@ def revoke(name: str, *, folder: Keys = Path(DEFAULT)) -> int:
     Example: lindy keys revoke pilot:ann
     """
     who = _parsed(name)
-    require_cryptography()
+    require_package(*CRYPTOGRAPHY)
     from tools.keys import authority
 
     lists = authority.revoke(folder.expanduser(), who)

@@ -3,16 +3,16 @@
 import ipaddress
 from collections.abc import Collection
 from datetime import UTC, datetime, timedelta
-from importlib.util import find_spec
 from pathlib import Path
 
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.bus.key_files import Credentials
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from tools.keys.roles import Role
+from tools.packages import require_package
 
 DEFAULT = "~/.config/lindy/keys"
+CRYPTOGRAPHY = ("cryptography", "keys", "`lindy keys`")
 SOON = timedelta(days=30)
 OPEN = "INSECURE: whoever reaches this port can fly the drone"
 
@@ -62,7 +62,7 @@ def credentials(
     """
     if not needs_keys(checked_endpoint(endpoint, option), option, insecure=insecure):
         return None
-    require_cryptography()
+    require_package(*CRYPTOGRAPHY)
     from tools.keys.authority import own_keys
     from tools.keys.certificates import day
 
@@ -73,14 +73,3 @@ def credentials(
     if not found.admitted:
         print(f"the list of {certificate.who} names nobody: nobody can connect", flush=True)
     return found
-
-
-def require_cryptography() -> None:
-    """
-    Raises:
-        LindyError: it is not installed.
-    """
-    if find_spec("cryptography") is None:
-        raise LindyError(
-            f"keys need cryptography, which is not installed; {how_to_install('keys')}"
-        )

@@ -22,14 +22,14 @@ from messages.health import Health
 from messages.text import harmless
 from messages.topic import Direction
 from services.runtime.config.errors import LindyError
+from tools import exit_status
 from tools.analysis.losses import LINK, LOST, QUEUES, THINNED, crosses, family, missed, take
 from tools.choices import Json
 from tools.health_sums import HealthSums
-from tools.log.text_table import table
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+from tools.text_table import aligned
 
-SOUND, NOT_SOUND = 0, 3  # exit statuses
 COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing", "duplicated")
 FARTHEST = 100_000  # messages between two of one sender: a quarter of an hour without a link
 # What the recorder counts for a message that it received and could not keep.
@@ -98,7 +98,7 @@ def check(recording: Path, *, json: Json = False) -> int:
     else:
         print(harmless(as_text(found)))
         print(harmless("\n".join(wrong or ["everything that was sent is accounted for"])))
-    return NOT_SOUND if wrong else SOUND
+    return exit_status.LOST if wrong else exit_status.DONE
 
 
 def incomplete(recording: Recording) -> list[str]:
@@ -134,7 +134,7 @@ def as_text(found: Accounts) -> str:
     ]
     total = [sum(getattr(a, name) for a in found.topics.values()) for name in heads[1:]]
     rows.append(["all", *map(str, total)])
-    lines = [table(heads, rows)]
+    lines = aligned([heads, *rows])
     if found.backwards:
         times = "once" if found.backwards == 1 else f"{found.backwards} times"
         lines.append(f"the recorder's clock ran backwards {times}")

@@ -15,6 +15,7 @@ from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from tools.analysis.dive import read_dive
 from tools.choices import Json, NewPicture
+from tools.exit_status import DONE, ERROR, LOST
 from tools.fresh import require_picture, write_fresh
 from tools.log.series import (
     Array,
@@ -25,14 +26,13 @@ from tools.log.series import (
     differences,
     zeros,
 )
-from tools.log.text_table import table
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 from tools.report import report_on
 from tools.report.report import Extras
 from tools.report.summary import is_loss
+from tools.text_table import aligned
 
-SAME, DIFFERENT, INCOMPLETE = 0, 1, 3  # exit statuses
 SHOWN = 20  # fields on the screen; all of them are in the JSON
 ROUNDED = 1e-9  # [-] of a figure: no difference
 SIZE = (10.0, 9.0)  # [in] of the picture
@@ -119,8 +119,8 @@ def compare(
             print(f"written {out}")
         print(harmless("".join(f"{said}\n" for said in damage)), end="")
     if damage:
-        return INCOMPLETE
-    return SAME if found.none else DIFFERENT
+        return LOST
+    return DONE if found.none else ERROR
 
 
 def _require_one_vehicle(a: Recording, b: Recording) -> None:
@@ -176,19 +176,19 @@ def as_text(found: Differences, side_by_side: list[ComparedFigure]) -> str:
         ]
         for each in side_by_side
     ]
-    blocks = [table(["", "", "A", "B", "B - A"], rows, left=2)]
+    blocks = ["\n".join(aligned([["", "", "A", "B", "B - A"], *rows], left=2))]
     if found.none:
         same = "all fields of all messages are the same; their stamps and numbers are not compared"
         return f"{blocks[0]}\n\n{same}"
     if found.counts:
         counts = [[each.topic, str(each.a), str(each.b)] for each in found.counts]
-        blocks.append(table(["messages of", "A", "B"], counts))
+        blocks.append("\n".join(aligned([["messages of", "A", "B"], *counts])))
     if found.fields:
         heads = ["topic", "field", "first [s]", "A", "B", "largest", "at [s]"]
-        blocks.append(table(heads, [_row(field) for field in found.fields[:SHOWN]], left=2))
-        more = len(found.fields) - SHOWN
-        if more > 0:
-            blocks[-1] += f"\nand {more} more fields; --json has all"
+        lines = aligned([heads, *map(_row, found.fields[:SHOWN])], left=2)
+        if (more := len(found.fields) - SHOWN) > 0:
+            lines.append(f"and {more} more fields; --json has all")
+        blocks.append("\n".join(lines))
     return "\n\n".join(blocks)
 
 

@@ -10,6 +10,7 @@ from mcap.records import Metadata
 from messages.text import harmless
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
+from tools.exit_status import DONE, LOST
 from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
 from tools.log.topic_patterns import Topics, is_chosen, require_known
@@ -18,9 +19,7 @@ from tools.recordings.mcap_records import HASH, Described, Span, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
-COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 CUT = "cut"  # name of metadata
-LONGEST_S = 1e9  # [s] no recording is longer
 
 
 class WantedPart(NamedTuple):
@@ -67,7 +66,7 @@ def cut(
     print(
         harmless("\n".join([f"{messages} messages written to {out}", *opened.damage])), flush=True
     )
-    return INCOMPLETE if opened.damage else COMPLETE
+    return LOST if opened.damage else DONE
 
 
 def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
@@ -86,8 +85,7 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     origin = recording.origin_ns()
     if origin is None:
         raise recording.empty(recording.files[0])
-    begin = origin + round(min(wanted.from_s, LONGEST_S) * 1e9)
-    end = inf if wanted.to_s > LONGEST_S else origin + round(wanted.to_s * 1e9)
+    begin, end = (origin + seconds * 1e9 for seconds in (wanted.from_s, wanted.to_s))
     keys = set[str]()
 
     def wants(key: str) -> bool:

@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
@@ -18,11 +17,12 @@ from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import EndedByUserError, LindyError
-from services.runtime.config.extras import how_to_install
 from tools.choices import named
+from tools.exit_status import DONE, LOST
 from tools.fresh import EXISTS, fresh_folder
 from tools.log.flatten import DECODE, Flattening, Row, TableColumn, Tree
 from tools.log.topic_patterns import Topics, is_chosen, require_known
+from tools.packages import require_package
 from tools.recordings.dive_file import flown_section
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.progress import reading
@@ -34,7 +34,6 @@ TIMES = [
     TableColumn("log_ns", "integer"),
     TableColumn("publish_ns", "integer"),
 ]
-CLEAN, DATA_LOST = 0, 3  # exit statuses
 BUFFER = 256 * 1024  # [bytes] of a CSV file
 BATCH = 20_000  # rows of a Parquet file that are kept until they are written
 ENCODE = msgspec.json.Encoder().encode
@@ -90,11 +89,7 @@ def export(
         case "csv":
             return write_tables(recording, out, as_, CsvTable, topics)
         case "parquet":
-            if find_spec("pyarrow") is None:
-                raise LindyError(
-                    f"Parquet needs pyarrow, which is not installed; {how_to_install('tables')}; "
-                    "or write --as csv"
-                )
+            require_package("pyarrow", "tables", "Parquet")
             return write_tables(recording, out, as_, ParquetTable, topics)
         case "rosbag":
             from tools.log.rosbag import write_bag
@@ -164,7 +159,7 @@ def write_tables(
         print(harmless(f"{count} messages left out: {why}"), flush=True)
     said = recording.damage
     print(harmless("".join(f"{sentence}\n" for sentence in said)), end="", flush=True)
-    return DATA_LOST if unread or said else CLEAN
+    return LOST if unread or said else DONE
 
 
 class TopicTables:
@@ -262,17 +257,8 @@ class CsvTable:
 
 
 def line_of(row: Row) -> bytes:
-    """A line of CSV without its end.
-
-    A row as JSON is one already, but for its brackets, its `null`, and words with a quote, a
-    backslash or a line break in them. It is written in a third of the time that Python's own
-    numbers need.
-    """
-    line = ENCODE(row)[1:-1]
-    nothing = row.count(None)
-    if b"\\" in line or line.count(b"null") != nothing:
-        return b",".join(map(_cell, row))
-    return line.replace(b"null", b"") if nothing else line
+    """A line of CSV without its end."""
+    return b",".join(map(_cell, row))
 
 
 def _cell(value: Any) -> bytes:

@@ -15,15 +15,15 @@ from messages.text import harmless
 from services.marine.field_of_view import CameraViews
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from tools.choices import NewFile
+from tools.exit_status import DONE, LOST
 from tools.fresh import EXISTS, refuse_existing, write_fresh
 from tools.log.film_scenes import Camera, FilmedPicture, chosen, filmed_spans, pictures, within
+from tools.packages import require_package
 from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
-COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 STEP_NS = 500_000_000  # [ns] between two lines of the subtitles at most
 LAST_NS = 500_000_000  # [ns] that the last one is shown
 Spans = Sequence[tuple[int, float]]  # [ns] UTC from when to when
@@ -72,7 +72,7 @@ def film(
     with reading("filming", opened.size) as opened.advance:
         made = filmed(opened, out, overlay=overlay, marked=marked, camera=camera)
     print(harmless("\n".join([*made, *opened.damage])), flush=True)
-    return INCOMPLETE if opened.damage else COMPLETE
+    return LOST if opened.damage else DONE
 
 
 def filmed(
@@ -114,12 +114,9 @@ def _filmed(
     """The films of one camera: one for each span, and for each size."""
     views = flown_section(recording, "camera", CameraViews) if overlay else None
     view = None if views is None else views.by_name.get(camera)
-    try:
-        from tools.log.film_file import CopiedFilm
-    except ModuleNotFoundError:
-        raise LindyError(
-            f"a film needs PyAV, which is not installed; {how_to_install('camera')}"
-        ) from None
+    require_package("av", "camera", "a film")
+    from tools.log.film_file import CopiedFilm
+
     new: NewFilm = CopiedFilm
     if overlay:
         from tools.log.film_overlay import DrawnFilm

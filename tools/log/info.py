@@ -9,7 +9,6 @@ from pathlib import Path
 import msgspec
 
 from messages import topics
-from messages.events import known, sentence
 from messages.health import LogLine
 from messages.link import Clock
 from messages.message import Message
@@ -18,17 +17,17 @@ from messages.text import harmless
 from messages.vehicle import OWN_WAY, VehicleStatus
 from services.runtime.config.errors import LindyError
 from tools.choices import Json
+from tools.exit_status import DONE, LOST
 from tools.log.armed_spans import ArmedSpan, ArmedSpans
-from tools.log.text_table import table
 from tools.recordings.dive_file import FlownDive, flown_dive
 from tools.recordings.progress import reading
 from tools.recordings.recording import Raw, Recording, is_whole, open_recording
 from tools.report.summary import lined_up
+from tools.text_table import aligned
 
 LOG = topics.LOG.key[:-1]
 KEYS = (topics.STATUS.key, topics.CLOCK.key)
 REAL_NS = 10**18  # [ns] UTC in 2001: an earlier time is virtual
-COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 SHOWN = 12  # events on the screen; all of them are in the JSON
 
 
@@ -106,7 +105,7 @@ class Gathered:
             case VehicleStatus():
                 self._see_status(message, t)
             case LogLine() if message.level != "info":
-                said = f"{message.level}: {message.service}: {_words(message.text)}"
+                said = f"{message.level}: {message.service}: {message.text}"
                 self.events.append(SeenEvent(round(t, 3), said))
             case Clock() if message.offset_ns is not None:
                 self.clock = message
@@ -147,7 +146,7 @@ def info(recording: Path, *, json: Json = False) -> int:
         print(msgspec.json.format(msgspec.json.encode(found)).decode())
     else:
         print(harmless(as_text(found)))
-    return INCOMPLETE if found.damage else COMPLETE
+    return LOST if found.damage else DONE
 
 
 def info_of(recording: Recording) -> Info:
@@ -252,9 +251,4 @@ def _topics(known: Mapping[str, TopicInfo]) -> str:
         ]
         for key, topic in known.items()
     ]
-    return table(heads, rows, left=2)
-
-
-def _words(text: str) -> str:
-    """Of a log line; older recordings have the name of its event."""
-    return sentence(text) if ":" in text and " " not in text and known(text) else text
+    return "\n".join(aligned([heads, *rows], left=2))

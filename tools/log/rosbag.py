@@ -12,7 +12,9 @@ from services.ros2.core import Settings, namespace_of, ros_name
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
+from tools.exit_status import DONE, LOST
 from tools.fresh import refuse_existing
+from tools.packages import require_package
 from tools.recordings.dive_file import flown_dive, flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
 
     from services.ros2.mapping import RosMessage, RosMessages, ToJpeg
 
-CLEAN, DATA_LOST = 0, 3  # exit statuses
 VERSION = 9  # of the format of bags, as ROS 2 Jazzy writes it
 
 
@@ -34,12 +35,9 @@ def write_bag(recording: Path, folder: Path) -> int:
     Raises:
         LindyError: there is no recording, it is empty, or the folder is there or cannot be written.
     """
-    try:
-        from services.ros2.mapping import RosMessages
-    except ImportError:
-        raise LindyError(
-            f"a bag needs rosbags, which is missing: {how_to_install('ros2')}"
-        ) from None
+    require_package("rosbags", "ros2", "a bag")
+    from services.ros2.mapping import RosMessages
+
     opened = open_recording(recording)
     if (origin := opened.origin_ns()) is None:
         raise opened.empty(recording)
@@ -65,7 +63,7 @@ def write_bag(recording: Path, folder: Path) -> int:
         print(harmless(f"{count} messages left out: {key} cannot be read"), flush=True)
     said = opened.damage
     print(harmless("".join(f"{sentence}\n" for sentence in said)), end="", flush=True)
-    return DATA_LOST if opened.unreadable or said else CLEAN
+    return LOST if opened.unreadable or said else DONE
 
 
 def _jpegs() -> "Callable[[], ToJpeg] | None":

@@ -8,9 +8,9 @@ from messages.text import harmless
 from messages.units import Ns
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from services.visualizer.core import Collector
 from tools.fresh import refuse_existing
+from tools.packages import require_package
 from tools.replay.source import ReplaySource, open_source
 
 FRAME_NS = 100_000_000  # [ns] between two places of the vehicle, as in a dive
@@ -39,13 +39,10 @@ def draw(source: ReplaySource, rrd: Path) -> None:
     Raises:
         LindyError: rerun is not installed, the vehicle is not in the recording, or the disk fails.
     """
-    try:
-        from services.visualizer.io.rerun_writer import RerunWriter
-        from services.visualizer.io.rrd_file import RrdFile
-    except ModuleNotFoundError:
-        raise LindyError(
-            f"a file for rerun needs rerun, which is not installed; {how_to_install('viewer')}"
-        ) from None
+    require_package("rerun", "viewer", "a file for rerun")
+    from services.visualizer.io.rerun_writer import RerunWriter
+    from services.visualizer.io.rrd_file import RrdFile
+
     with source.stack() as stack:
         vehicle = stack.section("vehicle", Vehicle)
     failed: list[str] = []

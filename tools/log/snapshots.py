@@ -11,14 +11,14 @@ from cyclopts import Parameter
 from messages import cameras
 from messages.text import harmless
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from tools.choices import named
+from tools.exit_status import DONE, LOST
 from tools.fresh import write_fresh
 from tools.log.film_scenes import Camera, FilmedPicture, chosen, marks, pictures
+from tools.packages import require_package
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
-COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 LONGEST_S = 1e6  # [s] of a recording
 
 
@@ -45,7 +45,7 @@ def snapshots(
     with reading("reading", 2 * opened.size) as opened.advance:
         written = taken(opened, out, at, camera)
     print(harmless("\n".join([*map(str, written), *opened.damage])), flush=True)
-    return INCOMPLETE if opened.damage else COMPLETE
+    return LOST if opened.damage else DONE
 
 
 def taken(
@@ -56,12 +56,10 @@ def taken(
     Raises:
         LindyError: there are none, or one exists or cannot be written.
     """
-    try:
-        from tools.log.snapshot_file import jpeg, last_of
-    except ModuleNotFoundError:
-        raise LindyError(
-            f"a snapshot needs PyAV and Pillow, which are not installed; {how_to_install('camera')}"
-        ) from None
+    for package in ("av", "PIL"):
+        require_package(package, "camera", "a snapshot")
+    from tools.log.snapshot_file import jpeg, last_of
+
     for each in at:
         if not 0.0 <= each <= LONGEST_S:
             raise LindyError(f"--at {each:g}: expected seconds from 0 to {LONGEST_S:g}")

@@ -18,6 +18,7 @@ from messages.vehicle import VehicleStatus
 from services.gamepad.stick_log import COLUMNS, QUIET_NS
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
+from tools.exit_status import DONE, LOST
 from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
@@ -39,7 +40,6 @@ KEYS = {
     )
 }
 LOG = topics.LOG.key[:-1]
-COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 
 
 class SticksRow(NamedTuple):
@@ -102,7 +102,7 @@ def write_sticks(recording: Path, out: Path) -> int:
     for remark in [*found.remarks, *opened.damage]:
         print(harmless(remark), flush=True)
     print(f"to fly them: lindy simulate --pilot script:{out}", flush=True)
-    return INCOMPLETE if opened.damage else COMPLETE
+    return LOST if opened.damage else DONE
 
 
 def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:

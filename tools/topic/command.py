@@ -13,7 +13,8 @@ from messages.text import harmless
 from messages.topic import AnyTopic, Side
 from messages.units import Ns
 from tools.choices import RunningDive, UntilCtrlC, Whole
-from tools.topic.figures import HEADINGS, HeardStream, SenderClock, aligned
+from tools.text_table import aligned
+from tools.topic.figures import HEADINGS, HeardStream, SenderClock
 
 Key = Annotated[str, Parameter(help="such as state or health/*; default: all of that side")]
 

@@ -89,18 +89,6 @@ class SenderClock:
         return now - stamp + (self.offset_ns if sender == "drone" else -self.offset_ns)
 
 
-def aligned(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Columns under their headings, the first to the left and numbers to the right."""
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if number == 0 else cell.rjust(width)
-            for number, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]
-
-
 def _spread(values: Sequence[Ns], *shares: float) -> tuple[str, ...]:
     """[ms] The least, the most and what is in between; the median is that of two in the middle."""
     if not values:

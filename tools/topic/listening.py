@@ -76,7 +76,6 @@ def listen(
     *,
     count: int | None,
     seconds: float | None,
-    over: Callable[[], bool] = lambda: False,
 ) -> None:
     """
     Args:
@@ -84,7 +83,6 @@ def listen(
         draw: lines to be shown: on a terminal every second, else once at the end; None: none.
         count: messages after which it ends; what cannot be read is none.
         seconds: [s] after which it ends.
-        over: is everything heard that was wanted?
 
     Raises:
         LindyError: a limit is no positive number, the dive has ended, or, at the end, there were
@@ -105,7 +103,7 @@ def listen(
         for topic in {topic.key: topic for topic in wanted}.values():
             bus.hear(topic.key, lambda e: waiting.append((e, time.monotonic_ns())))
         end = time.monotonic() + (float("inf") if seconds is None else seconds)
-        while not (stop.asked or over()) and time.monotonic() < end and heard < most:
+        while not stop.asked and time.monotonic() < end and heard < most:
             time.sleep(STEP_S)  # messages come on Zenoh's thread; nothing here is in a hurry
             while waiting and heard < most:
                 envelope, at = waiting.popleft()

@@ -10,7 +10,8 @@ from messages.health import LATE_MS, Health
 from messages.message import Message
 from messages.units import Ns
 from tools.choices import RunningDive, UntilCtrlC
-from tools.topic.figures import UNKNOWN, aligned
+from tools.text_table import aligned
+from tools.topic.figures import UNKNOWN
 
 SILENT_NS = 3_000_000_000  # [ns] of a message that comes once a second
 HEADING = (

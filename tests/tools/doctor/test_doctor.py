@@ -221,8 +221,8 @@ def test_a_parameter_without_an_answer_is_missing() -> None:
 @pytest.mark.parametrize(
     ("board", "told"),
     [
-        ({"kind": PLANE}, "flies a vehicle of type 1 (a plane); allowed: 12"),
-        ({"autopilot": PX4}, "is 12 (PX4); allowed: 3 (ArduPilot)"),
+        ({"kind": PLANE}, "flies a vehicle of type 1; allowed: 12 (a submarine)"),
+        ({"autopilot": PX4}, "is 12; allowed: 3 (ArduPilot)"),
         ({"version": "4.1"}, "ArduSub 4.1.0 dev; allowed: 4.5 and newer"),
     ],
 )
@@ -256,14 +256,14 @@ def test_a_flood_of_garbage_hides_no_board_and_is_counted() -> None:
     bench.noise = b"\x00garbage, and more of it" * 50
     [found] = wrong(bench.visited())
     assert found.what == "link"
-    assert found.text.endswith("times what came was no MAVLink")
+    assert "times what came was no MAVLink" in found.text
 
 
 def test_a_flood_of_others_ends_and_is_counted() -> None:
     bench = Bench()
     bench.noise = b"".join(_heartbeat(2 + n % 200, n % 250) for n in range(300))
     found = bench.visited(seconds=0.5)
-    assert "frames of a flood were not looked at" in one(found, "link").text
+    assert "too much" in one(found, "link").text
     assert len(found) < 60
 
 

@@ -25,7 +25,7 @@ from tests.support.ports import free_endpoint
 from tools.__main__ import main
 from tools.fleet import drones, meeting
 from tools.fleet import look as looking
-from tools.fleet.look import MOST, is_there, look, who_is_there
+from tools.fleet.look import MOST, look, who_is_there
 from tools.fleet.meeting import drone_at, require_only
 
 TALK_S = 0.05  # [s] between two words of a drone here; a real one says them once a second
@@ -108,7 +108,7 @@ def test_twenty_drones_are_listed_with_everything(
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(names)
 
 
-def test_hundreds_announced_by_a_stranger_are_counted_and_the_real_one_is_found(
+def test_of_hundreds_announced_by_a_stranger_the_real_one_is_found(
     network: Drones, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(looking, "LOOK_S", 0.3)
@@ -116,10 +116,9 @@ def test_hundreds_announced_by_a_stranger_are_counted_and_the_real_one_is_found(
     network.announce(["~~~"])
     network.announce(["rov"])
     network.speak(["rov"])
-    assert is_there("rov", network.endpoint)
+    assert "rov" in who_is_there(network.endpoint, wanted="rov")
     roster = look(network.endpoint, longest_s=0.3)
     assert len(roster.drones) == MOST
-    assert sum(roster.counts.values()) >= 51
     with pytest.raises(LindyError, match=r"drones can be reached at .*more; say which with --name"):
         drone_at(network.endpoint, "pioneer-here", None)
     assert main(["fly", "nobody", "--router", network.endpoint]) == 1

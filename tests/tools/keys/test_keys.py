@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from services.runtime.config.errors import LindyError
 from tools.__main__ import main
-from tools.keys import authority, credentials
+from tools.keys import authority
 from tools.keys.authority import own_keys
 from tools.keys.credentials import is_local, needs_keys
 from tools.keys.roles import parse
@@ -296,10 +296,10 @@ def test_a_certificate_out_of_its_time_is_one_sentence(
 def test_without_the_library_the_sentence_says_how_to_install_it(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(credentials, "find_spec", Mock(return_value=None))
+    monkeypatch.setattr("tools.packages.find_spec", Mock(return_value=None))
     for words in (["keys", "list"], ["up", "topside", "--connect", "tls/127.0.0.1:1"]):
         assert main([*words, "--keys", str(place)]) == 1
-        assert "keys need cryptography, which is not installed" in said(capsys)
+        assert "needs cryptography, which is not installed" in said(capsys)
 
 
 # Where keys are needed.
