@@ -126,7 +126,7 @@ def revoke(name: str, *, folder: Keys = Path(DEFAULT)) -> int:
     for path in lists:
         print(f"{path} does not name {who} any more: copy it to its machine, and start that again")
     if not lists:
-        print(f"{who} is revoked; it was on no list in {folder}")
+        print(f"{who} is revoked; it was on no list in {folder.expanduser()}")
     return 0
 
 
