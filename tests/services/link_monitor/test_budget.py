@@ -146,4 +146,4 @@ def test_what_is_lost_is_the_time_in_which_no_state_arrived(
         now += pause_ms * MS
         budget.state(at_rest(now), now)
     pauses = [pause for pause in (*arrivals, after) if pause > 500]
-    assert budget.report(now + after * MS, None, "").lost_s * 1000 == sum(pauses)
+    assert round(budget.report(now + after * MS, None, "").lost_s * 1000) == sum(pauses)
