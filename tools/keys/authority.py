@@ -151,8 +151,7 @@ def listed(keys: Path, now: datetime) -> list[Listed]:
     Raises:
         LindyError: there is none, or one cannot be read.
     """
-    path, found = keys / AUTHORITY / REVOKED, list[Listed]()
-    revoked = _list(path) if path.is_file() else ()
+    revoked, found = _revoked(keys), list[Listed]()
     for folder in _bundles(keys):
         own = _in_file(folder / CERTIFICATE, certificates.read, _read(folder / CERTIFICATE))
         found.append(Listed(own, "revoked" if own.who in revoked else own.state(now), folder))
@@ -192,7 +191,9 @@ def own_keys(keys: Path, roles: Collection[Role], now: datetime) -> Own:
 def _own_folder(keys: Path, roles: Collection[Role]) -> Path:
     if any((keys / name).exists() for name in WHOLE):
         return keys
-    kinds, found = " or ".join(roles), _bundles(keys, roles)
+    revoked = {who.folder for who in _revoked(keys)}  # as far as this machine knows
+    found = [folder for folder in _bundles(keys, roles) if folder.name not in revoked]
+    kinds = " or ".join(roles)
     if not found:
         new = not {"drone", "pilot"}.isdisjoint(roles)
         make = MAKE if new else f"`lindy keys add {kinds} NAME` makes them"
@@ -205,6 +206,12 @@ def _own_folder(keys: Path, roles: Collection[Role]) -> Path:
             f"{keys} has the keys of more than one {kinds} ({names}); name one: --keys {found[0]}"
         )
     return found[0]
+
+
+def _revoked(keys: Path) -> tuple[Identity, ...]:
+    """Where the authority is; elsewhere nobody is known to be."""
+    path = keys / AUTHORITY / REVOKED
+    return _list(path) if path.is_file() else ()
 
 
 def _bundles(keys: Path, roles: Collection[Role] = ROLES) -> list[Path]:

@@ -72,6 +72,17 @@ def test_new_makes_keys_for_a_drone_and_a_pilot_that_nobody_else_can_read(tmp_pa
     assert 729 <= (drone.certificate.ends - NOW).days <= 730
 
 
+def test_who_was_revoked_is_not_taken_for_the_pilot(place: Path) -> None:
+    assert keys(place, "add", "pilot", "bob") == 0
+    with pytest.raises(LindyError, match="more than one pilot"):
+        own_keys(place, ("pilot",), NOW)
+    assert keys(place, "revoke", "pilot:ann") == 0
+    assert str(own_keys(place, ("pilot",), NOW).certificate.who) == "pilot:bob"
+    assert keys(place, "revoke", "pilot:bob") == 0
+    with pytest.raises(LindyError, match="no keys of pilot in"):
+        own_keys(place, ("pilot",), NOW)
+
+
 def test_nothing_that_is_there_is_ever_overwritten(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
