@@ -85,7 +85,7 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     origin = recording.origin_ns()
     if origin is None:
         raise recording.empty(recording.files[0])
-    begin, end = (origin + seconds * 1e9 for seconds in (wanted.from_s, wanted.to_s))
+    begin, end = (origin + _in_ns(seconds) for seconds in (wanted.from_s, wanted.to_s))
     keys = set[str]()
 
     def wants(key: str) -> bool:
@@ -112,6 +112,12 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
         }
         copy.metadata(Metadata(CUT, about))
     return copy.messages
+
+
+def _in_ns(seconds: float) -> float:
+    """[ns] Whole, as the times of messages are, unless it is beyond all of them."""
+    ns = seconds * 1e9
+    return ns if ns == inf else round(ns)
 
 
 def _is_in(record: StoredMessage | Described, span: Span) -> bool:
