@@ -9,7 +9,6 @@ import numpy as np
 from services.tether.random_streams import BLOCK, Floats
 
 LONGEST_MS = 60_000.0  # [ms] longest delay of a message
-MIDDLES = 100_000  # shares over which a mean is taken
 TAIL = 1e-9  # [-] a distribution ends at this quantile and its opposite: nothing is infinite
 Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST_MS)]
 
@@ -20,12 +19,6 @@ class DelayDistribution(msgspec.Struct, frozen=True, forbid_unknown_fields=True,
     def quantile(self, share: Floats) -> Floats:
         """[ms] Delay that this share of the messages does not exceed; same shape as `share`."""
         raise NotImplementedError
-
-    @property
-    def expected(self) -> float:
-        """[ms] Mean of what is drawn."""
-        shares = (np.arange(MIDDLES) + 0.5) / MIDDLES
-        return float(np.minimum(self.quantile(shares), LONGEST_MS).mean())
 
 
 class Exponential(DelayDistribution, frozen=True, tag="exponential"):
