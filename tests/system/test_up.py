@@ -219,7 +219,8 @@ def test_who_is_not_on_the_drones_list_is_not_heard_and_is_named_in_its_log(tmp_
     with ExitStack() as sides:
         drone = sides.enter_context(side(tmp_path / "drone", "drone", *words))
         drone.until(lambda: "calibrating" in drone.said)
-        words = "--connect", endpoint, "--keys", str(keys), "--pilot", "gamepad"
+        own = str(keys / "pilot-first")  # as on first's computer, which knows of no revocation
+        words = "--connect", endpoint, "--keys", own, "--pilot", "gamepad"
         topside = sides.enter_context(side(tmp_path / "topside", "topside", *words))
         log = drone.out / "logs" / "hub_drone.log"
         drone.until(lambda: "pilot:first connected; it is not admitted" in log.read_text())
