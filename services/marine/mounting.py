@@ -65,8 +65,8 @@ class ImuMount(Mount, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Position and orientation of the IMU."""
 
     # [m] 1σ of that position: in a turn, an IMU elsewhere feels another acceleration. The default
-    # was tuned on real dives whose files name none, range 0.02 … 0.08.
-    position_std: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.04
+    # was tuned on real dives whose files name none, range 0.01 … 0.04.
+    position_std: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.02
 
 
 class Mounting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

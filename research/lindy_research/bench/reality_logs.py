@@ -36,6 +36,7 @@ from messages.events import Outbox
 from messages.units import Ns
 from services.estimation.core import Estimator
 from services.estimation.settings import Settings
+from services.marine.mounting import Mounting
 from tools.importing.command import opened
 from tools.importing.conversion import Conversion, Imported
 from tools.importing.log_file import chosen
@@ -46,7 +47,10 @@ Part = Literal["even", "odd", "others"]
 BAG = re.compile(r".*_\d{4}-\d\d-\d\d-\d\d-\d\d-(\d\d)\.bag")
 OTHERS = ("small.BIN", "small.tlog")
 BAG_MAP = "rovio"
-BAG_ARM: Vec3 = (-0.15, 0.0, 0.0)  # [m] FRD of the pressure sensor in its hull, from the IMU
+# What a file of this vehicle would say, by the likelihood of the pressure's innovations in even
+# seconds (range -0.25 … -0.15 m, 0.03 … 0.06 s; up or down by 0.05 m is less likely by far).
+BAG_ARM: Vec3 = (-0.2, 0.0, 0.0)  # [m] FRD of the pressure sensor in its hull, from the IMU
+BAG_LATENCY = 0.04  # [s] of the pressure: half of the time from one sample to the next
 FRESH_WATER = 1000.0  # [kg/m³]
 PRESSURE_STD = 200.0  # [Pa] 2 mbar
 LEAST_RATE = 15.0  # [1/s] of an IMU, that an attitude is asked of
@@ -138,7 +142,8 @@ def judged(log: KnownLog) -> LoggedDive:
     rate = (len(imu) - 1) / seconds
     if rate < LEAST_RATE:
         return LoggedDive(name, part, f"{rate:.0f} IMU samples a second")
-    run = _run(rows, vehicle, seconds)
+    latency = 0.0 if part == "others" else BAG_LATENCY
+    run = _run(rows, vehicle, seconds, latency)
     dive = LoggedDive(
         *(name, part, ""),
         imu_rate=rate,
@@ -147,7 +152,8 @@ def judged(log: KnownLog) -> LoggedDive:
         thrown_away=1.0 - run.used / imu_rows,
         cpu=run.cpu / len(imu),
     )
-    reference = smoothed(imu, pressures, vehicle.mounting.pressure.position, FRESH_WATER)
+    arm = vehicle.mounting.pressure.position
+    reference = smoothed(imu, pressures, arm, latency, FRESH_WATER)
     return _compared(dive, run, reference, _of(rows, VehicleEstimate))
 
 
@@ -177,8 +183,9 @@ def _read(log: KnownLog) -> tuple[list[Imported], int, Vehicle]:
     of_imu = [s for s, several in taken.items() if any(m.as_ == topics.IMU.key for m in several)]
     vehicle = Stack(vehicle=wanted.vehicle).section("vehicle", Vehicle)
     if log.part != "others":
-        placed = replace(vehicle.mounting.pressure, position=BAG_ARM)
-        vehicle = replace(vehicle, mounting=replace(vehicle.mounting, pressure=placed))
+        # Nobody measured where its IMU sits.
+        mounting = Mounting(pressure=replace(vehicle.mounting.pressure, position=BAG_ARM))
+        vehicle = replace(vehicle, mounting=mounting)
     return messages, sum(sources[source].messages for source in of_imu), vehicle
 
 
@@ -194,9 +201,9 @@ class Run(NamedTuple):
     cpu: float  # [s]
 
 
-def _run(rows: Sequence[Imported], vehicle: Vehicle, seconds: float) -> Run:
+def _run(rows: Sequence[Imported], vehicle: Vehicle, seconds: float, latency: float) -> Run:
     outbox, cpu, used = Outbox(), 0, 0
-    estimator = Estimator(_settings(rows, seconds), 0.0, None, vehicle, outbox)
+    estimator = Estimator(_settings(rows, seconds, latency), 0.0, None, vehicle, outbox)
     states, datum, pressure = list[VehicleState](), list[float](), list[AidSource]()
     per_metre = FRESH_WATER * GRAVITY  # [Pa/m]
     for _, message, at in rows:
@@ -227,7 +234,7 @@ def _step(
     return None, []
 
 
-def _settings(rows: Sequence[Imported], seconds: float) -> Settings:
+def _settings(rows: Sequence[Imported], seconds: float, latency: float) -> Settings:
     """As shipped, but for water, pressure sensor and rates, which a vehicle file would say."""
 
     def rate(kind: type[object], least: float = 1.0, most: float = MOST_RATE) -> float:
@@ -236,7 +243,7 @@ def _settings(rows: Sequence[Imported], seconds: float) -> Settings:
     return msgspec.convert(
         {
             "water_density": FRESH_WATER,
-            "depth": {"pressure_std": PRESSURE_STD},
+            "depth": {"pressure_std": PRESSURE_STD, "pressure_latency": latency},
             "watch": {
                 "imu_rate": rate(ImuSample, 10.0, 400.0),
                 "pressure_rate": rate(PressureSample),
