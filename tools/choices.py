@@ -95,8 +95,8 @@ class Choices:
     name: Annotated[
         str | None,
         Parameter(
-            help="of this drone on the network; default: its file's and this computer's, such as "
-            "pioneer-boat; in virtual time its file's"
+            help="of this drone on the network; default: its type's and this computer's, such as "
+            "pioneer-boat; in virtual time its type's"
         ),
     ] = None
     stack: StackName = "simulated"

@@ -50,7 +50,7 @@ def as_it_can_run(
 
 
 def as_given(stack: Stack) -> str:
-    """Name of a drone in virtual time: its file's, where it was given none."""
+    """Name of a drone in virtual time: its type's, where it was given none."""
     return stack.name
 
 

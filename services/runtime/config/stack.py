@@ -56,11 +56,17 @@ class SensorPart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     estimation: dict[str, Any] = {}
 
 
+class Named(msgspec.Struct):
+    """What a vehicle file calls its vehicle."""
+
+    name: str
+
+
 class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """The settings of one dive, as given on the command line."""
 
     vehicle: str = "pioneer"
-    name: str = ""  # of this drone on the network; empty: that of its file
+    name: str = ""  # of this drone on the network; empty: that of its type
     link: str = "tether"
     pilot: str = "gamepad"  # gamepad, keyboard or script:FILE
     out: str = "."  # folder for recordings
@@ -83,19 +89,14 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @property
     def vehicle_name(self) -> str:
-        """Name of the type of vehicle, by its file: [a-z0-9_].
+        """Name of the type of vehicle in keys, [a-z0-9_]: what its file calls it, such as
+        `bluerov2_heavy` of a "BlueROV2 Heavy"; where no such letter is in it, `vehicle`.
 
         Raises:
-            LindyError: its file has a name that is not allowed in a key.
+            LindyError: its file cannot be read, or does not name it.
         """
-        name = self.vehicle_path.stem.lower().replace("-", "_")
-        if re.fullmatch(r"[a-z0-9_]+", name) is None:
-            raise LindyError(
-                f"{self.vehicle_path}: the file's name is the vehicle's name in every key, so it "
-                f"may have letters a to z, digits, '_' and '-' only, found "
-                f"{self.vehicle_path.stem!r}; rename the file"
-            )
-        return name
+        named = convert(self._own_tree.get("vehicle", {}), Named, "vehicle", self.vehicle_path)
+        return re.sub(r"[^a-z0-9]+", "_", named.name.lower()).strip("_") or "vehicle"
 
     @property
     def space(self) -> str:
@@ -112,7 +113,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         """Name of this drone on the network: two of one type have two names.
 
         Raises:
-            LindyError: it has no name of its own, and its file's cannot be one.
+            LindyError: as `vehicle_name`, where it has no name of its own.
         """
         return self.name or self.vehicle_name
 
@@ -163,9 +164,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 are passed over.
 
         Raises:
-            LindyError: an unknown table, a mistake in one, or a name that is not allowed in a key.
+            LindyError: an unknown table, or a mistake in one.
         """
-        _ = self.vehicle_name
         others = read_toml(self.vehicle_path) if recorded else {}
         for name in self._own_tree:
             if known.get(name) is None and name not in others:
