@@ -6,7 +6,6 @@ from messages.pilot import PilotAnswer, PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import Settings, StickSource
-from services.gamepad.io.numbers import HasWindow, Numbers
 from services.gamepad.io.sources import open_source
 from services.gamepad.stick_log import in_words
 from services.marine.vehicle import Vehicle
@@ -28,8 +27,8 @@ def wire(node: Node, stack: Stack) -> None:
     # A person arms by a button alone.
     pilot = Pilot(progress, node.outbox, arms=is_script, resumes=is_script, has=has)
     Connected(node, source, pilot, name)
-    if isinstance(source, HasWindow):
-        Numbers(node, source.show)
+    if (window := getattr(source, "window", None)) is not None:
+        window.look(node)  # after what publishes the sticks
 
 
 class Connected:
