@@ -52,15 +52,15 @@ class Connected:
         """Read the source and publish it. Also called at the instant a script's row begins."""
         began, source = self._pilot.progress.began_ns, self._source
         reading = source.read(now, began)
-        name, waiting = self._name or source.name, self._ports.waiting
-        self._ports.do(self._pilot.read(reading, name, source.played, waiting, now), now)
+        name = self._name or source.name
+        self._ports.do(self._pilot.read(reading, name, source.played, now), now)
         for incident in reading.incidents:
             self._causing.cause(incident, now)
         if began is not None:
             self._change.set(source.next_ns(now, began))
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._pilot.status(status, self._ports.waiting, now), now)
+        self._ports.do(self._pilot.status(status, now), now)
 
     def _overhear(self, request: PilotRequest, _: int) -> None:
         self._overheard[request.id] = request

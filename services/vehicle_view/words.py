@@ -32,7 +32,9 @@ def head_up(view: VehicleView) -> list[Said]:
     age = late or f"{number(view.age_ms, '.0f')} ms old"
     alarm = any(each.tone == "alarm" for each in told)
     return [
-        Said(f"{known(view)}{armed(view)}", "warning" if view.armed or view.last_known else "plain"),
+        Said(
+            f"{known(view)}{armed(view)}", "warning" if view.armed or view.last_known else "plain"
+        ),
         Said(here, "warning" if blind else "plain"),
         Said(f"{doing(view)}, {flight_mode(view)}", "plain"),
         Said(f"reference {wanted}", "plain"),

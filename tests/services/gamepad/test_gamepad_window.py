@@ -61,9 +61,11 @@ def test_numbers_are_drawn_ten_times_a_second_after_the_sticks_were_sent(
     done: list[tuple[str, int]] = []
     Connected(node, Still(), Pilot(Progress(), Outbox(), False))
     window = PilotWindow(surface, HELP)
-    monkeypatch.setattr(
-        window, "draw", lambda view, focused: done.append((view.activity or "–", host.now))
-    )
+
+    def draw(view: VehicleView, *, focused: bool) -> None:  # noqa: ARG001
+        done.append((view.activity or "–", host.now))
+
+    monkeypatch.setattr(window, "draw", draw)
     window.look(node)
     other = host.node("other", ["topside"])
     other.each(topics.PILOT_COMMAND, lambda command, _: done.append(("", command.stamp_ns)))
