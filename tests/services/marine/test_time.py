@@ -207,7 +207,6 @@ COUNTING = {
     "services/tether/link_model.py",
     "services/visualizer/curves.py",
     "services/visualizer/status.py",
-    "services/visualizer/computed.py",
 }
 ROOT = Path(services.__path__[0]).parent
 
