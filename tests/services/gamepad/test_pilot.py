@@ -333,3 +333,6 @@ def test_a_newer_request_withdraws_an_older_one_of_the_same_output_and_no_other(
     assert not overrules(request("output", "scale"), request("output", "bow_light"))
     assert not overrules(request("output", "scale"), request("arm"))
     assert overrules(request("light"), request("light"))
+    for older in ("arm", "resume", "goto", "follow", "home", "mode"):
+        assert overrules(request("stop"), request(older))
+    assert not overrules(request("goto"), request("arm"))

@@ -123,25 +123,6 @@ def test_a_mistake_inside_the_path_is_found_when_the_script_is_read(tmp_path: Pa
         read_script(str(script))
 
 
-def test_the_player_hands_them_over_once_in_the_order_of_the_rows():
-    text = f"{HEAD}0,0,0,0,0\n1,0,0,0,0,goto depth=2\n2,0,0,0,0,light\n3,0,0,0,0,goto heading=0\n"
-    player = Player("x", parse(text.encode(), course_named), Outbox())
-    assert player.read(S, 0).presses == (GotoIntent(2.0),)
-    assert player.read(3 * S, 0).presses == ("light", GotoIntent(heading=0.0))
-    assert player.read(4 * S, 0).presses == ()
-
-
-def test_the_inspection_needs_no_hand_on_the_sticks():
-    rows = read_script("inspection").rows
-    assert all(row.sticks.at_rest for row in rows)
-    asked = [row.event for row in rows if isinstance(row.event, GotoIntent | FollowIntent)]
-    assert [type(event) for event in asked] == [GotoIntent, FollowIntent, GotoIntent]
-    assert isinstance(asked[0], GotoIntent)
-    assert isinstance(asked[1], FollowIntent)
-    assert asked[0].depth == asked[1].course.waypoints[0][2]  # nothing to do before it sets off
-    assert rows[-1].sticks == CENTRED
-
-
 def test_a_place_is_north_and_east_in_metres() -> None:
     assert event("goto north=12.5 east=-4") == PlaceIntent(12.5, -4.0)
     assert event("home") == "home"
