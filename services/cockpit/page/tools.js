@@ -2,7 +2,7 @@
 // or off; a gripper moves while its button is held, and only then.
 
 import { $, make, write } from "./dom.js";
-import { stepped } from "./shape.js";
+import { stepped } from "./steering.js";
 import { units } from "./units.js";
 import { words } from "./words.js";
 
