@@ -58,7 +58,7 @@ export class Tools {
 
   text(kind, value) {
     if (value === undefined || value === null) return "–";
-    return kind === "switch" ? words.t(value ? "on" : "off") : `${units.number(100 * value)} %`;
+    return kind === "switch" ? words.t(value ? "on" : "off") : units.share(value);
   }
 
   row(name, kind) {
