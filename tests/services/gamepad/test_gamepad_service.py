@@ -293,10 +293,12 @@ def test_a_persons_pad_or_keyboard_arms_nothing_until_its_button_is_held(
     host.run(10 * S)
     assert drone.requests == []
     assert not drone.armed
-    hands.sticks, hands.presses = Sticks(yaw=0.1), ["arm"]
+    hands.sticks = Sticks(yaw=0.1)
+    hands.presses = ["arm"]
     host.run(host.now + S // 2)
     assert drone.requests == []
-    hands.sticks, hands.presses = CENTRED, ["arm"]
+    hands.sticks = CENTRED
+    hands.presses = ["arm"]
     host.run(11 * S)
     assert drone.armed
 
