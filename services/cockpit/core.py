@@ -1,7 +1,6 @@
 """All pages of the cockpit as a state machine: who they are, what they may, what they are shown."""
 
 import ipaddress
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import degrees
 from typing import Annotated, Any
@@ -42,7 +41,6 @@ from services.cockpit.page_view import (
     shown_outputs,
     turns,
 )
-from services.marine.outputs import OUTPUTS, Output
 from services.piloting.pilot import Effects, Pilot
 from services.vehicle_view import ages, words
 from services.vehicle_view.log_lines import LogLines
@@ -153,32 +151,24 @@ class Cockpit:
         self,
         settings: Settings,
         pilot: Pilot,
-        chart: Chart,
-        drone: str = "",
-        cameras: Cameras | None = None,
-        has: Sequence[Output] = OUTPUTS,
-        patience: Patience | None = None,
+        drone: str,
+        cameras: Cameras,
+        patience: Patience,
     ) -> None:
         """
         Args:
-            chart: where the drone is and has been.
             drone: its name, which every page is shown.
-            cameras: its cameras; None: one that looks ahead.
-            has: outputs of the vehicle.
             patience: after which a drone that hears nobody rises.
         """
-        self._has = has
-        self._drone = drone
+        self._drone, self.cameras, self._patience = drone, cameras, patience
         self._outbox = pilot.outbox
         # Here, and not on a page's lines yet: level, text, the event's name.
         self._said: list[tuple[Level, str, str]] = []
         self._outbox.also = self._overhear
         self._pilot = CockpitPilot.named(pilot, settings.pilot)
         self.filming = Filming(settings.pilot, pilot.progress.filming_ns)
-        self._chart = chart
-        self._patience = Patience() if patience is None else patience
+        self._chart = Chart(pilot.progress.began_ns is not None)
         self._pages: dict[int, Page] = {}
-        self.cameras = Cameras() if cameras is None else cameras
         self._timer = DiveTimer(pilot.progress.began_ns)
         self._endurance = Endurance()
         self._lines = LogLines()
@@ -342,7 +332,7 @@ class Cockpit:
             dive_s=self._timer.seconds(now),
             left_min=self._endurance.minutes(battery),
             water_c=None if inside is None or inside.water is None else round(inside.water, 1),
-            tools=shown_outputs(self._has, seen.outputs),
+            tools=shown_outputs(self._pilot.pilot.has, seen.outputs),
             inside_c=None if inside is None else round(inside.temperature, 1),
             turns=turns(state),
             **chart_view(self._chart, state, ages.shown(topics.STATUS, status, now)),

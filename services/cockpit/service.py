@@ -9,7 +9,6 @@ from messages.health import LogLine
 from messages.vehicle import VehicleStatus
 from messages.video import VideoPart
 from services.cockpit.cameras import Cameras
-from services.cockpit.chart import Chart
 from services.cockpit.core import (
     SHOW_HZ,
     Cockpit,
@@ -85,9 +84,9 @@ class CockpitPages:
     ) -> None:
         self._node, self._pages = node, pages
         pilot = Pilot(restored(node), node.outbox, arms=False, has=vehicle.output)
-        began = pilot.progress.began_ns is not None
-        chart = Chart(began)
-        self._cockpit = Cockpit(settings, pilot, chart, drone, cameras, vehicle.output, patience)
+        watched = cameras or Cameras()
+        self._cockpit = Cockpit(settings, pilot, drone, watched, patience or Patience())
+        self.sent_picture = self._cockpit.sent_picture
         self._vehicle = VehiclePorts(node)
         self._temperature = node.latest(topics.TEMPERATURE)
         self._ports = PilotPorts(node, pilot, self._cockpit, also=self._order)
@@ -101,7 +100,7 @@ class CockpitPages:
             self._choice = node.publisher(topics.CAMERA_CHOICE)
             node.each(topics.CAMERA_SHARES, self._cockpit.shares)
         node.each(topics.STATUS, self._on_status)
-        node.each(topics.LOG, self._on_log)
+        node.each(topics.LOG, self._cockpit.log)
         node.every(topics.PILOT_COMMAND.hz, self._tick)
         node.every(SHOW_HZ, self._show)
 
@@ -133,15 +132,8 @@ class CockpitPages:
             for choice in effects.choices:
                 self._choice.put(choice)
 
-    def sent_picture(self, camera: str, light_ns: int) -> None:
-        """Pages were sent a picture of this camera with this light."""
-        self._cockpit.sent_picture(camera, light_ns)
-
     def _on_status(self, status: VehicleStatus, now: int) -> None:
         self._ports.do(self._cockpit.status(status, now), now)
-
-    def _on_log(self, line: LogLine, now: int) -> None:
-        self._cockpit.log(line, now)
 
 
 def relay(

@@ -6,7 +6,6 @@ from messages.pilot import PilotAnswer, PilotRequest
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.vehicle import VehicleStatus
 from services.gamepad.core import Settings, StickSource
-from services.gamepad.io.numbers import HasWindow, Numbers
 from services.gamepad.io.sources import open_source
 from services.gamepad.stick_log import in_words
 from services.marine.vehicle import Vehicle
@@ -28,8 +27,8 @@ def wire(node: Node, stack: Stack) -> None:
     # A person arms by a button alone.
     pilot = Pilot(progress, node.outbox, arms=is_script, resumes=is_script, has=has)
     Connected(node, source, pilot, name)
-    if isinstance(source, HasWindow):
-        Numbers(node, source.show)
+    if (window := getattr(source, "window", None)) is not None:
+        window.look(node)  # after what publishes the sticks
 
 
 class Connected:
@@ -53,15 +52,15 @@ class Connected:
         """Read the source and publish it. Also called at the instant a script's row begins."""
         began, source = self._pilot.progress.began_ns, self._source
         reading = source.read(now, began)
-        name, waiting = self._name or source.name, self._ports.waiting
-        self._ports.do(self._pilot.read(reading, name, source.played, waiting, now), now)
+        name = self._name or source.name
+        self._ports.do(self._pilot.read(reading, name, source.played, now), now)
         for incident in reading.incidents:
             self._causing.cause(incident, now)
         if began is not None:
             self._change.set(source.next_ns(now, began))
 
     def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._pilot.status(status, self._ports.waiting, now), now)
+        self._ports.do(self._pilot.status(status, now), now)
 
     def _overhear(self, request: PilotRequest, _: int) -> None:
         self._overheard[request.id] = request

@@ -1,17 +1,14 @@
-"""State of the link monitor: alarm, floods of junk, clock synchronisation, latency budget."""
+"""State of the link monitor: alarm, clock synchronisation, latency budget."""
 
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import median
-from typing import NamedTuple
 
 from msgspec.structs import replace
 
 from messages import events
 from messages.events import Outbox
-from messages.health import Health
-from messages.link import Clock, ClockPing, ClockPong, LatencyBudget
+from messages.link import Clock, ClockPong, LatencyBudget
 from messages.pilot import PilotCommand
 from messages.units import Ns
 from services.link_monitor.clock_sync import ClockSync
@@ -64,67 +61,11 @@ class LinkAlarm:
         return median(self._usual) if self._usual else None
 
 
-UNREADABLE = (
-    *(events.MALFORMED.name, events.WRONG_TYPE.name, events.OVERSIZED.name),
-    *(events.UNKNOWN_KEY.name, events.TOO_MANY_KEYS.name),
-)  # kinds of events
-MOST_HZ = 20.0  # [1/s] unreadable messages of one service; more is a flood
-RECENT_NS = 3_000_000_000  # [ns] of health messages, of one a second
-SERVICES = 64  # services that are watched
-
-Key = tuple[str, str, int]  # side, service, its process: two topsides may watch one drone
-
-
-class Heard(NamedTuple):
-    at_ns: Ns
-    unreadable: Mapping[str, int]  # by name, since the service's start
-
-
-@dataclass(slots=True)
-class JunkWatch:
-    """Takes health messages; `words` is what the pilot should read."""
-
-    _heard: dict[Key, Heard] = field(default_factory=dict[Key, Heard])
-    _flooded: dict[Key, tuple[Ns, str]] = field(default_factory=dict[Key, tuple[Ns, str]])
-
-    def health(self, health: Health, now: Ns) -> None:
-        key = health.side, health.service, health.instance
-        before = self._heard.get(key)
-        if before is None and len(self._heard) >= SERVICES:
-            self._heard = {k: h for k, h in self._heard.items() if now - h.at_ns < RECENT_NS}
-            if len(self._heard) >= SERVICES:
-                return
-        counts = {name: count for name, count in health.counts.items() if _unreadable(name)}
-        self._heard[key] = Heard(now, counts)
-        if before is None or now <= before.at_ns:
-            return
-        more = {name: count - before.unreadable.get(name, 0) for name, count in counts.items()}
-        per_second = sum(more.values()) / ((now - before.at_ns) / 1e9)
-        if per_second > MOST_HZ:
-            worst = max(more, key=lambda name: more[name]).partition(":")[2]
-            what = f"{health.service} cannot read {per_second:.0f} messages a second ({worst} …)"
-            self._flooded[key] = now, what
-
-    def words(self, now: Ns) -> str:
-        """Of the service that was flooded first; empty: none is."""
-        self._flooded = {k: v for k, v in self._flooded.items() if now - v[0] < RECENT_NS}
-        if not self._flooded:
-            return ""
-        _, what = next(iter(self._flooded.values()))
-        return f"{what}: somebody else speaks on this network, or the sender is broken"
-
-
-def _unreadable(name: str) -> bool:
-    kind, _, key = name.partition(":")
-    return kind in UNREADABLE and not key.startswith("sensor/")
-
-
 @dataclass(slots=True)
 class LinkMonitor:
     outbox: Outbox
     source: int = 0  # names this topside's pings
     misfit: str = ""  # why the two sides do not fit together, in words for the pilot
-    junk: str = ""  # who cannot read what, in words for the pilot
     budget: LatencyAccount = field(default_factory=LatencyAccount)
     _sync: ClockSync = field(init=False)
     _alarm: LinkAlarm = field(default_factory=LinkAlarm)
@@ -166,12 +107,5 @@ class LinkMonitor:
     def report(self, now: Ns) -> LatencyBudget:
         bound_ns = self._sync.clock(now).bound_ns
         bound_ms = None if bound_ns is None else bound_ns / 1e6
-        alarm = "; ".join(filter(None, (self.misfit, self.junk, self._alarm.text(now))))
+        alarm = "; ".join(filter(None, (self.misfit, self._alarm.text(now))))
         return self.budget.report(now, bound_ms, alarm)
-
-
-def pong(ping: ClockPing, heard_ns: Ns) -> ClockPong:
-    """The answer to a ping that is handled at `heard_ns` by the drone's clock."""
-    return ClockPong(
-        stamp_ns=heard_ns, ping_ns=ping.stamp_ns, heard_ns=heard_ns, source=ping.source
-    )

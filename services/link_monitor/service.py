@@ -2,8 +2,7 @@
 the clock offset, measures latencies and raises the link alarm.
 
 Where topside and drone are two machines it runs on both: topside it measures, on board it answers.
-On both it says which Lindy this side runs; topside it compares, and says so where services receive
-much that they cannot read.
+On both it says which Lindy this side runs; topside it compares.
 """
 
 from collections.abc import Callable
@@ -11,10 +10,9 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from messages import events, topics
-from messages.health import Health
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
-from services.link_monitor.core import JunkWatch, LinkMonitor, pong
+from services.link_monitor.core import LinkMonitor
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
@@ -67,9 +65,8 @@ def _introduce(node: Node, ours: SideIdentity, side: str) -> Callable[[int], Non
 
 
 def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
-    """Tell the pilot of a drone with another Lindy, of services on board that run twice, and of
-    floods of messages that services cannot read."""
-    peers, junk = Peers(identity_of(stack, TOPSIDE, node.instance.number)), JunkWatch()
+    """Tell the pilot of a drone with another Lindy, and of services on board that run twice."""
+    peers = Peers(identity_of(stack, TOPSIDE, node.instance.number))
 
     def look(now: int) -> None:
         was, monitor.misfit = monitor.misfit, peers.wrong(now)
@@ -77,20 +74,11 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
             node.tell(events.ALARM_PEERS(detail=monitor.misfit))
         elif was and not monitor.misfit:
             node.log("info", "both sides fit together again")
-        was, monitor.junk = monitor.junk, junk.words(now)
-        if monitor.junk and not was:
-            node.tell(events.ALARM_JUNK(detail=monitor.junk))
-        elif was and not monitor.junk:
-            node.log("info", "all messages can be read again")
-
-    def on_health(health: Health, now: int) -> None:
-        peers.health(health, now)
-        junk.health(health, now)
 
     if stack.apart:
         node.each(topics.CLOCK_PONG, lambda _, now: peers.expect(now))
     node.each(topics.IDENTITY, peers.identity)
-    node.each(topics.HEALTH, on_health)
+    node.each(topics.HEALTH, peers.health)
     node.every(topics.LATENCY.hz, look)
 
 
@@ -136,6 +124,7 @@ def _answer(node: Node) -> None:
     pongs = node.publisher(topics.CLOCK_PONG, side=DRONE)
 
     def on_ping(ping: ClockPing, now: int) -> None:
-        pongs.put(pong(ping, now))
+        answer = ClockPong(stamp_ns=now, ping_ns=ping.stamp_ns, heard_ns=now, source=ping.source)
+        pongs.put(answer)
 
     node.each(topics.CLOCK_PING, on_ping, side=DRONE)

@@ -75,7 +75,7 @@ class GuestPilot(Generic[F]):
     def follow(self, status: VehicleStatus, now: Ns, out: Effects) -> None:
         """Ask for control only while sticks arrive."""
         if self.holder.fresh(now):
-            out.add(self.pilot.status(status, self.waiting, now))
+            out.add(self.pilot.status(status, now))
 
     def learn(self, request: PilotRequest, answer: PilotAnswer, now: Ns, out: Effects) -> None:
         """The drone's answer; it arms only with sticks of this epoch."""
@@ -86,9 +86,7 @@ class GuestPilot(Generic[F]):
     def read(self, presses: tuple[Intent, ...], now: Ns, out: Effects) -> None:
         """Read the sticks, and publish them while this pilot has control."""
         self._notice(now)
-        effects = self.pilot.read(
-            self.holder.reading(now, presses), self.name, 0, self.waiting, now
-        )
+        effects = self.pilot.read(self.holder.reading(now, presses), self.name, 0, now)
         command, effects.command = effects.command, None
         out.add(effects)
         if command is not None and self.pilot.in_control and self._speaks(now):

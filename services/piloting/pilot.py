@@ -99,9 +99,7 @@ class Pilot:
         """As far as this pilot knows."""
         return self._has_control
 
-    def read(
-        self, reading: StickReading, source: str, played: int, waiting: Waiting, now: Ns
-    ) -> Effects:
+    def read(self, reading: StickReading, source: str, played: int, now: Ns) -> Effects:
         """The source was read.
 
         Args:
@@ -113,20 +111,20 @@ class Pilot:
         self._commanded = self.progress.epoch
         if self._arms_soon:
             self._arms_soon = False
-            self._arm(waiting, now, out)
+            self._arm(now, out)
         for intent in reading.presses:
-            self._press(intent, waiting, out)
+            self._press(intent, out)
         self.progress = replace(self.progress, played=played)
         return out
 
-    def status(self, status: VehicleStatus, waiting: Waiting, now: Ns) -> Effects:
+    def status(self, status: VehicleStatus, now: Ns) -> Effects:
         out = Effects()
-        self._hold_lease(status, waiting, now, out)
-        if waiting.isdisjoint(("light", "output")):
+        self._hold_lease(status, now, out)
+        if self.asked().isdisjoint(("light", "output")):
             self._outputs = dict(status.outputs)
         self.notice_failsafe(status, now)
         if self.resumes and status.resumable and self._has_control:
-            self._resume(waiting, now, out)
+            self._resume(now, out)
         if self.progress.began_ns is not None or not self._has_control:
             return out
         if status.armed:
@@ -134,7 +132,7 @@ class Pilot:
             self.outbox.say("info", f"armed: {self.source} has the sticks")
             out.hand_over = True
         elif self.arms and self.progress.may_arm and status.activity == "ready":
-            self._arm(waiting, now, out)
+            self._arm(now, out)
         return out
 
     def notice_failsafe(self, status: VehicleStatus, now: Ns) -> None:
@@ -200,7 +198,7 @@ class Pilot:
         self._take_after = now + self._back_off_ns
         self._back_off_ns = shortest if accepted else min(2 * self._back_off_ns, longest)
 
-    def _hold_lease(self, status: VehicleStatus, waiting: Waiting, now: Ns, out: Effects) -> None:
+    def _hold_lease(self, status: VehicleStatus, now: Ns, out: Effects) -> None:
         """Ask for control at the start, and again after the drone has restarted without memory,
         as soon as nobody has it."""
         ours, given = self.progress.epoch, status.epoch
@@ -210,10 +208,10 @@ class Pilot:
         elif status.pilot:
             self._tell_of(status.pilot)
         elif (ours is None or given < ours) and not self.progress.released:
-            self._take(waiting, now, out)
+            self._take(now, out)
 
-    def _take(self, waiting: Waiting, now: Ns, out: Effects) -> None:
-        if "lease" not in waiting and now >= self._take_after:
+    def _take(self, now: Ns, out: Effects) -> None:
+        if "lease" not in self.asked() and now >= self._take_after:
             out.requests.append(self._request("lease"))
 
     def _tell_of(self, other: str) -> None:
@@ -226,10 +224,10 @@ class Pilot:
         else:
             self.outbox.tell(events.OUTDONE_LEASE(detail=other))
 
-    def _arm(self, waiting: Waiting, now: Ns, out: Effects) -> None:
+    def _arm(self, now: Ns, out: Effects) -> None:
         """Arm automatically, at most once every `PAUSE_NS`, and never with a stick deflected. The
         drone arms only with sticks of this pilot's epoch: they must have been sent before."""
-        if "arm" in waiting or now < self._arm_after or not self._has_control:
+        if "arm" in self.asked() or now < self._arm_after or not self._has_control:
             return
         if self._commanded != self.progress.epoch:
             self._arms_soon = True
@@ -239,12 +237,12 @@ class Pilot:
             self._asked_for_rest = True
             self.outbox.say("info", "ready: let go of the sticks to arm")
 
-    def _resume(self, waiting: Waiting, now: Ns, out: Effects) -> None:
+    def _resume(self, now: Ns, out: Effects) -> None:
         """As an attentive pilot does: at once, while the script's pilot is there."""
-        if "resume" not in waiting and now >= self._resume_after and self._reading.present:
+        if "resume" not in self.asked() and now >= self._resume_after and self._reading.present:
             out.requests.append(self._request("resume"))
 
-    def _press(self, intent: Intent, waiting: Waiting, out: Effects) -> None:
+    def _press(self, intent: Intent, out: Effects) -> None:
         """Make the pilot's request; a stop or a disarm also ends automatic arming. Who arms while a
         failsafe acts wants to resume, unless it was held since before."""
         if isinstance(intent, Held):
@@ -257,7 +255,7 @@ class Pilot:
         if intent == "arm" and not self._reading.at_rest:
             self.outbox.tell(events.REFUSED_HERE("arm", detail="let go of the sticks first"))
         elif intent in ("arm", "resume") and not self._has_control:
-            if not self._arms_next and "lease" not in waiting:
+            if not self._arms_next and "lease" not in self.asked():
                 out.requests.append(self._request("lease"))
             self._arms_next = True
         else:

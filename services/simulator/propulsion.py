@@ -155,14 +155,7 @@ class Battery:
     @property
     def voltage(self) -> float:
         """[V] Under the present load."""
-        s = self._settings
-        left = self.left_wh / s.battery_capacity
-        return self._under_load(s.battery_empty + left * (s.battery_full - s.battery_empty))
-
-    def _under_load(self, open_circuit: float) -> float:
-        return max(
-            0.0, open_circuit - self._settings.battery_resistance * self.power / open_circuit
-        )
+        return self.sample(0).voltage
 
     def sample(self, now: int, share: float | None = None) -> BatterySample:
         """Voltage falls linearly with the charge, and with the current.
@@ -173,11 +166,10 @@ class Battery:
         s = self._settings
         left = self.left_wh / s.battery_capacity if share is None else share
         open_circuit = s.battery_empty + left * (s.battery_full - s.battery_empty)
-        current = self.power / open_circuit
         return BatterySample(
             stamp_ns=now,
-            voltage=self._under_load(open_circuit),
-            current=current,
+            voltage=max(0.0, open_circuit - s.battery_resistance * self.power / open_circuit),
+            current=self.power / open_circuit,
             used_wh=self.used_wh if share is None else (1.0 - share) * s.battery_capacity,
             capacity_wh=s.battery_capacity,
         )

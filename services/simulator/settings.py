@@ -47,7 +47,6 @@ TimeConstant = Annotated[float, msgspec.Meta(ge=1.0, le=1e5)]  # [s]
 SensorLatency = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
 Velocity = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]  # [m/s]
 Slope = Annotated[float, msgspec.Meta(ge=-2.0, le=2.0)]  # [-] metres down per metre
-WallPlace = Annotated[float, msgspec.Meta(ge=-1e5, le=1e5)]  # [m]
 FixRate = Annotated[float, msgspec.Meta(ge=0.01, le=50.0)]  # [1/s]
 
 
@@ -88,25 +87,6 @@ class TetherSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     slack: Annotated[float, msgspec.Meta(ge=0.0, le=10_000.0)] = 5.0  # [m] more than the depth
 
 
-class Walls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Of a basin: the vehicle stays between them. It starts at 0, 0.
-
-    Raises:
-        ValueError: there is no room for a start.
-    """
-
-    north: tuple[WallPlace, WallPlace]  # [m] least and most
-    east: tuple[WallPlace, WallPlace]  # [m]
-
-    def __post_init__(self) -> None:
-        for name, (least, most) in (("north", self.north), ("east", self.east)):
-            if not least < 0.0 < most:
-                raise ValueError(
-                    f"{name}: the vehicle starts at 0, which must lie between the walls, found "
-                    f"{least:g} and {most:g}"
-                )
-
-
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # The site.
     floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m] where it starts
@@ -120,7 +100,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # Optional tables: absent means none.
     current: CurrentSettings | None = None
     tether: TetherSettings | None = None
-    walls: Walls | None = None
     hull: Hull | None = None  # what the vehicle file does not say, or says wrongly
     waves: Waves | None = None
     mounting: Mounting | None = None  # where the sensors really are; absent: as in [vehicle]

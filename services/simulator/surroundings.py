@@ -1,8 +1,8 @@
-"""Forces on the vessel other than those of open water: sea floor, walls, tether.
+"""Forces on the vessel other than those of open water: sea floor, tether.
 
-Floor and walls are flat, stiff, damped planes with friction, acting on the corners of the hull; of
-a rough floor it is the plane that touches it below the vehicle (terrain.py). Their stiffness scales
-with the vehicle's mass: the hull on its corners is an oscillator of about FREQUENCY rad/s.
+The floor is a flat, stiff, damped plane with friction, acting on the corners of the hull; where it
+is rough, the plane that touches it below the vehicle (terrain.py). Its stiffness scales with the
+vehicle's mass: the hull on its corners is an oscillator of about FREQUENCY rad/s.
 
 The tether's drag grows with depth. It hangs approximately vertically between ship and vehicle; each
 end carries half of its transverse drag. A length L across a flow v has the drag of a cylinder,
@@ -31,7 +31,6 @@ FREQUENCY = 40.0  # [rad/s] at 1.2 m/s the hull then sinks in about 2 cm
 DAMPING_RATIO = 0.7  # [-] little rebound
 FRICTION = 0.5  # [-] Coulomb, a hull on sand or clay; assumed
 LENGTHWISE = 0.02  # [-] drag along a cable as a share of that across it; typical, assumed
-NORTH, EAST = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
 class Barrier:
@@ -145,48 +144,37 @@ class Surroundings:
         if place.tether is not None:
             self.tether = Tether(place.tether, density_of(place.water_density))
         self.floor = sea_floor(place, seed)
-        sides: list[tuple[Vec3, float]] = [self.floor.plane((0.0, 0.0, 0.0))]
-        if (walls := place.walls) is not None:
-            sides += [(NORTH, walls.north[1]), (_minus(NORTH), -walls.north[0])]
-            sides += [(EAST, walls.east[1]), (_minus(EAST), -walls.east[0])]
-        self._sides = [(way, Barrier(limit, hull_size, inertia)) for way, limit in sides]
-        self._floor_way, floor = sides[0]
+        self._way, depth = self.floor.plane((0.0, 0.0, 0.0))
+        self._plane = Barrier(depth, hull_size, inertia)
         self._hull = plain_sum(hull_size)  # [m]
-        self._open_above = floor - self._hull  # [m] far from the floor
-        self._open_sideways = walls is None
 
-    def near(self, position: Vec3) -> list[tuple[Vec3, Barrier]]:
-        """Barriers that the hull may touch, with the direction [-] NED that leads into each."""
-        if self.floor.rough:
-            self._sides[0] = self._floor_at(position)
-        elif _along(self._floor_way, position) < self._open_above and self._open_sideways:
-            return []
-        return [
-            (way, barrier) for way, barrier in self._sides if barrier.near(_along(way, position))
-        ]
+    def near(self, position: Vec3) -> tuple[Vec3, Barrier] | None:
+        """The floor, if the hull may touch it, with the direction [-] NED that leads into it."""
+        way, floor = self._floor_at(position)
+        return (way, floor) if floor.near(_along(way, position)) else None
 
     def _floor_at(self, position: Vec3) -> tuple[Vec3, Barrier]:
         """The plane that touches the floor below the vehicle. High above a steep place it is the
         level one: the steep one would reach up to where there is water."""
+        if not self.floor.rough:
+            return self._way, self._plane
         below = self.floor.depth(position)
         way, limit = (0.0, 0.0, 1.0), below
         if below - position[2] < self._hull:
             way, limit = self.floor.plane(position)
-        return way, self._sides[0][1].moved(limit)
+        return way, self._plane.moved(limit)
 
     def floor_felt(self, position: Vec3, q_NB: Quaternion) -> bool:
         """Whether the hull touches the floor."""
-        way, floor = self._floor_at(position) if self.floor.rough else self._sides[0]
-        place = _along(way, position)
-        return floor.near(place) and floor.touches(place, to_body(q_NB, way))
+        near = self.near(position)
+        return near is not None and near[1].touches(
+            _along(near[0], position), to_body(q_NB, near[0])
+        )
 
-    def push(
-        self, barriers: list[tuple[Vec3, Barrier]], position: Vec3, q_NB: Quaternion, nu: Vec6
-    ) -> list[Vec6]:
-        """Wrenches [N, N m] of these barriers, for a velocity over the ground in body axes."""
-        return [
-            barrier.push(_along(way, position), to_body(q_NB, way), nu) for way, barrier in barriers
-        ]
+    def push(self, near: tuple[Vec3, Barrier], position: Vec3, q_NB: Quaternion, nu: Vec6) -> Vec6:
+        """Wrench [N, N m] of the floor, for a velocity over the ground in body axes."""
+        way, floor = near
+        return floor.push(_along(way, position), to_body(q_NB, way), nu)
 
     def pull(self, depth: float, q_NB: Quaternion, nu: Vec6) -> Vec6:
         """Wrench [N, N m] of the tether, for a velocity through the water in body axes."""
@@ -207,10 +195,6 @@ def sea_floor(site: Settings, seed: int = 0) -> SeaFloor:
 
 def _along(way: Vec3, position: Vec3) -> float:
     return way[0] * position[0] + way[1] * position[1] + way[2] * position[2]
-
-
-def _minus(v: Vec3) -> Vec3:
-    return -v[0], -v[1], -v[2]
 
 
 HELD = 0.1  # [s] step of the random part; short compared with its time constant

@@ -36,7 +36,7 @@ State = tuple[float, ...]  # 13 numbers
 Acceleration = Callable[[float, Quaternion, Vec6, Vec6], Vec6]
 
 STEP = 0.005  # [s] longest step in open water
-STEP_AT_BARRIER = 0.001  # [s] longest step near floor or walls, because they are stiff
+STEP_AT_FLOOR = 0.001  # [s] longest step near the floor, because it is stiff
 ABSURD = 1e6  # [m/s, rad/s] a larger velocity means divergence
 
 
@@ -92,8 +92,8 @@ class Vessel:
         steps = int(seconds / STEP - 1e-9) + 1
         for _ in range(steps):
             h = seconds / steps
-            # Divided into shorter ones near a barrier.
-            parts = int(h / STEP_AT_BARRIER - 1e-9) + 1 if self._near else 1
+            # Divided into shorter ones near the floor.
+            parts = int(h / STEP_AT_FLOOR - 1e-9) + 1 if self._near else 1
             for _ in range(parts):
                 self._step(h / parts)
         if not plain_sum(map(abs, self.through_water)) < ABSURD:  # NaN is not smaller than anything
@@ -168,8 +168,7 @@ class Vessel:
         tau = self.propulsion.wrench(ahead)
         if self._near:
             over_ground = self._over_ground(q_NB, nu)
-            for push in self.around.push(self._near, position, q_NB, over_ground):
-                tau = add(tau, push)
+            tau = add(tau, self.around.push(self._near, position, q_NB, over_ground))
         if self.around.tether is not None:
             tau = add(tau, self.around.pull(position[2], q_NB, nu))
         depth = position[2]
@@ -181,7 +180,7 @@ class Vessel:
         return self._acceleration(depth, q_NB, nu, tau)
 
     def _look_around(self) -> None:
-        """Update barriers, dry thrusters and acceleration for the new position."""
+        """Update floor, dry thrusters and acceleration for the new position."""
         self._near = self.around.near(self.position)
         if self.position[2] < self._always_wet_below:
             a, b, c = down_in_body(self.attitude)

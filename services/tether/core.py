@@ -1,19 +1,15 @@
 """The link as a whole: both directions, changes, telemetry rate control and the status."""
 
-from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from messages.link import Clock, LinkAnswer, LinkRequest, LinkStatus
-from messages.units import Ns
+from messages.link import Clock, LinkStatus
 from services.tether.link_model import LinkDirection
-from services.tether.profile import LinkProfile, Named
+from services.tether.profile import LinkProfile
 from services.tether.telemetry_rate_control import TelemetryRateControl
 
 T = TypeVar("T")
-
-__all__ = ["Link", "LinkProfile"]
 
 
 class Link(Generic[T]):
@@ -105,44 +101,3 @@ class Link(Generic[T]):
             changes=self.changes,
             clock=clock,
         )
-
-
-# (request, profile in force) → the new profile and what changes, in words; or why it is refused.
-Read = Callable[[LinkRequest, Named], tuple[Named, str] | str]
-
-
-class Changer:
-    """Keeps the profile in force; `read` reads profile files."""
-
-    def __init__(self, link: Link[Any], in_force: Named, read: Read) -> None:
-        self._link = link
-        self._in_force = in_force
-        self._read = read
-
-    def answer(self, request: LinkRequest, now: Ns) -> LinkAnswer:
-        """Change the link, or refuse with a reason and change nothing."""
-        change, reason = self._carry_out(request, now)
-        return LinkAnswer(
-            stamp_ns=now,
-            id=request.id,
-            accepted=not reason,
-            kind=request.kind,
-            change=change,
-            reason=reason,
-            cause_ns=request.stamp_ns,
-        )
-
-    def _carry_out(self, request: LinkRequest, now: Ns) -> tuple[str, str]:
-        """In words: (what has changed, why nothing has); one of the two is empty."""
-        if request.kind == "down":
-            self._link.cut(now)
-            return "the link is cut", ""
-        if request.kind == "up":
-            self._link.restore(now)
-            return "the link is restored", ""
-        found = self._read(request, self._in_force)
-        if isinstance(found, str):
-            return "", found
-        self._in_force, words = found
-        self._link.change(self._in_force.name, self._in_force.profile, now)
-        return words, ""

@@ -1,13 +1,15 @@
-"""Delay distributions of the link, each given by its quantile function."""
+"""Delay distributions of the link, each given by its quantile function, and the numbers that they
+are drawn by: in blocks, a tenth of the cost of drawing one by one."""
 
 from bisect import bisect_right
 from typing import Annotated
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from services.tether.random_streams import BLOCK, Floats
-
+Floats = NDArray[np.float64]
+BLOCK = 1024  # numbers drawn at once
 LONGEST_MS = 60_000.0  # [ms] longest delay of a message
 TAIL = 1e-9  # [-] a distribution ends at this quantile and its opposite: nothing is infinite
 Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST_MS)]
@@ -88,6 +90,23 @@ class Trace(DelayDistribution, frozen=True, tag="trace"):
 
 Delay = Pareto | Table | Trace  # kinds of a profile file
 Drawn = Exponential | Pareto | Table
+
+
+class UniformStream:
+    """Numbers of [0, 1), one after the other."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self._random = random
+        self._left: list[float] = []
+
+    def next(self) -> float:
+        if not self._left:
+            self._left = self._random.random(BLOCK).tolist()
+        return self._left.pop()
+
+    def happens(self, share: float) -> bool:
+        """True with this probability. Costs no draw when it is impossible."""
+        return share > 0.0 and self.next() < share
 
 
 class Delays:

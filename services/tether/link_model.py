@@ -18,11 +18,10 @@ import numpy as np
 from messages import events
 from messages.events import Row
 from messages.link import DirectionReport
-from services.tether.delay import Delays, Exponential, Trace
+from services.tether.delay import Delays, Exponential, Trace, UniformStream
 from services.tether.loss import Losses
 from services.tether.priority_queue import Packet, PriorityQueue
 from services.tether.profile import DirectionProfile, Queue
-from services.tether.random_streams import streams
 
 T = TypeVar("T")
 MOST_ON_THE_WAY = 16_384  # messages on the link; more are lost, whatever the profile
@@ -44,7 +43,9 @@ class LinkDirection(Generic[T]):
         self.entered = self.forwarded = self.copied = 0  # messages since start
         self.carried_bytes = 0  # since start, overhead included
         self.busy_ns = 0  # [ns] since start, in which a limited rate carried them
-        self._streams = streams(random)
+        # A stream for each purpose: the same seed loses the same messages, whatever the delays are.
+        self._of_delays, *others = random.spawn(5)
+        self._of_loss, self._of_late, self._of_copies, self._of_damage = map(UniformStream, others)
         self._most = most
         self._clock = 0  # [ns] latest `now` so far
         # Heap of (arrival [ns], number, entered [ns], damaged, item).
@@ -179,10 +180,10 @@ class LinkDirection(Generic[T]):
     def _set(self, profile: DirectionProfile) -> None:
         self._profile = profile
         self._waiting: PriorityQueue[T] = PriorityQueue(profile.queue or Queue())
-        self._losses = Losses(profile.loss, self._streams.loss)
+        self._losses = Losses(profile.loss, self._of_loss)
         self._trace = profile.delay if isinstance(profile.delay, Trace) else None
         spread = None if isinstance(profile.delay, Trace) else profile.delay
-        self._spread = Delays(spread or Exponential(profile.jitter_ms), self._streams.delay)
+        self._spread = Delays(spread or Exponential(profile.jitter_ms), self._of_delays)
 
     def _advance(self, now: int) -> None:
         """Send every packet that is sent by `now`, each at its own time."""
@@ -211,13 +212,11 @@ class LinkDirection(Generic[T]):
         more = self._trace.at(at_s) if self._trace else self._spread.next_ms()
         delay = None if more is None else round((self._profile.delay_ms + more) * 1e6)  # [ns]
         reason = events.TRACE if delay is None else self._losses.reason()
-        damaged = self._streams.damage.happens(self._profile.corrupt)
-        copies = 1 + self._streams.copy.happens(self._profile.duplicate)
-        late = self._profile.late
-        if late is not None and self._streams.late.happens(late.share):
+        damaged = self._of_damage.happens(self._profile.corrupt)
+        copies = 1 + self._of_copies.happens(self._profile.duplicate)
+        late, held = self._profile.late, 0
+        if late is not None and self._of_late.happens(late.share):
             held = round(late.ms * 1e6)
-        else:
-            held = 0
         if delay is None or reason is not None:
             self._lose(packet.item, reason or events.TRACE)
             return

@@ -8,7 +8,7 @@ import msgspec
 from messages import events
 from messages.events import Row
 from messages.units import Share
-from services.tether.random_streams import UniformStream
+from services.tether.delay import UniformStream
 
 UpToADay = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Period = Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)]

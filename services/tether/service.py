@@ -1,6 +1,7 @@
 """Tether service: forwards messages from one side to the other, delayed, byte for byte."""
 
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
 
@@ -10,10 +11,11 @@ from messages.topic import AnyTopic, Direction
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
-from services.tether.core import Changer, Link
+from services.tether.core import Link
 from services.tether.io.profile_file import asked_for, named
 from services.tether.link_model import LinkDirection
 from services.tether.priority_queue import RANK
+from services.tether.profile import Named
 
 TOPSIDE, DRONE = "topside", "drone"
 OWN_TOPICS = (topics.LINK, topics.LINK_ANSWER)  # published by the tether itself, on both sides
@@ -36,10 +38,25 @@ def wire(node: Node, stack: Stack) -> None:
     link: Link[tuple[str, Envelope]] = Link(in_force.name, in_force.profile, stack.seed)
     let_out_below = _carry(node, link.down, TOPSIDE, DRONE, DOWN)
     let_out_above = _carry(node, link.up, DRONE, TOPSIDE, UP, link.admits_up)
-    changer = Changer(link, in_force, asked_for)
     asked = list((node.restore_checkpoint(LinkCheckpoint) or LinkCheckpoint()).asked)
+
+    def answer(request: LinkRequest, now: int) -> LinkAnswer:
+        nonlocal in_force
+        found = _changed(link, in_force, request, now)
+        change, reason = ("", found) if isinstance(found, str) else (found[1], "")
+        in_force = in_force if isinstance(found, str) else found[0]
+        return LinkAnswer(
+            stamp_ns=now,
+            id=request.id,
+            accepted=not reason,
+            kind=request.kind,
+            change=change,
+            reason=reason,
+            cause_ns=request.stamp_ns,
+        )
+
     for request in asked:
-        changer.answer(request, node.now())
+        answer(request, node.now())
     if asked:
         node.log("info", f"link: goes on as it was set ({len(asked)} changes)")
     status, clock = node.publisher(topics.LINK), node.latest(topics.CLOCK)
@@ -59,9 +76,25 @@ def wire(node: Node, stack: Stack) -> None:
         if link.judge(now):
             node.log("info", f"link: {link.telemetry}")
 
-    node.answers(topics.LINK_REQUEST, topics.LINK_ANSWER, changer.answer, tell)
+    node.answers(topics.LINK_REQUEST, topics.LINK_ANSWER, answer, tell)
     node.every(JUDGE_HZ, judge)
     node.every(topics.LINK.hz, lambda now: status.put(link.status(now, clock.fresh(now))))
+
+
+def _changed(
+    link: Link[Any], in_force: Named, request: LinkRequest, now: int
+) -> tuple[Named, str] | str:
+    """The profile in force after a request, and what has changed, in words; or why nothing has."""
+    if request.kind == "down":
+        link.cut(now)
+        return in_force, "the link is cut"
+    if request.kind == "up":
+        link.restore(now)
+        return in_force, "the link is restored"
+    found = asked_for(request, in_force)
+    if not isinstance(found, str):
+        link.change(found[0].name, found[0].profile, now)
+    return found
 
 
 def _carry(  # noqa: C901 - its two ends, and what connects them

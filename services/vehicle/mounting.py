@@ -71,11 +71,6 @@ def force_at(r: Vec3, rate: Vec3, acceleration: Vec3) -> Vec3:
     return _plus(cross(rate, cross(rate, r)), cross(acceleration, r))
 
 
-def velocity_at(r: Vec3, rate: Vec3) -> Vec3:
-    """[m/s] Velocity at r [m] minus that at the origin, body axes."""
-    return cross(rate, r)
-
-
 class Moment(NamedTuple):
     """Attitude and angular rate at one instant."""
 
@@ -165,7 +160,7 @@ class AtOrigin:
         if velocity is not None:
             x, y, z = velocity
             velocity = self._dvl.to_body((scale * x, scale * y, scale * z))
-            velocity = _minus(velocity, velocity_at(self._dvl_arm, moment.rate))
+            velocity = _minus(velocity, cross(moment.rate, self._dvl_arm))
         return replace(sample, velocity=velocity)
 
     def usbl(self, sample: UsblSample) -> UsblSample:
@@ -266,7 +261,7 @@ def measured_there(
 def seen_there(mount: Mount, axes: MountedAxes, velocity: Vec3, rate: Vec3) -> Vec3:
     """Velocity [m/s] of the origin, as a mounted DVL measures it."""
     if mount.position != ORIGIN:
-        velocity = _plus(velocity, velocity_at(mount.position, rate))
+        velocity = _plus(velocity, cross(rate, mount.position))
     return axes.to_sensor(velocity)
 
 

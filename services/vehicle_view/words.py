@@ -22,6 +22,31 @@ class Said(NamedTuple):
     tone: Tone = "alarm"
 
 
+def head_up(view: VehicleView) -> list[Said]:
+    """The lines of a pilot's window, always the same in the same places: state, depth and heading,
+    their references, figures, link; the last has the sentences."""
+    late, told = old(view), said(view)
+    blind = late or view.depth_m is None or view.heading_deg is None
+    here = f"{number(view.depth_m, '.2f')} m   {number(view.heading_deg, '.1f')}°"
+    wanted = f"{number(view.depth_wanted_m, '.2f')} m, {number(view.heading_wanted_deg, '.1f')}°"
+    age = late or f"{number(view.age_ms, '.0f')} ms old"
+    alarm = any(each.tone == "alarm" for each in told)
+    return [
+        Said(
+            f"{known(view)}{armed(view)}", "warning" if view.armed or view.last_known else "plain"
+        ),
+        Said(here, "warning" if blind else "plain"),
+        Said(f"{doing(view)}, {flight_mode(view)}", "plain"),
+        Said(f"reference {wanted}", "plain"),
+        Said(", ".join(f"{label} {text}" for label, text in numbers(view)), "plain"),
+        Said(
+            f"round trip {number(view.rtt_ms, '.0f')} ms; depth and heading {age}",
+            "alarm" if view.alarm else "warning" if late else "plain",
+        ),
+        Said("; ".join(each.text for each in told), "alarm" if alarm else "warning"),
+    ]
+
+
 def said(view: VehicleView) -> list[Said]:
     """What is wrong, the gravest first, as what is lost, what the drone does, and what ends it."""
     acts = ": ".join(filter(None, (failsafe(view), acting(view))))

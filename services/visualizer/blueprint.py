@@ -112,15 +112,12 @@ def _motion() -> rrb.Grid:
             _plot("tilt", "Camera tilt [°], up"),
         ),
         _plot("track", "Place [m], NED"),
-        _plot("jerk_heave", "Vertical jerk below 2 Hz [m/s³]"),
-        _plot("jerk_yaw", "Yaw jerk below 2 Hz [°/s³]"),
-        _plot("thruster_changes", "All thrusters, in the last minute [1/min]"),
         rrb.Tabs(
             _plot("current", "Current of the water [m/s], NED"),
             _plot("uncertainty/depth", "Depth, one standard deviation [cm]"),
             _plot("uncertainty/heading", "Heading, one standard deviation [°]"),
         ),
-        grid_columns=4,
+        grid_columns=3,
         name="Motion",
     )
 
@@ -237,7 +234,6 @@ def _camera(further: Sequence[str] = ()) -> rrb.Grid:
 
 def _health() -> rrb.Grid:
     return rrb.Grid(
-        rrb.TextDocumentView(origin="/services", name="Services"),
         rrb.Tabs(
             _plot("health/counted", "Dropped, stale, refused …"),
             _plot("health/sent", "Sent"),

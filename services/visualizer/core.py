@@ -19,7 +19,6 @@ from messages.vehicle import Actuation
 from messages.video import Assembler, VideoPart
 from services.marine.vehicle import Vehicle
 from services.visualizer.batch import Batch, CurveColumns, Frame, VideoSample
-from services.visualizer.computed import JerkLines, ThrusterChanges
 from services.visualizer.curves import Curve, CurveRow, curves
 from services.visualizer.scene import Scene
 from services.visualizer.status import NOTED, Status, part_of_path
@@ -62,7 +61,6 @@ class Collector:
         self._assemblers = defaultdict[str, Assembler](Assembler)  # by camera
         self._video: list[VideoSample] = []
         self._status = Status()
-        self._jerk, self._changes = JerkLines(), ThrusterChanges()
 
     def hear(self, topic: AnyTopic, key: str, message: Message, now: int) -> Row | None:
         """Keep a message that arrived at `now` [ns]. Returns why it is rejected, or None."""
@@ -126,21 +124,12 @@ class Collector:
                 columns = self._columns(curve, key, *points)
                 if columns.rows:
                     batch.columns.append(columns)
-            batch.columns.extend(self._computed(topic, messages, times))
             # Of topics that make no notes, the status page needs only the newest message.
             first = 0 if topic.message in NOTED else -1
             for message, time in zip(messages[first:], times[first:], strict=True):
                 batch.notes.extend(self._status.hear(key, message, time, start))
-        batch.notes.extend(self._status.pages(now - start, start))
+        batch.notes.extend(self._status.page(now - start, start))
         return batch
-
-    def _computed(
-        self, topic: AnyTopic, messages: list[Message], times: list[int]
-    ) -> list[CurveColumns]:
-        """Curves that need every message, not only those that become points."""
-        if topic is topics.THRUSTERS:
-            return self._changes.hear(messages, times)
-        return self._jerk.hear(topic, messages, times)
 
     def _points(
         self, key: str, messages: list[Message], times: list[int]

@@ -1,4 +1,4 @@
-"""Text that is shown: states, log lines, the status page and the page of the services."""
+"""Text that is shown: states, log lines and the status page."""
 
 import re
 from collections import deque
@@ -8,9 +8,8 @@ from typing import Any
 import msgspec
 
 from messages.control import ThrusterCommand
-from messages.events import troubles
 from messages.film import FilmAnswer, FilmRequest
-from messages.health import Health, LogLine
+from messages.health import LogLine
 from messages.identity import SideIdentity
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
 from messages.message import Message
@@ -25,7 +24,7 @@ from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, believed, vehicle_view
 from services.visualizer.batch import Note
 
-SERVICES = 32  # services on the status page
+SIDES = 32  # that are named
 REQUESTS_KEPT = 16  # several may wait for their answers at the same time
 
 # Text of each state lane for a message. `rerun_writer.STATES` has a colour for each text.
@@ -52,7 +51,7 @@ VIEWED: dict[type[Message], str] = {
     BatterySample: "battery", LinkStatus: "link", Clock: "clock", LatencyBudget: "latency",
 }  # fmt: skip
 NOTED = {
-    *(*LANES, Health, LogLine, SideIdentity),
+    *(*LANES, LogLine, SideIdentity),
     *(PilotRequest, PilotAnswer, LinkRequest, LinkAnswer, FaultRequest, FaultAnswer),
     *(FilmRequest, FilmAnswer, CameraChoice),
 }  # may make notes
@@ -65,32 +64,25 @@ class Status:
         self._lanes: dict[str, str] = {}
         self._newest: dict[type[Message], Message] = {}
         self._heard_ns: dict[type[Message], int] = {}
-        self._health: dict[str, Health] = {}
         self._requests = deque[str](maxlen=REQUESTS_KEPT)  # ids that were shown
         self._last_note = ""
         self._large_camera = ""
         self._sides: dict[str, str] = {}  # which Lindy each side runs
-        self._pages: dict[str, str] = {}  # by path, as last shown
+        self._page = ""  # as last shown
 
     def hear(self, key: str, message: Message, time: int, start: int) -> list[Note]:
         """Notes that this message makes. `time` is [ns] since the dive began, at `start` [ns]."""
         self._newest[type(message)] = message
         self._heard_ns[type(message)] = start + time
-        if isinstance(message, Health):
-            if key in self._health or len(self._health) < SERVICES:
-                self._health[key] = message
-            return []
         return [*self._changes(message, time), *self._lines(key, message, time)]
 
-    def pages(self, time: int, start: int) -> list[Note]:
-        """The pages that have changed since they were last shown. `start`: [ns] the dive's."""
-        notes: list[Note] = []
-        pages = (("status", self._status(start + time)), ("services", self._services()))
-        for path, text in pages:
-            if self._pages.get(path) != text:
-                self._pages[path] = text
-                notes.append(Note(path, time, "document", text))
-        return notes
+    def page(self, time: int, start: int) -> list[Note]:
+        """The status page, if it has changed since it was last shown. `start`: [ns] the dive's."""
+        text = self._status(start + time)
+        if text == self._page:
+            return []
+        self._page = text
+        return [Note("status", time, "document", text)]
 
     def _changes(self, message: Message, time: int) -> list[Note]:
         notes: list[Note] = []
@@ -126,7 +118,7 @@ class Status:
 
     def _identity(self, message: SideIdentity, time: int) -> list[Note]:
         text = f"{message.side} runs Lindy {message.version} for {message.vehicle}"
-        if self._sides.get(message.side) == text or len(self._sides) >= SERVICES:
+        if self._sides.get(message.side) == text or len(self._sides) >= SIDES:
             return []
         self._sides[message.side] = text
         return [_line("vehicle", time, text)]
@@ -175,18 +167,6 @@ class Status:
         thrusters: Any = self._newest.get(ThrusterCommand)
         return None if status is None else believed(status, thrusters)
 
-    def _services(self) -> str:
-        head = [
-            "| service | calls/s | late p99 | CPU | MB | problems |",
-            "|---|--:|--:|--:|--:|--:|",
-        ]
-        rows = [
-            f"| {key.rpartition('/')[2]} | {h.loop_hz:.0f} | {_ms(h.lateness_p99_ms)} "
-            f"| {_whole(h.cpu_percent, ' %')} | {_whole(h.rss_mb)} | {troubles(h.counts)} |"
-            for key, h in sorted(self._health.items())
-        ]
-        return "\n".join([*head, *rows])
-
 
 def part_of_path(name: str) -> str:
     """A name as one part of an entity's path."""
@@ -219,7 +199,3 @@ def _line(who: str, time: int, text: str, level: str = "info") -> Note:
 
 def _ms(value: float | None) -> str:
     return "–" if value is None else f"{value:.1f} ms"
-
-
-def _whole(value: float | None, unit: str = "") -> str:
-    return "–" if value is None else f"{value:.0f}{unit}"

@@ -78,7 +78,7 @@ class Topside:
         if self.gone:
             return
         reading = StickReading(Sticks(heave=1.0), at_rest=False)
-        effects = self.pilot.read(reading, self.name, 0, self._waiting, now)
+        effects = self.pilot.read(reading, self.name, 0, now)
         command = effects.command
         assert command is not None
         net.send(lambda: drone.command(self, command))
@@ -95,7 +95,7 @@ class Topside:
 
     def status(self, status: VehicleStatus) -> None:
         if not self.gone:
-            self._do(self.pilot.status(status, self._waiting, self.race.net.now))
+            self._do(self.pilot.status(status, self.race.net.now))
 
     def answer(self, answer: PilotAnswer) -> None:
         now = self.race.net.now

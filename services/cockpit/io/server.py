@@ -11,8 +11,9 @@ import ssl
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, cast
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, TypeVar, cast
 from urllib.parse import parse_qs
 
 from websockets.asyncio.server import ServerConnection, broadcast, serve
@@ -38,24 +39,31 @@ from services.cockpit.page_messages import (
 from services.cockpit.video import PageUnit, PageVideo, RecentUnits
 from services.runtime.config.errors import LindyError
 
+T = TypeVar("T")
 MOST_PER_SECOND = 250  # [1/s] a page sends 50 to 125 sticks, 25 confirmations, and one per picture
-
-
-class MessageRate:
-    """Of one page."""
-
-    def __init__(self) -> None:
-        self._second, self._heard = 0, 0
-
-    def too_many(self) -> bool:
-        """One more has arrived. Were there too many within this second?"""
-        now = int(time.monotonic())
-        self._second, self._heard = now, self._heard + 1 if now == self._second else 1
-        return self._heard > MOST_PER_SECOND
-
-
 MOST_VIDEO_PAGES = 32
 LONGEST_CONFIRMATION = 10  # [B] a number
+MOST_PAGES = 32
+MOST_WATCHERS = 24  # of them: the others' places are for pilots
+MOST_CONNECTIONS = 192  # with those for pictures and files, and those that say nothing
+WAITING = 64  # events of all pages that may wait for the service
+HANDSHAKE_S = 5.0  # [s] for a connection to say what it wants
+SEND_BUFFER = 32_768  # [B] of the system, per page: some pictures
+TOO_BIG, TOO_FAST = 1009, 1008  # close codes of the protocol
+OLD_PAGE, TOO_MANY = 4001, 4002  # and our own
+
+
+async def said(connection: ServerConnection, outbox: Outbox) -> AsyncIterator[str | bytes]:
+    """What a page says, until it says too much within a second."""
+    second = heard = 0
+    async for raw in connection:
+        now = int(time.monotonic())
+        second, heard = now, heard + 1 if now == second else 1
+        if heard > MOST_PER_SECOND:
+            outbox.tell(events.TOO_MANY_PAGE_MESSAGES())
+            await connection.close(TOO_FAST, "too many messages")
+            return
+        yield raw
 
 
 class VideoServer:
@@ -85,31 +93,14 @@ class VideoServer:
                 broadcast([connection], unit.message)
         self._pages[connection] = video
         try:
-            await self._read(connection, video)
+            async for raw in said(connection, self._outbox):
+                is_number = len(raw) <= LONGEST_CONFIRMATION and raw.isascii() and raw.isdigit()
+                if not (is_number and video.confirmed(int(raw))):
+                    self._outbox.tell(events.MALFORMED_PAGE())
         except ConnectionClosed:
             pass
         finally:
             del self._pages[connection]
-
-    async def _read(self, connection: ServerConnection, video: PageVideo) -> None:
-        rate = MessageRate()
-        async for raw in connection:
-            if rate.too_many():
-                self._outbox.tell(events.TOO_MANY_PAGE_MESSAGES())
-                return
-            is_number = len(raw) <= LONGEST_CONFIRMATION and raw.isascii() and raw.isdigit()
-            if not (is_number and video.confirmed(int(raw))):
-                self._outbox.tell(events.MALFORMED_PAGE())
-
-
-MOST_PAGES = 32
-MOST_WATCHERS = 24  # of them: the others' places are for pilots
-MOST_CONNECTIONS = 192  # with those for pictures and files, and those that say nothing
-WAITING = 64  # events of all pages that may wait for the service
-HANDSHAKE_S = 5.0  # [s] for a connection to say what it wants
-SEND_BUFFER = 32_768  # [B] of the system, per page: some pictures
-TOO_BIG, TOO_FAST = 1009, 1008  # close codes of the protocol
-OLD_PAGE, TOO_MANY = 4001, 4002  # and our own
 
 
 class PageServer:
@@ -136,7 +127,7 @@ class PageServer:
         self._watchers: set[int] = set()
         self._video = {camera: VideoServer(outbox) for camera in cameras}
         self._last = 0  # number of the newest page
-        self._open = 0  # connections
+        self.connections = 0  # that are open
         self._notify: Callable[[], None] = lambda: None
         self._tls = _tls(settings)
         self._socket = listening(settings)
@@ -160,19 +151,21 @@ class PageServer:
     def received(self) -> list[PageEvent]:
         """Everything that has arrived since, in order; of sticks the newest only."""
         with self._lock:
-            events = list(self._events)
-            self._events.clear()
-        return events
+            heard, self._events = self._events, deque()
+        return list(heard)
 
     def show(self, texts: Mapping[int, str]) -> None:
         """Send each page its picture, unless the last one has not left yet."""
-        if texts and self._thread is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._send, texts)
+        if texts:
+            self._soon(self._send, texts)
 
     def show_video(self, unit: PageUnit, camera: str = FIRST) -> None:
         """Send every page a picture of a camera."""
+        self._soon(self._video[camera].send, unit)
+
+    def _soon(self, act: Callable[[T], None], what: T) -> None:
         if self._thread is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._video[camera].send, unit)
+            self._loop.call_soon_threadsafe(act, what)
 
     # On the thread of its own.
 
@@ -192,9 +185,8 @@ class PageServer:
             sock=self._socket,
             ssl=self._tls,
             process_request=self._answer,
-            create_connection=cast(
-                Any, self._connection
-            ),  # a class, says its type; it is called only
+            # A class, says its type; it is called only.
+            create_connection=cast(Any, partial(CountedConnection, self)),
             compression=None,
             max_size=LONGEST,
             max_queue=8,
@@ -207,9 +199,6 @@ class PageServer:
         )
         async with server:
             await self._stop.wait()
-
-    def _connection(self, *args: Any, **more: Any) -> ServerConnection:
-        return CountedConnection(self, *args, **more)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """A file, a refusal, or None: the WebSocket is opened."""
@@ -239,7 +228,8 @@ class PageServer:
         if path == VIDEO and video is None:
             await connection.close(TOO_MANY, "this drone has no such camera")
             return
-        if self._full(path, video):
+        watchers = path == WATCH and len(self._watchers) >= MOST_WATCHERS
+        if video.full if video is not None else watchers or len(self._pages) >= MOST_PAGES:
             self._outbox.tell(events.TOO_MANY_PAGES())
             kind = f"{MOST_WATCHERS} watchers'" if path == WATCH else str(MOST_PAGES)
             await connection.close(TOO_MANY, f"{kind} pages are open already")
@@ -256,7 +246,8 @@ class PageServer:
             self._watchers.add(number)
         self._add(PageOpened(number, path == WATCH))
         try:
-            await self._read(number, connection)
+            async for raw in said(connection, self._outbox):
+                self._add(PageSaid(number, parsed(raw)))
         except ConnectionClosed as closed:
             if closed.sent is not None and closed.sent.code == TOO_BIG:
                 self._outbox.tell(events.OVERSIZED_PAGE())
@@ -264,22 +255,6 @@ class PageServer:
             del self._pages[number]
             self._watchers.discard(number)
             self._add(PageClosed(number))
-
-    def _full(self, path: str, video: VideoServer | None) -> bool:
-        """Is there no room for one more page?"""
-        if video is not None:
-            return video.full
-        watchers = path == WATCH and len(self._watchers) >= MOST_WATCHERS
-        return watchers or len(self._pages) >= MOST_PAGES
-
-    async def _read(self, number: int, connection: ServerConnection) -> None:
-        rate = MessageRate()
-        async for raw in connection:
-            if rate.too_many():
-                self._outbox.tell(events.TOO_MANY_PAGE_MESSAGES())
-                await connection.close(TOO_FAST, "too many messages")
-                return
-            self._add(PageSaid(number, parsed(raw)))
 
     def _add(self, event: PageEvent) -> None:
         with self._lock:
@@ -304,18 +279,13 @@ class PageServer:
 
     def opened(self) -> bool:
         """A connection was opened. False: there are too many."""
-        self._open += 1
-        return self._open <= MOST_CONNECTIONS
-
-    def lost(self) -> None:
-        self._open -= 1
-
-    def refused(self) -> None:
-        self._outbox.tell(events.TOO_MANY_CONNECTIONS())
+        self.connections += 1
+        self._outbox.tell(events.TOO_MANY_CONNECTIONS(), self.connections > MOST_CONNECTIONS)
+        return self.connections <= MOST_CONNECTIONS
 
 
 class CountedConnection(ServerConnection):
-    """PageClosed at once where there are too many, before it may say anything."""
+    """Closed at once where there are too many, before it may say anything."""
 
     def __init__(self, pages: PageServer, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)
@@ -325,11 +295,10 @@ class CountedConnection(ServerConnection):
         admitted = self._all.opened()
         super().connection_made(transport)
         if not admitted:
-            self._all.refused()
             self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._all.lost()
+        self._all.connections -= 1
         super().connection_lost(exc)
 
 

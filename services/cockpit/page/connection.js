@@ -1,7 +1,5 @@
 // The WebSocket to the service. Nothing is queued: old sticks are not sent, old pictures not drawn.
 
-import { ServiceClock } from "./service_clock.js";
-
 const RETRY_MS = 700;
 const DEAD_MS = 3000; // without a picture: the connection is opened anew
 const CONFIRM_EVERY = 5; // pictures
@@ -134,5 +132,31 @@ export class Connection {
     this.confirmed = seen;
     this.socket.send(JSON.stringify({ kind, seen, held_ms, ...fields }));
     return true;
+  }
+}
+
+// The service's clock, as far as it can be known from here: texts say when they were sent, and the
+// fastest of the last seconds took half of the shortest way there and back.
+
+const SPAN_MS = 3000;
+
+export class ServiceClock {
+  constructor() { this.forget(); }
+
+  forget() { this.heard = []; }
+
+  // sent: [ms] by the service's clock; arrived: [ms] by this page's; delay: [ms] there and back, or undefined
+  learn(sent, arrived, delay) {
+    this.heard.push({ arrived, apart: arrived - sent, delay: delay ?? Infinity });
+    while (this.heard[0].arrived < arrived - SPAN_MS) this.heard.shift();
+    const least = (of) => this.heard.reduce((a, b) => Math.min(a, of(b)), Infinity);
+    const delays = least((h) => h.delay);
+    this.apart = least((h) => h.apart) - (delays < Infinity ? delays / 2 : 0);
+  }
+
+  // [ms] How old something is that happened at this moment of the service's clock; undefined: not known.
+  age(moment) {
+    if (!this.heard.length) return undefined;
+    return Math.max(0, performance.now() - this.apart - moment);
   }
 }

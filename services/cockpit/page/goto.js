@@ -2,7 +2,7 @@
 // over at any moment.
 
 import { $, blur } from "./dom.js";
-import { stepped } from "./shape.js";
+import { stepped } from "./steering.js";
 import { units } from "./units.js";
 
 const STEP_M = 0.5, STEP_DEG = 10; // of a key

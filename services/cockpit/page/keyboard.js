@@ -2,7 +2,7 @@
 // same holds for Ctrl, Alt and Meta: what is pressed with them is the browser's.
 
 import { blur } from "./dom.js";
-import { level } from "./shape.js";
+import { level } from "./steering.js";
 
 export class Keyboard {
   // press(action): once; hold(action, isDown): what is deliberate; moved(): a key that steers;

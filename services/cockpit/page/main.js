@@ -2,25 +2,21 @@
 
 import { Alarms } from "./alarms.js";
 import { Cameras } from "./cameras.js";
-import { Card, padName } from "./card.js";
 import { Connection } from "./connection.js";
 import { $ } from "./dom.js";
 import { Goto } from "./goto.js";
 import { HoldButton } from "./hold_button.js";
 import { Hud } from "./hud.js";
 import { Keyboard } from "./keyboard.js";
-import { keyName, Keys } from "./keys.js";
 import { SeaMap } from "./map.js";
-import { Menu } from "./menu.js";
 import { codeOf, messages, Stopped } from "./messages.js";
 import { Pad } from "./pad.js";
-import { PadSheet } from "./pad_sheet.js";
 import { buttons, digits, figures, stale, status, tell } from "./panel.js";
 import { Picture } from "./picture.js";
 import { Settings } from "./settings.js";
-import { Steering } from "./steering.js";
+import { Card, keyName, Keys, Menu, padName, PadSheet } from "./sheets.js";
+import { Steering, TouchStick } from "./steering.js";
 import { Tools } from "./tools.js";
-import { TouchStick } from "./touch_stick.js";
 import { units } from "./units.js";
 import { Video } from "./video.js";
 import { LANGUAGES, words } from "./words.js";

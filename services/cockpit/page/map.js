@@ -161,8 +161,8 @@ export class SeaMap {
   // In words: where home is, where it goes, and why it cannot.
   tell() {
     const { view } = this, { here, wanted } = this, goal = wanted ?? view.goal;
-    const said = ({ m, deg }) => ({ m: `${units.number(units.length(m), m < 9.95 ? 1 : 0)} ${units.lengthUnit}`, deg: units.number(Math.round(deg) % 360) });
-    const spread = here && `± ${units.number(units.length(view.place[2]), 1)} ${units.lengthUnit}`;
+    const said = ({ m, deg }) => ({ m: units.depth(m, m < 9.95 ? 1 : 0), deg: units.number(Math.round(deg) % 360) });
+    const spread = here && `± ${units.depth(view.place[2], 1)}`;
     const rows = [
       !here ? words.t("map.unknown") : this.measured ? spread : words.t("map.reckoned", { m: spread }),
       here && view.home ? words.t("map.home_is", said(way(here, view.home))) : "",

@@ -2,7 +2,7 @@
 // anything goes to the service with every position, which judges whether it is frozen.
 
 import { remember, remembered } from "./dom.js";
-import { level, shape } from "./shape.js";
+import { level, shape } from "./steering.js";
 
 const DEAD_BAND = 0.12, EXPO = 0.4;
 const HELD = ["arm", "disarm"]; // what is deliberate

@@ -7,7 +7,6 @@ import { words } from "./words.js";
 
 const plain = (name) => (name ? words.t(name).replaceAll("_", " ") : UNKNOWN);
 const degrees = (value) => `${value > 0 ? "+" : ""}${units.number(value)}°`;
-const share = (value) => `${units.number(100 * value)} %`;
 
 // [ms] Age of depth and attitude on this screen; undefined: not known.
 /** @param {Personal} you @param {PageView} view */
@@ -27,7 +26,7 @@ export function stale(connection, you, view) {
 function battery(view) {
   if (view.battery_v === undefined) return UNKNOWN;
   const volts = `${units.number(view.battery_v, 1)} V`;
-  if (view.charge !== undefined) return `${volts}, ${share(view.charge)}`;
+  if (view.charge !== undefined) return `${volts}, ${units.share(view.charge)}`;
   return view.used_wh === undefined ? volts : `${volts}, ${units.number(view.used_wh, 1)} Wh`;
 }
 
@@ -43,8 +42,8 @@ export function status(connection, you, view, steeredBy, video) {
   write($("who"), last + (you.watcher ? `${words.t("watching")} · ${who}` : who + (you.has_sticks ? ` · ${words.t(steeredBy)}` : "")));
   // Of the outputs those that are not at rest: lasers that are on must be seen.
   const on = Object.entries(view.outputs ?? {}).filter(([name, value]) => value && name !== "light");
-  const lit = view.light ? [["light", share(view.light)]] : [];
-  const numbers = [["battery", battery(view)], ...lit, ...on.map(([name, value]) => [name.replaceAll("_", " "), share(value)])];
+  const lit = view.light ? [["light", units.share(view.light)]] : [];
+  const numbers = [["battery", battery(view)], ...lit, ...on.map(([name, value]) => [name.replaceAll("_", " "), units.share(value)])];
   write($("numbers"), numbers.map(([label, text]) => `${words.t(label)} ${text}`).join(" · "));
   const old = age(you, view, connection.arrived);
   put("age", `${words.t("state")} ${units.age(old)}`, old > connection.ages.state[0] ? "old" : "");
@@ -64,7 +63,7 @@ function picture({ age, least, words: wrong, silence, name, kbit }) {
 /** @param {PageView} view */
 export function digits(view, stale) {
   const kind = stale ? "digits old" : "digits";
-  put("heading", view.heading_deg === undefined ? UNKNOWN : `${units.number(Math.round(view.heading_deg) % 360).padStart(3, "0")}°`, kind);
+  put("heading", view.heading_deg === undefined ? UNKNOWN : units.bearing(view.heading_deg, 3), kind);
   put("depth", units.depth(view.depth_m) ?? UNKNOWN, kind);
 }
 
@@ -95,7 +94,7 @@ export function figures(you, view, limit) {
     ["stick", whole(view.stick_ms, (ms) => units.ms(ms))],
     ["page", whole(you.delay_ms, (ms) => units.ms(ms))],
     ["picture", $("picture-age").textContent.replace(words.t("picture"), "")],
-    ["compass", whole(view.compass_deg, (deg) => `${units.number(Math.round(deg) % 360)}°`)],
+    ["compass", whole(view.compass_deg, (deg) => units.bearing(deg))],
     ["pitch", whole(view.pitch_deg, degrees)],
     ["roll", whole(view.roll_deg, degrees)],
     ["camera", whole(view.tilt_deg, (deg) => degrees((view.looks_deg ?? [deg])[0]))],
@@ -145,7 +144,7 @@ export function buttons(you, view, watching) {
   const mode = $("flight_mode");
   if (view.flight_mode && document.activeElement !== mode && mode.value !== view.flight_mode) mode.value = view.flight_mode;
   // A film runs once the recorder says so.
-  const clock = view.filming_s === undefined ? "" : `${Math.floor(view.filming_s / 60)}:${String(Math.floor(view.filming_s % 60)).padStart(2, "0")}`;
+  const clock = view.filming_s === undefined ? "" : units.time(view.filming_s);
   write($("film"), clock ? `● ${clock}` : words.t("film"));
   $("film").setAttribute("aria-label", clock ? `${words.t("filming")} ${clock}` : words.t("film"));
   $("film").setAttribute("aria-pressed", String(Boolean(clock)));

@@ -1,9 +1,79 @@
-// Which device steers: the one that was moved last.
-
-import { shape } from "./shape.js";
+// From fingers, keys and pads to sticks: a stick for a thumb, its shape, and which device steers.
 
 const CENTRED = { surge: 0, sway: 0, heave: 0, yaw: 0, tilt: 0 };
 const DEAD_BAND = 0.06, EXPO = 0.4;
+const STEPS = [0, 0.25, 0.5, 0.75, 1]; // of a dimmer
+
+// Share of full speed at full stick: the pilot's limit, less while slow is held, all while boost is; both
+// 0 … 1, and continuous, so that a trigger causes no jump.
+export function level(limit, slow, boost) {
+  return Math.min(1, limit + boost * (1 - limit) - slow * limit * 0.6);
+}
+
+// Odd, monotonic, 0 inside the dead-band, continuous at its edge, ±1 at full travel; NaN is 0.
+export function shape(travel, deadBand, expo) {
+  const beyond = (Math.min(Math.abs(travel), 1) - deadBand) / (1 - deadBand);
+  if (!(beyond > 0)) return 0;
+  return Math.sign(travel) * beyond * (1 - expo * (1 - beyond * beyond));
+}
+
+// The next step up or down; undefined: there is none.
+export function stepped(now, way) {
+  return way > 0 ? STEPS.find((each) => each > (now ?? 0) + 0.01) : STEPS.findLast((each) => each < (now ?? 0) - 0.01);
+}
+
+// One stick for one thumb. It is centred where it is drawn, and returns when it is let go.
+
+export class TouchStick {
+  // moved(): it was moved
+  constructor(element, moved) {
+    this.moved = moved;
+    this.x = 0; // [-] + right
+    this.y = 0; // [-] + down
+    this.pointer = null;
+    this.knob = element.querySelector("i");
+    this.element = element;
+    element.addEventListener("pointerdown", (e) => {
+      if (this.pointer !== null || e.pointerType === "mouse") return;
+      e.preventDefault();
+      this.pointer = e.pointerId;
+      element.setPointerCapture(e.pointerId);
+      element.classList.add("down");
+      this.move(e);
+    });
+    element.addEventListener("pointermove", (e) => e.pointerId === this.pointer && this.move(e));
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"])
+      element.addEventListener(name, (e) => e.pointerId === this.pointer && this.release());
+  }
+
+  move(event) {
+    const box = this.element.getBoundingClientRect();
+    const reach = box.width * 0.42;
+    let x = (event.clientX - box.left - box.width / 2) / reach;
+    let y = (event.clientY - box.top - box.height / 2) / reach;
+    const length = Math.hypot(x, y);
+    if (length > 1) { x /= length; y /= length; }
+    this.show(x, y);
+  }
+
+  release() {
+    this.pointer = null;
+    this.element.classList.remove("down");
+    this.show(0, 0);
+  }
+
+  show(x, y) {
+    this.x = x;
+    this.y = y;
+    this.moved();
+    const reach = this.element.clientWidth * 0.33;
+    this.knob.style.transform = `translate(calc(-50% + ${x * reach}px), calc(-50% + ${y * reach}px))`;
+  }
+
+  get down() { return this.pointer !== null; }
+}
+
+// Which device steers: the one that was moved last.
 
 export class Steering {
   constructor(left, right, keyboard, pad, tools) {

@@ -2,7 +2,7 @@
 // or off; a gripper moves while its button is held, and only then.
 
 import { $, make, write } from "./dom.js";
-import { stepped } from "./shape.js";
+import { stepped } from "./steering.js";
 import { units } from "./units.js";
 import { words } from "./words.js";
 
@@ -58,7 +58,7 @@ export class Tools {
 
   text(kind, value) {
     if (value === undefined || value === null) return "–";
-    return kind === "switch" ? words.t(value ? "on" : "off") : `${units.number(100 * value)} %`;
+    return kind === "switch" ? words.t(value ? "on" : "off") : units.share(value);
   }
 
   row(name, kind) {

@@ -34,7 +34,11 @@ class Units {
   metres(length) { return length / this.system.length[0]; }
 
   // undefined: not known.
-  depth(metres) { return metres === undefined ? undefined : `${this.number(this.length(metres), 2)} ${this.lengthUnit}`; }
+  depth(metres, decimals = 2) { return metres === undefined ? undefined : `${this.number(this.length(metres), decimals)} ${this.lengthUnit}`; }
+
+  share(value) { return `${this.number(100 * value)} %`; }
+
+  bearing(degrees, digits = 1) { return `${this.number(Math.round(degrees) % 360).padStart(digits, "0")}°`; }
 
   speed(value) { return `${this.number(value * this.system.speed[0], 2)} ${this.system.speed[1]}`; }
 

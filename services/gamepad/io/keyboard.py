@@ -7,8 +7,6 @@ A key that is held down while the window gets the focus, or is opened, does noth
 go: the system repeats it as if it was pressed in this window.
 """
 
-from collections.abc import Sequence
-
 import pygame
 
 from messages import events
@@ -19,7 +17,6 @@ from services.gamepad.io.window import PilotWindow, open_window
 from services.piloting.keys import KEYS, Key
 from services.piloting.pilot_intents import Press
 from services.piloting.sticks import Holds, StickReading, Sticks
-from services.vehicle_view.head_up import NumbersRow, head_up
 from services.vehicle_view.view import VehicleView
 
 HELD_NS = 300_000_000  # [ns] after the focus came: keys that were held before are repeated by then
@@ -66,9 +63,8 @@ class Keyboard:
         Raises:
             LindyError: there is no display.
         """
-        surface = open_window()
-        self._window = PilotWindow(surface, HELP)
-        self.show(head_up(VehicleView()))
+        self.window = PilotWindow(open_window(), HELP)
+        self.window.draw(VehicleView())
         self._gain, self._outbox = gain, outbox
         self._holds = Holds()
         self._down: set[int] = set()  # scancodes
@@ -97,10 +93,6 @@ class Keyboard:
 
     def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
         return None
-
-    def show(self, rows: Sequence[NumbersRow]) -> None:
-        """Draw the head-up numbers, and what each key does."""
-        self._window.draw(rows, focused=pygame.key.get_focused())
 
     def close(self) -> None:
         pygame.font.quit()

@@ -21,12 +21,23 @@ def open_source(node: Node, stack: Stack, played: int) -> StickSource:
     """
     word, _, name = stack.pilot.partition(":")
     if word == "script" and name:
-        return _open_script(node, name, played)
-    if stack.pilot == "gamepad":
-        return _open_pad(node, stack)
-    if stack.pilot == "keyboard":
-        return _open_keyboard(node, stack)
-    raise LindyError(f"--pilot {stack.pilot}: expected gamepad, keyboard or script:FILE")
+        script = read_script(name)
+        last = script.rows[-1]
+        if last.sticks != CENTRED or last.event == "lost":
+            text = f"script {name}: the last row is its end, so its sticks move nothing"
+            node.log("warning", text)
+        return Player(Path(name).stem, script, node.outbox, played)
+    if stack.pilot not in ("gamepad", "keyboard"):
+        raise LindyError(f"--pilot {stack.pilot}: expected gamepad, keyboard or script:FILE")
+    sdl.load()
+    from services.gamepad.io.keyboard import Keyboard  # here: a script needs no pygame
+    from services.gamepad.io.pad import Pad
+
+    profile = pad_profile(stack)
+    is_pad = stack.pilot == "gamepad"
+    source = Pad(profile, node.outbox) if is_pad else Keyboard(profile.gain, node.outbox)
+    node.on_close(source.close)
+    return source
 
 
 def read_script(name: str) -> StickLog:
@@ -40,32 +51,6 @@ def read_script(name: str) -> StickLog:
         return parse(read_whole(path), course_named)
     except ValueError as error:
         raise LindyError(f"{path}: {error}") from None
-
-
-def _open_script(node: Node, name: str, played: int) -> Player:
-    script = read_script(name)
-    last = script.rows[-1]
-    if last.sticks != CENTRED or last.event == "lost":
-        node.log("warning", f"script {name}: the last row is its end, so its sticks move nothing")
-    return Player(Path(name).stem, script, node.outbox, played)
-
-
-def _open_pad(node: Node, stack: Stack) -> StickSource:
-    sdl.load()
-    from services.gamepad.io.pad import Pad  # here: a script needs no pygame
-
-    pad = Pad(pad_profile(stack), node.outbox)
-    node.on_close(pad.close)
-    return pad
-
-
-def _open_keyboard(node: Node, stack: Stack) -> StickSource:
-    sdl.load()
-    from services.gamepad.io.keyboard import Keyboard
-
-    keyboard = Keyboard(pad_profile(stack).gain, node.outbox)
-    node.on_close(keyboard.close)
-    return keyboard
 
 
 def pad_profile(stack: Stack) -> PadProfile:

@@ -1,31 +1,30 @@
-"""A pilot's window: the head-up numbers, and below them what each key does. Drawing only."""
+"""A pilot's window: what a pilot must see, and below it what each key does."""
 
+import time
 from collections.abc import Sequence
 
 import pygame
 
 from services.gamepad.io import sdl
 from services.runtime.config.errors import LindyError
-from services.vehicle_view.head_up import NumbersRow
-from services.vehicle_view.words import Tone
+from services.runtime.node.node import Node
+from services.vehicle_view.io.ports import LOOK_HZ, VehiclePorts
+from services.vehicle_view.view import VehicleView, vehicle_view
+from services.vehicle_view.words import Said, Tone, head_up
 
 SIZE = (720, 650)  # [px]
-PAPER, INK, LABEL = (8, 14, 22), (255, 255, 255), (160, 180, 200)
+PAPER, INK, LABEL, RED = (8, 14, 22), (255, 255, 255), (160, 180, 200), (185, 20, 30)
 TONES: dict[Tone, tuple[int, int, int]] = {
     "plain": INK, "warning": (255, 205, 60), "alarm": INK,
 }  # fmt: skip
-ALARM = (185, 20, 30)  # behind an alarm
 MARGIN = 18  # [px]
-LABELS, SMALL, BIG = 22, 30, 86  # [px] height of the letters
-SAID_ROWS = 5  # of the last row of numbers, which is the one with sentences
+KEY, SMALL, BIG = 22, 30, 86  # [px] height of the letters
+BIG_LINES, SAID_ROWS = 2, 5  # the first lines are big; the last one, of sentences, has several rows
 LAST, LONGEST = "\uffff", 500  # sign that pygame can draw; signs of a text
 INSTEAD = "use a pad or --pilot script:FILE"
 FOCUS = "The keys do nothing now: click into this window"
-
-
-def drawable(text: str) -> str:
-    """Text that any letters can draw: anybody on the bus may have sent it."""
-    return "".join(sign if sign.isprintable() and sign <= LAST else "?" for sign in text[:LONGEST])
+PAUSE_NS = 100_000_000  # [ns] between two pictures
+SHARE = 10  # the sticks have the rest: a picture's time is at most a tenth of all
 
 
 def open_window() -> pygame.Surface:
@@ -51,46 +50,48 @@ class PilotWindow:
         """`keys`: which does what."""
         pygame.font.init()
         # pygame's own letters, so that none have to be installed.
-        self._fonts = {size: pygame.font.Font(None, size) for size in (LABELS, SMALL, BIG)}
+        self._fonts = {size: pygame.font.Font(None, size) for size in (KEY, SMALL, BIG)}
         self._surface, self._keys = surface, keys
+        self._next_ns = 0
 
-    def draw(self, rows: Sequence[NumbersRow], *, focused: bool = True) -> None:
+    def look(self, node: Node) -> None:
+        """Have what a node hears of the vehicle drawn ten times a second.
+
+        To be called after what publishes the sticks: of two timers that are due, the older one is
+        served first, so that a picture is drawn in the pause after the sticks were sent.
+        """
+        ports = VehiclePorts(node)
+
+        def draw(now: int) -> None:
+            newest = ports.newest(now)
+            if now >= self._next_ns:
+                began = time.perf_counter_ns()
+                self.draw(vehicle_view(newest, now), focused=pygame.key.get_focused())
+                self._next_ns = now + pause_ns(time.perf_counter_ns() - began)
+
+        node.every(LOOK_HZ, draw)
+
+    def draw(self, view: VehicleView, *, focused: bool = True) -> None:
         self._surface.fill(PAPER)
-        top = MARGIN
-        for row in rows[:-1]:
-            top = self._cells(row, top)
-        top = self._sentences(rows[-1], top) if rows else top
-        self._help(top, focused)
+        *lines, sentences = head_up(view)
+        top, width = MARGIN, SIZE[0] - 2 * MARGIN
+        for n, (text, tone) in enumerate(lines):
+            size = BIG if n < BIG_LINES else SMALL
+            self._rows([text], tone, size, top, size * 3 // 4 + 6)
+            top += size * 3 // 4 + MARGIN // 2
+        # Always as high, so that nothing below it moves.
+        height = SAID_ROWS * SMALL + 8
+        self._rows(self._wrapped(sentences, width), sentences.tone, SMALL, top, height)
+        self._help(top + height + MARGIN // 2, focused)
         pygame.display.flip()
 
-    def _cells(self, row: NumbersRow, top: int) -> int:
-        """Returns where the next row begins."""
-        width = (self._surface.get_width() - 2 * MARGIN) // len(row.cells)
-        size = BIG if row.size == "big" else SMALL
-        labelled = LABELS if any(cell.label for cell in row.cells) else 0
-        for n, cell in enumerate(row.cells):
-            left = MARGIN + n * width
-            height = labelled + size * 3 // 4
-            if cell.tone == "alarm":
-                box = (left - MARGIN // 2, top - 4, width - MARGIN // 2, height + 6)
-                pygame.draw.rect(self._surface, ALARM, box, border_radius=4)
-            self._write(
-                cell.label, LABELS, LABEL if cell.tone != "alarm" else INK, left, top, width
-            )
-            self._write(cell.text, size, TONES[cell.tone], left, top + labelled, width - MARGIN)
-        return top + labelled + size * 3 // 4 + MARGIN // 2
-
-    def _sentences(self, row: NumbersRow, top: int) -> int:
-        """Always as high, so that nothing below it moves."""
-        height = SAID_ROWS * SMALL + 8
-        (cell,) = row.cells
-        width = self._surface.get_width() - 2 * MARGIN
-        if cell.tone == "alarm":
-            box = (MARGIN // 2, top, width + MARGIN, height)
-            pygame.draw.rect(self._surface, ALARM, box, border_radius=4)
-        for n, line in enumerate(self._wrapped(cell.text, width)):
-            self._write(line, SMALL, TONES[cell.tone], MARGIN, top + 6 + n * SMALL, width)
-        return top + height + MARGIN // 2
+    def _rows(self, rows: list[str], tone: Tone, size: int, top: int, height: int) -> None:
+        width = SIZE[0] - 2 * MARGIN
+        if tone == "alarm":
+            box = (MARGIN // 2, top - 4, width + MARGIN, height)
+            pygame.draw.rect(self._surface, RED, box, border_radius=4)
+        for n, row in enumerate(rows):
+            self._write(row, size, TONES[tone], MARGIN, top + n * size, width)
 
     def _help(self, top: int, focused: bool) -> None:
         pygame.draw.line(self._surface, LABEL, (MARGIN, top), (SIZE[0] - MARGIN, top))
@@ -101,14 +102,14 @@ class PilotWindow:
         columns, rows = 3, -(-len(self._keys) // 3)
         width = (SIZE[0] - 2 * MARGIN) // columns
         for n, (key, meaning) in enumerate(self._keys):
-            left, row = MARGIN + n // rows * width, top + n % rows * LABELS
-            self._write(key, LABELS, INK, left, row, width * 2 // 5 - 4)
-            self._write(meaning, LABELS, LABEL, left + width * 2 // 5, row, width * 3 // 5 - 4)
+            left, row = MARGIN + n // rows * width, top + n % rows * KEY
+            self._write(key, KEY, INK, left, row, width * 2 // 5 - 4)
+            self._write(meaning, KEY, LABEL, left + width * 2 // 5, row, width * 3 // 5 - 4)
 
-    def _wrapped(self, text: str, width: int) -> list[str]:
+    def _wrapped(self, said: Said, width: int) -> list[str]:
         """In rows that are no wider; what does not fit into `SAID_ROWS` is cut."""
         lines = [""]
-        for word in drawable(text).split():
+        for word in drawable(said.text).split():
             longer = f"{lines[-1]} {word}".strip()
             if self._fonts[SMALL].size(longer)[0] <= width:
                 lines[-1] = longer
@@ -130,3 +131,13 @@ class PilotWindow:
         if drawn.get_width() > width:
             drawn = pygame.transform.smoothscale(drawn, (width, drawn.get_height()))
         self._surface.blit(drawn, (left, top))
+
+
+def drawable(text: str) -> str:
+    """Text that any letters can draw: anybody on the bus may have sent it."""
+    return "".join(sign if sign.isprintable() and sign <= LAST else "?" for sign in text[:LONGEST])
+
+
+def pause_ns(cost_ns: int) -> int:
+    """[ns] Until the next picture, after one that took `cost_ns`."""
+    return max(PAUSE_NS, SHARE * cost_ns)

@@ -43,7 +43,7 @@ class PilotPorts(Generic[E]):
         """
         self._node, self._pilot, self._hears, self._also = node, pilot, hears, also
         self._kept = pilot.progress
-        pilot.asked = lambda: self.waiting
+        pilot.asked = self._waiting
         self._commands = node.publisher(topics.PILOT_COMMAND)
         self._asking = node.request(
             topics.PILOT_REQUEST,
@@ -53,8 +53,7 @@ class PilotPorts(Generic[E]):
             overrules=overrules,
         )
 
-    @property
-    def waiting(self) -> set[RequestKind]:
+    def _waiting(self) -> set[RequestKind]:
         """Kinds of the requests that have not been answered yet."""
         return {pending.request.kind for pending in self._asking.pending}
 

@@ -22,7 +22,6 @@ from services.visualizer.batch import (
     joined_columns,
 )
 from services.visualizer.blueprint import TIMELINE, blueprint, camera_path
-from services.visualizer.computed import LOOKS
 from services.visualizer.curves import MANY, PREDICTED, REFERENCE, Look, curves
 from services.visualizer.io.rrd_file import RrdFile
 
@@ -62,7 +61,7 @@ class RerunWriter:
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = np.array([], TIME)  # … and as an array
         named = [curve for curve in curves(vehicle) if curve.look.names]
-        self._looks = [*[curve.look for curve in named if not curve.topic.is_family], *LOOKS]
+        self._looks = [curve.look for curve in named if not curve.topic.is_family]
         self._families = {curve.path: curve.look for curve in named if curve.topic.is_family}
         self._styled = {look.path for look in self._looks}
         self._cameras: list[str] = []  # of which a picture has been written

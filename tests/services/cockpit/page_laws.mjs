@@ -140,6 +140,7 @@ test("numbers are the pilot's: units, decimals, and unknown is no number", () =>
   units.use("knots", "en");
   assert.equal(units.speed(1852 / 3600), "1.00 kn");
   assert.equal(units.number(-0.2), "0"); // no minus before nothing
+  assert.deepEqual([units.bearing(359.6), units.bearing(7, 3), units.share(0.25)], ["0°", "007°", "25 %"]);
   units.use("metric", "en");
 });
 

@@ -24,15 +24,12 @@ from services.cockpit.io.server import PageServer
 from services.cockpit.page_messages import PageOpened
 from services.runtime.config.settings import DEPLOY
 from services.runtime.hosts.registry import Registry
-from tests.support.blueos_double import TAKEN, TYPES, asked_for, labels, proxy, registered
-from tests.support.docs.chromium import Browser, Size, chromium
+from tests.support.blueos_double import TAKEN, asked_for, labels, proxy, registered
 from tests.support.doors import free_port
 from tests.support.patience import PATIENCE_S, until
 
 FILE = DEPLOY / "blueos" / "Dockerfile"
 SAID = labels(FILE)
-PROGRAM = chromium()
-RESOURCES = "performance.getEntriesByType('resource').map((each) => each.name).join(' ')"
 
 
 class Extension:
@@ -96,34 +93,6 @@ def test_its_sockets_open_below_the_path_for_its_own_page_alone(extension: Exten
             connect(where, origin=origin),  # type: ignore[arg-type]
         ):
             pass
-
-
-@pytest.mark.system
-@pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)")
-def test_a_browser_runs_the_page_below_a_path_and_it_connects(extension: Extension) -> None:
-    assert PROGRAM is not None
-    browser = Browser(PROGRAM)
-    try:
-        page = browser.open(f"http://{extension.path}", Size(1280, 720))
-        until(lambda: [e for e in extension.server.received() if isinstance(e, PageOpened)])
-        page.wait("document.querySelector('#stop').textContent.length > 2")  # its words came
-        asked: str = page.look(RESOURCES)
-    finally:
-        browser.close()
-    below = f"http://{extension.path}"
-    assert f"{below}words_en.json" in asked.split()
-    elsewhere = [each for each in asked.split() if not each.startswith(below)]
-    assert not [each for each in elsewhere if not each.endswith("/favicon.ico")]  # Chromium's own
-
-
-def test_the_labels_are_what_the_store_and_kraken_read() -> None:
-    assert SAID["version"] == version("lindy")
-    assert SAID["type"] in TYPES
-    assert all({"name", "email"} == set(author) for author in json.loads(SAID["authors"]))
-    assert {"name", "about", "email"} == set(json.loads(SAID["company"]))
-    assert json.loads(SAID["links"]) is not None
-    assert len(json.loads(SAID["tags"])) <= 10
-    assert SAID["requirements"].startswith("core >= ")
 
 
 def test_kraken_is_asked_for_the_hosts_network_and_for_no_power_over_it() -> None:

@@ -1,8 +1,6 @@
 """Which camera is large: who says so, how long it lasts, and what pages are shown of it."""
 
 import json
-from collections import deque
-from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -14,12 +12,13 @@ from messages import topics
 from messages.video import CameraChoice, CameraShares
 from services.cockpit.cameras import ANSWERED_NS, REPEAT_NS, Cameras
 from services.cockpit.core import Settings
-from services.cockpit.page_messages import PageEvent, PageOpened, PageSaid, parsed
+from services.cockpit.page_messages import PageOpened, PageSaid, parsed
 from services.cockpit.service import CockpitPages
 from services.marine.field_of_view import FieldOfView
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.pilots import Browsers
 
 S = 1_000_000_000
 STEP_S = 0.1  # [s]
@@ -89,28 +88,12 @@ def test_one_camera_says_nothing() -> None:
     assert cameras.repeated(10 * S, in_control=True) is None
 
 
-class Pages:
-    """Connections that the test holds."""
-
-    def __init__(self) -> None:
-        self.waiting: deque[PageEvent] = deque()
-        self.newest: dict[int, dict[str, Any]] = {}
-
-    def received(self) -> list[PageEvent]:
-        events = list(self.waiting)
-        self.waiting.clear()
-        return events
-
-    def show(self, texts: Mapping[int, str]) -> None:
-        for page, text in texts.items():  # the log comes with some of them
-            self.newest[page] = {**self.newest.get(page, {}), **json.loads(text)}
-
-
 class Deck:
     """The cockpit's service, with two pages that may fly and one that watches."""
 
     def __init__(self) -> None:
-        self.host, self.pages = VirtualHost(), Pages()
+        self.host, self.pages = VirtualHost(), Browsers()
+        self.pages.hear = self.pages.waiting.append
         self.node = self.host.node("cockpit", ["topside"])
         vehicle = Stack(vehicle="pioneer").section("vehicle", Vehicle)
         self._service = CockpitPages(
@@ -129,13 +112,10 @@ class Deck:
         for _ in range(round(seconds / STEP_S)):
             self._service.receive(self.host.now)
             self.host.run(self.host.now + round(STEP_S * S))
-            for page, picture in self.pages.newest.items():  # as a page does
-                seen = parsed(f'{{"kind":"seen","seen":{picture["n"]},"held_ms":0}}')
-                self.pages.waiting.append(PageSaid(page, seen))
 
     def wish(self, page: int, what: str, held_ms: float = 0.0, **more: str) -> None:
         """`held_ms`: ago it was made."""
-        seen = self.pages.newest[page]["n"] - round(held_ms / 40.0)
+        seen = self.pages.pictures[page]["n"] - round(held_ms / 40.0)
         message = {"kind": "wish", "seen": seen, "held_ms": 0.0, "what": what, **more}
         self.pages.waiting.append(PageSaid(page, parsed(json.dumps(message))))
         self.run(0.1)
@@ -145,7 +125,7 @@ class Deck:
         self.run(0.1)
 
     def views(self) -> list[dict[str, Any]]:
-        return [self.pages.newest[page]["view"] for page in (ANN, BOB, WATCHER)]
+        return [self.pages.pictures[page]["view"] for page in (ANN, BOB, WATCHER)]
 
 
 def test_any_page_may_choose_while_nobody_has_the_sticks_and_every_page_shows_it() -> None:
@@ -178,7 +158,7 @@ def test_what_comes_too_late_or_is_no_camera_is_refused_and_said(
     deck.wish(ANN, "camera", held_ms, camera=camera)
     assert deck.chosen == []
     assert sum(deck.node.counts[name] for name in ("expired:wish", "refused_here:camera")) == 1
-    assert any("camera" in line[3] for line in deck.pages.newest[ANN]["log"])
+    assert any("camera" in line[3] for line in deck.pages.pictures[ANN]["log"])
 
 
 def test_what_another_pilot_chose_is_shown_and_which_camera_has_no_room() -> None:

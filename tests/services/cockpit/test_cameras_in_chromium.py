@@ -4,7 +4,6 @@ skipped where there is no Chromium."""
 import socket
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
 
@@ -29,14 +28,10 @@ from services.marine.field_of_view import FieldOfView
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.docs.chromium import Browser, BrowserPage, Size
 from tests.support.page_screen import CONTRAST, FINGER, SIZES, STATES, UNPRESSED, Served
 
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
+pytestmark = pytest.mark.system
 STEP_NS = 40_000_000  # [ns]
 WIDTH, HEIGHT = 320, 180
 LUMA = {"front": 200, "down": 60, "gripper": 120, "aft": 90}  # by which a picture is known
@@ -117,19 +112,6 @@ class Deck:
         self._say[name](msgspec.msgpack.encode(part))
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    with Browser(PROGRAM) as opened:
-        yield opened
-
-
-@pytest.fixture
-def exits() -> Iterator[ExitStack]:
-    with ExitStack() as stack:
-        yield stack
-
-
 def wait_for(page: BrowserPage, what: str, camera: str) -> None:
     """Until a canvas shows this camera: video range becomes full range, and coding blurs."""
     bright = (LUMA[camera] - 16) * 255 / 219
@@ -183,9 +165,8 @@ def test_each_camera_has_an_age_of_its_own(browser: Browser, exits: ExitStack) -
 @pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
 def test_every_camera_and_button_can_be_pressed_whatever_the_drone_does(
-    browser: Browser, exits: ExitStack, size: Size
+    browser: Browser, served: Served, size: Size
 ) -> None:
-    served = Served(exits)
     page = served.open(browser, size)
     listed: dict[str, Any] = {
         "cameras": [[name, name == "aft"] for name in VIEWS],

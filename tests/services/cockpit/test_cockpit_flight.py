@@ -274,12 +274,3 @@ def test_sticks_from_the_future_or_of_an_unknown_picture_are_not_believed(dive: 
     dive.say("sticks", surge=0.9, sway=0.0, heave=0.0, yaw=0.0, seen=seen, held_ms=100.0)
     dive.run(0.05)
     assert dive.commands[-1].surge == 0.9
-
-
-@pytest.mark.slow
-def test_what_comes_without_an_age_is_not_shown_once_it_is_old(dive: PageDive):
-    dive.steer(0.2)
-    assert "depth_wanted_m" in dive.view()
-    dive.host.kill("reference")
-    dive.steer(3.2)
-    assert "depth_wanted_m" not in dive.view()

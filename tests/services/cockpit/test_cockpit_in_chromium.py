@@ -1,7 +1,7 @@
 """The page in a real browser flies the simulated drone; skipped where there is no Chromium."""
 
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 
 import pytest
@@ -11,16 +11,12 @@ pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 from messages import topics
 from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import VehicleStatus
-from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium, insist
+from tests.support.docs.chromium import Browser, BrowserPage, Size, insist
 from tests.support.docs.cockpit_dive import CockpitDive
 from tests.support.docs.cockpit_picture import arm, hold
 from tests.support.patience import until
 
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
+pytestmark = pytest.mark.system
 PHONE = Size(360, 640, touch=True)
 
 CONNECTED = "document.getElementById('activity').textContent.length > 8"
@@ -46,17 +42,16 @@ OVERFLOWS = """
 
 
 class Flight:
-    def __init__(self, exits: ExitStack, *, camera: bool = False) -> None:
+    def __init__(self, browser: Browser, exits: ExitStack, *, camera: bool = False) -> None:
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
-        assert PROGRAM is not None
         self.commands: list[PilotCommand] = []
         self.statuses: list[VehicleStatus] = []
         self.dive = exits.enter_context(CockpitDive(port, camera=camera))
         observer = self.dive.host.node("observer", ["drone"])
         observer.each(topics.PILOT_COMMAND, lambda m, _: self.commands.append(m))
         observer.each(topics.STATUS, lambda m, _: self.statuses.append(m))
-        self.browser = exits.enter_context(Browser(PROGRAM))
+        self.browser = browser
 
     def page(self, size: Size, path: str = "") -> BrowserPage:
         return self.browser.open(self.dive.url + path, size)
@@ -69,16 +64,14 @@ class Flight:
 
 
 @pytest.fixture
-def flight() -> Iterator[Flight]:
-    with ExitStack() as exits:
-        yield Flight(exits)
+def flight(browser: Browser, exits: ExitStack) -> Flight:
+    return Flight(browser, exits)
 
 
 @pytest.fixture
-def filmed_flight() -> Iterator[Flight]:
+def filmed_flight(browser: Browser, exits: ExitStack) -> Flight:
     pytest.importorskip("av", reason="the extra camera is not installed")
-    with ExitStack() as exits:
-        yield Flight(exits, camera=True)
+    return Flight(browser, exits, camera=True)
 
 
 @pytest.mark.slow

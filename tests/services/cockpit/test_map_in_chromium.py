@@ -2,7 +2,6 @@
 no Chromium."""
 
 import socket
-from collections.abc import Iterator
 from contextlib import ExitStack
 from math import cos, dist, hypot, radians, sin
 
@@ -14,17 +13,13 @@ pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 from messages import topics
 from messages.pilot import PilotRequest
 from messages.vehicle import Truth, VehicleStatus
-from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.docs.chromium import Browser, BrowserPage, Size
 from tests.support.docs.cockpit_dive import CockpitDive
 from tests.support.docs.cockpit_picture import arm
 from tests.support.page_screen import CONTRAST, FINGER, SIZES, UNPRESSED, Served
 from tests.support.patience import until
 
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
+pytestmark = pytest.mark.system
 PHONE = Size(390, 844, touch=True)
 POSITION = ("simulator.dvl.rate=5", "simulator.usbl.rate=1", "simulator.usbl.std=0.1")
 TAPPED = (0.58, 0.45)  # [-] of the map's width and height
@@ -53,10 +48,9 @@ NOWHERE: dict[str, object] = {"compass_deg": 10.0}
 class MappedDive:
     """A drone, and who watches it."""
 
-    def __init__(self, exits: ExitStack, *settings: str) -> None:
+    def __init__(self, browser: Browser, exits: ExitStack, *settings: str) -> None:
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
-        assert PROGRAM is not None
         self.asked: dict[str, PilotRequest] = {}  # by id: they are repeated until answered
         self.truth: Truth | None = None
         self.status: VehicleStatus | None = None
@@ -65,7 +59,8 @@ class MappedDive:
         observer.each(topics.PILOT_REQUEST, lambda m, _: self.asked.update({m.id: m}))
         observer.each(topics.TRUTH, self._see)
         observer.each(topics.STATUS, self._hear)
-        self.page = exits.enter_context(Browser(PROGRAM)).open(dive.url, PHONE)
+        self.page = browser.open(dive.url, PHONE)
+        exits.callback(self.page.close)
         arm(self.page)
         self.page.look(OPEN)
 
@@ -102,22 +97,9 @@ def hold(page: BrowserPage, button: str, gone: str) -> None:
     page.touch("touchEnd")
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    with Browser(PROGRAM) as opened:
-        yield opened
-
-
-@pytest.fixture
-def exits() -> Iterator[ExitStack]:
-    with ExitStack() as opened:
-        yield opened
-
-
 @pytest.mark.slow
-def test_a_tap_and_a_held_button_send_the_drone_there(exits: ExitStack) -> None:
-    dive = MappedDive(exits, *POSITION)
+def test_a_tap_and_a_held_button_send_the_drone_there(browser: Browser, exits: ExitStack) -> None:
+    dive = MappedDive(browser, exits, *POSITION)
     page = dive.page
     page.wait(f"{SAID}.startsWith('±')")
     tap(page, TAPPED)
@@ -155,8 +137,10 @@ def test_a_tap_and_a_held_button_send_the_drone_there(exits: ExitStack) -> None:
 
 
 @pytest.mark.slow
-def test_without_a_measured_position_it_says_why_it_cannot_go(exits: ExitStack) -> None:
-    dive = MappedDive(exits)
+def test_without_a_measured_position_it_says_why_it_cannot_go(
+    browser: Browser, exits: ExitStack
+) -> None:
+    dive = MappedDive(browser, exits)
     page = dive.page
     page.wait(f"{SAID}.startsWith('this drone does not know its position')")
     tap(page, TAPPED)
@@ -169,9 +153,8 @@ def test_without_a_measured_position_it_says_why_it_cannot_go(exits: ExitStack) 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size.width}x{size.height}")
 def test_what_is_on_the_map_can_be_pressed_and_read(
-    browser: Browser, exits: ExitStack, size: Size
+    browser: Browser, served: Served, size: Size
 ) -> None:
-    served = Served(exits)
     page = served.open(browser, size, before="localStorage.setItem('map', 'shut');")
     page.look(FINGER if size.touch else "0")
     page.look(OPEN)
@@ -188,8 +171,7 @@ def test_what_is_on_the_map_can_be_pressed_and_read(
     page.close()
 
 
-def test_home_is_one_more_place_to_go_to(browser: Browser, exits: ExitStack) -> None:
-    served = Served(exits)
+def test_home_is_one_more_place_to_go_to(browser: Browser, served: Served) -> None:
     page = served.open(browser, PHONE, before="localStorage.setItem('map', 'shut');")
     page.look(OPEN)
     served.becomes(page, **PLACE)
@@ -201,8 +183,7 @@ def test_home_is_one_more_place_to_go_to(browser: Browser, exits: ExitStack) -> 
     page.close()
 
 
-def test_the_next_way_points_of_a_path_are_on_the_map(browser: Browser, exits: ExitStack) -> None:
-    served = Served(exits)
+def test_the_next_way_points_of_a_path_are_on_the_map(browser: Browser, served: Served) -> None:
     page = served.open(browser, PHONE, before="localStorage.setItem('map', 'open');")
     ahead = [[8.0, 4.0], [8.0, 9.0]]  # 5 m north of the drone, then 5 m east
     shown = list[int]()
@@ -224,13 +205,12 @@ def test_the_next_way_points_of_a_path_are_on_the_map(browser: Browser, exits: E
 )
 def test_a_place_is_where_it_was_tapped(
     browser: Browser,
-    exits: ExitStack,
+    served: Served,
     up: str,
     heading: float,
     where: tuple[float, float],
     course: int,
 ) -> None:
-    served = Served(exits)
     kept = f"localStorage.setItem('map', 'open'); localStorage.setItem('up', '{up}');"
     page = served.open(browser, PHONE, before=kept)
     served.becomes(page, **{**PLACE, "compass_deg": heading})
@@ -250,9 +230,8 @@ def test_a_place_is_where_it_was_tapped(
 
 
 def test_a_drag_moves_the_map_and_the_button_brings_it_back(
-    browser: Browser, exits: ExitStack
+    browser: Browser, served: Served
 ) -> None:
-    served = Served(exits)
     page = served.open(browser, PHONE, before="localStorage.setItem('map', 'shut');")
     page.look(OPEN)
     served.becomes(page, **PLACE)

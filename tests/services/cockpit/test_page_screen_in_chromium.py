@@ -1,14 +1,12 @@
 """What is on the page's screen, in a real browser. Skipped where there is no Chromium."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack
 from typing import Any
 
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
-from tests.support.docs.chromium import Browser, Size, chromium
+from tests.support.docs.chromium import Browser, Size
 from tests.support.page_screen import (
     ACTING,
     APART,
@@ -21,7 +19,6 @@ from tests.support.page_screen import (
     REACHED,
     READY,
     SHARE,
-    SILENT,
     SIZES,
     STATES,
     UNPRESSED,
@@ -37,24 +34,7 @@ OVERLAP = """(() => {
   return Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
     && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
 })()"""
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    with Browser(PROGRAM) as opened:
-        yield opened
-
-
-@pytest.fixture
-def served() -> Iterator[Served]:
-    with ExitStack() as exits:
-        yield Served(exits)
+pytestmark = pytest.mark.system
 
 
 @pytest.mark.slow
@@ -204,46 +184,6 @@ def test_a_hold_is_void_once_its_meaning_has_changed(browser: Browser, served: S
     page.key("keyDown", "Space", " ")
     until(lambda: "stop" in [wish.what for wish in served.wishes])
     assert "disarm" not in [wish.what for wish in served.wishes]
-    page.close()
-
-
-BEEPS = "window.beeps = 0; navigator.vibrate = () => { window.beeps += 1; return true; };"
-
-
-def test_an_alarm_is_heard_once_whatever_its_numbers_do_and_water_always(
-    browser: Browser, served: Served
-):
-    page = served.open(browser, Size(1280, 720), before=BEEPS)
-    served.becomes(page)
-    page.look("window.beeps = 0")
-    for worst in range(40, 240, 20):
-        served.becomes(page, notes=[["link", "link.rtt", {"from": 40.0, "to": worst}, ""]])
-    assert page.look("window.beeps") == 1
-    served.becomes(page)
-    served.becomes(page, notes=[["link", "link.never", {}, ""]])
-    assert page.look("window.beeps") == 2  # it had ended
-    page.look("document.getElementById('silence').click()")
-    served.becomes(page)
-    served.becomes(page, notes=[["link", "link.never", {}, ""]])
-    assert page.look("window.beeps") == 2
-    served.becomes(page, wet=True)
-    assert page.look("window.beeps") == 3
-    page.close()
-
-
-def test_the_link_and_the_picture_are_spoken_of_in_the_pilots_language(
-    browser: Browser, served: Served
-):
-    page = served.open(browser, Size(1280, 720), before="localStorage.setItem('language', 'de');")
-    served.becomes(page, notes=[["link", "link.silent", {"s": 1.1}, ""]])
-    page.wait(f"{NOW} === 'VERBINDUNG seit 1,1 s keine Antwort der Drohne.'")
-    served.becomes(page, notes=[["link", "link.rtt", {"from": 40.0, "to": 237.0}, ""]])
-    page.wait(f"{NOW} === 'VERBINDUNG Hin und zurück dauert es nun 237 statt 40 ms.'")
-    page.look("void import('/video.js').then(({ Video }) => { window.Pictures = Video; })")
-    page.wait("window.Pictures")
-    words = "Object.getOwnPropertyDescriptor(window.Pictures.prototype, 'words').get"
-    said = page.look(f"{words}.call({{ unable: '', light: 0, silence: 2000, ages: [1000, 3000] }})")
-    assert said == "seit 2 s kein Bild"
     page.close()
 
 
@@ -417,16 +357,6 @@ def test_a_stop_that_does_not_arrive_is_said_and_sent_again(browser: Browser, se
     until(lambda: page.look(NOW) == stopped)
     served.becomes(page, sticks=[0.2, 0.0, 0.0, 0.0])
     assert page.look(NOW) == ""
-    page.close()
-
-
-def test_a_link_that_is_cut_is_red_and_says_what_the_drone_does(browser: Browser, served: Served):
-    page = served.open(browser, SIZES[5])
-    served.becomes(page, **SILENT, next_s=34.0)
-    assert page.look(NOW) == "Link gone. The drone holds; it rises in 34 s."
-    assert page.look("document.getElementById('who').textContent").startswith("last known: ")
-    served.becomes(page, **SILENT, armed=False)
-    assert page.look("document.getElementById('now').className") != "alarm"
     page.close()
 
 

@@ -156,17 +156,6 @@ def test_pages_get_the_picture_and_a_slow_one_costs_nothing_but_its_own(served: 
             pass
 
 
-def test_the_picture_holds_up_nothing_else(served: Served):
-    ann, video = served.page(), served.page("/ws/video")
-    served.until(lambda: bool(served.of(PageOpened)))
-    served.server.show_video(PageUnit(1, True, bytes(900_000)))  # nobody reads it
-    for n in range(50):
-        served.server.show({1: str(n)})
-        assert ann.recv(timeout=PATIENCE_S) == str(n)
-    assert served.outbox.counts["dropped:page"] == 0
-    assert len(video.recv(timeout=PATIENCE_S)) == 900_000
-
-
 def test_foreign_pages_and_other_versions_are_refused(served: Served):
     for origin in ("http://evil.example", "null", served.base.replace("127.0.0.1", "localhost")):
         with pytest.raises(InvalidStatus, match="403"):

@@ -1,22 +1,15 @@
 """Lights, lasers, gripper and speed limit on the page, in a real browser. Skipped where there is no
 Chromium."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack
-
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
-from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.docs.chromium import Browser, BrowserPage, Size
 from tests.support.page_screen import CONTRAST, FINGER, PILOT, READY, SIZES, UNPRESSED, Served
 from tests.support.patience import until
 
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
+pytestmark = pytest.mark.system
 PHONE = Size(844, 390, touch=True)
 OPENS, CLOSES = '#tools [data-way="1"]', '#tools [data-way="-1"]'
 MANY = [
@@ -29,19 +22,6 @@ window.pad = { id: 'standard pad', index: 0, connected: true, mapping: 'standard
   buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
 navigator.getGamepads = () => [window.pad];
 """
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    with Browser(PROGRAM) as opened:
-        yield opened
-
-
-@pytest.fixture
-def served() -> Iterator[Served]:
-    with ExitStack() as exits:
-        yield Served(exits)
 
 
 def opened(browser: Browser, served: Served, size: Size = PHONE, before: str = "") -> BrowserPage:

@@ -4,7 +4,6 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
 
 import msgspec
 import numpy as np
@@ -25,14 +24,10 @@ from services.cockpit.page_messages import PageClosed, PageOpened
 from services.cockpit.page_view import AGES_MS
 from services.cockpit.video import PageUnit, PictureStream
 from services.marine import time_stripe
-from tests.support.docs.chromium import Browser, BrowserPage, Size, chromium
+from tests.support.docs.chromium import Browser, BrowserPage, Size
 from tests.support.patience import until
 
-PROGRAM = chromium()
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the path (.ci/run installs it)"),
-]
+pytestmark = pytest.mark.system
 WIDTH, HEIGHT, HZ = 640, 360, 25.0
 FRAME_MS = 1000.0 / HZ
 AGAIN = 500  # pictures from one keyframe to the next: a page that was held up waits for it
@@ -141,19 +136,11 @@ class Film:
         self.server.close()
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    with Browser(PROGRAM) as opened:
-        yield opened
-
-
 @pytest.fixture
 def film() -> Iterator[Film]:
-    with ExitStack() as exits:
-        film = Film()
-        exits.callback(film.close)
-        yield film
+    film = Film()
+    yield film
+    film.close()
 
 
 def ages(page: BrowserPage) -> tuple[float, float, float]:

@@ -100,10 +100,6 @@ def test_shift_boosts_and_c_slows(keyboard: Keyboard):
     assert press(keyboard, pygame.KSCAN_C).sticks == pytest.approx(Sticks(surge=0.25))
 
 
-def test_opposite_keys_cancel(keyboard: Keyboard):
-    assert press(keyboard, pygame.KSCAN_LEFT, pygame.KSCAN_RIGHT).sticks == CENTRED
-
-
 @pytest.mark.parametrize(
     ("key", "kind"),
     [

@@ -144,19 +144,6 @@ def test_a_stick_a_trigger_and_a_button_reach_the_reading(pilot: Pilot):
     plugged.pull()
 
 
-def test_the_d_pad_turns_the_camera_while_held_and_the_sticks_stay_at_rest(pilot: Pilot):
-    plugged = VirtualPad()
-    pilot.read()
-    for button, tilt in ((DPAD_UP, 1.0), (DPAD_DOWN, -1.0)):
-        plugged.button(button)
-        held = [pilot.read(), pilot.read()]
-        assert all(reading.sticks == Sticks(tilt=tilt) for reading in held)
-        assert all(reading.at_rest and reading.presses == () for reading in held)
-        plugged.button(button, down=False)
-        assert pilot.read().sticks == CENTRED
-    plugged.pull()
-
-
 def test_a_pad_that_was_there_first_is_found(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     sdl.start_events()

@@ -9,23 +9,19 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.events import Outbox
 from messages.vehicle import VehicleStatus
-from services.gamepad.core import PadProfile, StickGain
 from services.gamepad.io import sdl
-from services.gamepad.io.numbers import HasWindow, Numbers, pause_ns
 from services.gamepad.service import Connected
 from services.piloting.pilot import Pilot, Progress
 from services.piloting.sticks import StickReading
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.vehicle_view.head_up import head_up
 from services.vehicle_view.view import VehicleView
 
 sdl.load()
 
 import pygame  # noqa: E402
 
-from services.gamepad.io.keyboard import HELP, Keyboard  # noqa: E402
-from services.gamepad.io.pad import Pad  # noqa: E402
-from services.gamepad.io.window import SIZE, PilotWindow  # noqa: E402
+from services.gamepad.io.keyboard import HELP  # noqa: E402
+from services.gamepad.io.window import SIZE, PilotWindow, pause_ns  # noqa: E402
 
 S = 1_000_000_000  # [ns]
 LONG = VehicleView(
@@ -57,12 +53,20 @@ def picture(surface: pygame.Surface) -> bytes:
     return pygame.image.tobytes(surface, "RGB")
 
 
-def test_numbers_are_drawn_ten_times_a_second_after_the_sticks_were_sent():
+def test_numbers_are_drawn_ten_times_a_second_after_the_sticks_were_sent(
+    surface: pygame.Surface, monkeypatch: pytest.MonkeyPatch
+):
     host = VirtualHost()
     node = host.node("gamepad", ["topside"])
     done: list[tuple[str, int]] = []
     Connected(node, Still(), Pilot(Progress(), Outbox(), False))
-    Numbers(node, lambda rows: done.append((rows[0].cells[0].text, host.now)))
+    window = PilotWindow(surface, HELP)
+
+    def draw(view: VehicleView, *, focused: bool) -> None:  # noqa: ARG001
+        done.append((view.activity or "–", host.now))
+
+    monkeypatch.setattr(window, "draw", draw)
+    window.look(node)
     other = host.node("other", ["topside"])
     other.each(topics.PILOT_COMMAND, lambda command, _: done.append(("", command.stamp_ns)))
     status = other.publisher(topics.STATUS)
@@ -73,7 +77,7 @@ def test_numbers_are_drawn_ten_times_a_second_after_the_sticks_were_sent():
     host.run(2 * S)
     drawn = [at for what, at in done if what]
     sent = [at for what, at in done if not what]
-    assert {what for what, at in done if at > S and what} == {"ARMED"}
+    assert {what for what, at in done if at > S and what} == {"piloted"}
     assert 12 <= len(drawn) <= 20
     assert len(sent) >= 99
     assert set(drawn) <= set(sent)  # always in an instant in which the sticks were sent
@@ -89,19 +93,19 @@ def test_each_view_is_a_picture_of_its_own_and_the_keys_stay_where_they_are(
     surface: pygame.Surface, view: VehicleView
 ):
     window = PilotWindow(surface, HELP)
-    window.draw(head_up(VehicleView(armed=True)))
+    window.draw(VehicleView(armed=True))
     keys = surface.subsurface((0, SIZE[1] - 130, SIZE[0], 130))
     before, keys_before = picture(surface), picture(keys)
-    window.draw(head_up(view))
+    window.draw(view)
     assert picture(surface) != before
     assert picture(keys) == keys_before
-    window.draw(head_up(view), focused=False)
+    window.draw(view, focused=False)
     assert picture(keys) != keys_before
 
 
 def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):
     window = PilotWindow(surface, HELP)
-    window.draw(head_up(LONG))
+    window.draw(LONG)
     edge = surface.subsurface((SIZE[0] - 4, 0, 4, 300))
     assert pygame.transform.average_color(edge)[:3] == (8, 14, 22)  # nothing but paper
 
@@ -117,13 +121,4 @@ def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):
 @example("W" * 100_000)
 def test_no_text_from_the_bus_ends_the_drawing(surface: pygame.Surface, text: str):
     view = VehicleView(activity=text, flight_mode=text, words=text, note=text, alarm=text)
-    PilotWindow(surface, HELP).draw(head_up(view))
-
-
-@pytest.mark.usefixtures("surface")
-def test_the_keyboard_has_a_window_and_a_pad_has_none():
-    keyboard = Keyboard(StickGain(), Outbox())
-    assert isinstance(keyboard, HasWindow)
-    keyboard.show(head_up(VehicleView(armed=True)))
-    keyboard.close()
-    assert not isinstance(Pad(PadProfile(), Outbox()), HasWindow)
+    PilotWindow(surface, HELP).draw(view)

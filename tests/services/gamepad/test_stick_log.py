@@ -1,7 +1,6 @@
 """Reading a stick log, and what it says at any time."""
 
 from collections import Counter
-from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -109,12 +108,6 @@ def test_comments_blank_lines_spaces_and_a_spreadsheets_mark_are_allowed():
     assert parse(text.encode(), course_named) == StickLog((down, end))
 
 
-def test_the_column_of_events_may_be_left_out():
-    assert parse(b"t,surge,sway,heave,yaw\n2,0,0,0,1\n", course_named).rows == (
-        StickLogRow(2 * S, Sticks(yaw=1.0)),
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "row"),
     [
@@ -131,6 +124,7 @@ def test_the_column_of_events_may_be_left_out():
             StickLogRow(S, CENTRED, OutputIntent("lasers", 1.0)),
         ),
         (TILT_HEAD + b"1,0,0,0,1\n", StickLogRow(S, Sticks(yaw=1.0))),
+        (b"t,surge,sway,heave,yaw\n2,0,0,0,1\n", StickLogRow(2 * S, Sticks(yaw=1.0))),
     ],
 )
 def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row: StickLogRow):
@@ -141,7 +135,6 @@ def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row
     ("text", "line", "found", "allowed"),
     [
         (b"", 1, "empty", "heading"),
-        (b"# only a comment\n", 1, "empty", "heading"),
         (HEAD, 1, "no row", "at least one"),
         (b"0,0,0,0,0\n", 1, "0,0,0,0,0", "heading"),
         (b"t,surge,sway,yaw\n", 1, "t,surge,sway,yaw", "t,surge,sway,heave,yaw"),
@@ -151,21 +144,14 @@ def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row
         (HEAD + b"0,0,0,0,0,stop,now\n", 2, "7 columns", "5 or 6"),
         (HEAD + b"# c\n\n0,0,0,fast,0\n", 4, "heave is 'fast'", "-1 to 1"),
         (HEAD + b"0,nan,0,0,0\n", 2, "surge is 'nan'", "-1 to 1"),
-        (HEAD + b"0,0,-inf,0,0\n", 2, "sway is '-inf'", "-1 to 1"),
-        (HEAD + b"0,0,0,0,1.01\n", 2, "yaw is '1.01'", "-1 to 1"),
         (HEAD + b"-1,0,0,0,0\n", 2, "t is '-1'", "0 to 86400"),
-        (HEAD + b"inf,0,0,0,0\n", 2, "t is 'inf'", "0 to 86400"),
-        (HEAD + b"0,0,0,,0\n", 2, "heave is ''", "-1 to 1"),
         (HEAD + b"1,0,0,0,0\n1,0,0,0,0\n", 3, "t is 1", "more than the 1 before"),
-        (HEAD + b"1,0,0,0,0\n0.5,0,0,0,0\n", 3, "t is 0.5", "more than the 1 before"),
         (b"t,surge,sway,heave,yaw,event,tilt,event\n", 1, "event,tilt,event", "heading"),
         (b"t,surge,tilt,sway,heave,yaw\n", 1, "surge,tilt", "tilt and gripper and event"),
         (TILT_HEAD + b"0,0,0,0\n", 2, "4 columns", "5 or 6 or 7"),
         (HEAD + b"0,0,0,0,0,output lasers 2\n", 2, "'lasers 2'", "a number from 0 to 1"),
-        (HEAD + b"0,0,0,0,0,output lasers nan\n", 2, "'lasers nan'", "a number from 0 to 1"),
         (HEAD + b"0,0,0,0,0,output\n", 2, "''", "a name of the vehicle file"),
         (b"t,surge,sway,heave,yaw,gripper\n0,0,0,0,0,2\n", 2, "gripper is '2'", "-1 to 1"),
-        (TILT_HEAD + b"0,0,0,0,0,1.5\n", 2, "tilt is '1.5'", "-1 to 1"),
         (
             HEAD + b"0,0,0,0,0,jump\n",
             2,
@@ -181,35 +167,6 @@ def test_a_mistake_is_named_with_its_line_what_was_found_and_what_is_allowed(
         parse(text, course_named)
     assert found in str(caught.value)
     assert allowed in str(caught.value)
-
-
-def test_the_first_dive_tells_the_whole_story_and_leaves_quiet_after_each_stop():
-    script = read_script("first_dive")
-    assert 75.0 <= script.duration <= 90.0
-    moving = [(row.at_ns, row.sticks) for row in script.rows]
-    last = CENTRED
-    for index, (at, now) in enumerate(moving):
-        if last != CENTRED and now == CENTRED:  # a stop: quiet until the sticks move again
-            again = next((t for t, s in moving[index:] if s != CENTRED), script.duration_ns)
-            assert again - at >= 4 * S
-        last = now
-    assert [row.event for row in script.rows if row.event] == ["light", "light"]
-
-
-def test_the_first_dive_reaches_the_floor_and_surfaces_only_at_the_end():
-    floor, surface, depth = 6.0, 0.17, 0.17  # [m] simulator's floor, the floating depth
-    depths = list[tuple[int, float]]()
-    rows = read_script("first_dive").rows
-    for row, following in pairwise(rows):
-        moved = 0.5 * row.sticks.heave * (following.at_ns - row.at_ns) / 1e9
-        pushed_for = (depth + moved - floor) / 0.5  # [s] on the floor at full stick
-        if row.sticks.heave == 1.0:
-            assert 2.0 <= pushed_for <= 5.0
-        depth = min(max(depth + moved, surface), floor)
-        depths.append((following.at_ns, depth))
-    assert max(d for _, d in depths) == floor
-    assert depths[-1][1] == surface
-    assert all(d > 2.0 for at, d in depths if 8 * S <= at <= 72 * S)
 
 
 def test_a_dive_that_is_not_there_is_named_with_those_that_are():

@@ -76,18 +76,12 @@ def test_mode_reads_what_the_drone_is_to_hold(hold: str):
         ("goto north=3", "expected north=M and east=M, each within 100000 m, and nothing else"),
         ("goto north=3 east=1 depth=2", "found 'north=3 east=1 depth=2', expected north=M and"),
         ("goto north=1e9 east=1", "each within 100000 m"),
-        ("goto north=nan east=1", "each within 100000 m"),
         ("goto 3", "goto: found '3', expected depth=M, heading=DEG or both"),
-        ("goto depth 3", "goto: found 'depth'|goto: depth is ''"),
         ("goto depth=", "goto: depth is '', expected a number"),
         ("goto depth=deep", "goto: depth is 'deep', expected a number"),
-        ("goto depth=3 depth=4", "goto: found 'depth=4'"),
-        ("goto north=3", "goto: found 'north=3'"),
         ("goto depth=nan", "goto: depth is nan, expected a number from 0 to 11000 m"),
         ("goto depth=-0.1", "goto: depth is -0.1, expected"),
-        ("goto depth=1e9", "goto: depth is 1e.09, expected"),
         ("goto heading=inf", "goto: heading is inf, expected a number from -360 to 360 deg"),
-        ("goto heading=361", "goto: heading is 361, expected"),
         ("gotodepth=3", "event is 'gotodepth=3', expected one of .*goto depth=M heading=DEG"),
         ("stop now", "event is 'stop now', expected one of"),
         ("follow", "follow needs a path"),
@@ -98,15 +92,9 @@ def test_mode_reads_what_the_drone_is_to_hold(hold: str):
         ("follow fernandes", "fernandes.toml: model is 'fernandes'; only"),
         ("fault", "expected fault PART KIND"),
         ("fault port", "expected fault PART KIND"),
-        ("fault port dead 1 2", "expected fault PART KIND"),
         ("fault port deaf", "KIND is 'deaf', expected one of none, dead"),
         ("fault port weak half", "VALUE is 'half', expected a finite number"),
-        ("fault port weak nan", "VALUE is 'nan', expected a finite number"),
-        ("fault port weak inf", "VALUE is 'inf', expected a finite number"),
         ("link", "expected link down, link up, link profile NAME"),
-        ("link left", "expected link down"),
-        ("link down now", "expected link down"),
-        ("link profile", "expected link down"),
         ("link set", "expected link down"),
     ],
 )
@@ -121,25 +109,6 @@ def test_a_mistake_inside_the_path_is_found_when_the_script_is_read(tmp_path: Pa
     script.write_text(f"{HEAD}0,0,0,0,0,follow {way}\n")
     with pytest.raises(LindyError, match=r"trip\.csv: line 2: follow: .*way\.toml:2: cruise"):
         read_script(str(script))
-
-
-def test_the_player_hands_them_over_once_in_the_order_of_the_rows():
-    text = f"{HEAD}0,0,0,0,0\n1,0,0,0,0,goto depth=2\n2,0,0,0,0,light\n3,0,0,0,0,goto heading=0\n"
-    player = Player("x", parse(text.encode(), course_named), Outbox())
-    assert player.read(S, 0).presses == (GotoIntent(2.0),)
-    assert player.read(3 * S, 0).presses == ("light", GotoIntent(heading=0.0))
-    assert player.read(4 * S, 0).presses == ()
-
-
-def test_the_inspection_needs_no_hand_on_the_sticks():
-    rows = read_script("inspection").rows
-    assert all(row.sticks.at_rest for row in rows)
-    asked = [row.event for row in rows if isinstance(row.event, GotoIntent | FollowIntent)]
-    assert [type(event) for event in asked] == [GotoIntent, FollowIntent, GotoIntent]
-    assert isinstance(asked[0], GotoIntent)
-    assert isinstance(asked[1], FollowIntent)
-    assert asked[0].depth == asked[1].course.waypoints[0][2]  # nothing to do before it sets off
-    assert rows[-1].sticks == CENTRED
 
 
 def test_a_place_is_north_and_east_in_metres() -> None:

@@ -136,34 +136,6 @@ def test_time_never_runs_backwards() -> None:
     assert sim.truth().stamp_ns == 100 * MS
 
 
-def test_a_newer_command_renews_life_and_can_return_after_silence() -> None:
-    sim = simulator()
-    sim.obey(command(0, 5.0, 5.0, 0.0, 0.0), 0)
-    assert sim.counted(command(150 * MS, 5.0, 5.0, 0.0, 0.0), 150 * MS) == []
-    sim.advance(340 * MS)
-    assert told(sim.outbox) == []
-    assert sim.counted(command(900 * MS, 5.0, 5.0, 0.0, 0.0), 900 * MS) == [
-        "stale:control/thrusters"
-    ]
-    assert not sim.actuation().stale
-
-
-@pytest.mark.parametrize("thrust", [(), (1.0,), (1.0,) * 5])
-def test_a_command_for_another_vehicle_is_refused_and_counted(thrust: tuple[float, ...]) -> None:
-    sim = simulator()
-    sim.obey(command(0, 5.0, 5.0, 0.0, 0.0), 0)
-    assert sim.counted(command(10 * MS, *thrust), 10 * MS) == ["wrong_length:control/thrusters"]
-    assert sim.actuation().actuated_ns == 0
-
-
-def test_a_thruster_at_its_limit_is_counted_by_name() -> None:
-    sim = simulator()
-    assert sim.counted(command(0, 40.0, 0.5, 0.0, -99.0), 0) == [
-        "saturated:port",
-        "saturated:vertical",
-    ]
-
-
 def battery(sim: Simulator) -> BatterySample:
     sample = sim.battery()
     assert sample is not None
@@ -227,11 +199,6 @@ def test_a_remembered_world_goes_on_as_if_nothing_had_happened() -> None:
     assert second.world().state == pytest.approx(first.world().state, abs=1e-9)
     assert second.truth().heading == pytest.approx(first.truth().heading, abs=1e-9)
     assert battery(second).used_wh == pytest.approx(battery(first).used_wh)
-
-
-def test_a_memory_of_another_vehicle_does_not_fit() -> None:
-    assert not msgspec.structs.replace(diving(), thrust=(0.0,) * 8).fits(PIONEER)
-    assert not msgspec.structs.replace(diving(), state=(0.0,) * 12).fits(PIONEER)
 
 
 @settings(max_examples=25, deadline=None)

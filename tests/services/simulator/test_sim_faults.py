@@ -169,6 +169,10 @@ def test_a_broken_sensor_says_what_no_receiver_can_read() -> None:
         ("port", "weak", 1.5, "weak needs a value from 0 to 1"),
         ("sensor/imu", "noisy", -1.0, "noisy needs a value from 0 to 1000"),
         ("port", "dead", 0.5, "dead takes no value"),
+        ("sensor/leak", "hot", None, "sensor/leak cannot be hot; possible: none, silent, wet"),
+        ("sensor/leak", "noisy", None, "sensor/leak cannot be noisy"),
+        ("sensor/pressure", "wet", None, "sensor/pressure cannot be wet; possible: none, silent"),
+        ("port", "empty", None, "port cannot be empty; possible: none, dead"),
         ("port", "none", None, ""),
         ("sensor/pressure", "biased", -300.0, ""),
     ],
@@ -192,12 +196,6 @@ def test_faults_survive_a_restart() -> None:
     assert again.pressure() is None
     drive(again, 0.0, 0.0, 0.0, 0.0)
     assert again.actuation().thrust == pytest.approx((0.0, 0.0, 0.0, 20.0), abs=1e-3)
-
-
-def test_only_sensors_that_the_vehicle_has_can_break() -> None:
-    assert "sensor/dvl" not in simulator().sensors
-    assert "sensor/pressure" in simulator().sensors
-    assert simulator().thrusters == list(NAMES)
 
 
 def alarm(sim: Simulator, part: str, fault: str) -> None:
@@ -247,26 +245,3 @@ def test_a_dvl_loses_its_lock_or_locks_on_fish() -> None:
     assert fish.altitude == pytest.approx(bottom.altitude / 2)
     refused = decide(sim, request("dvl", "wrong_lock"), 0, Outbox())
     assert "wrong_lock needs a value from -5 to 5" in refused.reason
-
-
-@pytest.mark.parametrize(
-    ("part", "fault", "words"),
-    [
-        ("leak", "hot", "sensor/leak cannot be hot; possible: none, silent, wet"),
-        ("leak", "noisy", "sensor/leak cannot be noisy"),
-        ("pressure", "wet", "sensor/pressure cannot be wet; possible: none, silent, frozen"),
-        ("port", "empty", "port cannot be empty; possible: none, dead"),
-    ],
-)
-def test_an_alarm_of_another_sensor_is_refused(part: str, fault: str, words: str) -> None:
-    answer = decide(simulator(), request(part, fault), 0, Outbox())
-    assert words in answer.reason
-
-
-@pytest.mark.parametrize("part", ["leak", "battery", "temperature"])
-def test_a_silent_sensor_of_the_enclosure_says_nothing(part: str) -> None:
-    sim = simulator()
-    alarm(sim, part, "silent")
-    assert {"leak": sim.leak, "battery": sim.battery, "temperature": sim.temperature}[
-        part
-    ]() is None

@@ -1,4 +1,4 @@
-"""What is around the hull: current, tether, slope, walls, and a floor with hills and steps."""
+"""What is around the hull: current, tether, slope, and a floor with hills and steps."""
 
 from itertools import pairwise
 from math import dist, exp, hypot, sqrt
@@ -15,7 +15,7 @@ from services.marine.attitude import from_euler, to_body, to_world
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
-from services.simulator.settings import CurrentSettings, Settings, TetherSettings, Walls
+from services.simulator.settings import CurrentSettings, Settings, TetherSettings
 from services.simulator.surroundings import HELD, Current, Tether, sea_floor
 from services.simulator.terrain import SHARPNESS, Terrain, terraced
 from services.simulator.vessel import STEP, Vessel
@@ -156,40 +156,16 @@ def test_surge_with_a_tether_ends_where_both_drags_balance_thrust() -> None:
     assert pull[0] == pytest.approx(-quadratic * expected**2 + 25.0 * expected**2, rel=0.02)
 
 
-@pytest.mark.parametrize("heading", [0.0, 0.7, 1.5708, 3.1416, -1.5708])
-def test_full_thrust_ahead_does_not_push_it_through_a_wall(heading: float) -> None:
-    basin = deep(walls=Walls(north=(-3.0, 4.0), east=(-5.0, 2.0)))
-    ship = vessel(basin, from_euler(0.0, 0.0, heading))
-    ship.propulsion.drive([35.0, 35.0, 0.0, 0.0])
-    half = max(NEUTRAL.size) / 2
-    closest = 10.0
-    for _ in range(120):
-        ship.advance(0.1)
-        north, east, _ = ship.position
-        closest = min(closest, 4.0 - north, north + 3.0, 2.0 - east, east + 5.0)
-    assert 0.05 < closest < half + 0.1
-
-
 @law
 @given(attitude, motion)
-def test_walls_create_no_energy(q_NB: Quaternion, nu: Vec6) -> None:
-    """The stiff wall stores energy while it is pressed in, so compare what is left at the end."""
-    basin = deep(walls=Walls(north=(-0.6, 0.6), east=(-0.6, 0.6)))
-    ship = vessel(basin, q_NB, nu)
-    before = energy(ship)
-    most = before
+def test_the_floor_creates_no_energy(q_NB: Quaternion, nu: Vec6) -> None:
+    """It stores energy while it is pressed in, so compare what is left at the end."""
+    ship = vessel(Settings(floor_depth=50.6), q_NB, nu)
+    before = most = energy(ship)
     for _ in range(100):
         ship.advance(0.01)
         most = max(most, energy(ship))
     assert most <= before * 1.001 + 1e-6
-
-
-@pytest.mark.parametrize(("north", "east"), [((1.0, 2.0), (-1.0, 1.0)), ((-1.0, 1.0), (0.0, 1.0))])
-def test_walls_without_room_for_the_start_are_refused(
-    north: tuple[float, float], east: tuple[float, float]
-) -> None:
-    with pytest.raises(ValueError, match="starts at 0, which must lie between the walls"):
-        Walls(north=north, east=east)
 
 
 slope = st.floats(-1.0, 1.0)

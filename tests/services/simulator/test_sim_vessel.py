@@ -1,7 +1,7 @@
 """Physics of the hull: its equations, energy, floor, surface and thrusters."""
 
 from itertools import pairwise
-from math import degrees, dist, exp, pi, sin, sqrt
+from math import degrees, dist, pi, sin, sqrt
 from typing import Any
 
 import msgspec
@@ -176,19 +176,6 @@ def test_a_heavy_vehicle_thrown_sideways_onto_the_floor_stops_and_stays_stable()
     assert tilt(q_of(ship.state)) < 0.01
 
 
-def test_a_thruster_in_the_air_produces_nothing() -> None:
-    # The vertical thruster sits 75 mm above the origin.
-    ship = vessel(depth=0.0)
-    ship.propulsion.drive([10.0, 10.0, 0.0, 10.0])
-    ship.advance(STEP)
-    assert ship.propulsion.produced[3] == 0.0
-    assert ship.propulsion.produced[0] > 0.0
-    sunk = vessel(depth=0.3)
-    sunk.propulsion.drive([10.0, 10.0, 0.0, 10.0])
-    sunk.advance(STEP)
-    assert sunk.propulsion.produced[3] > 0.0
-
-
 @law
 @given(attitude, st.floats(-0.4, 0.4))
 def test_a_thruster_produces_when_it_is_below_the_surface_and_only_then(
@@ -199,19 +186,6 @@ def test_a_thruster_produces_when_it_is_below_the_surface_and_only_then(
     for thruster, newtons in zip(PIONEER.thruster, ship.propulsion.produced, strict=True):
         deep = depth + to_world(q_NB, thruster.position)[2]
         assert newtons == (10.0 if deep >= 0.0 else 0.0) or abs(deep) < 1e-9
-
-
-def test_a_command_grows_into_thrust_with_the_time_constant() -> None:
-    ship = vessel()
-    ship.propulsion.drive([0.0, 0.0, 20.0, 0.0])
-    sail(ship, 0.16)
-    assert ship.propulsion.thrust[2] == pytest.approx(20.0 * (1 - exp(-2.0)))
-
-
-def test_limits_are_kept_and_the_dead_band_is_silent() -> None:
-    ship = vessel()
-    ship.propulsion.drive([50.0, -36.0, 0.5, 35.0])
-    assert ship.propulsion.settles_at == [35.0, -35.0, 0.0, 35.0]
 
 
 def test_integration_converges_with_second_order() -> None:

@@ -43,17 +43,6 @@ def test_a_report_tells_of_its_own_period(delay_ms: float, periods: list[tuple[i
             assert percentile is None or abs(percentile - delay_ms) < 0.6e-6  # [ms] rounded
 
 
-def test_half_of_the_messages_are_no_slower_than_the_median_and_99_of_100_than_the_other() -> None:
-    line = LinkDirection[int](DirectionProfile(jitter_ms=20.0), np.random.default_rng(2))
-    for k in range(1000):
-        line.enter(k, k * SECOND)
-        while (due := line.due()) is not None:
-            line.leave(due)
-    said = line.report(1000 * SECOND)
-    assert said.delay_p50_ms == pytest.approx(20.0 * np.log(2.0), rel=0.1)
-    assert said.delay_p99_ms == pytest.approx(20.0 * np.log(100.0), rel=0.2)
-
-
 @given(st.floats(0.05, 0.9), st.integers(1, 5))
 def test_the_loss_of_a_period_is_the_share_of_what_was_settled_in_it(
     share: float, periods: int

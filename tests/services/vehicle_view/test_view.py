@@ -14,9 +14,8 @@ from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
 from services.vehicle_view import ages, words
 from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
-from services.vehicle_view.head_up import NumbersRow, head_up
 from services.vehicle_view.view import OVERRULED_NS, Newest, VehicleView, believed, vehicle_view
-from services.vehicle_view.words import notes
+from services.vehicle_view.words import head_up, notes
 from tests.support.messages import example
 
 S = 1_000_000_000
@@ -148,23 +147,13 @@ views = st.builds(
 )  # fmt: skip
 
 
-def places(rows: list[NumbersRow]) -> list[tuple[str, int]]:
-    return [(row.size, len(row.cells)) for row in rows]
-
-
-def said(view: VehicleView) -> str:
-    cells = [cell for row in head_up(view) for cell in row.cells]
-    return "\n".join(f"{cell.label}: {cell.text}" for cell in cells)
-
-
 @given(views)
-def test_whatever_is_known_every_number_stays_in_its_place(view: VehicleView):
-    assert places(head_up(view)) == places(head_up(VehicleView()))
-
-
-@given(views)
-def test_a_failsafe_and_the_links_alarm_are_alarms_with_all_their_words(view: VehicleView):
-    shown = head_up(view)[-1].cells[0]
+def test_every_line_of_a_window_stays_in_its_place_with_all_words_of_what_is_wrong(
+    view: VehicleView,
+):
+    lines = head_up(view)
+    assert len(lines) == len(head_up(VehicleView()))
+    shown = lines[-1]
     assert (shown.tone == "alarm") == bool(
         view.failsafe != "none" or view.next_s is not None or view.words or view.alarm
     )
@@ -173,11 +162,10 @@ def test_a_failsafe_and_the_links_alarm_are_alarms_with_all_their_words(view: Ve
 
 
 def test_old_numbers_and_the_last_known_state_are_warnings():
-    view = replace(CALM, age_ms=2345.0, silent_s=4.0)
-    rows = head_up(view)
-    assert [cell.tone for cell in rows[1].cells] == ["warning", "warning"]
-    assert rows[0].cells[0].label == "last known"
-    assert "2.3 s old" in said(view)
+    lines = head_up(replace(CALM, age_ms=2345.0, silent_s=4.0))
+    assert [tone for _, tone in lines[:2]] == ["warning", "warning"]
+    assert lines[0].text == "last known: ARMED"
+    assert "2.3 s old" in lines[5].text
 
 
 @given(st.floats(0.0, 1e5))

@@ -98,13 +98,7 @@ def test_every_stream_of_both_realms_is_in_the_file(tmp_path: Path, sample: Samp
     found = entities(tmp_path / "dive.rrd")
     shown = {"/sticks", "/specific_force", "/magnetic_field", "/pressure", "/power/voltage"}
     shown |= {"/depth/estimate", "/depth/reference", "/depth/truth", "/force/wanted", "/thrust"}
-    shown |= {
-        "/thrust_command",
-        "/latency/link_up",
-        "/health/processor/control",
-        "/status",
-        "/services",
-    }
+    shown |= {"/thrust_command", "/latency/link_up", "/health/processor/control", "/status"}
     shown |= {"/log/control", "/log/pilot", "/state/activity", "/state/link", "/world/vehicle"}
     shown |= {"/world/path", "/world/reference", "/world/vehicle/thrust"}
     assert shown <= found
