@@ -11,7 +11,6 @@ from cyclopts import Parameter
 from messages import cameras, topics
 from messages.cameras import FIRST
 from messages.film import FilmKind, FilmRequest
-from messages.reference import Reference
 from messages.sensors import TemperatureSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
@@ -20,8 +19,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from tools.recordings.recording import Recording
 
-KEYS = {t.key for t in (topics.STATE, topics.STATUS, topics.TEMPERATURE, topics.REFERENCE)}
-DOT = " · "  # between two parts of a line
+KEYS = {t.key for t in (topics.STATE, topics.STATUS, topics.TEMPERATURE)}
 VIDEOS = (topics.VIDEO, topics.FURTHER_VIDEO)
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
 Camera = Annotated[
@@ -40,9 +38,6 @@ class FilmPlace(NamedTuple):
     east: float | None = None  # [m]
     flight_mode: str = ""
     water: float | None = None  # [°C]
-    roll: float | None = None  # [rad]
-    pitch: float | None = None  # [rad]
-    tilt: float = 0.0  # [rad] by which the pilot has tilted the first camera, + upwards
 
     @property
     def utc(self) -> datetime:
@@ -60,7 +55,7 @@ class FilmPlace(NamedTuple):
             self.flight_mode.replace("_", " "),
             "" if self.water is None else f"water {self.water:.1f} °C",
         )
-        return DOT.join(filter(None, said))
+        return " · ".join(filter(None, said))
 
 
 class FilmedPicture(NamedTuple):
@@ -82,14 +77,11 @@ def pictures(
     keys = {*KEYS, cameras.video(camera).key}
     left_out = set() if left_out is None else left_out
     assembler, seen = Assembler(), deque[FilmPlace](maxlen=LATEST)
-    mode, water, tilt, seq, broken = "", None, 0.0, None, True
+    mode, water, seq, broken = "", None, None, True
     for raw in recording.raw(keys.__contains__):
         match recording.decode(raw):
             case VehicleState() as state:
-                place = _place(state, raw.publish_ns, mode)
-                seen.append(place._replace(water=water, tilt=tilt))
-            case Reference() as reference:
-                tilt = reference.tilt.position
+                seen.append(_place(state, raw.publish_ns, mode, water))
             case VehicleStatus(flight_mode=mode):
                 pass
             case TemperatureSample(water=water):
@@ -205,7 +197,7 @@ def _at(light_ns: int, seen: deque[FilmPlace]) -> FilmPlace:
     return found._replace(at_ns=light_ns)
 
 
-def _place(state: VehicleState, at_ns: int, mode: str) -> FilmPlace:
+def _place(state: VehicleState, at_ns: int, mode: str, water: float | None) -> FilmPlace:
     heading = state.heading_navigation
     place = state.north, state.east
     north, east = (each.value if each is not None and each.valid else None for each in place)
@@ -216,6 +208,5 @@ def _place(state: VehicleState, at_ns: int, mode: str) -> FilmPlace:
         north,
         east,
         mode,
-        roll=state.roll.value if state.roll.valid else None,
-        pitch=state.pitch.value if state.pitch.valid else None,
+        water,
     )

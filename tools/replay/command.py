@@ -12,7 +12,7 @@ from services.runtime.config.errors import LindyError
 from tools.choices import named
 from tools.keys.credentials import is_local
 from tools.replay.differences import in_words, parsed
-from tools.replay.play import Wish, onto_bus
+from tools.replay.play import onto_bus
 from tools.replay.source import ReplaySource, open_source, remarks
 from tools.replay.through import ThroughResult
 from tools.replay.through import through as run_through
@@ -25,7 +25,6 @@ def replay(
     recording: Annotated[Path, Parameter(converter=named)],
     *,
     speed: Annotated[float, Parameter(help="recorded seconds per second")] = 1.0,
-    loop: Annotated[bool, Parameter(help="over and over, until Ctrl-C")] = False,
     from_: Annotated[
         float | None, Parameter(name="--from", help="[s] since the recording began")
     ] = None,
@@ -33,10 +32,6 @@ def replay(
     topics: Annotated[
         tuple[str, ...], Parameter(help="only these, such as state or 'sensor/*'; repeatable")
     ] = (),
-    connect: Annotated[
-        str | None,
-        Parameter(help="play to a hub that is running, e.g. tcp/127.0.0.1:7449; not a vehicle's"),
-    ] = None,
     listen: Annotated[
         str | None, Parameter(help="endpoint for other programs, e.g. tcp/127.0.0.1:7449")
     ] = None,
@@ -96,17 +91,14 @@ def replay(
         raise LindyError("--tolerance and --set are for --through SERVICE --diff")
     if not SLOWEST <= speed <= FASTEST:  # not a number is in no range
         raise LindyError(f"--speed is {speed:g}, expected {SLOWEST:g} to {FASTEST:g}")
-    if connect is not None and listen is not None:
-        raise LindyError("--connect plays to a hub that is running, --listen starts one; drop one")
-    for option, endpoint in (("--connect", connect), ("--listen", listen)):
-        if endpoint is not None and not is_local(checked_endpoint(endpoint, option)):
-            raise LindyError(
-                f"{option} {endpoint}: a replay stays on this machine; allowed is an address such "
-                f"as tcp/127.0.0.1:7449"
-            )
+    if listen is not None and not is_local(checked_endpoint(listen, "--listen")):
+        raise LindyError(
+            f"--listen {listen}: a replay stays on this machine; allowed is an address such as "
+            f"tcp/127.0.0.1:7449"
+        )
     source = opened(recording)
-    wish = Wish(span_of(source, from_, to), speed, loop, topics)
-    return onto_bus(source, wish, connect=connect, listen=listen, headless=headless)
+    span = span_of(source, from_, to)
+    return onto_bus(source, span, speed=speed, patterns=topics, listen=listen, headless=headless)
 
 
 def opened(path: Path) -> ReplaySource:

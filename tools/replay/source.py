@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
-
-import msgspec
 
 from messages import topics
 from messages.events import MALFORMED, row_of
@@ -20,6 +17,7 @@ from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.runtime.config.stack import Stack
+from tools.recordings.dive_file import flown_stack
 from tools.recordings.recording import Raw, Recording, always, open_recording
 
 BACKWARDS_S = 0.01  # [s] less is no matter
@@ -48,7 +46,6 @@ class ReplaySource:
     vehicle: str  # as in keys
     about: dict[str, str]
     utc_offset_ns: int  # [ns] UTC minus the clock of stamps on board; 0: virtual time
-    files: dict[str, bytes]  # attachments by name
     _goes_back_ns: int = 0  # likewise: the farthest that a message is before an earlier one
 
     @property
@@ -187,61 +184,13 @@ class ReplaySource:
 
     @contextmanager
     def stack(self) -> Generator[Stack]:
-        """The settings of that dive, from the files that are in the recording, which are unpacked
-        for as long.
+        """The settings of that dive, from the files that are in the recording.
 
         Raises:
-            LindyError: the vehicle file is not in the recording, or what is wrong in one of them.
+            LindyError: as `flown_stack`.
         """
-        with TemporaryDirectory(prefix="lindy-") as folder:
-            try:
-                yield self._stack(Path(folder))
-            except LindyError as error:  # of a file that the user has never seen
-                for what in ("vehicle", "link"):
-                    error = LindyError(str(error).replace(f"{folder}/{what}/", f"{self.path}: "))
-                raise error from None
-
-    def _stack(self, folder: Path) -> Stack:
-        vehicle = self._file("vehicle", self.vehicle, folder)
-        if vehicle is None:
-            raise LindyError(
-                f"{self.path}: the file of the vehicle {self.vehicle!r} is not in the recording, "
-                f"so its settings are not known"
-            )
-        link = self.about.get("link", "perfect")
-        try:
-            seed = int(self.about.get("seed", "0"))
-            overrides = msgspec.json.decode(self.about.get("overrides", "[]"), type=list[str])
-        except ValueError as error:
-            raise LindyError(
-                f"{self.path} does not say with which seed and settings it was flown: {error}"
-            ) from None
-        return Stack(
-            vehicle=str(vehicle),
-            link=str(self._file("link", Path(link).stem, folder) or link),
-            pilot=self.about.get("pilot", "gamepad"),
-            seed=seed,
-            overrides=overrides,
-            virtual=self.virtual,
-            apart=self.apart,
-            out=str(folder),
-        )
-
-    def _file(self, what: str, stem: str, folder: Path) -> Path | None:
-        """An attached TOML file, written below `folder`; None: there is none of that name."""
-        alike = [
-            name
-            for name in self.files
-            if name.endswith(".toml") and _as_in_keys(Path(name).stem) == _as_in_keys(stem)
-        ]
-        if not alike:
-            return None
-        chosen = min(alike, key=lambda name: (what not in name, name))  # two of one name
-        place = folder / what
-        place.mkdir(exist_ok=True)
-        path = place / Path(chosen).name
-        path.write_bytes(self.files[chosen])
-        return path
+        with flown_stack(self.recording, virtual=self.virtual, apart=self.apart) as (stack, _):
+            yield stack
 
 
 def open_source(path: Path) -> ReplaySource:
@@ -260,9 +209,8 @@ def open_source(path: Path) -> ReplaySource:
             f"allowed is a dive's folder or its dive.mcap"
         )
     offset = recording.metadata("clock").get("utc_minus_stamp_ns", "0")
-    files = {one.name: one.data for one in recording.attachments()}
     try:
-        return ReplaySource(path, recording, vehicle, about, int(offset), files)
+        return ReplaySource(path, recording, vehicle, about, int(offset))
     except ValueError:
         raise LindyError(f"{path}: its clock is {offset!r}, expected whole nanoseconds") from None
 
@@ -281,7 +229,3 @@ def remarks(source: ReplaySource) -> list[str]:
             f"{messages_hash(topics.ALL)}): fields that only one of them has are not compared"
         )
     return said
-
-
-def _as_in_keys(stem: str) -> str:
-    return stem.lower().replace("-", "_")

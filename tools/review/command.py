@@ -13,7 +13,7 @@ from messages.text import harmless
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.choices import Json, Overrides, named
-from tools.fresh import refuse_existing, write_fresh
+from tools.fresh import free_name, refuse_existing, write_fresh
 from tools.importing.command import import_log
 from tools.importing.rosbag_file import is_rosbag
 from tools.recordings.recording import open_recording
@@ -81,7 +81,7 @@ def review(
     if writes:
         from tools.review.page import page
 
-        place = out or _free(
+        place = out or free_name(
             recording if recording.is_dir() else recording.parent, "review", ".html"
         )
         write_fresh(place, page(found, drawn).encode())
@@ -111,7 +111,7 @@ def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:
         return file
     if not file.exists():
         raise LindyError(f"there is no file {file}")
-    folder = _free(file.parent, f"{file.stem}-lindy")  # beside it
+    folder = free_name(file.parent, f"{file.stem}-lindy")  # beside it
     print(f"importing {file} into {folder}", file=sys.stderr, flush=True)
     with redirect_stdout(sys.stderr):  # --json prints figures only
         import_log(file, map_=map_, out=folder, vehicle=vehicle)
@@ -129,12 +129,3 @@ def _is_ours(file: Path) -> bool:
     if file.suffix.lower() != RECORDING:
         return False
     return bool(open_recording(file).metadata("dive"))
-
-
-def _free(folder: Path, name: str, suffix: str = "") -> Path:
-    """This name in a folder, or the next that is free."""
-    place, number = folder / f"{name}{suffix}", 1
-    while place.exists():
-        number += 1
-        place = folder / f"{name}-{number}{suffix}"
-    return place
