@@ -102,7 +102,7 @@ def compare(a: Path, b: Path, *, json: Json = False) -> int:
     found = differences(series_a, series_b)
     side_by_side = [
         ComparedFigure(name, unit, of_a, of_b)
-        for (name, unit, of_a), (_, _, of_b) in zip(_figures(left), _figures(right), strict=True)
+        for (name, unit, of_a), (_, _, of_b) in zip(figures(left), figures(right), strict=True)
     ]
     if json:
         whole = {
@@ -121,7 +121,7 @@ def compare(a: Path, b: Path, *, json: Json = False) -> int:
     return DONE if found.none else ERROR
 
 
-def _figures(recording: Recording) -> list[tuple[str, str, float | None]]:
+def figures(recording: Recording) -> list[tuple[str, str, float | None]]:
     """Name, unit, value."""
     dive = read_dive(recording)
     report = report_on(dive, Extras())

@@ -98,7 +98,7 @@ class Replay:
         self._behind = 0  # times that it was too slow
         rows = source.raw(lambda key: is_chosen(key, patterns))
         self._rows = (raw for raw in rows if begin <= raw.log_ns <= self._end)
-        self._next = next(self._rows, None)
+        self._next: Raw | None = next(self._rows, None)
         self._at, self._since = begin, 0  # [ns] a recorded time, and when it was played
 
     def play(self, stopped: Callable[[], bool]) -> int:

@@ -59,10 +59,9 @@ def review(
     """Review a dive of any vehicle: one page with plots.
 
     What the recording holds, vibration, Lindy's estimation beside the vehicle's own, every stop,
-    what was rejected, and what Lindy would have asked of the same sticks. A log of another program
-    is imported first, into a new folder beside it. With --json the same figures are printed, and no
-    page is written unless --out names one. Exit status 3: the recording is damaged or not whole,
-    and this is of what can be read.
+    and what was rejected. A log of another program is imported first, into a new folder beside it.
+    With --json the same figures are printed, and no page is written unless --out names one. Exit
+    status 3: the recording is damaged or not whole, and this is of what can be read.
 
     Example: lindy review 00000042.BIN
              lindy review dives/latest --out yesterday.html
@@ -112,7 +111,6 @@ def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:
     if not file.exists():
         raise LindyError(f"there is no file {file}")
     folder = free_name(file.parent, f"{file.stem}-lindy")  # beside it
-    print(f"importing {file} into {folder}", file=sys.stderr, flush=True)
     with redirect_stdout(sys.stderr):  # --json prints figures only
         import_log(file, map_=map_, out=folder, vehicle=vehicle)
     return folder

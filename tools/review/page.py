@@ -29,7 +29,6 @@ SECTIONS = {
     "estimation": "Where it was: Lindy's estimate",
     "stops": "Every stop",
     "measurements": "What was rejected",
-    "asked": "What Lindy would have asked of your sticks",
     "stops_with_lindy": "Your stops with Lindy in control",
 }
 Cell = str | float | None
@@ -46,7 +45,6 @@ def page(found: Review, drawn: Drawn) -> str:
         "estimation": _estimation(found, drawn),
         "stops": _stops(found, drawn),
         "measurements": _measurements(found, drawn),
-        "asked": _asked(found, drawn),
         "stops_with_lindy": _with_lindy(found),
     }
     sections = "".join(
@@ -178,25 +176,6 @@ def _measurements(found: Review, drawn: Drawn) -> str:
             plots.used(drawn.estimated.innovations), "Share of each measurement used over time"
         )
         + _table(heads, rows, words=1)
-    )
-
-
-def _asked(found: Review, drawn: Drawn) -> str:
-    if drawn.asked is None or not len(drawn.asked.t):
-        return ""
-    runs = drawn.estimated.runs
-    track = drawn.estimated.track if runs else drawn.recorded.own
-    rows = [
-        (a.axis, amount(a.lindy, a.unit), None if a.vehicle is None else amount(a.vehicle, a.unit))
-        for a in found.asked
-    ]
-    return (
-        _p(
-            "The reference of Lindy over your sticks, with depth and heading held and the limits "
-            "of the vehicle file; the minute in which the sticks moved most."
-        )
-        + _image(plots.reference(drawn.asked, track), "Sticks, reference and motion")
-        + _table(("axis", "fastest by Lindy", "fastest of the vehicle"), rows)
     )
 
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tools.recordings.columns import Array
-from tools.review.asked import Asked
-from tools.review.beside import COLUMNS, at, in_one_turn
+from tools.review.beside import COLUMNS, in_one_turn
 from tools.review.estimated import Innovations
 from tools.review.recorded import Track
 from tools.review.stick_stops import AXES, Stops
@@ -28,8 +27,7 @@ TRACKS = (
     *(("roll", "roll [°]"), ("pitch", "pitch [°]"), ("heading", "heading [°]")),
     *(("depth", "depth [m]"), ("depth_rate", "depth rate [m/s]")),
 )
-OURS, OWN, STICK = "C0", "C1", "0.6"  # colours
-BUSY_S = 60.0  # [s] of the sticks that are drawn
+OURS, OWN = "C0", "C1"  # colours
 
 
 def spectra(found: ImuVibration) -> bytes:
@@ -127,41 +125,6 @@ def used(found: dict[str, Innovations]) -> bytes:
         panel.grid(alpha=0.3)
     rows[-1].set_xlabel("time since the recording began [s]")
     return _png(figure)
-
-
-def reference(found: Asked, track: Track | None) -> bytes:
-    """The busiest minute of the sticks."""
-    begin = _busiest(found)
-    inside = (found.t >= begin) & (found.t <= begin + BUSY_S)
-    figure = _figure(5.0)
-    rows: Sequence[Panel] = figure.subplots(2, 1, sharex=True)
-    for n, (panel, asked_for, column, label) in enumerate(
-        (
-            (rows[0], found.depth_rate, "depth_rate", "depth rate [m/s]"),
-            (rows[1], found.yaw_rate, "yaw_rate", "yaw rate [°/s]"),
-        )
-    ):
-        scale = 180.0 / np.pi if n else 1.0
-        t = found.t[inside]
-        stick = scale * found.sticks[inside, n]
-        panel.plot(t, stick, color=STICK, linewidth=0.9, label="stick, as a speed")
-        did = np.empty(0) if track is None else at(track, column, t)
-        if np.isfinite(did).any():
-            panel.plot(t, scale * did, color=OWN, linewidth=1.1, label="the vehicle did")
-        wanted = scale * asked_for[inside]
-        panel.plot(t, wanted, color=OURS, linewidth=1.4, label="Lindy would have asked")
-        panel.set_ylabel(label)
-        panel.grid(alpha=0.3)
-    rows[-1].set_xlabel("time since the recording began [s]")
-    _legend_above(figure, rows)
-    return _png(figure)
-
-
-def _busiest(found: Asked) -> float:
-    """[s] Where the minute begins in which the sticks move most."""
-    moved = np.cumsum(np.abs(np.diff(found.sticks, axis=0, prepend=found.sticks[:1])).sum(axis=1))
-    after = np.minimum(np.searchsorted(found.t, found.t + BUSY_S), len(found.t) - 1)
-    return float(found.t[int(np.argmax(moved[after] - moved))]) if len(found.t) else 0.0
 
 
 def thinned(t: Array, values: Array) -> tuple[Array, Array]:

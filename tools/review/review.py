@@ -5,22 +5,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-import numpy as np
 
 from messages import topics
 from messages.events import sentence
 from tools.replay.source import remarks
-from tools.review.asked import Asked, asked
-from tools.review.beside import ComparedEstimate, at, beside
+from tools.review.beside import ComparedEstimate, beside
 from tools.review.estimated import Estimated, Measurement, estimate
-from tools.review.recorded import Recorded, Track, digits, read
+from tools.review.recorded import Recorded, Track, read
 from tools.review.sensor_table import SensorStream, sensor_table
 from tools.review.stick_stops import ReviewedStop, Stops, reviewed_stops
 from tools.review.vibration import AxisVibration, ImuVibration, vibration
 from tools.review.with_lindy import stops_with_lindy
 
 KNOWN_SHARE = 0.5  # [-] of the dive: less, and the page says that the estimator did not work
-FEWEST_MOVED = 20  # samples of a rate
 SHOWN = 3  # keys that a sentence names
 
 
@@ -32,15 +29,6 @@ class ReviewedEstimation(msgspec.Struct, kw_only=True, frozen=True):
     known_s: float  # [s] in which roll, pitch and depth were known
     troubles: list[str]  # which sensors could not be used, in words, the most frequent first
     beside: list[ComparedEstimate]  # with what was estimated in the dive
-
-
-class AskedAxis(msgspec.Struct, kw_only=True, frozen=True):
-    """Of heave or yaw: fastest in 99 of 100 samples."""
-
-    axis: str
-    unit: str
-    lindy: float  # [m/s, rad/s] what Lindy's reference would have asked
-    vehicle: float | None  # [m/s, rad/s] what the vehicle did; None: not known
 
 
 class Review(msgspec.Struct, kw_only=True, frozen=True):
@@ -58,7 +46,6 @@ class Review(msgspec.Struct, kw_only=True, frozen=True):
     stops: list[ReviewedStop]
     stops_with_lindy: list[ReviewedStop]  # the same sticks on the identified vehicle, simulated
     measurements: list[Measurement]
-    asked: list[AskedAxis]
     missing: dict[str, list[str]]  # section: what it lacks, in sentences
     remarks: list[str]  # what a reader should know of the recording
 
@@ -70,7 +57,6 @@ class Drawn(NamedTuple):
     estimated: Estimated
     vibration: ImuVibration | None
     stops: Stops
-    asked: Asked | None
 
 
 def review(
@@ -95,11 +81,6 @@ def review(
     stops = reviewed_stops(recorded.dive, motion, imu, reference, armed)
     if stops.missing:
         missing["stops"] = stops.missing
-    wanted = asked(recorded.dive, reference, 1.0)
-    if wanted is None:
-        missing["asked"] = [
-            "The recording holds no sticks, so Lindy would have been asked nothing."
-        ]
     simulated: list[ReviewedStop] = []
     if quick:
         missing["stops_with_lindy"] = ["Your sticks were not flown again, as --quick asks."]
@@ -123,11 +104,10 @@ def review(
         stops=stops.stops,
         stops_with_lindy=simulated,
         measurements=[each.measurement(name) for name, each in compared.items()],
-        asked=[] if wanted is None else _asked(wanted, motion),
         missing=missing,
         remarks=[*remarks(recorded.source), *_unread(recorded)],
     )
-    return found, Drawn(recorded, estimated, shaken, stops, wanted)
+    return found, Drawn(recorded, estimated, shaken, stops)
 
 
 def _unread(recorded: Recorded) -> list[str]:
@@ -201,30 +181,6 @@ def _with_lindy(path: Path, begin_ns: int, missing: dict[str, list[str]]) -> lis
     return found
 
 
-def _asked(wanted: Asked, motion: Track | None) -> list[AskedAxis]:
-    axes = (
-        ("heave", "m/s", wanted.depth_rate, "depth_rate"),
-        ("yaw", "rad/s", wanted.yaw_rate, "yaw_rate"),
-    )
-    found: list[AskedAxis] = []
-    for axis, unit, reference, column in axes:
-        known = np.empty(0) if motion is None else at(motion, column, wanted.t)
-        known = known[np.isfinite(known)]
-        found.append(
-            AskedAxis(
-                axis=axis,
-                unit=unit,
-                lindy=_fastest(reference),
-                vehicle=_fastest(known) if len(known) >= FEWEST_MOVED else None,
-            )
-        )
-    return found
-
-
 def _deepest(motion: Track) -> float | None:
     depth = motion.known("depth")[1]
     return round(float(depth.max()), 2) if len(depth) else None
-
-
-def _fastest(rate: np.ndarray) -> float:
-    return digits(float(np.percentile(np.abs(rate), 99))) if len(rate) else 0.0

@@ -13,7 +13,7 @@ from tools.review.stick_stops import ReviewedStop
 
 ENOUGH_KNOWN = 0.95  # [-] of the time after calibration: less, and it would have stopped under way
 # What a section lacks follows from what another one lacks, and is not said again.
-FOLLOWS = {"asked": "stops", "measurements": "estimation"}
+FOLLOWS = {"measurements": "estimation"}
 
 
 def in_short(found: Review) -> list[str]:
@@ -21,7 +21,7 @@ def in_short(found: Review) -> list[str]:
     return [
         *(*_dive(found), _verdict(found), *_sensors(found), *_vibration(found)),
         *(*_estimation(found), *_stops(found), *_measurements(found)),
-        *(*_asked(found), *_missing(found)),
+        *_missing(found),
     ]
 
 
@@ -170,14 +170,3 @@ def _measurements(found: Review) -> Iterator[str]:
         yield from (f"What helps: {to_do}." for to_do in dict.fromkeys(mostly) if to_do)
     elif found.measurements:
         yield "Nearly all measurements were used."
-
-
-def _asked(found: Review) -> Iterator[str]:
-    parts = [
-        f"{amount(axis.lindy, axis.unit)} in {axis.axis} "
-        f"(the vehicle did {amount(axis.vehicle, axis.unit)})"
-        for axis in found.asked
-        if axis.vehicle is not None and axis.lindy > 0.0
-    ]
-    if parts:
-        yield f"For your sticks Lindy would have asked for at most {', '.join(parts)}."

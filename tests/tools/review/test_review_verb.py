@@ -81,7 +81,7 @@ def test_a_log_of_another_program_is_imported_beside_it(
     for folder in ("00000042-lindy", "00000042-lindy-2"):
         assert review(log, json=True) == 0
         printed = capsys.readouterr()
-        assert f"importing {log} into {tmp_path / folder}" in printed.err
+        assert f"{tmp_path / folder}" in printed.err
         found = json.loads(printed.out)
         assert found["imported_from"] == "00000042.BIN"
         assert (tmp_path / folder / "dive.mcap").exists()
@@ -132,11 +132,18 @@ def test_quick_flies_nothing_again(
     assert "--quick" in found["missing"]["stops_with_lindy"][0]
 
 
-def test_bad_input_is_one_sentence(dive: Path, tmp_path: Path) -> None:
+def test_bad_input_is_one_sentence(
+    dive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(LindyError, match=r"ends in \.html"):
         review(dive, out=tmp_path / "page.pdf")
     with pytest.raises(LindyError, match="is a recording already"):
         review(dive, map_="rovio")
+    (tmp_path / "README.md").write_text("no log")
+    with pytest.raises(LindyError, match=r"README\.md"):
+        review(tmp_path / "README.md")
+    assert capsys.readouterr() == ("", "")
+    (tmp_path / "README.md").unlink()
     with pytest.raises(LindyError, match="there is no file"):
         review(tmp_path / "nothing.bin")
     with pytest.raises(LindyError, match=r"nothing\.mcap"):
