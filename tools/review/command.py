@@ -2,7 +2,6 @@
 
 import sys
 from contextlib import redirect_stdout
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -11,15 +10,16 @@ from cyclopts import Parameter
 
 from messages.text import harmless
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from tools.choices import Json, Overrides, named
+from tools.exit_status import DONE, LOST
 from tools.fresh import free_name, refuse_existing, write_fresh
 from tools.importing.command import import_log
 from tools.importing.rosbag_file import is_rosbag
+from tools.packages import require_package
 from tools.recordings.recording import open_recording
+from tools.review.review import page
 from tools.review.review import review as reviewed
 
-COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 RECORDING = ".mcap"
 
 
@@ -67,31 +67,24 @@ def review(
              lindy review dives/latest --out yesterday.html
     """
     writes = out is not None or not json
-    if writes and find_spec("matplotlib") is None:
-        raise LindyError(
-            f"the page needs matplotlib, which is not installed; {how_to_install('figures')}"
-        )
+    if writes:
+        require_package("matplotlib", "figures", "the page")
     if out is not None:
         if out.suffix != ".html":
             raise LindyError(f"--out {out}: expected a name that ends in .html")
         refuse_existing(out)
     recording = _recording(file, map_, vehicle)
-    found, drawn = reviewed(recording, tuple(set_), quick=quick)
+    found = reviewed(recording, tuple(set_), quick=quick)
     if writes:
-        from tools.review.page import page
-
-        place = out or free_name(
-            recording if recording.is_dir() else recording.parent, "review", ".html"
-        )
-        write_fresh(place, page(found, drawn).encode())
+        folder = recording if recording.is_dir() else recording.parent
+        place = out or free_name(folder, "review", ".html")
+        write_fresh(place, page(found).encode())
         print(harmless(f"written {place}"), file=sys.stderr if json else sys.stdout, flush=True)
     if json:
-        print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())
+        print(msgspec.json.format(msgspec.json.encode(found.figures), indent=1).decode())
     else:
-        from tools.review.words import in_short
-
-        print(harmless("\n".join([*found.remarks, *in_short(found)])), flush=True)
-    return INCOMPLETE if drawn.recorded.source.damage else COMPLETE
+        print(harmless("\n".join([*found.figures.remarks, *found.short])), flush=True)
+    return LOST if found.source.damage else DONE
 
 
 def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:

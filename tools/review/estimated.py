@@ -1,16 +1,17 @@
 """Lindy's estimation over the recorded sensors, as `lindy replay --through estimation` runs it, and
 how well each measurement fitted it."""
 
+import re
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
 
 from messages import topics
 from messages.aiding import AidSource
-from messages.events import sentence
+from messages.events import row_of, sentence
 from messages.state import VehicleState
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
@@ -21,6 +22,10 @@ from tools.recordings.progress import reading
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
 from tools.review.recorded import STATE, Track, track
+from tools.review.section import OURS, Section, figure, image, paragraph, table, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ESTIMATION = "estimation"
 FAMILY = topics.AIDING.key[:-1]
@@ -210,3 +215,65 @@ class _Heard:
             reasons=self._reasons[name],
             verdicts=self._verdicts[name],
         )
+
+
+class MeasurementSection(Section):
+    key, heading = "measurements", "What was rejected"
+
+    def __init__(self, estimated: Estimated) -> None:
+        """Where the estimation never ran, nothing was compared; its own section says why."""
+        self._found = estimated.innovations if estimated.runs else {}
+        never = "Nothing was compared, because the estimation never ran."
+        super().__init__([] if self._found else [never])
+        self.measurements = [each.measurement(name) for name, each in self._found.items()]
+
+    def sentences(self) -> Iterator[str]:
+        rejected = [
+            f"{in_words(m.name)} {m.rejected:.0%}{f': {plain(m.words[0])}' if m.words else ''}"
+            for m in self.measurements if m.rejected > 0.01
+        ]  # fmt: skip
+        if rejected:
+            yield f"Rejected measurements: {'; '.join(rejected)}."
+            mostly = (
+                row_of(event).to_do
+                for m in self.measurements if m.rejected > 0.5 for event in m.reasons
+            )  # fmt: skip
+            yield from (f"What helps: {to_do}." for to_do in dict.fromkeys(mostly) if to_do)
+        elif self.measurements:
+            yield "Nearly all measurements were used."
+
+    def html(self) -> str:
+        if not self.measurements:
+            return ""
+        rows = [
+            (in_words(m.name), m.samples, m.rejected, m.not_used, m.lag_one, m.spread_ratio,
+             "; ".join(m.words))
+            for m in self.measurements
+        ]  # fmt: skip
+        heads = ("measured", "samples", "rejected", "not used", "correlation", "over expected",
+                 "why")  # fmt: skip
+        return (
+            paragraph("The share of each measurement that was used, over time: 1 all, 0 none.")
+            + image(self._used(), "Share of each measurement used over time")
+            + table(heads, rows, words=1)
+        )
+
+    def _used(self) -> "Figure":
+        """The share of each measurement's samples that was used."""
+        drawn = figure(0.9 + 0.75 * len(self._found))
+        panels = np.atleast_1d(drawn.subplots(len(self._found), 1, sharex=True))
+        for panel, (name, each) in zip(panels, self._found.items(), strict=True):
+            t, share = thinned(each.t, 1.0 - each.rejected)
+            panel.fill_between(t, share, step="mid", color=OURS, alpha=0.5, linewidth=0)
+            panel.set_ylim(0.0, 1.05)
+            panel.set_ylabel(
+                name.replace("_", "\n"), rotation=0, ha="right", va="center", fontsize="small"
+            )
+            panel.grid(alpha=0.3)
+        panels[-1].set_xlabel("time since the recording began [s]")
+        return drawn
+
+
+def plain(text: str) -> str:
+    """Without the keys that name a sensor for programs."""
+    return re.sub(r" \(sensor/\w+\)", "", text)

@@ -18,7 +18,7 @@ from tools.live.viewer import VIEWER
 from tools.log.sticks import LOG, HeardSticks, as_csv, sticks_of
 from tools.recordings.recording import open_recording
 from tools.review.recorded import read
-from tools.review.stick_stops import ReviewedStop, reviewed_stops
+from tools.review.stops import ReviewedStop, reviewed_stops
 from tools.simulate import simulated
 
 

@@ -1,6 +1,6 @@
 """What a recording holds of each sensor: rate, gaps, clock."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import msgspec
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from messages import topics
 from tools.recordings.columns import Array
 from tools.review.recorded import SensorColumns, digits
+from tools.review.section import Section, paragraph, table
 
 SHORTEST_GAP_S = 0.25  # [s] less is jitter
 GAP_PERIODS = 10  # a pause of so many usual periods is a gap
@@ -36,9 +37,38 @@ class SensorStream(msgspec.Struct, kw_only=True, frozen=True):
     remarks: list[str]
 
 
-def sensor_table(sensors: Mapping[str, SensorColumns]) -> list[SensorStream]:
-    """In the order of the topic table."""
-    return [_stream(key, columns) for key, columns in sensors.items()]
+class SensorSection(Section):
+    key, heading = "sensors", "What the recording holds"
+
+    def __init__(self, sensors: Mapping[str, SensorColumns]) -> None:
+        """
+        Args:
+            sensors: in the order of the topic table.
+        """
+        super().__init__()
+        self.streams = [_stream(key, columns) for key, columns in sensors.items()]
+
+    def sentences(self) -> Iterator[str]:
+        named = {s.key.removeprefix("sensor/"): ", ".join(s.remarks) for s in self.streams}
+        odd = "; ".join(f"{name}: {said}" for name, said in named.items() if said)
+        if not named:
+            yield "The recording holds no sensors."
+        else:
+            seen = f"Odd: {odd}" if odd else "No gaps, repeats or wrong stamps"
+            yield f"Recorded: {', '.join(named)}. {seen}."
+
+    def html(self) -> str:
+        rows = [
+            (s.key.removeprefix("sensor/"), s.samples, s.per_second, s.gaps, s.longest_gap_s,
+             s.jitter_ms, s.late_ms, s.latest_ms, "; ".join(s.remarks))
+            for s in self.streams
+        ]  # fmt: skip
+        heads = ("sensor", "samples", "per second", "gaps", "longest [s]", "jitter [ms]",
+                 "late [ms]", "latest [ms]", "odd")  # fmt: skip
+        return table(heads, rows, words=1) + paragraph(
+            "Late: from a sample's own stamp to its arrival in the log, the middle and 99 of 100. "
+            "Jitter: nine of ten periods differ by less."
+        )
 
 
 def _stream(key: str, columns: SensorColumns) -> SensorStream:
