@@ -1,14 +1,9 @@
 """`lindy profile`: one motion of the reference model of Fernandes et al. 2015, from the shell."""
 
 import json
-from collections.abc import Iterator
 from math import ceil, exp, isfinite
-from typing import TYPE_CHECKING
 
 from services.runtime.config.errors import LindyError
-
-if TYPE_CHECKING:
-    from tools.generators.fernandes import ReferenceModel
 
 MOST_ROWS = 10_000_000
 
@@ -72,36 +67,16 @@ def profile(
     except ValueError as error:
         raise LindyError(str(error)) from error
     if dt is None:
-        print(numbers(motion))
-    else:
-        for line in samples(motion, rows(motion.duration, dt), dt):
-            print(line)
-    return 0
-
-
-def numbers(motion: "ReferenceModel") -> str:
-    """The pre-computed values as JSON; times in s, positions in the unit of the length."""
-    shown = {name: getattr(motion, name) for name in ("v_m", "v_c", "a_m", "d_m", "t", "P")}
-    return json.dumps(shown, allow_nan=False)
-
-
-def rows(duration: float, dt: float) -> int:
-    """How many steps of `dt` [s] reach the arrival after `duration` [s].
-
-    Raises:
-        LindyError: dt is no step for this motion.
-    """
+        shown = {name: getattr(motion, name) for name in ("v_m", "v_c", "a_m", "d_m", "t", "P")}
+        print(json.dumps(shown, allow_nan=False))
+        return 0
     if not (isfinite(dt) and dt > 0):
         raise LindyError(f"--dt is {dt}, expected more than 0 s")
-    steps = duration / dt
+    steps = motion.duration / dt
     if steps > MOST_ROWS:
         raise LindyError(f"--dt {dt} gives {steps:.3g} rows, expected at most {MOST_ROWS}")
-    return ceil(steps)
-
-
-def samples(motion: "ReferenceModel", steps: int, dt: float) -> Iterator[str]:
-    """CSV, one line per step of `dt` [s] from 0 to the first one at or after the arrival."""
-    yield "t,p,v,a"
-    for k in range(steps + 1):
+    print("t,p,v,a")
+    for k in range(ceil(steps) + 1):
         here = motion.at(k * dt)
-        yield f"{k * dt!r},{here.position!r},{here.velocity!r},{here.acceleration!r}"
+        print(f"{k * dt!r},{here.position!r},{here.velocity!r},{here.acceleration!r}")
+    return 0

@@ -29,17 +29,10 @@ APART_NS = 1000  # [ns] between two events of one instant: a row holds one
 PLAIN = ("stop", "disarm", "arm", "light", "home", "unwind")
 # Control is asked for, and a failsafe is ended, by every script itself.
 BY_ITSELF = ("lease", "offer", "release", "force", "resume")
-KEYS = {
-    topic.key
-    for topic in (
-        topics.PILOT_COMMAND,
-        topics.PILOT_REQUEST,
-        topics.FAULT_REQUEST,
-        topics.LINK_REQUEST,
-        topics.STATUS,
-    )
-}
-LOG = topics.LOG.key[:-1]
+HEARD = (
+    topics.PILOT_COMMAND, topics.PILOT_REQUEST, topics.FAULT_REQUEST, topics.LINK_REQUEST,
+    topics.STATUS, topics.LOG,
+)  # fmt: skip
 
 
 class SticksRow(NamedTuple):
@@ -53,6 +46,7 @@ class RecordedSticks(NamedTuple):
     paths: dict[str, str]  # TOML files by the name that an event gives them
     source: str  # who had the sticks
     remarks: list[str]  # what a stick log cannot say
+    began_ns: int = 0  # [ns] when the sticks were handed over, by the clock of the stamps
 
 
 class HeardSticks:
@@ -115,10 +109,8 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
     """
     heard = HeardSticks()
     recording.require_messages()
-    for raw in recording.raw(lambda key: key in KEYS or key.startswith(LOG)):
-        message = recording.decode(raw)
-        if message is not None:
-            heard.add(message)
+    for _, message, *_ in recording.of(*HEARD):
+        heard.add(message)
     began = heard.armed_ns if heard.began_ns is None else heard.began_ns
     commands = sorted(heard.commands, key=lambda command: command.stamp_ns)
     commands = [c for c in commands if began is not None and c.stamp_ns >= began]
@@ -135,7 +127,7 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
         if request.stamp_ns >= began and (event := events.of(request))
     ]
     rows = _with_end(_with_events(_changes(commands, began), timed), commands[-1].stamp_ns - began)
-    return RecordedSticks(rows, events.paths, commands[-1].source, remarks)
+    return RecordedSticks(rows, events.paths, commands[-1].source, remarks, began)
 
 
 def as_csv(sticks: RecordedSticks, heading: str) -> str:

@@ -8,7 +8,7 @@ arrival at the recorder, which is the order of `log_ns`.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from mcap.records import Attachment, Channel, Metadata
 from messages import topics
 from messages.message import Message
 from messages.payload import UNDECODABLE
+from messages.topic import AnyTopic
 from services.recorder.foxglove.channel import is_view
 from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
@@ -77,7 +78,14 @@ class Recording:
         self._decoding: dict[str, Decoding] = {}
 
     def __iter__(self) -> Iterator[RecordedMessage]:
-        for raw in self.raw():
+        return self._typed(self.raw())
+
+    def of(self, *wanted: AnyTopic) -> Iterator[RecordedMessage]:
+        """The messages of these topics, or families of topics."""
+        return self._typed(self.raw(lambda key: any(topic.covers(key) for topic in wanted)))
+
+    def _typed(self, rows: Iterable[Raw]) -> Iterator[RecordedMessage]:
+        for raw in rows:
             if (message := self.decode(raw)) is not None:
                 yield RecordedMessage(raw.key, message, raw.log_ns, raw.publish_ns)
 

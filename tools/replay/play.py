@@ -98,7 +98,7 @@ class Replay:
         self._behind = 0  # times that it was too slow
         rows = source.raw(lambda key: is_chosen(key, patterns))
         self._rows = (raw for raw in rows if begin <= raw.log_ns <= self._end)
-        self._next: Raw | None = next(self._rows, None)
+        self._next = next(self._rows, None)
         self._at, self._since = begin, 0  # [ns] a recorded time, and when it was played
 
     def play(self, stopped: Callable[[], bool]) -> int:
@@ -116,8 +116,7 @@ class Replay:
         self._since, shows = time.monotonic_ns(), sys.stdout.isatty()
         while not stopped():
             now = time.monotonic_ns()
-            self._send_due(now)
-            if self._next is None and self._position(now) >= self._end:
+            if self._sent_all(now) and self._position(now) >= self._end:
                 break
             if shows:
                 print(f"{CLEAR}{self._status(now)}", end="", flush=True)
@@ -139,7 +138,8 @@ class Replay:
         """[ns] When a recorded time is reached, so that a message's age is as it was."""
         return self._since + round((recorded - self._at) / self._speed)
 
-    def _send_due(self, now: int) -> None:
+    def _sent_all(self, now: int) -> bool:
+        """Send what is due."""
         row = self._next
         if row is not None and now - self._due(row.log_ns) > BEHIND_NS:
             self._behind += 1
@@ -149,6 +149,7 @@ class Replay:
             self._out.send(row, self._due(row.log_ns))
             row = next(self._rows, None)
         self._next = row
+        return row is None
 
     def _idle_s(self, now: int) -> float:
         if self._next is None:

@@ -137,14 +137,11 @@ class ReplaySource:
     def processes(self) -> dict[str, Process]:
         """The services that reported their health, by name."""
         found: dict[str, Process] = {}
-        for raw in self.raw(topics.HEALTH.covers):
-            service = raw.key.removeprefix("health/")
-            if service in found:
-                continue
-            health = self.recording.decode(raw)
-            if isinstance(health, Health):
+        for key, health, _, publish_ns in self.recording.of(topics.HEALTH):
+            service = key.removeprefix("health/")
+            if service not in found and isinstance(health, Health):
                 reports = health.seq + 1  # the first one comes a period after the start
-                started = raw.publish_ns - round(reports * 1e9 / topics.HEALTH.hz)
+                started = publish_ns - round(reports * 1e9 / topics.HEALTH.hz)
                 found[service] = Process(health.side, started, health.instance, health.pid)
         return found
 
@@ -152,8 +149,7 @@ class ReplaySource:
     def named_start_ns(self) -> int | None:
         """[ns] When `reference` was started, by the clock on board: the first epoch it grants says
         so to the microsecond. None: nothing was granted."""
-        for raw in self.raw(topics.STATUS.covers):
-            status = self.recording.decode(raw)
+        for _, status, *_ in self.recording.of(topics.STATUS):
             if isinstance(status, VehicleStatus) and status.epoch:
                 return (status.epoch - 1) * 1000
         return None
@@ -162,8 +158,7 @@ class ReplaySource:
     def identity(self) -> SideIdentity | None:
         """What the drone said of itself first; else any side; None: nobody said anything."""
         found: SideIdentity | None = None
-        for raw in self.raw(lambda key: key.startswith("identity/")):
-            said = self.recording.decode(raw)
+        for _, said, *_ in self.recording.of(topics.IDENTITY):
             if isinstance(said, SideIdentity) and said.side == "drone":
                 return said
             if isinstance(said, SideIdentity):

@@ -3,7 +3,7 @@ how well each measurement fitted it."""
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
@@ -12,12 +12,12 @@ import numpy as np
 from messages import topics
 from messages.aiding import AidSource
 from messages.events import row_of, sentence
+from messages.message import Message
 from messages.state import VehicleState
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.recordings.columns import Array, Gathering, StreamFigures
-from tools.recordings.mcap_records import nowhere
 from tools.recordings.progress import reading
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 ESTIMATION = "estimation"
 FAMILY = topics.AIDING.key[:-1]
-VEHICLE_STATE: msgspec.json.Decoder[VehicleState] = msgspec.json.Decoder(VehicleState)
-AIDING: msgspec.json.Decoder[AidSource] = msgspec.json.Decoder(AidSource)
 COMPARED = StreamFigures(
     topics.AIDING, ("stamp_ns", "samples", "innovation", "spread", "variance", "rejected")
 )
@@ -129,25 +127,21 @@ def estimate(source: ReplaySource, overrides: Sequence[str] = ()) -> Estimated:
         LindyError: settings that are refused, or nothing in the recording.
     """
     services = Registry.read()
+    heard = _Heard(source.origin_ns - source.utc_offset_ns)
     with source.stack() as stack, rare_collections():
         stack.overrides.extend(overrides)
         stack.check(known_tables(services), recorded=True)
-        replay = OnBoard(source, (ESTIMATION,), services, stack)
-        heard = _Heard(replay, source.origin_ns - source.utc_offset_ns)
-        with reading("estimating", source.recording.size) as bar:
-            source.recording.advance = heard.draining(bar)
+        replay = OnBoard(source, (ESTIMATION,), services, stack, heard.add)
+        with reading("estimating", source.recording.size) as source.recording.advance:
             replay.run(source.span[1])
-        heard.drain(keep=0)
-        source.recording.advance = nowhere
     return heard.found()
 
 
 class _Heard:
-    """Takes what is published out of a replay while it runs: of a dive of hours it is too much to
-    keep."""
+    """What is published in a replay."""
 
-    def __init__(self, replay: OnBoard, begin_ns: int) -> None:
-        self._replay, self._begin = replay, begin_ns
+    def __init__(self, begin_ns: int) -> None:
+        self._begin = begin_ns
         self._states = Gathering(STATE)
         self._sources: dict[str, Gathering] = {}
         self._reasons: dict[str, Counter[str]] = {}
@@ -157,25 +151,14 @@ class _Heard:
         self._running = False
         self._blocked, self._troubles = "", Counter[str]()
 
-    def draining(self, bar: Callable[[int], None]) -> Callable[[int], None]:
-        def advance(read: int) -> None:
-            bar(read)
-            self.drain(keep=1)
-
-        return advance
-
-    def drain(self, keep: int) -> None:
-        """`keep`: newest messages that the replay itself still asks for."""
-        for key in self._replay.outputs.keys:
-            told = self._replay.outputs.of(key)
-            taken = told[: len(told) - keep]
-            del told[: len(taken)]
-            for each in taken:
-                if key == topics.STATE.key:
-                    self._state(VEHICLE_STATE.decode(each.data))
-                elif key.startswith(FAMILY):
-                    self._aiding(key.removeprefix(FAMILY), AIDING.decode(each.data))
-        self._replay.recorded.clear()
+    def add(self, key: str, message: Message) -> None:
+        if isinstance(message, VehicleState):
+            self._state(message)
+        elif isinstance(message, AidSource):
+            name = key.removeprefix(FAMILY)
+            self._sources.setdefault(name, Gathering(COMPARED)).add(message)
+            self._reasons.setdefault(name, Counter()).update(message.reasons)
+            self._verdicts.setdefault(name, Counter()).update(filter(None, [message.verdict]))
 
     def _state(self, state: VehicleState) -> None:
         self._states.add(state)
@@ -185,11 +168,6 @@ class _Heard:
             self._running, self._ran_ns = True, state.sensor_ns
         self._blocked = str(state.blocked_by or self._blocked) if not self._running else ""
         self._troubles.update(state.troubles or ())
-
-    def _aiding(self, name: str, source: AidSource) -> None:
-        self._sources.setdefault(name, Gathering(COMPARED)).add(source)
-        self._reasons.setdefault(name, Counter()).update(source.reasons)
-        self._verdicts.setdefault(name, Counter()).update(filter(None, [source.verdict]))
 
     def found(self) -> Estimated:
         until = self._ran_ns if self._running else self._last_ns

@@ -27,6 +27,7 @@ from tools.analysis.spectra import BAND, LEAST, RATE, jerk_spectrum
 from tools.analysis.stops import armed_until, releases
 from tools.log.armed_spans import ArmedSpan
 from tools.recordings.columns import Array
+from tools.report.troubles import times
 from tools.review.recorded import SensorColumns, Track, digits, true_track
 from tools.review.recorded import at as track_at
 from tools.review.section import (
@@ -138,7 +139,7 @@ def reviewed_stops(
             found += filter(None, [_only_felt(axis, begin, end, felt) for _, begin, end in let_go])
             if let_go:
                 missing.append(
-                    f"The {axis.name} stick was let go {_times(len(let_go))}, but nothing in the "
+                    f"The {axis.name} stick was let go {times(len(let_go))}, but nothing in the "
                     f"recording measures {axis.name}: at most its jerk is known."
                 )
             continue
@@ -156,7 +157,7 @@ def reviewed_stops(
                 found += filter(None, [stop])
     found.sort(key=lambda pair: pair[0].t)
     missing += [
-        f"{_times(uncounted[reason]).capitalize()} a stick was let go{words}"
+        f"{times(uncounted[reason]).capitalize()} a stick was let go{words}"
         for reason, words in UNCOUNTED.items()
         if uncounted[reason]
     ]
@@ -261,10 +262,6 @@ def _only_felt(
         seconds=None, jerk=jerk, lindy_ran_on=None, lindy_seconds=None,
     )  # fmt: skip
     return stop, None
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
 
 
 def _rest_s(slow: np.ndarray) -> float | None:

@@ -7,10 +7,9 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -24,6 +23,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.film import FilmKind, FilmRequest
+from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from tools.log.film import STEP_NS, TICKS, Subtitles, filmed
 from tools.log.film_scenes import (
@@ -34,7 +34,8 @@ from tools.log.film_scenes import (
     pictures,
     within,
 )
-from tools.recordings.recording import Recording, open_recording
+from tools.recordings.mcap_records import ALWAYS, Span, Wants, always
+from tools.recordings.recording import Raw, RecordedMessage, Recording, open_recording
 
 ffprobe = pytest.mark.skipif(shutil.which("ffprobe") is None, reason="no ffprobe program")
 
@@ -255,19 +256,17 @@ def test_pictures_that_cannot_be_decoded_are_said(filmed_dive: Path) -> None:
     every = list(pictures(whole, left_out))
     assert not left_out
 
-    class Holed:
-        """The recording without one message of the video."""
+    class Holed(Recording):
+        """Without one message of the video."""
 
-        def raw(self, wants: Callable[[str], bool]) -> Iterator[Any]:
+        def raw(self, wants: Wants = always, within: Span = ALWAYS) -> Iterator[Raw]:
             video = 0
-            for raw in whole.raw(wants):
+            for raw in super().raw(wants, within):
                 video += raw.key == topics.VIDEO.key
                 if raw.key != topics.VIDEO.key or video != 3:
                     yield raw
 
-        decode = staticmethod(whole.decode)
-
-    left = list(pictures(cast(Recording, Holed()), left_out))
+    left = list(pictures(Holed(whole.files), left_out))
     assert left_out
     assert len(left) + len(left_out) in (len(every), len(every) - 1)
 
@@ -285,15 +284,9 @@ def test_what_was_filmed_is_of_the_camera_that_was_large_when_it_began() -> None
     class Marked:
         """A recording of nothing but marks."""
 
-        def raw(self, wants: Callable[[str], bool]) -> Iterator[Any]:
-            assert wants(topics.FILM_REQUEST.key)
+        def of(self, topic: AnyTopic) -> Iterator[RecordedMessage]:
             for request in requests:
-                yield SimpleNamespace(
-                    key=topics.FILM_REQUEST.key, publish_ns=request.stamp_ns, message=request
-                )
-
-        def decode(self, raw: Any) -> FilmRequest:
-            return raw.message
+                yield RecordedMessage(topic.key, request, 0, request.stamp_ns)
 
     recording = cast(Recording, Marked())
     assert filmed_spans(recording, "down") == [(-4, 16.0)]

@@ -131,9 +131,9 @@ def test_what_follows_a_damaged_chunk_is_recovered(tmp_path: Path) -> None:
     broken[ends[0] - 20] ^= 0xFF
     path, out = tmp_path / "dive.mcap", tmp_path / "mended.mcap"
     path.write_bytes(broken)
-    assert recovered(path, out).wrong == [
-        "dive.mcap had 1 damaged part, with 40 of its 120 messages"
-    ]
+    (said,) = recovered(path, out).wrong
+    assert said.startswith("dive.mcap is damaged at byte ")
+    assert said.endswith(": 40 of its 120 messages cannot be read")
     # The channel was described in that chunk; the summary describes it once more.
     assert foreign(out) == recorded()[PER_CHUNK:]
 
@@ -180,21 +180,19 @@ def test_a_recording_that_is_still_written_is_not_called_damaged(
     data, _ = whole_file()
     path = tmp_path / "dive.mcap"
     path.write_bytes(data[: round(end * len(data))])
-    records = recover.salvaged
+    records = recover.records
 
-    def beside_its_recorder(*args: Any) -> Iterator[Any]:
-        for number, record in enumerate(records(*args)):
+    def beside_its_recorder(*args: Any, **more: Any) -> Iterator[Any]:
+        for number, record in enumerate(records(*args, **more)):
             if number == 0:
                 with path.open("ab") as file:
                     file.write(bytes(20))
             yield record
 
-    monkeypatch.setattr(recover, "salvaged", beside_its_recorder)
+    monkeypatch.setattr(recover, "records", beside_its_recorder)
     found = recovered(path, tmp_path / "mended.mcap")
     assert found.messages > 0
-    assert found.wrong == [
-        "dive.mcap was still being written: what was recorded later is not in it"
-    ]
+    assert found.wrong == ["dive.mcap is still being written: look again when the dive has ended"]
 
 
 def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path: Path) -> None:
@@ -205,7 +203,9 @@ def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path:
     cut = folder / "dive.part2.mcap"
     cut.write_bytes(cut.read_bytes()[:-100])
     out = tmp_path / "mended.mcap"
-    assert recovered(folder, out).wrong == ["dive.part2.mcap was cut off"]
+    assert recovered(folder, out).wrong == [
+        "dive.part2.mcap was not finished: what was recorded last may be missing"
+    ]
     assert len(foreign(out)) == 2 * CHUNKS * PER_CHUNK
     with out.open("rb") as stream:
         reader = make_reader(stream)
