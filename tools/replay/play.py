@@ -114,13 +114,16 @@ class Replay:
         what = f"{self._source.vehicle}, {(self._end - self._at) / 1e9:.1f} s at ×{self._speed:g}"
         print(harmless(f"replay of {self._source.path}: {what}"), flush=True)
         self._since, shows = time.monotonic_ns(), sys.stdout.isatty()
+        first = self._source.origin_ns
         while not stopped():
             now = time.monotonic_ns()
             if self._sent_all(now) and self._position(now) >= self._end:
                 break
             if shows:
-                print(f"{CLEAR}{self._status(now)}", end="", flush=True)
-            time.sleep(self._idle_s(time.monotonic_ns()))
+                here, end = ((ns - first) / 1e9 for ns in (self._position(now), self._end))
+                status = f"{here:8.1f} / {end:.1f} s  ×{self._speed:g}"
+                print(f"{CLEAR}{status}", end="", flush=True)
+            time.sleep(self._idle_s())
         if shows:
             print(flush=True)
         behind = f"; it was too slow {self._behind} times" if self._behind else ""
@@ -151,15 +154,10 @@ class Replay:
         self._next = row
         return row is None
 
-    def _idle_s(self, now: int) -> float:
+    def _idle_s(self) -> float:
         if self._next is None:
             return LOOK_S
-        return max(0.0, min(LOOK_S, (self._due(self._next.log_ns) - now) / 1e9))
-
-    def _status(self, now: int) -> str:
-        first = self._source.origin_ns
-        here = (self._position(now) - first) / 1e9
-        return f"{here:8.1f} / {(self._end - first) / 1e9:.1f} s  ×{self._speed:g}"
+        return max(0.0, min(LOOK_S, (self._due(self._next.log_ns) - time.monotonic_ns()) / 1e9))
 
 
 class Republisher:

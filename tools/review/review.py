@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
 from messages import topics
 from tools.replay.source import ReplaySource, remarks
 from tools.review.estimated import Measurement, MeasurementSection, estimate, plain
 from tools.review.estimation import EstimationSection, ReviewedEstimation
-from tools.review.recorded import Track, read
+from tools.review.recorded import read
 from tools.review.section import Section
 from tools.review.sensors import SensorSection, SensorStream
 from tools.review.stops import ReviewedStop, StopSection, StopsWithLindySection, reviewed_stops
@@ -73,6 +74,7 @@ def review(path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False) 
     recorded = read(path, overrides)
     estimated = estimate(recorded.source, overrides)
     motion = estimated.track if estimated.runs else recorded.own
+    depth = np.empty(0) if motion is None else motion.known("depth")[1]
     imu, armed = recorded.sensors.get(topics.IMU.key), recorded.armed
     found = reviewed_stops(recorded.dive, motion, imu, recorded.settings.reference, armed)
     sections = (
@@ -83,14 +85,16 @@ def review(path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False) 
         measurements := MeasurementSection(estimated),
         flown := StopsWithLindySection(_with_lindy(path, recorded.begin_ns, quick=quick)),
     )
-    about = recorded.source.about
+    about, keys = recorded.source.about, sorted(recorded.source.recording.unreadable)
+    more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
+    unread = [f"some messages of {', '.join(keys[:SHOWN])}{more} could not be read"] * bool(keys)
     figures = Review(
         file=str(path),
         imported_from=about.get("imported", ""),
         vehicle=about.get("vehicle", ""),
         seconds=round(recorded.seconds, 1),
         armed_s=None if armed is None else round(sum(span.seconds for span in armed), 1),
-        deepest=None if motion is None else _deepest(motion),
+        deepest=round(float(depth.max()), 2) if len(depth) else None,
         sensors=sensors.streams,
         vibration=vibration.axes,
         estimation=estimation.found,
@@ -98,7 +102,7 @@ def review(path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False) 
         stops_with_lindy=flown.stops,
         measurements=measurements.measurements,
         missing={section.key: section.missing for section in sections if section.missing},
-        remarks=[*remarks(recorded.source), *_unread(recorded.source)],
+        remarks=[*remarks(recorded.source), *unread],
     )
     short = [_dive(figures, vibration), estimation.verdict()]
     short += [said for section in sections for said in section.sentences()]
@@ -147,12 +151,6 @@ def _missing(found: Review) -> Iterator[str]:
         yield f"Not in this dive: {plain(' '.join(lacking))}"
 
 
-def _unread(source: ReplaySource) -> list[str]:
-    keys = sorted(source.recording.unreadable)
-    more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
-    return [f"some messages of {', '.join(keys[:SHOWN])}{more} could not be read"] if keys else []
-
-
 def _with_lindy(path: Path, begin_ns: int, *, quick: bool) -> list[ReviewedStop] | str:
     if quick:
         return "Your sticks were not flown again, as --quick asks."
@@ -162,8 +160,3 @@ def _with_lindy(path: Path, begin_ns: int, *, quick: bool) -> list[ReviewedStop]
         flush=True,
     )
     return stops_with_lindy(path, begin_ns)
-
-
-def _deepest(motion: Track) -> float | None:
-    depth = motion.known("depth")[1]
-    return round(float(depth.max()), 2) if len(depth) else None

@@ -6,7 +6,6 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from tools.recordings.columns import Array
 from tools.review.recorded import SensorColumns, digits
 from tools.review.section import Section, paragraph, table
 
@@ -77,6 +76,11 @@ def _stream(key: str, columns: SensorColumns) -> SensorStream:
     usual = float(np.median(periods[:LEARNT])) if len(periods) else 0.0
     gaps = np.flatnonzero(periods > max(SHORTEST_GAP_S, GAP_PERIODS * usual))
     jitter = float(np.subtract(*np.percentile(periods, (95, 5)))) if len(periods) else 0.0
+    drift = None
+    if len(t) >= USUAL and t[-1] - t[0] >= LONG_ENOUGH_S:
+        drift = digits(1e6 * float(np.polyfit(t, columns.arrival - t, 1)[0]), 4)
+    values = columns.values
+    same = np.all(values[1:] == values[:-1], axis=1) if values.shape[1] else np.empty(0)
     found = SensorStream(
         key=key,
         samples=len(t),
@@ -87,24 +91,12 @@ def _stream(key: str, columns: SensorColumns) -> SensorStream:
         jitter_ms=round(1e3 * jitter, 3),
         late_ms=round(float(np.median(late)), 3),
         latest_ms=round(float(np.percentile(late, 99)), 3),
-        drift_ppm=_drift(t, columns.arrival),
-        repeated=_repeated(columns.values),
+        drift_ppm=drift,
+        repeated=int(np.count_nonzero(same)),
         not_newer=columns.not_newer,
         remarks=[],
     )
     return msgspec.structs.replace(found, remarks=_remarks(found))
-
-
-def _drift(stamp: Array, arrival: Array) -> float | None:
-    if len(stamp) < USUAL or stamp[-1] - stamp[0] < LONG_ENOUGH_S:
-        return None
-    return digits(1e6 * float(np.polyfit(stamp, arrival - stamp, 1)[0]), 4)
-
-
-def _repeated(values: Array) -> int:
-    if values.shape[1] == 0:
-        return 0
-    return int(np.count_nonzero(np.all(values[1:] == values[:-1], axis=1)))
 
 
 def _remarks(stream: SensorStream) -> list[str]:

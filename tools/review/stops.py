@@ -318,15 +318,11 @@ class StopSection(Section):
             ran = amount(median(stop.ran_on or 0.0 for stop in stops), axis.unit)
             back = amount(median(stop.bounced_back or 0.0 for stop in stops), axis.unit)
             lindy = [stop.lindy_ran_on for stop in stops if stop.lindy_ran_on is not None]
-            yield (
-                f"{len(stops)} stop{'s' * (len(stops) > 1)} in {axis.name}, by {BY[stops[0].by]}: "
-                f"it ran on by {ran}{' (median)' * (len(stops) > 1)} and came back by {back}"
-                + (
-                    f"; Lindy's reference runs on by {amount(median(lindy), axis.unit)}"
-                    * bool(lindy)
-                )
-                + "."
-            )
+            said = f"{len(stops)} stop{'s' * (len(stops) > 1)} in {axis.name}, by {BY[stops[0].by]}"
+            said += f": it ran on by {ran}{' (median)' * (len(stops) > 1)} and came back by {back}"
+            if lindy:
+                said += f"; Lindy's reference runs on by {amount(median(lindy), axis.unit)}"
+            yield f"{said}."
 
     def html(self) -> str:
         if not self.stops:

@@ -26,7 +26,7 @@ from tools.analysis.dive import RecordedDive, read_dive
 from tools.log import recover
 from tools.log.compare import figures
 from tools.log.recover import recovered
-from tools.recordings.recording import open_recording
+from tools.recordings.recording import is_whole, open_recording
 from tools.replay.command import span_of
 from tools.replay.source import open_source, remarks
 from tools.report import report_on
@@ -77,7 +77,8 @@ def recorded() -> list[tuple[str, int, int, int, bytes]]:
 
 
 def mended(data: bytes) -> list[tuple[str, int, int, int, bytes]] | None:
-    """None: nothing could be recovered, and nothing was written."""
+    """What is read of it, and is in the new file. None: nothing could be recovered, and nothing was
+    written."""
     with TemporaryDirectory() as folder:
         path, out = Path(folder) / "cut.mcap", Path(folder) / "mended.mcap"
         path.write_bytes(data)
@@ -86,7 +87,13 @@ def mended(data: bytes) -> list[tuple[str, int, int, int, bytes]] | None:
         except LindyError:
             assert not out.exists()
             return None
-        return foreign(out)
+        rows = [
+            (raw.key, raw.log_ns, raw.publish_ns, raw.sequence, raw.data)
+            for raw in open_recording(path).raw()
+        ]
+        assert rows == foreign(out)
+        assert is_whole(path) == (len(data) == len(whole_file()[0]))
+        return rows
 
 
 def check_cut(at: int) -> None:
