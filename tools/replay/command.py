@@ -9,8 +9,9 @@ from cyclopts import Parameter
 from messages.text import harmless
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.errors import LindyError
-from tools.choices import named
+from tools.choices import Overrides, StackName, named
 from tools.keys.credentials import is_local
+from tools.log.topic_patterns import Topics
 from tools.replay.differences import in_words, parsed
 from tools.replay.play import onto_bus
 from tools.replay.source import ReplaySource, open_source, remarks
@@ -29,9 +30,7 @@ def replay(
         float | None, Parameter(name="--from", help="[s] since the recording began")
     ] = None,
     to: Annotated[float | None, Parameter(help="[s] since the recording began")] = None,
-    topics: Annotated[
-        tuple[str, ...], Parameter(help="only these, such as state or 'sensor/*'; repeatable")
-    ] = (),
+    topics: Topics = (),
     listen: Annotated[
         str | None, Parameter(help="endpoint for other programs, e.g. tcp/127.0.0.1:7449")
     ] = None,
@@ -54,16 +53,8 @@ def replay(
         tuple[str, ...],
         Parameter(help="TOPIC.FIELD=NUMBER or NUMBER% that may differ, * for any; repeatable"),
     ] = (),
-    stack: Annotated[
-        str, Parameter(help="the stack of the dive, for services of your own")
-    ] = "simulated",
-    set_: Annotated[
-        tuple[str, ...],
-        Parameter(
-            name="--set",
-            help="with --through: key.path=value into the recorded vehicle file; repeatable",
-        ),
-    ] = (),
+    stack: StackName = "simulated",
+    set_: Overrides = (),
 ) -> int:
     """Play a dive again, or compare today's code.
 

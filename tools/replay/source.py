@@ -3,8 +3,6 @@
 import re
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
 from math import inf
 from pathlib import Path
 from typing import NamedTuple
@@ -37,16 +35,68 @@ class Process(NamedTuple):
     pid: int
 
 
-@dataclass
 class ReplaySource:
-    """A recording of Lindy."""
+    """A recording of Lindy.
 
-    path: Path
-    recording: Recording
-    vehicle: str  # as in keys
-    about: dict[str, str]
-    utc_offset_ns: int  # [ns] UTC minus the clock of stamps on board; 0: virtual time
-    _goes_back_ns: int = 0  # likewise: the farthest that a message is before an earlier one
+    Attributes:
+        vehicle: its name as in keys.
+        utc_offset_ns: [ns] UTC minus the clock of stamps on board; 0: virtual time.
+        span: [ns] UTC of the first and the last message.
+        goes_back_ns: [ns] the farthest that a message is before an earlier one.
+        processes: the services that reported their health, by name.
+        named_start_ns: [ns] when `reference` was started, by the clock on board: the first epoch it
+            grants says so to the microsecond. None: nothing was granted.
+        identity: what the drone said of itself first; else any side; None: nobody said anything.
+    """
+
+    def __init__(self, path: Path, recording: Recording, vehicle: str, utc_offset_ns: int) -> None:
+        """
+        Raises:
+            LindyError: there is no message in it, or some have a wrong time.
+        """
+        self.path, self.recording, self.vehicle = path, recording, vehicle
+        self.utc_offset_ns = utc_offset_ns
+        self.about = recording.metadata("dive")
+        self.processes: dict[str, Process] = {}
+        self.named_start_ns: int | None = None
+        self.identity: SideIdentity | None = None
+        first, last, self.goes_back_ns = inf, 0, 0
+        for raw in recording.raw():
+            first = min(first, raw.log_ns)
+            self.goes_back_ns = max(self.goes_back_ns, last - raw.log_ns)
+            last = max(last, raw.log_ns)
+            self._see(raw)
+        recording.unreadable.clear()  # they are counted as they are used
+        if first == inf:
+            raise LindyError(f"{path} holds no message that can be read: nothing to replay")
+        if last - first > LONGEST_NS:
+            days = LONGEST_NS // DAY_NS
+            raise LindyError(
+                f"{path}: its messages are {(last - first) / DAY_NS:.0f} days apart, allowed "
+                f"are {days}: some have a wrong time"
+            )
+        self.span = int(first), last
+
+    def _see(self, raw: Raw) -> None:
+        if topics.HEALTH.covers(raw.key):
+            service = raw.key.removeprefix("health/")
+            if service not in self.processes:
+                health = self.recording.decode(raw)
+                if isinstance(health, Health):
+                    reports = health.seq + 1  # the first one comes a period after the start
+                    started = raw.publish_ns - round(reports * 1e9 / topics.HEALTH.hz)
+                    process = Process(health.side, started, health.instance, health.pid)
+                    self.processes[service] = process
+        elif raw.key == topics.STATUS.key and self.named_start_ns is None:
+            status = self.recording.decode(raw)
+            if isinstance(status, VehicleStatus) and status.epoch:
+                self.named_start_ns = (status.epoch - 1) * 1000
+        elif topics.IDENTITY.covers(raw.key):
+            said = self.recording.decode(raw)
+            if isinstance(said, SideIdentity):
+                known = self.identity
+                if known is None or (said.side == "drone" and known.side != "drone"):
+                    self.identity = said
 
     @property
     def virtual(self) -> bool:
@@ -78,92 +128,12 @@ class ReplaySource:
         within = (-inf, until_ns + 1)
         return (raw for raw in self.recording.raw(wants, within=within) if raw.log_ns <= until_ns)
 
-    @cached_property
-    def span(self) -> tuple[int, int]:
-        """[ns] UTC of the first and the last message.
-
-        Raises:
-            LindyError: there is none, or some have a wrong time.
-        """
-        first: int | None = None
-        last = 0
-        for raw in self.recording.raw():
-            first = raw.log_ns if first is None else min(first, raw.log_ns)
-            self._goes_back_ns = max(self._goes_back_ns, last - raw.log_ns)
-            last = max(last, raw.log_ns)
-        if first is None:
-            raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
-        if last - first > LONGEST_NS:
-            days = LONGEST_NS // DAY_NS
-            raise LindyError(
-                f"{self.path}: its messages are {(last - first) / DAY_NS:.0f} days apart, allowed "
-                f"are {days}: some have a wrong time"
-            )
-        return first, last
-
-    @cached_property
+    @property
     def origin_ns(self) -> int:
         """[ns] UTC from which its seconds count: its first message, or, where it was cut out of
-        another recording, that of the whole.
-
-        Raises:
-            LindyError: as `span`.
-        """
-        first, _ = self.span
+        another recording, that of the whole."""
         whole = self.recording.origin_ns() if self.cut else None
-        return first if whole is None else whole
-
-    @property
-    def goes_back_s(self) -> float:
-        """[s] How far its clock ran backwards.
-
-        Raises:
-            LindyError: as `span`.
-        """
-        _ = self.span
-        return self._goes_back_ns / 1e9
-
-    @property
-    def damage(self) -> list[str]:
-        """What cannot be read in it, or may be missing at its end, one sentence each.
-
-        Raises:
-            LindyError: as `span`.
-        """
-        _ = self.span
-        return self.recording.damage
-
-    @cached_property
-    def processes(self) -> dict[str, Process]:
-        """The services that reported their health, by name."""
-        found: dict[str, Process] = {}
-        for key, health, _, publish_ns in self.recording.of(topics.HEALTH):
-            service = key.removeprefix("health/")
-            if service not in found and isinstance(health, Health):
-                reports = health.seq + 1  # the first one comes a period after the start
-                started = publish_ns - round(reports * 1e9 / topics.HEALTH.hz)
-                found[service] = Process(health.side, started, health.instance, health.pid)
-        return found
-
-    @cached_property
-    def named_start_ns(self) -> int | None:
-        """[ns] When `reference` was started, by the clock on board: the first epoch it grants says
-        so to the microsecond. None: nothing was granted."""
-        for _, status, *_ in self.recording.of(topics.STATUS):
-            if isinstance(status, VehicleStatus) and status.epoch:
-                return (status.epoch - 1) * 1000
-        return None
-
-    @cached_property
-    def identity(self) -> SideIdentity | None:
-        """What the drone said of itself first; else any side; None: nobody said anything."""
-        found: SideIdentity | None = None
-        for _, said, *_ in self.recording.of(topics.IDENTITY):
-            if isinstance(said, SideIdentity) and said.side == "drone":
-                return said
-            if isinstance(said, SideIdentity):
-                found = found or said
-        return found
+        return self.span[0] if whole is None else whole
 
     @property
     def other_messages(self) -> str:
@@ -196,8 +166,7 @@ def open_source(path: Path) -> ReplaySource:
     recording = open_recording(path)
     if not any(file.stat().st_size for file in recording.files):
         raise LindyError(f"{path} is empty: there is nothing to replay")
-    about = recording.metadata("dive")
-    vehicle = about.get("vehicle", "")
+    vehicle = recording.metadata("dive").get("vehicle", "")
     if not re.fullmatch(r"[a-z0-9_]+", vehicle):
         raise LindyError(
             f"{path} is not a recording of Lindy, or is cut off before it says of which vehicle: "
@@ -205,15 +174,16 @@ def open_source(path: Path) -> ReplaySource:
         )
     offset = recording.metadata("clock").get("utc_minus_stamp_ns", "0")
     try:
-        return ReplaySource(path, recording, vehicle, about, int(offset))
+        utc_offset_ns = int(offset)
     except ValueError:
         raise LindyError(f"{path}: its clock is {offset!r}, expected whole nanoseconds") from None
+    return ReplaySource(path, recording, vehicle, utc_offset_ns)
 
 
 def remarks(source: ReplaySource) -> list[str]:
     """What a reader should know of this recording before he trusts a result."""
-    said = source.damage
-    if (seconds := source.goes_back_s) > BACKWARDS_S:
+    said = source.recording.damage
+    if (seconds := source.goes_back_ns / 1e9) > BACKWARDS_S:
         said.append(
             f"its clock runs backwards by {seconds:.1f} s: what it holds from then on has other "
             f"times than it had in the dive"

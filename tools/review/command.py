@@ -84,7 +84,7 @@ def review(
         print(msgspec.json.format(msgspec.json.encode(found.figures), indent=1).decode())
     else:
         print(harmless("\n".join([*found.figures.remarks, *found.short])), flush=True)
-    return LOST if found.source.damage else DONE
+    return LOST if found.source.recording.damage else DONE
 
 
 def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:
