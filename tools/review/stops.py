@@ -85,13 +85,14 @@ class ReviewedStop(msgspec.Struct, kw_only=True, frozen=True):
     by: Literal["truth", "estimate"] = "estimate"  # which says how it moved: the simulator's truth
     t: float  # [s] since the recording began
     # None, all four: nothing in the recording measures this axis, and its jerk alone is known.
-    speed: float | None  # [m/s, rad/s] at the release
-    ran_on: float | None  # [m, rad] farthest from where the stick was let go
-    bounced_back: float | None  # [m, rad] from the farthest point back
-    seconds: float | None  # [s] until it rested; None, too: not before the stick moved again
-    jerk: float | None  # [m/s³, rad/s³] felt below 2 Hz, rms; None: too short
-    lindy_ran_on: float | None  # [m, rad] Lindy's reference from the same speed; None: no limits
-    lindy_seconds: float | None  # [s]
+    speed: float | None = None  # [m/s, rad/s] at the release
+    ran_on: float | None = None  # [m, rad] farthest from where the stick was let go
+    bounced_back: float | None = None  # [m, rad] from the farthest point back
+    seconds: float | None = None  # [s] until it rested; None, too: not before the stick moved again
+    jerk: float | None = None  # [m/s³, rad/s³] felt below 2 Hz, rms; None: too short
+    # [m, rad] Lindy's reference from the same speed; None: no limits
+    lindy_ran_on: float | None = None
+    lindy_seconds: float | None = None  # [s]
 
 
 class StopCurve(NamedTuple):
@@ -136,7 +137,12 @@ def reviewed_stops(
         let_go = list(_let_go(dive, axis.name, armed, float(motion.t[-1])))
         felt = _felt(axis, motion, imu)
         if not np.isfinite(getattr(motion, axis.rate)).any():
-            found += filter(None, [_only_felt(axis, begin, end, felt) for _, begin, end in let_go])
+            jerks = [(b, _jerk(felt, np.arange(b, end, 1.0 / RATE))) for _, b, end in let_go]
+            found += [
+                (ReviewedStop(axis=axis.name, t=round(begin, 3), jerk=jerk), None)
+                for begin, jerk in jerks
+                if jerk is not None
+            ]
             if let_go:
                 missing.append(
                     f"The {axis.name} stick was let go {times(len(let_go))}, but nothing in the "
@@ -249,19 +255,6 @@ def _measured(
         lindy_seconds=digits(sum(each.duration for each in segments)) if limits else None,
     )
     return stop, StopCurve(grid - grid[0], run)
-
-
-def _only_felt(
-    axis: StopAxis, begin: float, end: float, felt: tuple[Array, Array] | None
-) -> tuple[ReviewedStop, None] | None:
-    """None: not even its jerk is known."""
-    if (jerk := _jerk(felt, np.arange(begin, end, 1.0 / RATE))) is None:
-        return None
-    stop = ReviewedStop(
-        axis=axis.name, t=round(begin, 3), speed=None, ran_on=None, bounced_back=None,
-        seconds=None, jerk=jerk, lindy_ran_on=None, lindy_seconds=None,
-    )  # fmt: skip
-    return stop, None
 
 
 def _rest_s(slow: np.ndarray) -> float | None:
