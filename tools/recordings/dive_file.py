@@ -173,6 +173,8 @@ def vehicle_attached(recording: Recording) -> tuple[str, str]:
     Raises:
         LindyError: the recording does not carry it, or it is damaged; says what helps.
     """
+    if recording.attachment(DIVE) is None:
+        recording.require_messages()
     try:
         with flown_stack(recording) as (stack, _):
             return stack.vehicle_path.name, read_text(stack.vehicle_path)
@@ -200,5 +202,5 @@ def unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> di
         path = DEPLOY / file.path if file.shipped else Path(file.path)
         copies[str(path)] = str(copy)
     for file in wanted.values():  # one of this computer by that name may be another one
-        raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged, or left out")
+        raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged")
     return copies

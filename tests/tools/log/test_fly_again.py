@@ -192,5 +192,4 @@ def test_no_other_file_is_taken_for_the_vehicle(
     for verb in (["identify"], ["calibrate", "gyroscope"]):
         assert main([*verb, str(path)]) == 1
         said = capsys.readouterr().err
-        assert "my_drone.toml is damaged" in said
-        assert "name one with --vehicle" in said
+        assert "my_drone.toml is damaged; name one with --vehicle" in said
