@@ -70,13 +70,23 @@ def profile(
         shown = {name: getattr(motion, name) for name in ("v_m", "v_c", "a_m", "d_m", "t", "P")}
         print(json.dumps(shown, allow_nan=False))
         return 0
-    if not (isfinite(dt) and dt > 0):
-        raise LindyError(f"--dt is {dt}, expected more than 0 s")
-    steps = motion.duration / dt
-    if steps > MOST_ROWS:
-        raise LindyError(f"--dt {dt} gives {steps:.3g} rows, expected at most {MOST_ROWS}")
+    steps = rows(motion.duration, dt)
     print("t,p,v,a")
-    for k in range(ceil(steps) + 1):
+    for k in range(steps + 1):
         here = motion.at(k * dt)
         print(f"{k * dt!r},{here.position!r},{here.velocity!r},{here.acceleration!r}")
     return 0
+
+
+def rows(duration: float, dt: float) -> int:
+    """How many steps of `dt` [s] reach the arrival after `duration` [s].
+
+    Raises:
+        LindyError: dt is no step for this motion.
+    """
+    if not (isfinite(dt) and dt > 0):
+        raise LindyError(f"--dt is {dt}, expected more than 0 s")
+    steps = duration / dt
+    if steps > MOST_ROWS:
+        raise LindyError(f"--dt {dt} gives {steps:.3g} rows, expected at most {MOST_ROWS}")
+    return ceil(steps)

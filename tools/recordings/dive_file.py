@@ -86,15 +86,16 @@ def flown_dive(recording: Recording) -> FlownDive | None:
 
 def flown_with(recording: Recording) -> FlownDive | None:
     """What it says of its dive, or, where that is not attached, what it was flown with by the names
-    of its files; None: no vehicle file is in it.
+    of its files, of which the vehicle's is the first; None: no vehicle file is in it.
 
     Raises:
         LindyError: what it carries is damaged.
     """
     dive = flown_dive(recording)
     if dive is None:
-        about, names = recording.metadata("dive"), {each.name for each in recording.attachments()}
-        stems = {"vehicles": about.get("vehicle", ""), "links": about.get("link", "perfect")}
+        about, names = recording.metadata("dive"), [each.name for each in recording.attachments()]
+        first = next((Path(name).stem for name in names if name.endswith(".toml")), "")
+        stems = {"vehicles": about.get("vehicle", first), "links": about.get("link", "perfect")}
         try:
             stack = FlownStack(
                 vehicle=stems["vehicles"],

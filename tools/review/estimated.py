@@ -22,7 +22,7 @@ from tools.recordings.progress import reading
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
 from tools.review.recorded import STATE, Track, track
-from tools.review.section import OURS, Section, figure, image, paragraph, table, thinned
+from tools.review.section import OURS, ReviewSection, figure, image, paragraph, table, thinned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -195,7 +195,7 @@ class _Heard:
         )
 
 
-class MeasurementSection(Section):
+class MeasurementSection(ReviewSection):
     key, heading = "measurements", "What was rejected"
 
     def __init__(self, estimated: Estimated) -> None:

@@ -15,7 +15,7 @@ from tools.review.recorded import Recorded, Track, at, digits
 from tools.review.section import (
     OURS,
     OWN,
-    Section,
+    ReviewSection,
     amount,
     figure,
     image,
@@ -109,7 +109,7 @@ class ReviewedEstimation(msgspec.Struct, kw_only=True, frozen=True):
     beside: list[ComparedEstimate]  # with what was estimated in the dive
 
 
-class EstimationSection(Section):
+class EstimationSection(ReviewSection):
     key, heading = "estimation", "Where it was: Lindy's estimate"
 
     def __init__(self, recorded: Recorded, estimated: Estimated) -> None:

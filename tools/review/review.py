@@ -14,7 +14,7 @@ from tools.replay.source import ReplaySource, remarks
 from tools.review.estimated import Measurement, MeasurementSection, estimate, plain
 from tools.review.estimation import EstimationSection, ReviewedEstimation
 from tools.review.recorded import read
-from tools.review.section import Section
+from tools.review.section import ReviewSection
 from tools.review.sensors import SensorSection, SensorStream
 from tools.review.stops import ReviewedStop, StopSection, StopsWithLindySection, reviewed_stops
 from tools.review.vibration import AxisVibration, VibrationSection
@@ -56,7 +56,7 @@ class Review(msgspec.Struct, kw_only=True, frozen=True):
 
 class Reviewed(NamedTuple):
     figures: Review
-    sections: Sequence[Section]  # in the order of the page
+    sections: Sequence[ReviewSection]  # in the order of the page
     short: list[str]  # what the page says, in sentences
     source: ReplaySource
 

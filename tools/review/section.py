@@ -23,7 +23,7 @@ OURS, OWN = "C0", "C1"  # colours
 Cell = str | float | None
 
 
-class Section:
+class ReviewSection:
     """One section of the page."""
 
     key = ""  # in `Review.missing`

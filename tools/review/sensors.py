@@ -7,7 +7,7 @@ import numpy as np
 
 from messages import topics
 from tools.review.recorded import SensorColumns, digits
-from tools.review.section import Section, paragraph, table
+from tools.review.section import ReviewSection, paragraph, table
 
 SHORTEST_GAP_S = 0.25  # [s] less is jitter
 GAP_PERIODS = 10  # a pause of so many usual periods is a gap
@@ -36,7 +36,7 @@ class SensorStream(msgspec.Struct, kw_only=True, frozen=True):
     remarks: list[str]
 
 
-class SensorSection(Section):
+class SensorSection(ReviewSection):
     key, heading = "sensors", "What the recording holds"
 
     def __init__(self, sensors: Mapping[str, SensorColumns]) -> None:

@@ -34,7 +34,7 @@ from tools.review.section import (
     OURS,
     OWN,
     Cell,
-    Section,
+    ReviewSection,
     amount,
     figure,
     image,
@@ -296,7 +296,7 @@ def _jerk(felt: tuple[Array, Array] | None, grid: Array) -> float | None:
 BY = {"truth": "the simulator's truth", "estimate": "the estimate"}
 
 
-class StopSection(Section):
+class StopSection(ReviewSection):
     key, heading = "stops", "Every stop"
 
     def __init__(self, found: Stops) -> None:
@@ -335,7 +335,7 @@ class StopSection(Section):
         )  # fmt: skip
 
 
-class StopsWithLindySection(Section):
+class StopsWithLindySection(ReviewSection):
     key, heading = "stops_with_lindy", "Your stops with Lindy in control"
 
     def __init__(self, found: Sequence[ReviewedStop] | str) -> None:

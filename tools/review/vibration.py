@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tools.analysis.spectra import Spectrum, spectrum
 from tools.recordings.columns import Array
 from tools.review.recorded import PAUSE, SensorColumns, digits
-from tools.review.section import Section, figure, image, paragraph, table
+from tools.review.section import ReviewSection, figure, image, paragraph, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -123,7 +123,7 @@ def _density(of: Spectrum) -> float:
     return float(np.sqrt(np.median(of.density[of.frequency >= MOTION_HZ])))
 
 
-class VibrationSection(Section):
+class VibrationSection(ReviewSection):
     key, heading = "vibration", "Noise and vibration"
 
     def __init__(self, imu: SensorColumns | None) -> None:

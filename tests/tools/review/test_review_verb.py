@@ -17,7 +17,7 @@ from tools.review.estimated import estimate
 from tools.review.recorded import read
 from tools.review.review import Review
 from tools.review.review import review as reviewed
-from tools.review.section import Section
+from tools.review.section import ReviewSection
 
 ROOT = Path(__file__).parents[3]
 SECONDS = 12.0
@@ -49,7 +49,7 @@ def test_a_page_that_loads_nothing_and_overwrites_nothing(
     assert (dive / "review.html").read_text() == "an earlier one"
     assert "review-2.html" in capsys.readouterr().out
     first = (dive / "review-2.html").read_text()
-    for section in Section.__subclasses__():
+    for section in ReviewSection.__subclasses__():
         assert section.heading in first.replace("&#x27;", "'")
     assert "http" not in first
     assert first.count("<img") == first.count('src="data:image/png;base64,')
@@ -68,7 +68,7 @@ def test_the_same_figures_as_json(dive: Path, capsys: pytest.CaptureFixture[str]
     assert found.estimation.runs
     assert max(each.rms for each in found.estimation.beside) == 0.0
     assert found.seconds == pytest.approx(SECONDS, abs=0.2)
-    assert set(found.missing) <= {section.key for section in Section.__subclasses__()}
+    assert set(found.missing) <= {section.key for section in ReviewSection.__subclasses__()}
     assert sorted(dive.glob("*.html")) == pages
 
 
