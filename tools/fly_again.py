@@ -16,7 +16,7 @@ from tools.choices import Choices
 from tools.live.cockpit import COCKPIT
 from tools.live.pilots import GAMEPAD
 from tools.log.sticks import as_csv, sticks_of
-from tools.recordings.dive_file import FlownDive, FlownStack, flown_dive, unpacked
+from tools.recordings.dive_file import FlownDive, flown_dive, unpacked
 from tools.recordings.recording import Recording, open_recording
 from tools.simulate import Simulated, simulated
 from tools.start import foreign
@@ -51,11 +51,27 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True, trust: bool =
         pilot = _pilot(dive, recording, folder)
         exits.enter_context(reading_copies(unpacked(recording, dive.files, folder)))
         again = msgspec.structs.replace(dive.stack, pilot=pilot)
-        if not trust:
-            _require_own(path, again)
+        if not trust and (names := foreign(Registry.read(again.services))):
+            raise LindyError(  # whoever made a recording must not run code here by that
+                f"{path} would run code that is not Lindy's own: {', '.join(names)}; with --trust "
+                f"it does"
+            )
         # What a browser's pilot did is a script by now, which the gamepad plays.
         running = [GAMEPAD if name == COCKPIT else name for name in again.running]
-        flown = simulated(_choices(again, choices.out), files=files, running=running)
+        flown = simulated(
+            Choices(
+                pilot=again.pilot,
+                vehicle=again.vehicle,
+                stack=again.services,
+                link=again.link,
+                seconds=again.seconds,
+                out=choices.out,
+                seed=again.seed,
+                set_=tuple(again.overrides),
+            ),
+            files=files,
+            running=running,
+        )
     return _judged(recording, path, dive, before, flown, changed=pilot != dive.stack.pilot)
 
 
@@ -67,39 +83,6 @@ def _require_nothing_else(choices: Choices) -> None:
             raise LindyError(
                 f"--{option}: with --from everything but --out is as the recording says; drop it"
             )
-
-
-def _require_own(path: Path, stack: FlownStack) -> None:
-    """Whoever made a recording must not run code here by that."""
-    if names := foreign(Registry.read(stack.services)):
-        raise LindyError(
-            f"{path} would run code that is not Lindy's own: {', '.join(names)}; with --trust it "
-            f"does"
-        )
-
-
-def _require_undamaged(recording: Recording) -> None:
-    """
-    Raises:
-        LindyError: it is damaged.
-    """
-    for _ in recording.raw(lambda _: False):
-        pass
-    if recording.damage:
-        raise LindyError(f"the log hash is the one that was recorded, but {recording.damage[0]}")
-
-
-def _choices(stack: FlownStack, out: Path | None) -> Choices:
-    return Choices(
-        pilot=stack.pilot,
-        vehicle=stack.vehicle,
-        stack=stack.services,
-        link=stack.link,
-        seconds=stack.seconds,
-        out=out,
-        seed=stack.seed,
-        set_=tuple(stack.overrides),
-    )
 
 
 def _pilot(dive: FlownDive, recording: Recording, folder: Path) -> str:
@@ -144,7 +127,12 @@ def _judged(
         which = path if before is None else flown.folder
         raise LindyError(f"the log hashes cannot be compared: {which} was not finished")
     if before == flown.log_hash:
-        _require_undamaged(recording)
+        for _ in recording.raw(lambda _: False):
+            pass
+        if recording.damage:
+            raise LindyError(
+                f"the log hash is the one that was recorded, but {recording.damage[0]}"
+            )
         print(f"log hash          the same as in {path}: {before[:16]}…", flush=True)
         return flown.status
     differences = dive.differences(lindy(), computer())

@@ -40,6 +40,15 @@ def _beside(folder: Path) -> Path:
             return beside
 
 
+def free_name(folder: Path, name: str, suffix: str = "") -> Path:
+    """This name in a folder, or the next that is free: `name-2`, `name-3` …"""
+    place, number = folder / f"{name}{suffix}", 1
+    while place.exists():
+        number += 1
+        place = folder / f"{name}-{number}{suffix}"
+    return place
+
+
 def refuse_existing(path: Path, option: str = "--out") -> None:
     """Check, before the work of making a file begins, that it does not exist.
 

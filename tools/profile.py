@@ -1,14 +1,9 @@
 """`lindy profile`: one motion of the reference model of Fernandes et al. 2015, from the shell."""
 
 import json
-from collections.abc import Iterator
 from math import ceil, exp, isfinite
-from typing import TYPE_CHECKING
 
 from services.runtime.config.errors import LindyError
-
-if TYPE_CHECKING:
-    from tools.generators.fernandes import ReferenceModel
 
 MOST_ROWS = 10_000_000
 
@@ -72,17 +67,15 @@ def profile(
     except ValueError as error:
         raise LindyError(str(error)) from error
     if dt is None:
-        print(numbers(motion))
-    else:
-        for line in samples(motion, rows(motion.duration, dt), dt):
-            print(line)
+        shown = {name: getattr(motion, name) for name in ("v_m", "v_c", "a_m", "d_m", "t", "P")}
+        print(json.dumps(shown, allow_nan=False))
+        return 0
+    steps = rows(motion.duration, dt)
+    print("t,p,v,a")
+    for k in range(steps + 1):
+        here = motion.at(k * dt)
+        print(f"{k * dt!r},{here.position!r},{here.velocity!r},{here.acceleration!r}")
     return 0
-
-
-def numbers(motion: "ReferenceModel") -> str:
-    """The pre-computed values as JSON; times in s, positions in the unit of the length."""
-    shown = {name: getattr(motion, name) for name in ("v_m", "v_c", "a_m", "d_m", "t", "P")}
-    return json.dumps(shown, allow_nan=False)
 
 
 def rows(duration: float, dt: float) -> int:
@@ -97,11 +90,3 @@ def rows(duration: float, dt: float) -> int:
     if steps > MOST_ROWS:
         raise LindyError(f"--dt {dt} gives {steps:.3g} rows, expected at most {MOST_ROWS}")
     return ceil(steps)
-
-
-def samples(motion: "ReferenceModel", steps: int, dt: float) -> Iterator[str]:
-    """CSV, one line per step of `dt` [s] from 0 to the first one at or after the arrival."""
-    yield "t,p,v,a"
-    for k in range(steps + 1):
-        here = motion.at(k * dt)
-        yield f"{k * dt!r},{here.position!r},{here.velocity!r},{here.acceleration!r}"

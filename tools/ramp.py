@@ -11,7 +11,7 @@ from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, 
 from services.runtime.config.errors import LindyError
 
 if TYPE_CHECKING:
-    from tools.generators.baselines import BaselineReference, Planner
+    from tools.generators.baselines import BaselineReference
 
 Rule = Literal["bounded", "thesis", "direct", "filter", "minimum-time"]
 TargetRow = tuple[float, float]  # t [s], target
@@ -84,7 +84,10 @@ def ramp(
         raise LindyError("--dt is missing: the time between samples in seconds, e.g. --dt 0.01")
     rows = read(sys.stdin)
     try:
-        lines = [_line(t, here) for t, here in samples(generator, rows, dt)]
+        lines = [
+            f"{t!r},{here.position!r},{here.velocity!r},{here.acceleration!r},{here.jerk!r}\n"
+            for t, here in samples(generator, rows, dt)
+        ]
     except (ValueError, ArithmeticError):
         raise LindyError(TOO_LARGE) from None
     sys.stdout.write("t,x,v,a,j\n" + "".join(lines))
@@ -168,7 +171,8 @@ def _generator(
     rule: Rule, jerk: float | None, accel: float | None, v0: float, a0: float,
     frequency: float, damping: float,
 ) -> "BaselineReference":  # fmt: skip
-    from tools.generators.baselines import Direct, Filter, PlannedBaseline
+    from tools.generators import thesis_rule
+    from tools.generators.baselines import Direct, Filter, PlannedBaseline, minimum_time
 
     if accel is not None and rule not in ("bounded", "minimum-time"):
         print(f"lindy: --accel has no effect: --rule {rule} has no such limit", file=sys.stderr)
@@ -179,14 +183,7 @@ def _generator(
         return Filter(frequency, damping, velocity=v0, acceleration=a0, target=v0)
     if jerk is None:
         raise LindyError(f"--jerk is missing: --rule {rule} needs the most jerk, e.g. --jerk 3")
-    return PlannedBaseline(
-        _planner(rule, Limits(jerk, inf if accel is None else accel)), velocity=v0, acceleration=a0
-    )
-
-
-def _planner(rule: Rule, limits: Limits) -> "Planner":
-    from tools.generators import thesis_rule
-    from tools.generators.baselines import minimum_time
+    limits = Limits(jerk, inf if accel is None else accel)
 
     def plan(v: float, a: float, target: float) -> list[Segment]:
         if rule == "thesis":
@@ -194,7 +191,7 @@ def _planner(rule: Rule, limits: Limits) -> "Planner":
             return [] if part is None else [part]
         return (minimum_time if rule == "minimum-time" else solve)(v, a, target, limits)
 
-    return plan
+    return PlannedBaseline(plan, velocity=v0, acceleration=a0)
 
 
 def _plan(rule: Rule, generator: "BaselineReference", to: float | None) -> str:
@@ -210,7 +207,10 @@ def _plan(rule: Rule, generator: "BaselineReference", to: float | None) -> str:
         report = {
             "T": sum(part.duration for part in parts),
             "peak_accel": _peak_acceleration(parts),
-            "peak_jerk": max((abs(j) for part in parts for j in _ends(part)), default=0.0),
+            # The jerk is linear between the ends of a part.
+            "peak_jerk": max(
+                (abs(j) for p in parts for j in (p.j0, p.at(p.duration).jerk)), default=0.0
+            ),
             "displacement": sum(part.at(part.duration).position for part in parts),
             "segments": [
                 dict(zip(("T", "v0", "a0", "j0", "half_snap"), part, strict=True)) for part in parts
@@ -219,11 +219,6 @@ def _plan(rule: Rule, generator: "BaselineReference", to: float | None) -> str:
         return json.dumps(report, allow_nan=False)
     except (ValueError, ArithmeticError):
         raise LindyError(TOO_LARGE) from None
-
-
-def _ends(part: Segment) -> tuple[float, float]:
-    """The jerk at both ends; it is linear between them."""
-    return part.j0, part.at(part.duration).jerk
 
 
 def _peak_acceleration(parts: Iterable[Segment]) -> float:
@@ -235,7 +230,3 @@ def _peak_acceleration(parts: Iterable[Segment]) -> float:
         inside = (t for t in times if 0 <= t <= part.duration)
         peak = max(peak, *(abs(part.at(t).acceleration) for t in inside))
     return peak
-
-
-def _line(t: float, here: Sample) -> str:
-    return f"{t!r},{here.position!r},{here.velocity!r},{here.acceleration!r},{here.jerk!r}\n"

@@ -48,7 +48,7 @@ from tools.importing.map_file import read_map
 from tools.keys import certificates
 from tools.keys.roles import parse_list
 from tools.recordings.dive_file import flown_dive
-from tools.recordings.mcap_records import Damage, salvaged
+from tools.recordings.mcap_records import records
 from tools.recordings.recording import log_hash, open_recording
 
 CORPUS = Path(__file__).parent / "corpus"
@@ -222,7 +222,7 @@ def page(data: bytes, _: Path) -> None:
 def recording(data: bytes, folder: Path) -> None:
     path = folder / "dive.mcap"
     path.write_bytes(data)
-    for _ in salvaged(path, Damage()):
+    for _ in records(path):
         pass
     try:
         opened = open_recording(path)

@@ -16,7 +16,7 @@ from tests.golden.dives import OVERRIDES
 from tests.golden.dives import SCRIPT as MOVES
 from tools.choices import Choices
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import Damage, StoredMessage, salvaged
+from tools.recordings.mcap_records import StoredMessage, records
 from tools.simulate import simulated
 
 SCRIPT = """t,surge,sway,heave,yaw,tilt,event
@@ -138,7 +138,7 @@ def rewritten(
     keys: dict[int, str] = {}
     with new_mcap(out) as copy:
         copy.next_file()
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+        for record in records(dive.folder / "dive.mcap"):
             if isinstance(record, Channel):
                 keys[record.id] = record.topic
             elif isinstance(record, Attachment):

@@ -121,6 +121,12 @@ class Traffic:
     first_ns: int  # [ns] UTC
     last_ns: int  # [ns] UTC
 
+    @property
+    def hz(self) -> float | None:
+        """[1/s] Between the first and the last; None: fewer than two."""
+        seconds = (self.last_ns - self.first_ns) / 1e9
+        return round((self.count - 1) / seconds, 2) if seconds > 0 else None
+
 
 @dataclass(frozen=True)
 class RecordedDive:

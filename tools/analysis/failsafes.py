@@ -36,13 +36,8 @@ def failsafes(dive: RecordedDive) -> list[ActedReaction]:
             reaction=cast(Reaction, status.words[int(doing[begin])]),
             t=float(stamp[begin] - armed[0]) / 1e9,
             seconds=float(stamp[end] - stamp[begin]) / 1e9,
-            noticed=_seconds(status["since_ns"][begin], armed[0]),
+            noticed=float(since - armed[0]) / 1e9 if np.isfinite(since) else None,
         )
-        for begin, end in zip(begins, ends, strict=True)
+        for begin, end, since in zip(begins, ends, status["since_ns"][begins], strict=True)
         if acts[begin]
     ]
-
-
-def _seconds(at: float, armed: float) -> float | None:
-    """[s] From the first arming to an instant [ns], which is NaN where it is not known."""
-    return float(at - armed) / 1e9 if np.isfinite(at) else None

@@ -97,7 +97,8 @@ def thruster_changes(dive: RecordedDive) -> tuple[list[float], list[float]]:
     ahead, astern = (bits(command[name], count) for name in ("ahead", "astern"))
     on = ahead | astern
     starts = [int(np.count_nonzero(on[1:, k] & ~on[:-1, k])) for k in range(count)]
-    reversals = [_changes(ahead[on[:, k], k]) for k in range(count)]
+    ways = [ahead[on[:, k], k] for k in range(count)]
+    reversals = [int(np.count_nonzero(way[1:] != way[:-1])) for way in ways]
     return [round(n / minutes, 2) for n in starts], [round(n / minutes, 2) for n in reversals]
 
 
@@ -105,10 +106,6 @@ def bits(numbers: Array, count: int) -> np.ndarray:
     """(n, count) Is bit k of each number set?"""
     whole = numbers.astype(np.int64)
     return np.stack([(whole >> k) & 1 == 1 for k in range(count)], axis=1)
-
-
-def _changes(values: np.ndarray) -> int:
-    return int(np.count_nonzero(values[1:] != values[:-1]))
 
 
 def _felt(spectra: AxisSpectra | None) -> FeltJerk | None:

@@ -91,8 +91,7 @@ def around(spans: Sequence[ArmedSpan], number: int, where: str) -> tuple[float, 
 def armed_spans(recording: Recording) -> list[ArmedSpan]:
     origin, spans = recording.origin_ns() or 0, ArmedSpans()
     with reading("looking for dives", recording.size) as recording.advance:
-        for raw in recording.raw(topics.STATUS.covers):
-            status = recording.decode(raw)
+        for _, status, log_ns, _ in recording.of(topics.STATUS):
             if isinstance(status, VehicleStatus):
-                spans.see(status, (raw.log_ns - origin) / 1e9)
+                spans.see(status, (log_ns - origin) / 1e9)
     return spans.found

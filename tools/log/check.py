@@ -28,6 +28,7 @@ from tools.choices import Json
 from tools.health_sums import HealthSums
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+from tools.report.troubles import times
 from tools.text_table import aligned
 
 COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing", "duplicated")
@@ -136,8 +137,7 @@ def as_text(found: Accounts) -> str:
     rows.append(["all", *map(str, total)])
     lines = aligned([heads, *rows])
     if found.backwards:
-        times = "once" if found.backwards == 1 else f"{found.backwards} times"
-        lines.append(f"the recorder's clock ran backwards {times}")
+        lines.append(f"the recorder's clock ran backwards {times(found.backwards)}")
     return "\n".join(lines)
 
 

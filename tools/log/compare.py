@@ -1,31 +1,25 @@
-"""`lindy log compare`: two recordings side by side."""
+"""`lindy log compare`: two recordings side by side: figures, and where their messages differ: which
+field, when first, and by how much."""
 
-import io
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterator, Sequence
+from hashlib import sha256
+from math import nan
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
-from cyclopts import Parameter
+from numpy.typing import NDArray
 
 from messages import topics
 from messages.text import harmless
-from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from tools.analysis.dive import read_dive
-from tools.choices import Json, NewPicture
+from tools.choices import Json
 from tools.exit_status import DONE, ERROR, LOST
-from tools.fresh import require_picture, write_fresh
-from tools.log.series import (
-    Array,
-    Differences,
-    DiveSeries,
-    FieldDifference,
-    Words,
-    differences,
-    zeros,
-)
+from tools.log.flatten import FlattenedRows, Kind, Row, TableColumn
+from tools.recordings.columns import Array
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 from tools.report import report_on
@@ -34,29 +28,10 @@ from tools.report.summary import is_loss
 from tools.text_table import aligned
 
 SHOWN = 20  # fields on the screen; all of them are in the JSON
-ROUNDED = 1e-9  # [-] of a figure: no difference
-SIZE = (10.0, 9.0)  # [in] of the picture
-STYLES = ("-", "--")  # of A and of B, which may lie upon each other
-
-
-class Panel(NamedTuple):
-    """Of the picture."""
-
-    title: str
-    unit: str
-    scale: float  # from the unit of the messages
-    down: bool  # larger values are drawn lower
-    sources: tuple[tuple[AnyTopic, str], ...]  # the first that a recording has
-
-
-PANELS = (
-    Panel(
-        "depth", "m", 1.0, True, ((topics.TRUTH, "position.down"), (topics.STATE, "depth.value"))
-    ),
-    Panel("depth asked for", "m", 1.0, True, ((topics.REFERENCE, "depth.position"),)),
-    Panel("heading", "°", 180.0 / np.pi, False, ((topics.STATE, "heading.value"),)),
-    Panel("power", "W", 1.0, False, ((topics.ACTUATION, "power"),)),
-)
+ROUNDED = 1e-9  # [-] of a figure, or of a number between two messages: no difference
+LONGEST = 1000  # letters of a word; a longer one, as a picture is, is kept as its checksum
+# Names of fields that tell messages and processes apart, and are never the same twice by the clock.
+IDENTIFIERS = ("seq", "instance", "pid", "id", "source")
 
 
 class ComparedFigure(msgspec.Struct):
@@ -66,30 +41,52 @@ class ComparedFigure(msgspec.Struct):
     b: float | None
 
 
-def compare(
-    a: Path,
-    b: Path,
-    *,
-    tolerance: Annotated[
-        float, Parameter(help="[-] of the largest value of a field: what counts as the same")
-    ] = 0.0,
-    out: NewPicture = None,
-    json: Json = False,
-) -> int:
+class FieldDifference(msgspec.Struct):
+    """A field that is not the same in both."""
+
+    topic: str
+    field: str
+    first_s: float  # [s] when it differs first …
+    a: float | str | None  # … and what it is then in A …
+    b: float | str | None  # … and in B; None: there is no value
+    largest: float | None  # largest difference of two numbers, in the field's own unit
+    largest_s: float | None  # [s] when that was
+    share: float  # [-] of the compared instants
+
+
+class Counted(msgspec.Struct):
+    """A topic with another number of messages."""
+
+    topic: str
+    a: int
+    b: int
+
+
+class Differences(msgspec.Struct):
+    counts: list[Counted]
+    fields: list[FieldDifference]  # the one that differs first is the first
+
+    @property
+    def none(self) -> bool:
+        return not self.counts and not self.fields
+
+
+def compare(a: Path, b: Path, *, json: Json = False) -> int:
     """What differs between two recordings, when first.
 
     And by how much, by stream and field. A and B are dives' folders or MCAP files, of one vehicle.
     Times are seconds since arming, or, where one was never armed, since the recording began. Exit
     status 1: they differ; 3: one is damaged or was not finished.
 
-    Example: lindy log compare dives/before dives/after --out compared.png
+    Example: lindy log compare dives/before dives/after
     """
-    if not tolerance >= 0.0:
-        raise LindyError(f"--tolerance is {tolerance:g}, expected 0 or more")
-    if out is not None:
-        require_picture(out, "--out")
     left, right = open_recording(a), open_recording(b)
-    _require_one_vehicle(left, right)
+    names = [each.metadata("dive").get("vehicle", "") or "unknown" for each in (left, right)]
+    if names[0] != names[1]:
+        raise LindyError(
+            f"{left.files[0]} is of the vehicle {names[0]}, {right.files[0]} of {names[1]}: "
+            f"compare two dives of one vehicle"
+        )
     with reading("comparing", left.size + right.size) as advance:
         words = Words()
         left.advance = advance
@@ -100,10 +97,13 @@ def compare(
     for path, recording, series in ((a, left, series_a), (b, right, series_b)):
         if not series.topics:
             raise recording.empty(path)
-        damage += [f"{path}: {said}" for said in [*recording.damage, *series.unreadable]]
-    found, side_by_side = differences(series_a, series_b, tolerance), figures(left, right)
-    if out is not None:
-        write_fresh(out, drawn(series_a, series_b, (str(a), str(b))))
+        unread = [f"{series.unread} messages could not be read"] if series.unread else []
+        damage += [f"{path}: {said}" for said in [*recording.damage, *unread]]
+    found = differences(series_a, series_b)
+    side_by_side = [
+        ComparedFigure(name, unit, of_a, of_b)
+        for (name, unit, of_a), (_, _, of_b) in zip(figures(left), figures(right), strict=True)
+    ]
     if json:
         whole = {
             "same": found.none,
@@ -115,32 +115,13 @@ def compare(
         print(msgspec.json.format(msgspec.json.encode(whole)).decode())
     else:
         print(harmless(as_text(found, side_by_side)))
-        if out is not None:
-            print(f"written {out}")
         print(harmless("".join(f"{said}\n" for said in damage)), end="")
     if damage:
         return LOST
     return DONE if found.none else ERROR
 
 
-def _require_one_vehicle(a: Recording, b: Recording) -> None:
-    names = [recording.metadata("dive").get("vehicle", "") for recording in (a, b)]
-    if names[0] != names[1]:
-        raise LindyError(
-            f"{a.files[0]} is of the vehicle {names[0] or 'unknown'}, {b.files[0]} of "
-            f"{names[1] or 'unknown'}: compare two dives of one vehicle"
-        )
-
-
-def figures(a: Recording, b: Recording) -> list[ComparedFigure]:
-    """Side by side."""
-    return [
-        ComparedFigure(name, unit, left, right)
-        for (name, unit, left), (_, _, right) in zip(_figures(a), _figures(b), strict=True)
-    ]
-
-
-def _figures(recording: Recording) -> list[tuple[str, str, float | None]]:
+def figures(recording: Recording) -> list[tuple[str, str, float | None]]:
     """Name, unit, value."""
     dive = read_dive(recording)
     report = report_on(dive, Extras())
@@ -164,16 +145,10 @@ def _figures(recording: Recording) -> list[tuple[str, str, float | None]]:
     ]
 
 
-def as_text(found: Differences, side_by_side: list[ComparedFigure]) -> str:
+def as_text(found: Differences, side_by_side: Sequence[ComparedFigure]) -> str:
     """Figures, topics with other numbers of messages, then the fields that differ."""
     rows = [
-        [
-            each.name,
-            each.unit,
-            _number(each.a),
-            _number(each.b),
-            "" if each.a is None or each.b is None else _number(_apart(each.a, each.b)),
-        ]
+        [each.name, each.unit, _number(each.a), _number(each.b), _number(_apart(each))]
         for each in side_by_side
     ]
     blocks = ["\n".join(aligned([["", "", "A", "B", "B - A"], *rows], left=2))]
@@ -198,52 +173,164 @@ def _row(field: FieldDifference) -> list[str]:
     return [field.topic, field.field, f"{field.first_s:.3f}", *(v[:24] for v in values), *numbers]
 
 
-def _apart(a: float, b: float) -> float:
+def _apart(of: ComparedFigure) -> float | None:
     """Without what rounding makes of sums."""
-    return 0.0 if abs(b - a) <= ROUNDED * max(abs(a), abs(b)) else b - a
+    if of.a is None or of.b is None:
+        return None
+    return 0.0 if abs(of.b - of.a) <= ROUNDED * max(abs(of.a), abs(of.b)) else of.b - of.a
 
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.6g}"
 
 
-def drawn(a: DiveSeries, b: DiveSeries, names: Sequence[str]) -> bytes:
-    """A PNG: depth, heading and power over time, and how far the depths differ."""
-    from matplotlib.figure import Figure
+class Words:
+    """Every word has a number: the same word the same in both recordings. None is NaN."""
 
-    figure = Figure(figsize=SIZE, layout="constrained")
-    rows = figure.subplots(len(PANELS) + 1, sharex=True)
-    zero = zeros(a, b)
-    for axes, panel in zip(rows, PANELS, strict=False):
-        for dive, began, name, style in zip((a, b), zero, names, STYLES, strict=True):
-            if (line := _line(dive, panel, began)) is not None:
-                axes.plot(*line, style, label=name, linewidth=1.2)
-        axes.set_ylabel(f"{panel.title}\n[{panel.unit}]")
-        axes.grid(alpha=0.3)
-        if panel.down:
-            axes.invert_yaxis()
-    last = rows[-1]
-    lines = [_line(dive, PANELS[0], began) for dive, began in zip((a, b), zero, strict=True)]
-    if lines[0] is not None and lines[1] is not None:
-        times, values = lines[0]
-        inside = (times >= lines[1][0][0]) & (times <= lines[1][0][-1])
-        other = np.interp(times[inside], *lines[1])
-        last.plot(times[inside], 100.0 * (other - values[inside]), color="C3", linewidth=1.2)
-    last.set_ylabel("B - A\ndepth [cm]")
-    last.grid(alpha=0.3)
-    armed = zero == (a.armed_ns, b.armed_ns)
-    last.set_xlabel(f"time since {'arming' if armed else 'the recordings began'} [s]")
-    labelled = next((axes for axes in rows if axes.lines), None)
-    if labelled is not None:
-        figure.legend(*labelled.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=110)
-    return png.getvalue()
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+
+    def number(self, value: Any) -> float:
+        if value is None:
+            return nan
+        if isinstance(value, str):
+            value = value if len(value) <= LONGEST else sha256(value.encode()).hexdigest()
+            return float(self._numbers.setdefault(value, len(self._numbers)))
+        return float(value)
+
+    def word(self, number: float) -> str:
+        return [*self._numbers][int(number)]
 
 
-def _line(dive: DiveSeries, panel: Panel, zero_ns: int) -> tuple[Array, Array] | None:
-    for topic, column in panel.sources:
-        if (found := dive.of(topic, column)) is not None:
-            times, values = found
-            return (times - zero_ns) / 1e9, panel.scale * values
-    return None
+class TopicSeries:
+    """What one topic says over time: the columns that can be compared."""
+
+    def __init__(self, columns: Sequence[TableColumn]) -> None:
+        self.log_ns = array("q")  # [ns] UTC of arrival
+        self._places = [n for n, column in enumerate(columns) if _is_compared(column.name)]
+        self.kinds: dict[str, Kind] = {columns[n].name: columns[n].kind for n in self._places}
+        self._numbers = array("d")
+
+    def add(self, row: Row, log_ns: int, words: Words) -> None:
+        """
+        Raises:
+            OverflowError, TypeError: it is no number that a message of ours has.
+        """
+        self._numbers.extend([words.number(row[place]) for place in self._places])
+        self.log_ns.append(log_ns)
+
+    def times(self, origin_ns: int) -> Array:
+        """[s] since the origin."""
+        return (np.asarray(self.log_ns) - origin_ns) / 1e9
+
+    def __getitem__(self, name: str) -> Array:
+        numbers = np.asarray(self._numbers).reshape(-1, len(self.kinds))
+        return numbers[:, [*self.kinds].index(name)]
+
+
+class DiveSeries:
+    """All topics of a recording.
+
+    Attributes:
+        armed_ns: [ns] UTC of the first status that says so; None: never.
+        unread: messages that are not JSON, or do not fit their topic.
+    """
+
+    def __init__(self, recording: Recording, words: Words) -> None:
+        self.topics: dict[str, TopicSeries] = {}
+        self.words = words
+        rows = FlattenedRows(recording)
+        self.unread = 0
+        for key, columns, message, row in rows:
+            if (series := self.topics.get(key)) is None:
+                series = self.topics[key] = TopicSeries(columns)
+            try:
+                series.add(row, message.log_ns, words)
+            except (TypeError, ValueError, OverflowError):
+                self.unread += 1
+        self.unread += rows.unread.total()
+        self.recording_ns = recording.origin_ns() or 0  # [ns] UTC
+        self.armed_ns: int | None = None
+        status = self.topics.get(topics.STATUS.key)
+        if status is not None and "armed" in status.kinds:
+            armed = np.flatnonzero(status["armed"] > 0.0)
+            self.armed_ns = status.log_ns[int(armed[0])] if len(armed) else None
+
+
+def _is_compared(name: str) -> bool:
+    field = name.rpartition(".")[2]
+    return field not in IDENTIFIERS and not field.endswith("_ns")
+
+
+def zeros(a: DiveSeries, b: DiveSeries) -> tuple[int, int]:
+    """[ns] UTC in each from which seconds count: arming, if both were armed, else the beginning."""
+    if a.armed_ns is not None and b.armed_ns is not None:
+        return a.armed_ns, b.armed_ns
+    return a.recording_ns, b.recording_ns
+
+
+def differences(a: DiveSeries, b: DiveSeries) -> Differences:
+    counts: list[Counted] = []
+    fields: list[FieldDifference] = []
+    for key in sorted({*a.topics, *b.topics}):
+        left, right = a.topics.get(key), b.topics.get(key)
+        size = [0 if series is None else len(series.log_ns) for series in (left, right)]
+        if size[0] != size[1]:
+            counts.append(Counted(key, size[0], size[1]))
+        if left is not None and right is not None:
+            fields += topic_differences(key, (left, right), zeros(a, b), a.words)
+    return Differences(counts, sorted(fields, key=lambda field: (field.first_s, field.topic)))
+
+
+def topic_differences(
+    key: str, both: tuple[TopicSeries, TopicSeries], zero_ns: tuple[int, int], words: Words
+) -> Iterator[FieldDifference]:
+    """One topic in A and in B. Where its messages were not recorded at the same instants, B is
+    taken at those of A: numbers between two messages, everything else from the newest one.
+
+    Args:
+        zero_ns: [ns] UTC from which seconds count in each.
+    """
+    a, b = both
+    times_a, times_b = a.times(zero_ns[0]), b.times(zero_ns[1])
+    same_times = np.array_equal(times_a, times_b)
+    inside = (times_a >= times_b[0]) & (times_a <= times_b[-1])
+    times = times_a[inside]
+
+    def at_a(values: Array, kind: Kind) -> Array:
+        if same_times:
+            return values[inside]
+        if kind == "number" and not np.any(np.isnan(values)):
+            return np.interp(times, times_b, values)
+        return values[np.searchsorted(times_b, times, side="right") - 1]
+
+    def shown(value: float, kind: Kind) -> float | str | None:
+        if np.isnan(value):
+            return None
+        if kind == "string":
+            return words.word(value)
+        return str(value > 0.0).lower() if kind == "boolean" else value
+
+    for name, kind in a.kinds.items():
+        if name not in b.kinds or not len(times):
+            continue
+        left, right = a[name][inside], at_a(b[name], kind)
+        by: Array = np.abs(left - right)
+        size = 0.0 if same_times else float(np.max(np.abs(np.nan_to_num([left, right]))))
+        within = ROUNDED * size if kind == "number" else 0.0
+        differs: NDArray[np.bool_] = (np.isnan(left) != np.isnan(right)) | (by > within)
+        if not np.any(differs):
+            continue
+        first = int(np.argmax(differs))
+        number = kind in ("number", "integer") and bool(np.any(~np.isnan(by)))
+        most = int(np.nanargmax(by)) if number else None
+        yield FieldDifference(
+            topic=key,
+            field=name,
+            first_s=float(times[first]),
+            a=shown(float(left[first]), kind),
+            b=shown(float(right[first]), kind),
+            largest=None if most is None else float(by[most]),
+            largest_s=None if most is None else float(times[most]),
+            share=float(np.mean(differs)),
+        )

@@ -15,7 +15,7 @@ from tools.fresh import refuse_existing
 from tools.log.armed_spans import armed_spans, around
 from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import HASH, Described, Span, StoredMessage
+from tools.recordings.mcap_records import HASH, StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -62,6 +62,11 @@ def cut(
         if (from_, to) != (0.0, inf):
             raise LindyError(f"--dive {dive} says from when to when; leave out --from and --to")
         from_, to = around(armed_spans(opened), dive, str(recording))
+    for option, value in (("--from", from_), ("--to", to)):
+        if not value >= 0.0:  # NaN neither
+            raise LindyError(f"{option} is {value:g}, expected seconds from 0")
+    if not from_ < to:
+        raise LindyError(f"--from is {from_:g} s and --to {to:g} s; expected from before to")
     messages = cut_out(opened, out, WantedPart(from_, to, topics))
     print(
         harmless("\n".join([f"{messages} messages written to {out}", *opened.damage])), flush=True
@@ -75,17 +80,12 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     Raises:
         LindyError: nothing is in that part, or the file cannot be written.
     """
-    for option, value in (("--from", wanted.from_s), ("--to", wanted.to_s)):
-        if not value >= 0.0:  # NaN neither
-            raise LindyError(f"{option} is {value:g}, expected seconds from 0")
-    if not wanted.from_s < wanted.to_s:
-        raise LindyError(
-            f"--from is {wanted.from_s:g} s and --to {wanted.to_s:g} s; expected from before to"
-        )
     origin = recording.origin_ns()
     if origin is None:
         raise recording.empty(recording.files[0])
-    begin, end = (origin + _in_ns(seconds) for seconds in (wanted.from_s, wanted.to_s))
+    begin, end = (  # whole [ns], as the times of messages are, unless it is beyond all of them
+        origin + (round(ns) if ns < inf else ns) for ns in (1e9 * wanted.from_s, 1e9 * wanted.to_s)
+    )
     keys = set[str]()
 
     def wants(key: str) -> bool:
@@ -96,7 +96,11 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
         for file in recording.files:
             copy.next_file()
             for record in recording.records(file, wants, (begin, end)):
-                if _is_in(record, (begin, end)):
+                if isinstance(record, StoredMessage):
+                    is_in = begin <= record.log_ns < end
+                else:  # the hash is that of the whole
+                    is_in = not (isinstance(record, Metadata) and record.name in (HASH, CUT))
+                if is_in:
                     copy.add(record)
         require_known(wanted.topics, keys, recording.files[0])
         if copy.is_empty:
@@ -112,16 +116,3 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
         }
         copy.metadata(Metadata(CUT, about))
     return copy.messages
-
-
-def _in_ns(seconds: float) -> float:
-    """[ns] Whole, as the times of messages are, unless it is beyond all of them."""
-    ns = seconds * 1e9
-    return ns if ns == inf else round(ns)
-
-
-def _is_in(record: StoredMessage | Described, span: Span) -> bool:
-    """Does it belong into the part? The hash is that of the whole."""
-    if isinstance(record, StoredMessage):
-        return span[0] <= record.log_ns < span[1]
-    return not (isinstance(record, Metadata) and record.name in (HASH, CUT))

@@ -10,21 +10,18 @@ from typing import Annotated, Any, Literal, Protocol
 
 import msgspec
 from cyclopts import Parameter
-from mcap.records import Channel, Schema
 
 from messages.text import harmless
 from services.marine.vehicle import Vehicle
-from services.recorder.foxglove.channel import is_view
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import EndedByUserError, LindyError
 from tools.choices import named
 from tools.exit_status import DONE, LOST
-from tools.fresh import EXISTS, fresh_folder
-from tools.log.flatten import DECODE, Flattening, Row, TableColumn, Tree
+from tools.fresh import EXISTS, free_name, fresh_folder
+from tools.log.flatten import FlattenedRows, Row, TableColumn
 from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.packages import require_package
 from tools.recordings.dive_file import flown_section
-from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -85,6 +82,7 @@ def export(
     """
     if topics and as_ not in ("csv", "parquet"):
         raise LindyError(f"--topics is for tables; --as {as_} writes what it has a form for")
+    place = recording if recording.is_dir() else recording.parent
     match as_:
         case "csv":
             return write_tables(recording, out, as_, CsvTable, topics)
@@ -94,24 +92,19 @@ def export(
         case "rosbag":
             from tools.log.rosbag import write_bag
 
-            return write_bag(recording, out or beside(recording, "rosbag"))
+            return write_bag(recording, out or free_name(place, "rosbag"))
         case "sticks":
             from tools.log.sticks import write_sticks
 
-            return write_sticks(recording, out or beside(recording, "sticks.csv"))
+            return write_sticks(recording, out or free_name(place, "sticks", ".csv"))
         case "trace":
             from tools.log.link_trace import write_trace
 
-            return write_trace(recording, out or beside(recording, "trace.csv"))
+            return write_trace(recording, out or free_name(place, "trace", ".csv"))
         case "rrd":
             from tools.log.rrd import write_rrd
 
-            return write_rrd(recording, out or beside(recording, "dive.rrd"))
-
-
-def beside(recording: Path, name: str) -> Path:
-    """The place of this name in the dive's folder, or next to its file."""
-    return (recording if recording.is_dir() else recording.parent) / name
+            return write_rrd(recording, out or free_name(place, "dive", ".rrd"))
 
 
 def write_tables(
@@ -135,12 +128,12 @@ def write_tables(
         raise recording.empty(path)
     require_known(patterns, recording.keys() if patterns else (), recording.files[0])
     wanted = out or (path / kind if path.is_dir() else path.with_name(f"{path.stem}-{kind}"))
+    rows = FlattenedRows(recording, lambda key: is_chosen(key, patterns), thruster_names(recording))
     try:
         folder = fresh_folder(wanted, lambda found: any(found.iterdir()))
-        tables = TopicTables(folder, kind, new, thruster_names(recording), origin)
         try:
             with reading(f"writing {kind}", recording.size) as recording.advance:
-                tables.fill(recording, patterns)
+                written = _fill(rows, folder, kind, new, origin)
         except KeyboardInterrupt:
             said = f"interrupted; the tables in {folder} are not whole"
             raise EndedByUserError(said) from None
@@ -153,83 +146,37 @@ def write_tables(
         if any(wanted.glob(f"*.{kind}")):
             said += f"; the tables in {wanted} are not whole"
         raise LindyError(said) from None
-    rows, unread = tables.rows, tables.unread
-    print(f"{rows.total()} messages of {len(rows)} topics written to {folder}", flush=True)
-    for why, count in unread.items():
+    print(f"{written.total()} messages of {len(written)} topics written to {folder}", flush=True)
+    for why, count in rows.unread.items():
         print(harmless(f"{count} messages left out: {why}"), flush=True)
     said = recording.damage
     print(harmless("".join(f"{sentence}\n" for sentence in said)), end="", flush=True)
-    return LOST if unread or said else DONE
+    return LOST if rows.unread or said else DONE
 
 
-class TopicTables:
-    """The tables of a recording, each begun with the first message of its topic.
-
-    Attributes:
-        rows: written, by topic.
-        unread: messages that are in no table, by the reason.
-    """
-
-    def __init__(
-        self, folder: Path, kind: str, new: NewTable, thrusters: list[str], origin_ns: int
-    ) -> None:
-        self.rows = Counter[str]()
-        self.unread = Counter[str]()
-        self._folder, self._kind, self._new = folder, kind, new
-        self._thrusters, self._origin_ns = thrusters, origin_ns
-        self._begun: dict[str, tuple[Flattening, RowTable]] = {}  # by topic
-        self._taken: set[str] = set()  # names of files
-
-    def fill(self, recording: Recording, patterns: Sequence[str]) -> None:
-        def wants(key: str) -> bool:
-            return not is_view(key) and is_chosen(key, patterns)
-
-        try:
-            for file in recording.files:
-                schemas: dict[int, Schema] = {}
-                channels: dict[int, Channel] = {}
-                for record in recording.records(file, wants):
-                    if isinstance(record, StoredMessage):
-                        channel = channels.get(record.channel_id)
-                        schema = None if channel is None else schemas.get(channel.schema_id)
-                        self._add(record, channel, schema)
-                    elif isinstance(record, Schema):
-                        schemas[record.id] = record
-                    elif isinstance(record, Channel):
-                        channels[record.id] = record
-        finally:
-            for _, table in self._begun.values():
-                table.close()
-
-    def _add(self, message: StoredMessage, channel: Channel | None, schema: Schema | None) -> None:
-        if channel is None:
-            self.unread["of an unknown topic"] += 1
-            return
-        key, encoding = channel.topic, channel.message_encoding
-        if encoding != "json":
-            self.unread[f"{key}: it is {encoding}, not JSON"] += 1
-            return
-        try:
-            tree = DECODE(message.data)
-            if (begun := self._begun.get(key)) is None:
-                begun = self._begun[key] = self._begin(key, schema, tree)
-            flattening, table = begun
-            row = flattening.row(tree)
-            t_s = (message.log_ns - self._origin_ns) / 1e9
+def _fill(
+    rows: FlattenedRows, folder: Path, kind: str, new: NewTable, origin_ns: int
+) -> Counter[str]:
+    """Messages written, by topic. Each table is begun with the first message of its topic."""
+    written = Counter[str]()
+    tables: dict[str, RowTable] = {}
+    taken: set[str] = set()  # names of files
+    try:
+        for key, columns, message, row in rows:
+            if (table := tables.get(key)) is None:
+                plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", key).strip("_.") or "topic"
+                name, number = plain, 2
+                while name.lower() in taken:
+                    name, number = f"{plain}-{number}", number + 1
+                taken.add(name.lower())
+                table = tables[key] = new(folder / f"{name}.{kind}", TIMES + columns)
+            t_s = (message.log_ns - origin_ns) / 1e9
             table.add([t_s, message.log_ns, message.publish_ns, *row])
-            self.rows[key] += 1
-        except (ValueError, RecursionError) as error:  # also what msgspec raises
-            self.unread[f"{key}: {error}"] += 1
-
-    def _begin(self, key: str, schema: Schema | None, first: Tree) -> tuple[Flattening, RowTable]:
-        flattening = Flattening.by(schema, self._thrusters, first)
-        plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", key).strip("_.") or "topic"
-        name, number = plain, 2
-        while name.lower() in self._taken:
-            name, number = f"{plain}-{number}", number + 1
-        self._taken.add(name.lower())
-        path = self._folder / f"{name}.{self._kind}"
-        return flattening, self._new(path, TIMES + flattening.columns)
+            written[key] += 1
+    finally:
+        for table in tables.values():
+            table.close()
+    return written
 
 
 def thruster_names(recording: Recording) -> list[str]:

@@ -1,18 +1,19 @@
 """`lindy log film`: the pictures of a recording as a film that any player and editor opens, with
-subtitles in the SubRip format (.srt): what the pilot saw beside the picture."""
+subtitles in the SubRip format (.srt): what the pilot saw beside the picture. Pictures are copied
+through PyAV, not coded anew."""
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+import io
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from itertools import chain, groupby
 from math import inf
 from pathlib import Path
-from typing import Annotated, BinaryIO, Protocol
+from typing import Annotated, BinaryIO
 
 from cyclopts import Parameter
 
 from messages import cameras
 from messages.text import harmless
-from services.marine.field_of_view import CameraViews
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
@@ -20,35 +21,19 @@ from tools.exit_status import DONE, LOST
 from tools.fresh import EXISTS, refuse_existing, write_fresh
 from tools.log.film_scenes import Camera, FilmedPicture, chosen, filmed_spans, pictures, within
 from tools.packages import require_package
-from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
 STEP_NS = 500_000_000  # [ns] between two lines of the subtitles at most
 LAST_NS = 500_000_000  # [ns] that the last one is shown
+TICKS = 90_000  # [1/s] of a film's time stamps, as editors expect
 Spans = Sequence[tuple[int, float]]  # [ns] UTC from when to when
-
-
-class FilmFile(Protocol):
-    """An MP4 that is being written."""
-
-    def add(self, picture: FilmedPicture) -> bool:
-        """Whether it is in the film; otherwise it is damaged."""
-        ...
-
-    def close(self) -> None: ...
-
-
-NewFilm = Callable[[BinaryIO, FilmedPicture], FilmFile]  # the first picture is a keyframe
 
 
 def film(
     recording: Path,
     *,
     out: NewFile,
-    overlay: Annotated[
-        bool, Parameter(negative=(), help="horizon, depth, heading … in the picture: encoded anew")
-    ] = False,
     marked: Annotated[
         bool, Parameter(negative=(), help="only what the pilot filmed, a film for each")
     ] = False,
@@ -63,26 +48,18 @@ def film(
     3: the recording is damaged or was not finished.
 
     Example: lindy log film dives/latest --out dive.mp4
-             lindy log film dives/latest --overlay --out shown.mp4
              lindy log film dives/latest --camera all --out dive.mp4
     """
     if out.suffix != ".mp4":
         raise LindyError(f"--out {out}: expected a name that ends in .mp4")
     opened = open_recording(recording)
     with reading("filming", opened.size) as opened.advance:
-        made = filmed(opened, out, overlay=overlay, marked=marked, camera=camera)
+        made = filmed(opened, out, marked=marked, camera=camera)
     print(harmless("\n".join([*made, *opened.damage])), flush=True)
     return LOST if opened.damage else DONE
 
 
-def filmed(
-    recording: Recording,
-    out: Path,
-    *,
-    overlay: bool = False,
-    marked: bool = False,
-    camera: str = "",
-) -> list[str]:
+def filmed(recording: Recording, out: Path, *, marked: bool = False, camera: str = "") -> list[str]:
     """Write the films. Returns a sentence for each.
 
     Raises:
@@ -104,34 +81,21 @@ def filmed(
     paths = {n: out if alone else out.with_name(f"{out.stem}-{n}.mp4") for n in names}
     for path in paths.values():
         refuse_existing(path)
-    said = [_filmed(recording, n, path, spans[n], overlay=overlay) for n, path in paths.items()]
+    said = [_filmed(recording, n, path, spans[n]) for n, path in paths.items()]
     return [sentence for each in said for sentence in each]
 
 
-def _filmed(
-    recording: Recording, camera: str, out: Path, spans: Spans, *, overlay: bool
-) -> list[str]:
+def _filmed(recording: Recording, camera: str, out: Path, spans: Spans) -> list[str]:
     """The films of one camera: one for each span, and for each size."""
-    views = flown_section(recording, "camera", CameraViews) if overlay else None
-    view = None if views is None else views.by_name.get(camera)
     require_package("av", "camera", "a film")
-    from tools.log.film_file import CopiedFilm
-
-    new: NewFilm = CopiedFilm
-    if overlay:
-        from tools.log.film_overlay import DrawnFilm
-
-        new = partial(DrawnFilm, view=view)
     said, left_out = list[str](), set[int]()
     scenes = within(pictures(recording, left_out, camera), spans)
     films = groupby(scenes, key=lambda each: (each[0], each[1].size))
     for number, (_, shown) in enumerate(films, start=1):
         path = out if number == 1 else out.with_name(f"{out.stem}-{number}.mp4")
-        said.append(_written(path, new, (picture for _, picture in shown)))
+        said.append(_written(path, (picture for _, picture in shown)))
     if not said:
         raise LindyError(f"{recording.files[0]} holds no pictures")
-    if overlay and view is None:
-        said.append("no horizon: the recording does not say what the camera sees")
     if left_out:
         said.append(
             f"{len(left_out)} pictures of the recording are left out: parts of them, or of those "
@@ -140,20 +104,20 @@ def _filmed(
     return said
 
 
-def _written(path: Path, new: NewFilm, shown: Iterator[FilmedPicture]) -> str:
+def _written(path: Path, shown: Iterator[FilmedPicture]) -> str:
     """One film and its subtitles, whole or not at all. Returns what it is."""
-    subtitles, count, damaged = Subtitles(), 0, 0
+    subtitles, count = Subtitles(), 0
     picture = first = next(shown)
     refuse_existing(srt := path.with_suffix(".srt"))
     try:
         file = path.open("xb")
         try:
             with file:
-                film = new(file, first)
+                film = CopiedFilm(file, first)
                 for picture in chain([first], shown):
-                    is_in = film.add(picture)
+                    film.add(picture)
+                    count += 1
                     subtitles.add(max(0, picture.light_ns - first.light_ns), picture.drone.words)
-                    count, damaged = count + is_in, damaged + (not is_in)
                 film.close()
         except BaseException:
             path.unlink()
@@ -164,8 +128,39 @@ def _written(path: Path, new: NewFilm, shown: Iterator[FilmedPicture]) -> str:
         raise LindyError(f"cannot write {path}: {reason(error)}") from None
     write_fresh(srt, subtitles.text().encode())
     seconds = (picture.light_ns - first.light_ns) / 1e9
-    without = f", {damaged} damaged ones left out" if damaged else ""
-    return f"{count} pictures, {seconds:.1f} s, in {path} and {srt}{without}"
+    return f"{count} pictures, {seconds:.1f} s, in {path} and {srt}"
+
+
+class CopiedFilm:
+    """An MP4 that is being written."""
+
+    def __init__(self, file: BinaryIO, first: FilmedPicture) -> None:
+        """
+        Args:
+            first: a keyframe, with the parameters of all that follow.
+        """
+        import av
+
+        self._packet = av.Packet
+        self._out = av.open(file, "w", format="mp4")
+        with av.open(io.BytesIO(first.data), format="h264") as raw:
+            self._stream = self._out.add_stream_from_template(raw.streams.video[0])
+        self._stream.time_base = Fraction(1, TICKS)
+        self._began, self._ticks = first.light_ns, -1
+
+    def add(self, picture: FilmedPicture) -> None:
+        """Each is later than the one before, also where their light was not."""
+        since = (picture.light_ns - self._began) * TICKS // 1_000_000_000
+        self._ticks = max(self._ticks + 1, since)
+        packet = self._packet(picture.data)
+        packet.stream = self._stream
+        packet.time_base = Fraction(1, TICKS)
+        packet.pts = packet.dts = self._ticks
+        packet.is_keyframe = picture.keyframe
+        self._out.mux_one(packet)
+
+    def close(self) -> None:
+        self._out.close()
 
 
 class Subtitles:

@@ -11,7 +11,6 @@ from cyclopts import Parameter
 from messages import cameras, topics
 from messages.cameras import FIRST
 from messages.film import FilmKind, FilmRequest
-from messages.reference import Reference
 from messages.sensors import TemperatureSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
@@ -20,8 +19,6 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from tools.recordings.recording import Recording
 
-KEYS = {t.key for t in (topics.STATE, topics.STATUS, topics.TEMPERATURE, topics.REFERENCE)}
-DOT = " · "  # between two parts of a line
 VIDEOS = (topics.VIDEO, topics.FURTHER_VIDEO)
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
 Camera = Annotated[
@@ -40,9 +37,6 @@ class FilmPlace(NamedTuple):
     east: float | None = None  # [m]
     flight_mode: str = ""
     water: float | None = None  # [°C]
-    roll: float | None = None  # [rad]
-    pitch: float | None = None  # [rad]
-    tilt: float = 0.0  # [rad] by which the pilot has tilted the first camera, + upwards
 
     @property
     def utc(self) -> datetime:
@@ -60,7 +54,7 @@ class FilmPlace(NamedTuple):
             self.flight_mode.replace("_", " "),
             "" if self.water is None else f"water {self.water:.1f} °C",
         )
-        return DOT.join(filter(None, said))
+        return " · ".join(filter(None, said))
 
 
 class FilmedPicture(NamedTuple):
@@ -79,17 +73,14 @@ def pictures(
     Args:
         left_out: becomes the stamps [ns] of the others.
     """
-    keys = {*KEYS, cameras.video(camera).key}
+    told = topics.STATE, topics.STATUS, topics.TEMPERATURE, cameras.video(camera)
     left_out = set() if left_out is None else left_out
     assembler, seen = Assembler(), deque[FilmPlace](maxlen=LATEST)
-    mode, water, tilt, seq, broken = "", None, 0.0, None, True
-    for raw in recording.raw(keys.__contains__):
-        match recording.decode(raw):
+    mode, water, seq, broken = "", None, None, True
+    for _, message, _, publish_ns in recording.of(*told):
+        match message:
             case VehicleState() as state:
-                place = _place(state, raw.publish_ns, mode)
-                seen.append(place._replace(water=water, tilt=tilt))
-            case Reference() as reference:
-                tilt = reference.tilt.position
+                seen.append(_place(state, publish_ns, mode, water))
             case VehicleStatus(flight_mode=mode):
                 pass
             case TemperatureSample(water=water):
@@ -104,8 +95,11 @@ def pictures(
                 broken = False
                 left_out.discard(part.stamp_ns)
                 size = part.width, part.height
-                drone = _at(raw.publish_ns, seen)
-                yield FilmedPicture(raw.publish_ns, size, part.keyframe, unit.data, drone)
+                # The newest place that is no younger than the light, and not much older.
+                oldest = publish_ns - OLD_NS
+                known = (each for each in reversed(seen) if oldest < each.at_ns <= publish_ns)
+                drone = next(known, FilmPlace(publish_ns))._replace(at_ns=publish_ns)
+                yield FilmedPicture(publish_ns, size, part.keyframe, unit.data, drone)
             case _:
                 pass
 
@@ -154,13 +148,12 @@ def marks(recording: Recording, camera: str = "") -> list[tuple[FilmKind, int]]:
         camera: of this one only; empty: of all.
     """
     found = dict[str, tuple[FilmKind, int]]()
-    for raw in recording.raw(topics.FILM_REQUEST.covers):
-        message = recording.decode(raw)
+    for _, message, _, publish_ns in recording.of(topics.FILM_REQUEST):
         if isinstance(message, FilmRequest):
             own = message.kind == "end" or (message.camera or FIRST) == camera
             if camera and not own:
                 continue
-            light = raw.publish_ns + message.light_ns - message.stamp_ns
+            light = publish_ns + message.light_ns - message.stamp_ns
             found.setdefault(message.id, (message.kind, light))
     return sorted(found.values(), key=lambda each: each[1])
 
@@ -198,14 +191,7 @@ def within(
             inside = True
 
 
-def _at(light_ns: int, seen: deque[FilmPlace]) -> FilmPlace:
-    """The newest that is no younger than the light, and not much older."""
-    known = (each for each in reversed(seen) if light_ns - OLD_NS < each.at_ns <= light_ns)
-    found = next(known, FilmPlace(light_ns))
-    return found._replace(at_ns=light_ns)
-
-
-def _place(state: VehicleState, at_ns: int, mode: str) -> FilmPlace:
+def _place(state: VehicleState, at_ns: int, mode: str, water: float | None) -> FilmPlace:
     heading = state.heading_navigation
     place = state.north, state.east
     north, east = (each.value if each is not None and each.valid else None for each in place)
@@ -216,6 +202,5 @@ def _place(state: VehicleState, at_ns: int, mode: str) -> FilmPlace:
         north,
         east,
         mode,
-        roll=state.roll.value if state.roll.valid else None,
-        pitch=state.pitch.value if state.pitch.valid else None,
+        water,
     )

@@ -1,17 +1,21 @@
-"""A message as one row of a table: named columns for everything inside it.
+"""Messages as rows of tables: named columns for everything inside them.
 
 The columns follow the schema that the recording carries, not the types of this version of Lindy, so
 that a recording of an older one becomes the same tables. `depth.value` is the value in the depth;
 the numbers of a vector have names; what has no fixed length, such as a list of words, is JSON.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
 import msgspec
-from mcap.records import Schema
+from mcap.records import Channel, Schema
 
 from messages.components import COMPONENTS
+from services.recorder.foxglove.channel import is_view
+from tools.recordings.mcap_records import StoredMessage, Wants, always
+from tools.recordings.recording import Recording
 
 Kind = str  # of a column, as JSON schemas have it: number, integer, boolean, string
 Row = list[Any]
@@ -25,6 +29,70 @@ PER_THRUSTER = "thrust"  # a field with one number for each thruster
 class TableColumn(NamedTuple):
     name: str
     kind: Kind
+
+
+class FlattenedRow(NamedTuple):
+    key: str
+    columns: list[TableColumn]  # of all rows of this key, the same list
+    message: StoredMessage
+    row: Row
+
+
+class FlattenedRows:
+    """Every message of a recording but those for Foxglove, which were computed from the rest.
+
+    Attributes:
+        unread: messages that are no row, by the reason.
+    """
+
+    def __init__(
+        self, recording: Recording, wants: Wants = always, thrusters: Sequence[str] = ()
+    ) -> None:
+        """
+        Args:
+            thrusters: names, in the order of the vehicle file; empty: not known.
+        """
+        self.unread = Counter[str]()
+        self._recording, self._wants, self._thrusters = recording, wants, thrusters
+        self._flattenings: dict[str, Flattening] = {}  # by key
+
+    def __iter__(self) -> Iterator[FlattenedRow]:
+        def wanted(key: str) -> bool:
+            return not is_view(key) and self._wants(key)
+
+        for file in self._recording.files:
+            schemas: dict[int, Schema] = {}
+            channels: dict[int, Channel] = {}
+            for record in self._recording.records(file, wanted):
+                if isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, StoredMessage):
+                    if (channel := channels.get(record.channel_id)) is None:
+                        self.unread["of an unknown topic"] += 1
+                    elif channel.message_encoding != "json":
+                        said = f"{channel.topic}: it is {channel.message_encoding}, not JSON"
+                        self.unread[said] += 1
+                    else:
+                        yield from self._row(record, channel, schemas.get(channel.schema_id))
+
+    def _row(
+        self, message: StoredMessage, channel: Channel, schema: Schema | None
+    ) -> Iterator[FlattenedRow]:
+        key = channel.topic
+        try:
+            tree = DECODE(message.data)
+            if (flattening := self._flattenings.get(key)) is None:
+                known = {} if schema is None or not schema.data else DECODE(schema.data)
+                name = "" if schema is None else schema.name
+                flattening = Flattening(known, name, self._thrusters, tree)
+                self._flattenings[key] = flattening
+            row = flattening.row(tree)
+        except (ValueError, RecursionError) as error:  # also what msgspec raises
+            self.unread[f"{key}: {error}"] += 1
+            return
+        yield FlattenedRow(key, flattening.columns, message, row)
 
 
 class Flattening:
@@ -41,12 +109,6 @@ class Flattening:
         self.columns: list[TableColumn] = []
         self._thrusters = thrusters
         self._put = self._object(schema, COMPONENTS.get(name, {}), "", first)
-
-    @classmethod
-    def by(cls, schema: Schema | None, thrusters: Sequence[str], first: Tree) -> "Flattening":
-        """By the schema that a recording carries; None: it has none."""
-        known = {} if schema is None or not schema.data else DECODE(schema.data)
-        return cls(known, "" if schema is None else schema.name, thrusters, first)
 
     def row(self, message: Tree) -> Row:
         """

@@ -60,15 +60,11 @@ def trace_of(path: Path) -> Traced:
     commands: list[HeardCommand] = []
     clocks: list[Clock] = []
     recording = open_recording(path)
-    for raw in recording.raw():
-        if raw.key == topics.PILOT_COMMAND.key:
-            message = recording.decode(raw)
-            if isinstance(message, PilotCommand):
-                commands.append(HeardCommand(message.seq, raw.publish_ns, raw.log_ns))
-        elif raw.key == topics.CLOCK.key:
-            message = recording.decode(raw)
-            if isinstance(message, Clock):
-                clocks.append(message)
+    for _, message, log_ns, publish_ns in recording.of(topics.PILOT_COMMAND, topics.CLOCK):
+        if isinstance(message, PilotCommand):
+            commands.append(HeardCommand(message.seq, publish_ns, log_ns))
+        elif isinstance(message, Clock):
+            clocks.append(message)
     # Before the clocks were known, the recorder took a command's arrival for its stamp.
     commands = [command for command in commands if command.sent != command.arrived] or commands
     if one_clock(clocks) and len(commands) > 1:

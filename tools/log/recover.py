@@ -10,9 +10,9 @@ from services.runtime.config.errors import LindyError
 from tools.choices import NewFile
 from tools.fresh import refuse_existing
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import HASH, Damage, salvaged
+from tools.recordings.mcap_records import HASH, MENDED_BY, Damage, records
 from tools.recordings.progress import reading
-from tools.recordings.recording import is_whole, open_recording
+from tools.recordings.recording import open_recording
 
 
 class Recovered(NamedTuple):
@@ -49,10 +49,10 @@ def recovered(path: Path, out: Path) -> Recovered:
         for file in recording.files:
             copy.next_file()
             damage = Damage()
-            for record in salvaged(file, damage, lambda at, before=before: advance(before + at)):
+            for record in records(file, damage=damage, at=lambda at, n=before: advance(n + at)):
                 if not (isinstance(record, Metadata) and record.name == HASH):
                     copy.add(record)
-            wrong += _wrong(file, damage)
+            wrong += [said.removesuffix(f"; {MENDED_BY}") for said in damage.in_words(file.name)]
             before += file.stat().st_size
         if copy.is_empty and not copy.attachments:
             raise LindyError(f"nothing can be recovered from {path}: no message in it is whole")
@@ -61,18 +61,3 @@ def recovered(path: Path, out: Path) -> Recovered:
         about = {file.name: str(file.stat().st_size) for file in recording.files}
         copy.metadata(Metadata("recovered", about | {"found": "; ".join(wrong)}))
     return Recovered(copy.messages, copy.attachments, wrong)
-
-
-def _wrong(file: Path, damage: Damage) -> list[str]:
-    name, count, named = file.name, len(damage.places), damage.index.messages
-    if damage.written:
-        return [f"{name} was still being written: what was recorded later is not in it"]
-    words = [f"{name} was cut off"] if damage.cut_off or not is_whole(file) else []
-    if count:
-        lost = "" if named is None else f", with {named - damage.messages} of its {named} messages"
-        words.append(f"{name} had {count} damaged part{'s' if count > 1 else ''}{lost}")
-    elif damage.index.damaged_at is not None:
-        words.append(f"{name} had a damaged summary")
-    elif not words and damage.in_words(name):
-        words.append(damage.in_words(name)[-1])
-    return words

@@ -1,25 +1,35 @@
 """`lindy log snapshots`: the pictures that the pilot took, each with where it was taken."""
 
+import io
 import sys
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from messages import cameras
 from messages.text import harmless
+from services.marine import time_stripe
 from services.runtime.config.errors import LindyError
 from tools.choices import named
 from tools.exit_status import DONE, LOST
 from tools.fresh import write_fresh
-from tools.log.film_scenes import Camera, FilmedPicture, chosen, marks, pictures
+from tools.log.film_scenes import Camera, FilmedPicture, FilmPlace, chosen, marks, pictures
 from tools.packages import require_package
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
+if TYPE_CHECKING:
+    from PIL import Image
+
 LONGEST_S = 1e6  # [s] of a recording
+QUALITY = 92  # of JPEG
+BELOW_SEA = b"\x01"  # of GPSAltitudeRef
+TEMPERATURE = 0x9400  # [°C] of what surrounds the camera: EXIF 2.31, which Pillow has no name for
+ASCII = b"ASCII\0\0\0"  # of UserComment
 
 
 def snapshots(
@@ -58,8 +68,6 @@ def taken(
     """
     for package in ("av", "PIL"):
         require_package(package, "camera", "a snapshot")
-    from tools.log.snapshot_file import jpeg, last_of
-
     for each in at:
         if not 0.0 <= each <= LONGEST_S:
             raise LindyError(f"--at {each:g}: expected seconds from 0 to {LONGEST_S:g}")
@@ -111,3 +119,57 @@ def _each(recording: Recording, camera: str, wanted: list[int]) -> Iterator[list
         group.append(picture)
     if done < len(wanted) and group:
         yield group
+
+
+def last_of(units: Sequence[bytes]) -> "Image.Image | None":
+    """The last of some access units, the first of which is a keyframe, without a time stripe; None:
+    it is damaged."""
+    import av
+    from av.error import FFmpegError
+    from PIL import Image
+
+    codec, last = av.CodecContext.create("h264", "r"), None
+    codec.thread_count = 1  # several would keep pictures back
+    for data in units:
+        try:
+            last = next(iter(codec.decode(av.Packet(data))), None)
+        except FFmpegError:
+            last = None
+    if last is None:
+        return None
+    seen = np.asarray(last.to_ndarray(format="rgb24"), np.uint8)
+    time_stripe.paint_over(seen)
+    return Image.fromarray(seen)
+
+
+def jpeg(image: "Image.Image", drone: FilmPlace) -> bytes:
+    """With time, depth, heading and place. What is not known is left out."""
+    from PIL import Image
+    from PIL.ExifTags import GPS, IFD, Base
+
+    exif = Image.Exif()
+    exif[Base.ImageDescription] = (
+        drone.words.replace(" · ", ", ").replace(" °C", " C").replace("°", " deg").replace("–", "-")
+    )
+    exif[Base.Software] = "Lindy"
+    time = f"{drone.utc:%Y:%m:%d %H:%M:%S}"
+    exif[Base.DateTime] = time
+    more = exif.get_ifd(IFD.Exif)
+    more[Base.DateTimeOriginal] = time
+    more[Base.SubsecTimeOriginal] = f"{drone.at_ns // 1_000_000 % 1000:03d}"
+    more[Base.OffsetTimeOriginal] = "+00:00"
+    if drone.north is not None and drone.east is not None:
+        place = f"north {drone.north:.2f} m, east {drone.east:.2f} m"
+        more[Base.UserComment] = ASCII + place.encode()
+    if drone.water is not None:
+        more[TEMPERATURE] = round(drone.water, 1)
+    gps = exif.get_ifd(IFD.GPSInfo)
+    if drone.depth is not None:
+        gps[GPS.GPSAltitudeRef] = BELOW_SEA
+        gps[GPS.GPSAltitude] = round(max(0.0, drone.depth), 2)
+    if drone.heading is not None:
+        gps[GPS.GPSImgDirectionRef] = "M"
+        gps[GPS.GPSImgDirection] = round(drone.heading, 1)
+    data = io.BytesIO()
+    image.save(data, "JPEG", quality=QUALITY, exif=exif)
+    return data.getvalue()

@@ -11,7 +11,7 @@ from messages import topics
 from messages.health import LogLine
 from messages.link import LinkRequest
 from messages.message import Message, Request
-from messages.pilot import Course, PilotCommand, PilotRequest
+from messages.pilot import PilotCommand, PilotRequest
 from messages.simulator import FaultRequest
 from messages.text import harmless
 from messages.vehicle import VehicleStatus
@@ -29,17 +29,10 @@ APART_NS = 1000  # [ns] between two events of one instant: a row holds one
 PLAIN = ("stop", "disarm", "arm", "light", "home", "unwind")
 # Control is asked for, and a failsafe is ended, by every script itself.
 BY_ITSELF = ("lease", "offer", "release", "force", "resume")
-KEYS = {
-    topic.key
-    for topic in (
-        topics.PILOT_COMMAND,
-        topics.PILOT_REQUEST,
-        topics.FAULT_REQUEST,
-        topics.LINK_REQUEST,
-        topics.STATUS,
-    )
-}
-LOG = topics.LOG.key[:-1]
+HEARD = (
+    topics.PILOT_COMMAND, topics.PILOT_REQUEST, topics.FAULT_REQUEST, topics.LINK_REQUEST,
+    topics.STATUS, topics.LOG,
+)  # fmt: skip
 
 
 class SticksRow(NamedTuple):
@@ -53,6 +46,7 @@ class RecordedSticks(NamedTuple):
     paths: dict[str, str]  # TOML files by the name that an event gives them
     source: str  # who had the sticks
     remarks: list[str]  # what a stick log cannot say
+    began_ns: int = 0  # [ns] when the sticks were handed over, by the clock of the stamps
 
 
 class HeardSticks:
@@ -115,10 +109,8 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
     """
     heard = HeardSticks()
     recording.require_messages()
-    for raw in recording.raw(lambda key: key in KEYS or key.startswith(LOG)):
-        message = recording.decode(raw)
-        if message is not None:
-            heard.add(message)
+    for _, message, *_ in recording.of(*HEARD):
+        heard.add(message)
     began = heard.armed_ns if heard.began_ns is None else heard.began_ns
     commands = sorted(heard.commands, key=lambda command: command.stamp_ns)
     commands = [c for c in commands if began is not None and c.stamp_ns >= began]
@@ -135,7 +127,7 @@ def sticks_of(recording: Recording, prefix: str = "") -> RecordedSticks:
         if request.stamp_ns >= began and (event := events.of(request))
     ]
     rows = _with_end(_with_events(_changes(commands, began), timed), commands[-1].stamp_ns - began)
-    return RecordedSticks(rows, events.paths, commands[-1].source, remarks)
+    return RecordedSticks(rows, events.paths, commands[-1].source, remarks, began)
 
 
 def as_csv(sticks: RecordedSticks, heading: str) -> str:
@@ -145,8 +137,10 @@ def as_csv(sticks: RecordedSticks, heading: str) -> str:
     lines = [f"# {harmless(' '.join(heading.split()))}", ",".join((*COLUMNS, *names, "event"))]
     for row in sticks.rows:
         numbers = row.sticks if grips else row.sticks[:-1]
-        cells = [_seconds(row.at_ns), *map(_number, numbers), row.event]
-        lines.append(",".join(cells))
+        whole, rest = divmod(row.at_ns, 10**9)
+        seconds = f"{whole}.{rest:09d}".rstrip("0").rstrip(".")
+        cells = (repr(number).removesuffix(".0") for number in numbers)
+        lines.append(",".join([seconds, *cells, row.event]))
     return "\n".join(lines) + "\n"
 
 
@@ -194,16 +188,13 @@ class RequestEvents:
         if kind == "mode":
             return f"mode {request.flight_mode}"
         if kind == "follow" and request.course is not None:
-            return f"follow {self._path(request.course)}"
+            table: dict[str, object] = msgspec.to_builtins(request.course)
+            text = "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
+            names = {known: name for name, known in self.paths.items()}  # as in deploy/paths
+            name = names.get(text, f"{self._prefix}path{len(self.paths) + 1}.toml")
+            self.paths[name] = text
+            return f"follow {name}"
         return "" if kind in BY_ITSELF else self._unsaid(kind)
-
-    def _path(self, course: Course) -> str:
-        text = _course_file(course)
-        for name, known in self.paths.items():
-            if known == text:
-                return name
-        self.paths[name := f"{self._prefix}path{len(self.paths) + 1}.toml"] = text
-        return name
 
     def _unsaid(self, what: str) -> str:
         self._remarks.append(f"a stick log cannot say {what!r}: it is left out")
@@ -255,18 +246,3 @@ def _with_end(rows: list[SticksRow], last_ns: int) -> list[SticksRow]:
     if last.sticks != CENTRED or (before and before[-1].at_ns > end.at_ns):
         return rows
     return [*before, end] if not before or before[-1].at_ns < end.at_ns else before
-
-
-def _seconds(ns: int) -> str:
-    whole, rest = divmod(ns, 10**9)
-    return f"{whole}.{rest:09d}".rstrip("0").rstrip(".")
-
-
-def _number(value: float) -> str:
-    return repr(value).removesuffix(".0")
-
-
-def _course_file(course: Course) -> str:
-    """As in deploy/paths."""
-    table: dict[str, object] = msgspec.to_builtins(course)
-    return "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())

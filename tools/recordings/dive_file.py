@@ -2,19 +2,18 @@
 
 import hashlib
 import os
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
-from mcap.records import Attachment
 
 from messages.payload import UNDECODABLE
 from services.recorder.io.attachments import DIVE
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import DEPLOY, reading_copies
+from services.runtime.config.settings import DEPLOY, read_text, reading_copies
 from services.runtime.config.stack import Stack
 from tools.recordings.recording import Recording
 
@@ -77,8 +76,83 @@ def flown_dive(recording: Recording) -> FlownDive | None:
     Raises:
         LindyError: the attachment cannot be read.
     """
-    data = recording.attachment(DIVE)
-    return None if data is None else _decoded(data, recording)
+    if (data := recording.attachment(DIVE)) is None:
+        return None
+    try:
+        return msgspec.json.decode(data, type=FlownDive)
+    except UNDECODABLE as error:
+        raise LindyError(f"{recording.files[0]}: the attachment {DIVE}: {error}") from None
+
+
+def flown_with(recording: Recording) -> FlownDive | None:
+    """What it says of its dive, or, where that is not attached, what it was flown with by the names
+    of its files, of which the vehicle's is the first; None: no vehicle file is in it.
+
+    Raises:
+        LindyError: what it carries is damaged.
+    """
+    dive = flown_dive(recording)
+    if dive is None:
+        about, names = recording.metadata("dive"), [each.name for each in recording.attachments()]
+        first = next((Path(name).stem for name in names if name.endswith(".toml")), "")
+        stems = {"vehicles": about.get("vehicle", first), "links": about.get("link", "perfect")}
+        try:
+            stack = FlownStack(
+                vehicle=stems["vehicles"],
+                link=stems["links"],
+                pilot=about.get("pilot", "gamepad"),
+                seed=int(about.get("seed", "0")),
+                overrides=msgspec.json.decode(about.get("overrides", "[]"), type=list[str]),
+            )
+        except ValueError as error:
+            raise LindyError(
+                f"{recording.files[0]} does not say with which seed and settings it was flown: "
+                f"{error}"
+            ) from None
+        files = [
+            UsedFile(f"{folder}/{stem}.toml", shipped=True, attachment=f"{stem}.toml")
+            for folder, stem in stems.items()
+            if f"{stem}.toml" in names
+        ]
+        dive = FlownDive({}, {}, stack, files)
+    used = dive.named("vehicles", dive.stack.vehicle, ".toml")
+    return None if used is None else dive
+
+
+@contextmanager
+def flown_stack(
+    recording: Recording, *, virtual: bool = False, apart: bool = False
+) -> Generator[tuple[Stack, dict[str, str]]]:
+    """The settings of a recorded dive, and the copies of its files, which are read meanwhile.
+
+    Raises:
+        LindyError: the vehicle file is not in the recording, or what is wrong in one of them.
+    """
+    where, dive = recording.files[0], flown_with(recording)
+    if dive is None:
+        recording.require_messages()
+        raise LindyError(f"{where} holds no vehicle file, so its settings are not known")
+    used = [file for file in dive.files if file.path.endswith(".toml")]  # no script
+    with TemporaryDirectory(prefix="lindy-") as folder:
+        copies = unpacked(recording, used, Path(folder))
+        stack = Stack(
+            vehicle=dive.stack.vehicle,
+            link=dive.stack.link,
+            pilot=dive.stack.pilot,
+            seed=dive.stack.seed,
+            overrides=[*dive.stack.overrides],
+            virtual=virtual,
+            apart=apart,
+            out=folder,
+        )
+        try:
+            with reading_copies(copies):
+                yield stack, copies
+        except LindyError as error:  # of a file as it was, not as it is now
+            said = str(error)
+            for path in copies:
+                said = said.replace(path, f"{where}: {Path(path).name}")
+            raise LindyError(said) from None
 
 
 def flown_section(recording: Recording, name: str, kind: type[S]) -> S | None:
@@ -88,15 +162,25 @@ def flown_section(recording: Recording, name: str, kind: type[S]) -> S | None:
     Raises:
         LindyError: what it carries is damaged.
     """
-    dive = flown_dive(recording)
-    if dive is None or dive.named("vehicles", dive.stack.vehicle, ".toml") is None:
+    if flown_with(recording) is None:
         return None
-    settings = [file for file in dive.files if file.path.endswith(".toml")]  # not scripts
-    with TemporaryDirectory(prefix="lindy-") as folder:
-        copies = unpacked(recording, settings, Path(folder))
-        with reading_copies(copies):
-            stack = Stack(vehicle=dive.stack.vehicle, overrides=dive.stack.overrides)
-            return stack.section(name, kind)
+    with flown_stack(recording) as (stack, _):
+        return stack.section(name, kind)
+
+
+def vehicle_attached(recording: Recording) -> tuple[str, str]:
+    """Name and text of the vehicle file that the dive was flown with.
+
+    Raises:
+        LindyError: the recording does not carry it, or it is damaged; says what helps.
+    """
+    if recording.attachment(DIVE) is None:
+        recording.require_messages()
+    try:
+        with flown_stack(recording) as (stack, _):
+            return stack.vehicle_path.name, read_text(stack.vehicle_path)
+    except LindyError as error:
+        raise LindyError(f"{error}; name one with --vehicle") from None
 
 
 def unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> dict[str, str]:
@@ -119,35 +203,5 @@ def unpacked(recording: Recording, used: Sequence[UsedFile], folder: Path) -> di
         path = DEPLOY / file.path if file.shipped else Path(file.path)
         copies[str(path)] = str(copy)
     for file in wanted.values():  # one of this computer by that name may be another one
-        raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged, or left out")
+        raise LindyError(f"{recording.files[0]}: the attached {file.path} is damaged")
     return copies
-
-
-def vehicle_attached(recording: Recording) -> tuple[str, str]:
-    """Name and text of the vehicle file that the dive was flown with.
-
-    Raises:
-        LindyError: the recording does not carry it, or it is damaged.
-    """
-    where, dive = recording.files[0], flown_dive(recording)
-    used = dive and dive.named("vehicles", dive.stack.vehicle, ".toml")
-    for record in recording.described():
-        if isinstance(record, Attachment) and record.media_type == "application/toml":
-            if used is not None and record.name != used.attachment:
-                continue
-            try:
-                return record.name, record.data.decode()
-            except UnicodeDecodeError as error:
-                raise LindyError(f"{where}: {record.name}: {error}") from None
-    if used is not None and used.attachment is not None:
-        raise LindyError(f"{where}: the attached {used.path} is damaged; name one with --vehicle")
-    recording.require_messages()
-    raise LindyError(f"{where} holds no vehicle file; name one with --vehicle")
-
-
-def _decoded(data: bytes, recording: Recording) -> FlownDive:
-    try:
-        found: Any = msgspec.json.decode(data, type=FlownDive)
-    except UNDECODABLE as error:
-        raise LindyError(f"{recording.files[0]}: the attachment {DIVE}: {error}") from None
-    return found

@@ -198,11 +198,6 @@ def records(
         damage.cut_off = True
 
 
-def salvaged(path: Path, damage: Damage, at: At = nowhere) -> Iterator[StoredMessage | Described]:
-    """As `records`, all of them."""
-    return records(path, damage=damage, at=at)
-
-
 @dataclass
 class _RecordReader:
     """Reads one record after the other, and finds the next behind one that is damaged."""

@@ -8,25 +8,27 @@ arrival at the recorder, which is the order of `log_ns`.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Metadata
 
 from messages import topics
 from messages.message import Message
 from messages.payload import UNDECODABLE
+from messages.topic import AnyTopic
 from services.recorder.foxglove.channel import is_view
-from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.open_chunk import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
+from tools.recordings.mcap_copy import McapCopy, new_mcap
 from tools.recordings.mcap_records import (
     ALWAYS,
     HASH,
+    MERGED,
     Damage,
     Described,
     Span,
@@ -76,7 +78,14 @@ class Recording:
         self._decoding: dict[str, Decoding] = {}
 
     def __iter__(self) -> Iterator[RecordedMessage]:
-        for raw in self.raw():
+        return self._typed(self.raw())
+
+    def of(self, *wanted: AnyTopic) -> Iterator[RecordedMessage]:
+        """The messages of these topics, or families of topics."""
+        return self._typed(self.raw(lambda key: any(topic.covers(key) for topic in wanted)))
+
+    def _typed(self, rows: Iterable[Raw]) -> Iterator[RecordedMessage]:
+        for raw in rows:
             if (message := self.decode(raw)) is not None:
                 yield RecordedMessage(raw.key, message, raw.log_ns, raw.publish_ns)
 
@@ -279,16 +288,11 @@ def merge_parts(folder: Path) -> bool:
         return False
     try:
         require_room(folder, sum(part.stat().st_size for part in parts) + RESERVE)
-        file = McapFile(folder / "merging.mcap")
-        try:
-            merged = {path.name: str(_copy(path, file, path == parts[0])) for path in parts}
-            file.metadata("merged", merged)
-            file.finish()
-        except BaseException:
-            file.discard()
-            raise
+        with new_mcap(folder / "merging.mcap") as copy:
+            merged = {part.name: str(_copied(part, copy)) for part in parts}
+            copy.metadata(Metadata(MERGED, merged))
         whole = folder / FIRST
-        file.path.replace(whole)
+        (folder / "merging.mcap").replace(whole)
         for part in parts:
             if part != whole:
                 part.unlink()
@@ -297,35 +301,14 @@ def merge_parts(folder: Path) -> bool:
     return True
 
 
-def _copy(path: Path, file: McapFile, first: bool) -> int:
-    """Append a part's records to `file`; returns how many messages it had."""
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, str] = {}
-    messages = 0
-    for record in records(path):
-        if isinstance(record, StoredMessage):
-            times = record.log_ns, record.publish_ns
-            key = channels.get(record.channel_id)
-            if key is None:
-                continue  # what described its channel is damaged
-            file.write(key, record.data, *times, record.sequence, is_view=is_view(key))
-            messages += not is_view(key)
-        elif isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record.topic
-            if not file.has_channel(record.topic):
-                schema = schemas.get(record.schema_id)
-                if schema is None:
-                    del channels[record.id]
-                else:
-                    file.open_channel(record.topic, schema.name, schema.data)
-        elif isinstance(record, Metadata) and record.name != HASH:
-            file.metadata(record.name, record.metadata)
-        elif isinstance(record, Attachment) and first:
-            times = record.log_time, record.create_time
-            file.attach(record.name, record.media_type, record.data, *times)
-    return messages
+def _copied(part: Path, copy: McapCopy) -> int:
+    """How many messages it had."""
+    before = copy.messages
+    copy.next_file()
+    for record in records(part):
+        if not (isinstance(record, Metadata) and record.name == HASH):
+            copy.add(record)
+    return copy.messages - before
 
 
 def is_whole(path: Path) -> bool:

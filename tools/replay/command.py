@@ -9,10 +9,11 @@ from cyclopts import Parameter
 from messages.text import harmless
 from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.config.errors import LindyError
-from tools.choices import named
+from tools.choices import Overrides, StackName, named
 from tools.keys.credentials import is_local
+from tools.log.topic_patterns import Topics
 from tools.replay.differences import in_words, parsed
-from tools.replay.play import Wish, onto_bus
+from tools.replay.play import onto_bus
 from tools.replay.source import ReplaySource, open_source, remarks
 from tools.replay.through import ThroughResult
 from tools.replay.through import through as run_through
@@ -25,18 +26,11 @@ def replay(
     recording: Annotated[Path, Parameter(converter=named)],
     *,
     speed: Annotated[float, Parameter(help="recorded seconds per second")] = 1.0,
-    loop: Annotated[bool, Parameter(help="over and over, until Ctrl-C")] = False,
     from_: Annotated[
         float | None, Parameter(name="--from", help="[s] since the recording began")
     ] = None,
     to: Annotated[float | None, Parameter(help="[s] since the recording began")] = None,
-    topics: Annotated[
-        tuple[str, ...], Parameter(help="only these, such as state or 'sensor/*'; repeatable")
-    ] = (),
-    connect: Annotated[
-        str | None,
-        Parameter(help="play to a hub that is running, e.g. tcp/127.0.0.1:7449; not a vehicle's"),
-    ] = None,
+    topics: Topics = (),
     listen: Annotated[
         str | None, Parameter(help="endpoint for other programs, e.g. tcp/127.0.0.1:7449")
     ] = None,
@@ -59,16 +53,8 @@ def replay(
         tuple[str, ...],
         Parameter(help="TOPIC.FIELD=NUMBER or NUMBER% that may differ, * for any; repeatable"),
     ] = (),
-    stack: Annotated[
-        str, Parameter(help="the stack of the dive, for services of your own")
-    ] = "simulated",
-    set_: Annotated[
-        tuple[str, ...],
-        Parameter(
-            name="--set",
-            help="with --through: key.path=value into the recorded vehicle file; repeatable",
-        ),
-    ] = (),
+    stack: StackName = "simulated",
+    set_: Overrides = (),
 ) -> int:
     """Play a dive again, or compare today's code.
 
@@ -96,17 +82,14 @@ def replay(
         raise LindyError("--tolerance and --set are for --through SERVICE --diff")
     if not SLOWEST <= speed <= FASTEST:  # not a number is in no range
         raise LindyError(f"--speed is {speed:g}, expected {SLOWEST:g} to {FASTEST:g}")
-    if connect is not None and listen is not None:
-        raise LindyError("--connect plays to a hub that is running, --listen starts one; drop one")
-    for option, endpoint in (("--connect", connect), ("--listen", listen)):
-        if endpoint is not None and not is_local(checked_endpoint(endpoint, option)):
-            raise LindyError(
-                f"{option} {endpoint}: a replay stays on this machine; allowed is an address such "
-                f"as tcp/127.0.0.1:7449"
-            )
+    if listen is not None and not is_local(checked_endpoint(listen, "--listen")):
+        raise LindyError(
+            f"--listen {listen}: a replay stays on this machine; allowed is an address such as "
+            f"tcp/127.0.0.1:7449"
+        )
     source = opened(recording)
-    wish = Wish(span_of(source, from_, to), speed, loop, topics)
-    return onto_bus(source, wish, connect=connect, listen=listen, headless=headless)
+    span = span_of(source, from_, to)
+    return onto_bus(source, span, speed=speed, patterns=topics, listen=listen, headless=headless)
 
 
 def opened(path: Path) -> ReplaySource:

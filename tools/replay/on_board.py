@@ -53,6 +53,7 @@ class Head(msgspec.Struct):
 
 
 HEAD = msgspec.json.Decoder(Head)
+Hear = Callable[[str, Message], None]  # by key
 
 
 class Waiting(NamedTuple):
@@ -75,12 +76,14 @@ class Outputs:
     """What the services of a replay publish on a bus that others use as well, in the form in which
     it is compared."""
 
-    def __init__(self, port: Bus, is_own: Callable[[str], bool]) -> None:
+    def __init__(self, port: Bus, is_own: Callable[[str], bool], hear: Hear | None) -> None:
         """
         Args:
             is_own: does one of these services publish this key?
+            hear: as of `OnBoard`.
         """
-        self._is_own = is_own
+        self._is_own, self._hear = is_own, hear
+        self._newest: dict[str, int | None] = {}  # by key: [ns] sensor sample of the newest message
         self._by_key: dict[str, list[Told]] = defaultdict(list)
         self._decoders: dict[str, PayloadDecoder[Message]] = {}
         self._encode = msgspec.json.Encoder().encode
@@ -96,8 +99,7 @@ class Outputs:
 
     def has(self, told: Told) -> bool:
         """Was today's message for this sensor sample published?"""
-        newest = self._by_key[told.key]
-        return bool(newest) and newest[-1].sensor_ns == told.sensor_ns
+        return self._newest.get(told.key, -1) == told.sensor_ns
 
     def _store(self, envelope: Envelope) -> None:
         key = envelope.key
@@ -108,22 +110,34 @@ class Outputs:
             assert topic is not None  # nodes publish rows of the topic table only
             decoder = self._decoders[key] = PayloadDecoder(topic)
         message = decoder.read(key, envelope.encoding, envelope.payload)
-        if not isinstance(message, Row):  # a row: damaged on the link
-            sample = getattr(message, "sensor_ns", None)
-            data = self._encode(message)
-            self._by_key[key].append(Told(key, message.seq, message.stamp_ns, data, sample))
+        if isinstance(message, Row):  # damaged on the link
+            return
+        sample = self._newest[key] = getattr(message, "sensor_ns", None)
+        if self._hear is not None:
+            self._hear(key, message)
+            return
+        data = self._encode(message)
+        self._by_key[key].append(Told(key, message.seq, message.stamp_ns, data, sample))
 
 
 class OnBoard:
-    """One replay. `recorded` and `today` are filled while `run` runs."""
+    """One replay. `recorded` and `outputs` are filled while `run` runs."""
 
     def __init__(
-        self, source: ReplaySource, names: tuple[str, ...], services: Registry, stack: Stack
+        self,
+        source: ReplaySource,
+        names: tuple[str, ...],
+        services: Registry,
+        stack: Stack,
+        hear: Hear | None = None,
     ) -> None:
         """
         Args:
             names: of the services, in the order of the stack file.
+            hear: is given each message that these services publish; then nothing is kept, for of a
+                dive of hours it would be too much.
         """
+        self._keeps = hear is None
         self.recorded: list[Told] = []
         self.nodes: list[Node] = []
         self._source, self._services, self._stack = source, services, stack
@@ -131,7 +145,7 @@ class OnBoard:
         self._today = identity_of(stack, SIDE, 0)
         self._host = VirtualHost({SIDE: SAME} if source.apart else None)
         self._port = MemoryBusPort(self._host.hub(SIDE))
-        self.outputs = Outputs(self._port, self._is_own)
+        self.outputs = Outputs(self._port, self._is_own, hear)
         self._starts = _starts(source, names)
         self._wanted: dict[str, bool] = {}  # key: does a service subscribe to it?
         self._own: dict[str, bool] = {}  # key: does a service publish it?
@@ -147,7 +161,8 @@ class OnBoard:
             self._start(at)
             if self._is_own(raw.key):
                 if (told := self._told(raw)) is not None:
-                    self.recorded.append(told)
+                    if self._keeps:
+                        self.recorded.append(told)
                     self._reach(told, at if self._source.virtual else told.stamp_ns)
             elif self._is_wanted(raw.key):
                 self._hold(Waiting(at, raw))
@@ -308,9 +323,13 @@ def states_of_today(recording: Path) -> Iterator[VehicleState]:
     Raises:
         LindyError: it is no recording, or its vehicle is not in it.
     """
-    source = open_source(recording)
+    source, states = open_source(recording), list[VehicleState]()
+
+    def hear(_: str, message: Message) -> None:
+        if isinstance(message, VehicleState):
+            states.append(message)
+
     with source.stack() as stack, rare_collections():
-        replay = OnBoard(source, ("estimation",), Registry.read("simulated"), stack)
+        replay = OnBoard(source, ("estimation",), Registry.read("simulated"), stack, hear)
         replay.run(source.span[1])
-    decode = msgspec.json.Decoder(VehicleState).decode
-    return (decode(told.data) for told in replay.outputs.of(topics.STATE.key))
+    return iter(states)

@@ -3,14 +3,9 @@
 import re
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
 from math import inf
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
-
-import msgspec
 
 from messages import topics
 from messages.events import MALFORMED, row_of
@@ -20,6 +15,7 @@ from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.runtime.config.stack import Stack
+from tools.recordings.dive_file import flown_stack
 from tools.recordings.recording import Raw, Recording, always, open_recording
 
 BACKWARDS_S = 0.01  # [s] less is no matter
@@ -39,17 +35,68 @@ class Process(NamedTuple):
     pid: int
 
 
-@dataclass
 class ReplaySource:
-    """A recording of Lindy."""
+    """A recording of Lindy.
 
-    path: Path
-    recording: Recording
-    vehicle: str  # as in keys
-    about: dict[str, str]
-    utc_offset_ns: int  # [ns] UTC minus the clock of stamps on board; 0: virtual time
-    files: dict[str, bytes]  # attachments by name
-    _goes_back_ns: int = 0  # likewise: the farthest that a message is before an earlier one
+    Attributes:
+        vehicle: its name as in keys.
+        utc_offset_ns: [ns] UTC minus the clock of stamps on board; 0: virtual time.
+        span: [ns] UTC of the first and the last message.
+        goes_back_ns: [ns] the farthest that a message is before an earlier one.
+        processes: the services that reported their health, by name.
+        named_start_ns: [ns] when `reference` was started, by the clock on board: the first epoch it
+            grants says so to the microsecond. None: nothing was granted.
+        identity: what the drone said of itself first; else any side; None: nobody said anything.
+    """
+
+    def __init__(self, path: Path, recording: Recording, vehicle: str, utc_offset_ns: int) -> None:
+        """
+        Raises:
+            LindyError: there is no message in it, or some have a wrong time.
+        """
+        self.path, self.recording, self.vehicle = path, recording, vehicle
+        self.utc_offset_ns = utc_offset_ns
+        self.about = recording.metadata("dive")
+        self.processes: dict[str, Process] = {}
+        self.named_start_ns: int | None = None
+        self.identity: SideIdentity | None = None
+        first, last, self.goes_back_ns = inf, 0, 0
+        for raw in recording.raw():
+            first = min(first, raw.log_ns)
+            self.goes_back_ns = max(self.goes_back_ns, last - raw.log_ns)
+            last = max(last, raw.log_ns)
+            self._see(raw)
+        recording.unreadable.clear()  # they are counted as they are used
+        if first == inf:
+            raise LindyError(f"{path} holds no message that can be read: nothing to replay")
+        if last - first > LONGEST_NS:
+            days = LONGEST_NS // DAY_NS
+            raise LindyError(
+                f"{path}: its messages are {(last - first) / DAY_NS:.0f} days apart, allowed "
+                f"are {days}: some have a wrong time"
+            )
+        self.span = int(first), last
+
+    def _see(self, raw: Raw) -> None:
+        if topics.HEALTH.covers(raw.key):
+            service = raw.key.removeprefix("health/")
+            if service not in self.processes:
+                health = self.recording.decode(raw)
+                if isinstance(health, Health):
+                    reports = health.seq + 1  # the first one comes a period after the start
+                    started = raw.publish_ns - round(reports * 1e9 / topics.HEALTH.hz)
+                    process = Process(health.side, started, health.instance, health.pid)
+                    self.processes[service] = process
+        elif raw.key == topics.STATUS.key and self.named_start_ns is None:
+            status = self.recording.decode(raw)
+            if isinstance(status, VehicleStatus) and status.epoch:
+                self.named_start_ns = (status.epoch - 1) * 1000
+        elif topics.IDENTITY.covers(raw.key):
+            said = self.recording.decode(raw)
+            if isinstance(said, SideIdentity):
+                known = self.identity
+                if known is None or (said.side == "drone" and known.side != "drone"):
+                    self.identity = said
 
     @property
     def virtual(self) -> bool:
@@ -81,97 +128,12 @@ class ReplaySource:
         within = (-inf, until_ns + 1)
         return (raw for raw in self.recording.raw(wants, within=within) if raw.log_ns <= until_ns)
 
-    @cached_property
-    def span(self) -> tuple[int, int]:
-        """[ns] UTC of the first and the last message.
-
-        Raises:
-            LindyError: there is none, or some have a wrong time.
-        """
-        first: int | None = None
-        last = 0
-        for raw in self.recording.raw():
-            first = raw.log_ns if first is None else min(first, raw.log_ns)
-            self._goes_back_ns = max(self._goes_back_ns, last - raw.log_ns)
-            last = max(last, raw.log_ns)
-        if first is None:
-            raise LindyError(f"{self.path} holds no message that can be read: nothing to replay")
-        if last - first > LONGEST_NS:
-            days = LONGEST_NS // DAY_NS
-            raise LindyError(
-                f"{self.path}: its messages are {(last - first) / DAY_NS:.0f} days apart, allowed "
-                f"are {days}: some have a wrong time"
-            )
-        return first, last
-
-    @cached_property
+    @property
     def origin_ns(self) -> int:
         """[ns] UTC from which its seconds count: its first message, or, where it was cut out of
-        another recording, that of the whole.
-
-        Raises:
-            LindyError: as `span`.
-        """
-        first, _ = self.span
+        another recording, that of the whole."""
         whole = self.recording.origin_ns() if self.cut else None
-        return first if whole is None else whole
-
-    @property
-    def goes_back_s(self) -> float:
-        """[s] How far its clock ran backwards.
-
-        Raises:
-            LindyError: as `span`.
-        """
-        _ = self.span
-        return self._goes_back_ns / 1e9
-
-    @property
-    def damage(self) -> list[str]:
-        """What cannot be read in it, or may be missing at its end, one sentence each.
-
-        Raises:
-            LindyError: as `span`.
-        """
-        _ = self.span
-        return self.recording.damage
-
-    @cached_property
-    def processes(self) -> dict[str, Process]:
-        """The services that reported their health, by name."""
-        found: dict[str, Process] = {}
-        for raw in self.raw(topics.HEALTH.covers):
-            service = raw.key.removeprefix("health/")
-            if service in found:
-                continue
-            health = self.recording.decode(raw)
-            if isinstance(health, Health):
-                reports = health.seq + 1  # the first one comes a period after the start
-                started = raw.publish_ns - round(reports * 1e9 / topics.HEALTH.hz)
-                found[service] = Process(health.side, started, health.instance, health.pid)
-        return found
-
-    @cached_property
-    def named_start_ns(self) -> int | None:
-        """[ns] When `reference` was started, by the clock on board: the first epoch it grants says
-        so to the microsecond. None: nothing was granted."""
-        for raw in self.raw(topics.STATUS.covers):
-            status = self.recording.decode(raw)
-            if isinstance(status, VehicleStatus) and status.epoch:
-                return (status.epoch - 1) * 1000
-        return None
-
-    @cached_property
-    def identity(self) -> SideIdentity | None:
-        """What the drone said of itself first; else any side; None: nobody said anything."""
-        found: SideIdentity | None = None
-        for raw in self.raw(lambda key: key.startswith("identity/")):
-            said = self.recording.decode(raw)
-            if isinstance(said, SideIdentity) and said.side == "drone":
-                return said
-            if isinstance(said, SideIdentity):
-                found = found or said
-        return found
+        return self.span[0] if whole is None else whole
 
     @property
     def other_messages(self) -> str:
@@ -187,61 +149,13 @@ class ReplaySource:
 
     @contextmanager
     def stack(self) -> Generator[Stack]:
-        """The settings of that dive, from the files that are in the recording, which are unpacked
-        for as long.
+        """The settings of that dive, from the files that are in the recording.
 
         Raises:
-            LindyError: the vehicle file is not in the recording, or what is wrong in one of them.
+            LindyError: as `flown_stack`.
         """
-        with TemporaryDirectory(prefix="lindy-") as folder:
-            try:
-                yield self._stack(Path(folder))
-            except LindyError as error:  # of a file that the user has never seen
-                for what in ("vehicle", "link"):
-                    error = LindyError(str(error).replace(f"{folder}/{what}/", f"{self.path}: "))
-                raise error from None
-
-    def _stack(self, folder: Path) -> Stack:
-        vehicle = self._file("vehicle", self.vehicle, folder)
-        if vehicle is None:
-            raise LindyError(
-                f"{self.path}: the file of the vehicle {self.vehicle!r} is not in the recording, "
-                f"so its settings are not known"
-            )
-        link = self.about.get("link", "perfect")
-        try:
-            seed = int(self.about.get("seed", "0"))
-            overrides = msgspec.json.decode(self.about.get("overrides", "[]"), type=list[str])
-        except ValueError as error:
-            raise LindyError(
-                f"{self.path} does not say with which seed and settings it was flown: {error}"
-            ) from None
-        return Stack(
-            vehicle=str(vehicle),
-            link=str(self._file("link", Path(link).stem, folder) or link),
-            pilot=self.about.get("pilot", "gamepad"),
-            seed=seed,
-            overrides=overrides,
-            virtual=self.virtual,
-            apart=self.apart,
-            out=str(folder),
-        )
-
-    def _file(self, what: str, stem: str, folder: Path) -> Path | None:
-        """An attached TOML file, written below `folder`; None: there is none of that name."""
-        alike = [
-            name
-            for name in self.files
-            if name.endswith(".toml") and _as_in_keys(Path(name).stem) == _as_in_keys(stem)
-        ]
-        if not alike:
-            return None
-        chosen = min(alike, key=lambda name: (what not in name, name))  # two of one name
-        place = folder / what
-        place.mkdir(exist_ok=True)
-        path = place / Path(chosen).name
-        path.write_bytes(self.files[chosen])
-        return path
+        with flown_stack(self.recording, virtual=self.virtual, apart=self.apart) as (stack, _):
+            yield stack
 
 
 def open_source(path: Path) -> ReplaySource:
@@ -252,25 +166,24 @@ def open_source(path: Path) -> ReplaySource:
     recording = open_recording(path)
     if not any(file.stat().st_size for file in recording.files):
         raise LindyError(f"{path} is empty: there is nothing to replay")
-    about = recording.metadata("dive")
-    vehicle = about.get("vehicle", "")
+    vehicle = recording.metadata("dive").get("vehicle", "")
     if not re.fullmatch(r"[a-z0-9_]+", vehicle):
         raise LindyError(
             f"{path} is not a recording of Lindy, or is cut off before it says of which vehicle: "
             f"allowed is a dive's folder or its dive.mcap"
         )
     offset = recording.metadata("clock").get("utc_minus_stamp_ns", "0")
-    files = {one.name: one.data for one in recording.attachments()}
     try:
-        return ReplaySource(path, recording, vehicle, about, int(offset), files)
+        utc_offset_ns = int(offset)
     except ValueError:
         raise LindyError(f"{path}: its clock is {offset!r}, expected whole nanoseconds") from None
+    return ReplaySource(path, recording, vehicle, utc_offset_ns)
 
 
 def remarks(source: ReplaySource) -> list[str]:
     """What a reader should know of this recording before he trusts a result."""
-    said = source.damage
-    if (seconds := source.goes_back_s) > BACKWARDS_S:
+    said = source.recording.damage
+    if (seconds := source.goes_back_ns / 1e9) > BACKWARDS_S:
         said.append(
             f"its clock runs backwards by {seconds:.1f} s: what it holds from then on has other "
             f"times than it had in the dive"
@@ -281,7 +194,3 @@ def remarks(source: ReplaySource) -> list[str]:
             f"{messages_hash(topics.ALL)}): fields that only one of them has are not compared"
         )
     return said
-
-
-def _as_in_keys(stem: str) -> str:
-    return stem.lower().replace("-", "_")

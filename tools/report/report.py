@@ -7,7 +7,7 @@ from statistics import median
 
 import msgspec
 
-from tools.analysis.dive import RecordedDive, Traffic, read_dive
+from tools.analysis.dive import RecordedDive, read_dive
 from tools.analysis.energy import Energy, energy
 from tools.analysis.failsafes import ActedReaction, failsafes
 from tools.analysis.latency import (
@@ -129,7 +129,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         vehicle=dive.about.get("vehicle", ""),
         link=dive.about.get("link", ""),
         services=figures,
-        topics={key: _stream(traffic) for key, traffic in sorted(dive.traffic.items())},
+        topics={key: Stream(t.count, t.hz) for key, t in sorted(dive.traffic.items())},
         latency_ms=latency(dive),
         budget_ms=budget(dive),
         clocks=clocks(dive),
@@ -194,9 +194,3 @@ def _service(sums: HealthSums, name: str, extras: Extras, topsides: int) -> Serv
 
 def _median(values: Sequence[float]) -> float | None:
     return round(median(values), 3) if values else None
-
-
-def _stream(traffic: Traffic) -> Stream:
-    seconds = (traffic.last_ns - traffic.first_ns) / 1e9
-    hz = round((traffic.count - 1) / seconds, 2) if seconds > 0 else None
-    return Stream(traffic.count, hz)

@@ -13,7 +13,7 @@ from messages import cameras, events
 from messages.events import FAILSAFE, ROUTINE, Severity, row_of
 from messages.vehicle import Reaction
 from services.marine.summation import plain_sum
-from tools.analysis.stops import StickStop, StopAxis
+from tools.analysis.stops import StopAxis
 from tools.report.report import Hole, Report
 from tools.report.troubles import by_process, ending
 
@@ -46,7 +46,8 @@ def summary(
     """
     stick = report.latency_ms.stick_to_thruster
     how = ending(report.exit, report.troubles)
-    rows = [("Dive", f"{_named(report)}, {_length(report)}, {how}")]
+    own = "" if report.drone == report.vehicle else f" ({report.vehicle})"
+    rows = [("Dive", f"{report.drone}{own}, {_length(report)}, {how}")]
     if _cut(report):
         missing = plain_sum(hole.end - hole.begin for hole in report.holes)
         recorded = _duration(report.seconds - missing)
@@ -62,8 +63,12 @@ def summary(
     lost_s = report.budget_ms.lost_s
     lost = f"; the pilot saw nothing of the drone for {lost_s:.1f} s" if lost_s else ""
     rows.append(("link", f"{report.link}{lost}"))
-    rows.append(("energy", _energy(report)))
-    rows += _restarts(report)
+    hours = report.energy.endurance_h
+    lasts = "" if hours is None else f"; a full battery lasts {hours:.1f} h like this"
+    rows.append(("energy", f"{report.energy.wh:.2f} Wh{lasts}"))
+    restarts = {name: service.restarts for name, service in report.services.items()}
+    shared = {name: s.process for name, s in report.services.items() if s.process is not None}
+    rows += _labelled("restarted", restarted(restarts, shared))
     rows += _losses(report, None if all_losses else KINDS)
     return lined_up([*rows, *written(files)])
 
@@ -93,17 +98,9 @@ def _pictures(report: Report) -> list[tuple[str, str]]:
     return rows
 
 
-def _energy(report: Report) -> str:
-    text = f"{report.energy.wh:.2f} Wh"
-    hours = report.energy.endurance_h
-    return text if hours is None else f"{text}; a full battery lasts {hours:.1f} h like this"
-
-
-def _named(report: Report) -> str:
-    """The drone, and its type where that is not its name."""
-    if report.drone == report.vehicle:
-        return report.drone
-    return f"{report.drone} ({report.vehicle})"
+def _labelled(label: str, rows: Sequence[str]) -> list[tuple[str, str]]:
+    """With the label before the first."""
+    return [(label if n == 0 else "", row) for n, row in enumerate(rows)]
 
 
 def _length(report: Report) -> str:
@@ -124,14 +121,12 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
-def _acts(name: str) -> bool:
-    return row_of(name).severity is FAILSAFE
-
-
 def _failsafes(report: Report) -> list[tuple[str, str]]:
     """One row for each kind; none is left out."""
-    losses = report.losses
-    acted = sorted(((n, name) for name, n in losses.items() if n and _acts(name)), reverse=True)
+    acted = sorted(
+        ((n, name) for name, n in report.losses.items() if n and row_of(name).severity is FAILSAFE),
+        reverse=True,
+    )
     return [("failsafe", f"{count} × {_acted(report, name)}") for count, name in acted]
 
 
@@ -150,27 +145,16 @@ def _acted(report: Report, name: str) -> str:
     return f"{words}, first at {first.t:.1f} s, {seconds:.1f} s in all"
 
 
-def _restarts(report: Report) -> list[tuple[str, str]]:
-    restarts = {name: service.restarts for name, service in report.services.items()}
-    shared = {name: s.process for name, s in report.services.items() if s.process is not None}
-    rows = restarted(restarts, shared)
-    return [("restarted" if n == 0 else "", row) for n, row in enumerate(rows)]
-
-
 def _stops(report: Report, axis: StopAxis) -> list[tuple[str, str]]:
     """The worst stop of an axis."""
     stops = [stop for stop in report.stops if stop.axis == axis]
     if not stops:
         return []
     worst = max(stops, key=lambda stop: stop.overshoot)
-    label = "depth stops" if axis == "heave" else "turn stops"
-    return [(label, f"{len(stops)}, worst ran {_past(worst)} too far, at {worst.t:.1f} s")]
-
-
-def _past(stop: StickStop) -> str:
-    if stop.axis == "heave":
-        return f"{stop.overshoot * 100:.1f} cm"
-    return f"{degrees(stop.overshoot):.1f}°"
+    label, past = "depth stops", f"{worst.overshoot * 100:.1f} cm"
+    if axis == "yaw":
+        label, past = "turn stops", f"{degrees(worst.overshoot):.1f}°"
+    return [(label, f"{len(stops)}, worst ran {past} too far, at {worst.t:.1f} s")]
 
 
 def is_loss(name: str) -> bool:
@@ -198,7 +182,7 @@ def _losses(report: Report, kinds: int | None) -> list[tuple[str, str]]:
     rows += [f"{count} × {sentence}" for (_, _, sentence), count in ordered[:kinds]]
     if kinds is not None and (more := len(ordered) - kinds) > 0:
         rows.append(f"and {more} more kind{'s' * (more > 1)}, see report.json")
-    return [("losses" if n == 0 else "", row) for n, row in enumerate(rows)]
+    return _labelled("losses", rows)
 
 
 def _of_holes(found: list[Hole]) -> str:
@@ -220,10 +204,9 @@ def restarted(restarts: Mapping[str, int], shared: Mapping[str, str]) -> list[st
     for name in sorted(restarts):
         if name in shared:
             parts.setdefault(shared[name], []).append(name)
+    inside = {process: f" ({', '.join(names)})" for process, names in parts.items()}
     return [
-        f"{process} ({', '.join(parts[process])}) {count} ×"
-        if process in parts
-        else f"{process} {count} ×"
+        f"{process}{inside.get(process, '')} {count} ×"
         for process, count in by_process(restarts, shared).items()
     ]
 
@@ -248,19 +231,18 @@ def unrecorded(
         shared: the process of each service that is not alone in a process of its own name.
     """
     again = restarted(restarts, shared or {})
+    recorded = f"nothing here: recording and report.json are on the {other}"
+    if any(path.suffix == ".mcap" for path in files):
+        recorded = (
+            f"what was heard here; all that never crosses, and report.json, are on the {other}"
+        )
     rows = [
         ("Dive", how),
         ("restarted", in_a_row(again) or "nothing"),
         ("lost", f"{in_a_row(gone)} not alive at the end" if gone else "no service"),
-        ("recorded", _recorded(files, other)),
+        ("recorded", recorded),
     ]
     return lined_up([*rows, *written(files)])
-
-
-def _recorded(files: Sequence[Path], other: str) -> str:
-    if any(path.suffix == ".mcap" for path in files):
-        return f"what was heard here; all that never crosses, and report.json, are on the {other}"
-    return f"nothing here: recording and report.json are on the {other}"
 
 
 class Elsewhere(NamedTuple):
@@ -277,7 +259,12 @@ def elsewhere(report: Report, other: Elsewhere) -> str:
         text = f"the {other.side} was never heard: nothing of it is in this report"
         return lined_up([("elsewhere", text)])
     text = f"the {other.side}'s restarts, and its messages that never arrived, are not in here"
-    if unknown := _unknown(report):
+    figures = {  # that come from the topside's messages
+        "stick to thruster": report.latency_ms.stick_to_thruster.p50,
+        "sensor to screen": report.budget_ms.sensor_to_screen,
+        "the clock offset": report.clocks.offset_ms,
+    }
+    if unknown := [name for name, value in figures.items() if value is None]:
         text += f"; not known here: {in_a_row(unknown)}"
     if silent:
         text += f"; never heard: {in_a_row(silent)}"
@@ -287,13 +274,3 @@ def elsewhere(report: Report, other: Elsewhere) -> str:
 def in_a_row(names: Sequence[str]) -> str:
     """a, b and c"""
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
-
-
-def _unknown(report: Report) -> list[str]:
-    """Figures that come from the topside's messages and did not arrive."""
-    figures = {
-        "stick to thruster": report.latency_ms.stick_to_thruster.p50,
-        "sensor to screen": report.budget_ms.sensor_to_screen,
-        "the clock offset": report.clocks.offset_ms,
-    }
-    return [name for name, value in figures.items() if value is None]

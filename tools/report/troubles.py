@@ -15,19 +15,23 @@ def counted(counts: Mapping[str, int]) -> list[str]:
     Args:
         counts: name → times, as in a report's losses.
     """
-    there = {name: times for name, times in counts.items() if times}
+    there = {name: count for name, count in counts.items() if count}
     broken: dict[Promise, dict[str, int]] = {}
-    for name, times in there.items():
+    for name, count in there.items():
         if (promise := row_of(name).breaks) is not None:
-            broken.setdefault(promise, {})[name] = times
+            broken.setdefault(promise, {})[name] = count
     refused = sum(broken.get("understood", {}).values())
     if any(row_of(name) is events.DAMAGED for name in there):  # then it is nobody's fault
         refused = 0
+    each = {
+        promise: [f"{short(name)} {times(n)}" for name, n in names.items()]
+        for promise, names in broken.items()
+    }
     return [
-        *_each(broken.get("piloted", {})),
-        *_few(_each(broken.get("answered", {})), "services did not answer"),
-        *_if(refused, f"{refused} message{'s' * (refused > 1)} refused"),
-        *_if(broken.get("recorded"), "not everything was recorded"),
+        *each.get("piloted", []),
+        *_few(each.get("answered", []), "services did not answer"),
+        *[f"{refused} message{'s' * (refused > 1)} refused"] * (refused > 0),
+        *["not everything was recorded"] * ("recorded" in broken),
     ]
 
 
@@ -40,8 +44,7 @@ def processes(
         gone: services that were not alive at the end.
         shared: the process of each service that is not alone in a process of its own name.
     """
-    times = by_process(restarts, shared)
-    again = [f"{name} started again {_times(n)}" for name, n in times.items()]
+    again = [f"{name} started again {times(n)}" for name, n in by_process(restarts, shared).items()]
     missing = [f"{name} not alive at the end" for name in gone]
     return [
         *_few(again, "processes started again"),
@@ -62,24 +65,17 @@ def ending(exit_reason: str, troubles: Sequence[str]) -> str:
 
 def by_process(restarts: Mapping[str, int], shared: Mapping[str, str]) -> dict[str, int]:
     """Times each process was started again, of those that were. Arguments as of `processes`."""
-    times: dict[str, int] = {}
+    most: dict[str, int] = {}
     for name, count in restarts.items():
         process = shared.get(name, name)
-        times[process] = max(count, times.get(process, 0))
-    return {process: count for process, count in sorted(times.items()) if count}
-
-
-def _each(counts: Mapping[str, int]) -> list[str]:
-    return [f"{short(name)} {_times(times)}" for name, times in counts.items()]
+        most[process] = max(count, most.get(process, 0))
+    return {process: count for process, count in sorted(most.items()) if count}
 
 
 def _few(each: Sequence[str], together: str) -> Sequence[str]:
     return each if len(each) <= NAMED else [f"{len(each)} {together}"]
 
 
-def _if(there: object, words: str) -> list[str]:
-    return [words] if there else []
-
-
-def _times(count: int) -> str:
+def times(count: int) -> str:
+    """In words."""
     return "once" if count == 1 else f"{count} times"

@@ -2,7 +2,6 @@
 
 import sys
 from contextlib import redirect_stdout
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -11,15 +10,16 @@ from cyclopts import Parameter
 
 from messages.text import harmless
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from tools.choices import Json, Overrides, named
-from tools.fresh import refuse_existing, write_fresh
+from tools.exit_status import DONE, LOST
+from tools.fresh import free_name, refuse_existing, write_fresh
 from tools.importing.command import import_log
 from tools.importing.rosbag_file import is_rosbag
+from tools.packages import require_package
 from tools.recordings.recording import open_recording
+from tools.review.review import page
 from tools.review.review import review as reviewed
 
-COMPLETE, INCOMPLETE = 0, 3  # exit statuses
 RECORDING = ".mcap"
 
 
@@ -59,40 +59,32 @@ def review(
     """Review a dive of any vehicle: one page with plots.
 
     What the recording holds, vibration, Lindy's estimation beside the vehicle's own, every stop,
-    what was rejected, and what Lindy would have asked of the same sticks. A log of another program
-    is imported first, into a new folder beside it. With --json the same figures are printed, and no
-    page is written unless --out names one. Exit status 3: the recording is damaged or not whole,
-    and this is of what can be read.
+    and what was rejected. A log of another program is imported first, into a new folder beside it.
+    With --json the same figures are printed, and no page is written unless --out names one. Exit
+    status 3: the recording is damaged or not whole, and this is of what can be read.
 
     Example: lindy review 00000042.BIN
              lindy review dives/latest --out yesterday.html
     """
     writes = out is not None or not json
-    if writes and find_spec("matplotlib") is None:
-        raise LindyError(
-            f"the page needs matplotlib, which is not installed; {how_to_install('figures')}"
-        )
+    if writes:
+        require_package("matplotlib", "figures", "the page")
     if out is not None:
         if out.suffix != ".html":
             raise LindyError(f"--out {out}: expected a name that ends in .html")
         refuse_existing(out)
     recording = _recording(file, map_, vehicle)
-    found, drawn = reviewed(recording, tuple(set_), quick=quick)
+    found = reviewed(recording, tuple(set_), quick=quick)
     if writes:
-        from tools.review.page import page
-
-        place = out or _free(
-            recording if recording.is_dir() else recording.parent, "review", ".html"
-        )
-        write_fresh(place, page(found, drawn).encode())
+        folder = recording if recording.is_dir() else recording.parent
+        place = out or free_name(folder, "review", ".html")
+        write_fresh(place, page(found).encode())
         print(harmless(f"written {place}"), file=sys.stderr if json else sys.stdout, flush=True)
     if json:
-        print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())
+        print(msgspec.json.format(msgspec.json.encode(found.figures), indent=1).decode())
     else:
-        from tools.review.words import in_short
-
-        print(harmless("\n".join([*found.remarks, *in_short(found)])), flush=True)
-    return INCOMPLETE if drawn.recorded.source.damage else COMPLETE
+        print(harmless("\n".join([*found.figures.remarks, *found.short])), flush=True)
+    return LOST if found.source.recording.damage else DONE
 
 
 def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:
@@ -111,8 +103,7 @@ def _recording(file: Path, map_: str | None, vehicle: str | None) -> Path:
         return file
     if not file.exists():
         raise LindyError(f"there is no file {file}")
-    folder = _free(file.parent, f"{file.stem}-lindy")  # beside it
-    print(f"importing {file} into {folder}", file=sys.stderr, flush=True)
+    folder = free_name(file.parent, f"{file.stem}-lindy")  # beside it
     with redirect_stdout(sys.stderr):  # --json prints figures only
         import_log(file, map_=map_, out=folder, vehicle=vehicle)
     return folder
@@ -129,12 +120,3 @@ def _is_ours(file: Path) -> bool:
     if file.suffix.lower() != RECORDING:
         return False
     return bool(open_recording(file).metadata("dive"))
-
-
-def _free(folder: Path, name: str, suffix: str = "") -> Path:
-    """This name in a folder, or the next that is free."""
-    place, number = folder / f"{name}{suffix}", 1
-    while place.exists():
-        number += 1
-        place = folder / f"{name}-{number}{suffix}"
-    return place

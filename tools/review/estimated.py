@@ -1,31 +1,34 @@
 """Lindy's estimation over the recorded sensors, as `lindy replay --through estimation` runs it, and
 how well each measurement fitted it."""
 
+import re
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
 
 from messages import topics
 from messages.aiding import AidSource
-from messages.events import sentence
+from messages.events import row_of, sentence
+from messages.message import Message
 from messages.state import VehicleState
 from services.runtime.hosts.garbage_collection import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.recordings.columns import Array, Gathering, StreamFigures
-from tools.recordings.mcap_records import nowhere
 from tools.recordings.progress import reading
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
 from tools.review.recorded import STATE, Track, track
+from tools.review.section import OURS, ReviewSection, figure, image, paragraph, table, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ESTIMATION = "estimation"
 FAMILY = topics.AIDING.key[:-1]
-VEHICLE_STATE: msgspec.json.Decoder[VehicleState] = msgspec.json.Decoder(VehicleState)
-AIDING: msgspec.json.Decoder[AidSource] = msgspec.json.Decoder(AidSource)
 COMPARED = StreamFigures(
     topics.AIDING, ("stamp_ns", "samples", "innovation", "spread", "variance", "rejected")
 )
@@ -124,25 +127,21 @@ def estimate(source: ReplaySource, overrides: Sequence[str] = ()) -> Estimated:
         LindyError: settings that are refused, or nothing in the recording.
     """
     services = Registry.read()
+    heard = _Heard(source.origin_ns - source.utc_offset_ns)
     with source.stack() as stack, rare_collections():
         stack.overrides.extend(overrides)
         stack.check(known_tables(services), recorded=True)
-        replay = OnBoard(source, (ESTIMATION,), services, stack)
-        heard = _Heard(replay, source.origin_ns - source.utc_offset_ns)
-        with reading("estimating", source.recording.size) as bar:
-            source.recording.advance = heard.draining(bar)
+        replay = OnBoard(source, (ESTIMATION,), services, stack, heard.add)
+        with reading("estimating", source.recording.size) as source.recording.advance:
             replay.run(source.span[1])
-        heard.drain(keep=0)
-        source.recording.advance = nowhere
     return heard.found()
 
 
 class _Heard:
-    """Takes what is published out of a replay while it runs: of a dive of hours it is too much to
-    keep."""
+    """What is published in a replay."""
 
-    def __init__(self, replay: OnBoard, begin_ns: int) -> None:
-        self._replay, self._begin = replay, begin_ns
+    def __init__(self, begin_ns: int) -> None:
+        self._begin = begin_ns
         self._states = Gathering(STATE)
         self._sources: dict[str, Gathering] = {}
         self._reasons: dict[str, Counter[str]] = {}
@@ -152,25 +151,14 @@ class _Heard:
         self._running = False
         self._blocked, self._troubles = "", Counter[str]()
 
-    def draining(self, bar: Callable[[int], None]) -> Callable[[int], None]:
-        def advance(read: int) -> None:
-            bar(read)
-            self.drain(keep=1)
-
-        return advance
-
-    def drain(self, keep: int) -> None:
-        """`keep`: newest messages that the replay itself still asks for."""
-        for key in self._replay.outputs.keys:
-            told = self._replay.outputs.of(key)
-            taken = told[: len(told) - keep]
-            del told[: len(taken)]
-            for each in taken:
-                if key == topics.STATE.key:
-                    self._state(VEHICLE_STATE.decode(each.data))
-                elif key.startswith(FAMILY):
-                    self._aiding(key.removeprefix(FAMILY), AIDING.decode(each.data))
-        self._replay.recorded.clear()
+    def add(self, key: str, message: Message) -> None:
+        if isinstance(message, VehicleState):
+            self._state(message)
+        elif isinstance(message, AidSource):
+            name = key.removeprefix(FAMILY)
+            self._sources.setdefault(name, Gathering(COMPARED)).add(message)
+            self._reasons.setdefault(name, Counter()).update(message.reasons)
+            self._verdicts.setdefault(name, Counter()).update(filter(None, [message.verdict]))
 
     def _state(self, state: VehicleState) -> None:
         self._states.add(state)
@@ -180,11 +168,6 @@ class _Heard:
             self._running, self._ran_ns = True, state.sensor_ns
         self._blocked = str(state.blocked_by or self._blocked) if not self._running else ""
         self._troubles.update(state.troubles or ())
-
-    def _aiding(self, name: str, source: AidSource) -> None:
-        self._sources.setdefault(name, Gathering(COMPARED)).add(source)
-        self._reasons.setdefault(name, Counter()).update(source.reasons)
-        self._verdicts.setdefault(name, Counter()).update(filter(None, [source.verdict]))
 
     def found(self) -> Estimated:
         until = self._ran_ns if self._running else self._last_ns
@@ -210,3 +193,65 @@ class _Heard:
             reasons=self._reasons[name],
             verdicts=self._verdicts[name],
         )
+
+
+class MeasurementSection(ReviewSection):
+    key, heading = "measurements", "What was rejected"
+
+    def __init__(self, estimated: Estimated) -> None:
+        """Where the estimation never ran, nothing was compared; its own section says why."""
+        self._found = estimated.innovations if estimated.runs else {}
+        never = "Nothing was compared, because the estimation never ran."
+        super().__init__([] if self._found else [never])
+        self.measurements = [each.measurement(name) for name, each in self._found.items()]
+
+    def sentences(self) -> Iterator[str]:
+        rejected = [
+            f"{in_words(m.name)} {m.rejected:.0%}{f': {plain(m.words[0])}' if m.words else ''}"
+            for m in self.measurements if m.rejected > 0.01
+        ]  # fmt: skip
+        if rejected:
+            yield f"Rejected measurements: {'; '.join(rejected)}."
+            mostly = (
+                row_of(event).to_do
+                for m in self.measurements if m.rejected > 0.5 for event in m.reasons
+            )  # fmt: skip
+            yield from (f"What helps: {to_do}." for to_do in dict.fromkeys(mostly) if to_do)
+        elif self.measurements:
+            yield "Nearly all measurements were used."
+
+    def html(self) -> str:
+        if not self.measurements:
+            return ""
+        rows = [
+            (in_words(m.name), m.samples, m.rejected, m.not_used, m.lag_one, m.spread_ratio,
+             "; ".join(m.words))
+            for m in self.measurements
+        ]  # fmt: skip
+        heads = ("measured", "samples", "rejected", "not used", "correlation", "over expected",
+                 "why")  # fmt: skip
+        return (
+            paragraph("The share of each measurement that was used, over time: 1 all, 0 none.")
+            + image(self._used(), "Share of each measurement used over time")
+            + table(heads, rows, words=1)
+        )
+
+    def _used(self) -> "Figure":
+        """The share of each measurement's samples that was used."""
+        drawn = figure(0.9 + 0.75 * len(self._found))
+        panels = np.atleast_1d(drawn.subplots(len(self._found), 1, sharex=True))
+        for panel, (name, each) in zip(panels, self._found.items(), strict=True):
+            t, share = thinned(each.t, 1.0 - each.rejected)
+            panel.fill_between(t, share, step="mid", color=OURS, alpha=0.5, linewidth=0)
+            panel.set_ylim(0.0, 1.05)
+            panel.set_ylabel(
+                name.replace("_", "\n"), rotation=0, ha="right", va="center", fontsize="small"
+            )
+            panel.grid(alpha=0.3)
+        panels[-1].set_xlabel("time since the recording began [s]")
+        return drawn
+
+
+def plain(text: str) -> str:
+    """Without the keys that name a sensor for programs."""
+    return re.sub(r" \(sensor/\w+\)", "", text)

@@ -23,6 +23,7 @@ from tools.replay.source import ReplaySource, open_source
 
 PAUSE = 3.0  # [-] a longer period, in usual ones, is a pause
 WATER = 1000.0  # [kg/m³] for the pressure's lever arm, centimetres
+TOGETHER_S = 0.5  # [s] no value is taken from over a longer pause
 UNKNOWN_STD = 0.5  # [rad] of a heading that is as good as not known
 NOTHING = (None,) * 6
 VALUES = ("p", "q", "r", "x", "y", "z", "pressure")  # of the IMU at the origin, and in Pa
@@ -78,6 +79,17 @@ class Track(NamedTuple):
         values: Array = getattr(self, name)
         there = np.isfinite(values)
         return self.t[there], values[there]
+
+
+def at(track: Track, name: str, t: Array) -> Array:
+    """A track's column at other times; NaN where it has no value near."""
+    times, values = track.known(name)
+    if not len(times):
+        return np.full(len(t), nan)
+    after = np.clip(np.searchsorted(times, t), 1, max(1, len(times) - 1))
+    pause = times[np.minimum(after, len(times) - 1)] - times[after - 1]
+    found = np.interp(t, times, values, left=nan, right=nan)
+    return np.where(pause <= TOGETHER_S, found, nan)
 
 
 def true_track(dive: RecordedDive) -> Track | None:

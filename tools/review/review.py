@@ -1,6 +1,8 @@
-"""A review: every figure of the page, and what the page draws."""
+"""A review: every figure of the page, the page, and what it says in short."""
 
 import sys
+from collections.abc import Iterator, Sequence
+from html import escape
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,39 +10,29 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from messages.events import sentence
-from tools.replay.source import remarks
-from tools.review.asked import Asked, asked
-from tools.review.beside import ComparedEstimate, at, beside
-from tools.review.estimated import Estimated, Measurement, estimate
-from tools.review.recorded import Recorded, Track, digits, read
-from tools.review.sensor_table import SensorStream, sensor_table
-from tools.review.stick_stops import ReviewedStop, Stops, reviewed_stops
-from tools.review.vibration import AxisVibration, ImuVibration, vibration
+from tools.replay.source import ReplaySource, remarks
+from tools.review.estimated import Measurement, MeasurementSection, estimate, plain
+from tools.review.estimation import EstimationSection, ReviewedEstimation
+from tools.review.recorded import read
+from tools.review.section import ReviewSection
+from tools.review.sensors import SensorSection, SensorStream
+from tools.review.stops import ReviewedStop, StopSection, StopsWithLindySection, reviewed_stops
+from tools.review.vibration import AxisVibration, VibrationSection
 from tools.review.with_lindy import stops_with_lindy
 
-KNOWN_SHARE = 0.5  # [-] of the dive: less, and the page says that the estimator did not work
-FEWEST_MOVED = 20  # samples of a rate
 SHOWN = 3  # keys that a sentence names
-
-
-class ReviewedEstimation(msgspec.Struct, kw_only=True, frozen=True):
-    """How Lindy's estimation ran over the dive."""
-
-    runs: bool
-    calibrating_s: float  # [s] until it ran; the whole dive, where it never did
-    known_s: float  # [s] in which roll, pitch and depth were known
-    troubles: list[str]  # which sensors could not be used, in words, the most frequent first
-    beside: list[ComparedEstimate]  # with what was estimated in the dive
-
-
-class AskedAxis(msgspec.Struct, kw_only=True, frozen=True):
-    """Of heave or yaw: fastest in 99 of 100 samples."""
-
-    axis: str
-    unit: str
-    lindy: float  # [m/s, rad/s] what Lindy's reference would have asked
-    vehicle: float | None  # [m/s, rad/s] what the vehicle did; None: not known
+STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 58rem; margin: 2rem auto; padding: 0 1rem;
+  color: #222; background: #fff; }
+h1 { margin-bottom: 0; } h2 { margin-top: 2.5rem; border-top: 1px solid #ccc; padding-top: 1rem; }
+table { border-collapse: collapse; font-size: 0.88rem; margin: 1rem 0; }
+th, td { padding: 0.2rem 0.7rem 0.2rem 0; text-align: right; vertical-align: top; }
+th { border-bottom: 1px solid #999; font-weight: 600; }
+th:first-child, td:first-child, td.words, th.words { text-align: left; }
+img { max-width: 100%; } pre { background: #f2f2f2; padding: 0.8rem; overflow-x: auto; }
+.missing { background: #fff4d6; padding: 0.5rem 0.8rem; } .about { color: #555; }
+.short li { margin: 0.3rem 0; }
+"""
 
 
 class Review(msgspec.Struct, kw_only=True, frozen=True):
@@ -58,24 +50,18 @@ class Review(msgspec.Struct, kw_only=True, frozen=True):
     stops: list[ReviewedStop]
     stops_with_lindy: list[ReviewedStop]  # the same sticks on the identified vehicle, simulated
     measurements: list[Measurement]
-    asked: list[AskedAxis]
     missing: dict[str, list[str]]  # section: what it lacks, in sentences
     remarks: list[str]  # what a reader should know of the recording
 
 
-class Drawn(NamedTuple):
-    """What only the page needs."""
-
-    recorded: Recorded
-    estimated: Estimated
-    vibration: ImuVibration | None
-    stops: Stops
-    asked: Asked | None
+class Reviewed(NamedTuple):
+    figures: Review
+    sections: Sequence[ReviewSection]  # in the order of the page
+    short: list[str]  # what the page says, in sentences
+    source: ReplaySource
 
 
-def review(
-    path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False
-) -> tuple[Review, Drawn]:
+def review(path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False) -> Reviewed:
     """
     Args:
         path: a recording of Lindy.
@@ -86,145 +72,91 @@ def review(
         LindyError: not a recording of Lindy, nothing in it, or wrong settings.
     """
     recorded = read(path, overrides)
-    missing: dict[str, list[str]] = {}
     estimated = estimate(recorded.source, overrides)
-    shaken = _vibration(recorded, missing)
     motion = estimated.track if estimated.runs else recorded.own
-    imu = recorded.sensors.get(topics.IMU.key)
-    reference, armed = recorded.settings.reference, recorded.armed
-    stops = reviewed_stops(recorded.dive, motion, imu, reference, armed)
-    if stops.missing:
-        missing["stops"] = stops.missing
-    wanted = asked(recorded.dive, reference, 1.0)
-    if wanted is None:
-        missing["asked"] = [
-            "The recording holds no sticks, so Lindy would have been asked nothing."
-        ]
-    simulated: list[ReviewedStop] = []
-    if quick:
-        missing["stops_with_lindy"] = ["Your sticks were not flown again, as --quick asks."]
-    else:
-        simulated = _with_lindy(path, recorded.begin_ns, missing)
-    estimation = _estimation(recorded, estimated, missing)
-    compared = estimated.innovations if estimated.runs else {}
-    if not compared:
-        missing["measurements"] = ["Nothing was compared, because the estimation never ran."]
-    about = recorded.source.about
-    found = Review(
+    depth = np.empty(0) if motion is None else motion.known("depth")[1]
+    imu, armed = recorded.sensors.get(topics.IMU.key), recorded.armed
+    found = reviewed_stops(recorded.dive, motion, imu, recorded.settings.reference, armed)
+    sections = (
+        sensors := SensorSection(recorded.sensors),
+        vibration := VibrationSection(imu),
+        estimation := EstimationSection(recorded, estimated),
+        stops := StopSection(found),
+        measurements := MeasurementSection(estimated),
+        flown := StopsWithLindySection(_with_lindy(path, recorded.begin_ns, quick=quick)),
+    )
+    about, keys = recorded.source.about, sorted(recorded.source.recording.unreadable)
+    more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
+    unread = [f"some messages of {', '.join(keys[:SHOWN])}{more} could not be read"] * bool(keys)
+    figures = Review(
         file=str(path),
         imported_from=about.get("imported", ""),
         vehicle=about.get("vehicle", ""),
         seconds=round(recorded.seconds, 1),
         armed_s=None if armed is None else round(sum(span.seconds for span in armed), 1),
-        deepest=None if motion is None else _deepest(motion),
-        sensors=sensor_table(recorded.sensors),
-        vibration=[] if shaken is None else shaken.axes,
-        estimation=estimation,
+        deepest=round(float(depth.max()), 2) if len(depth) else None,
+        sensors=sensors.streams,
+        vibration=vibration.axes,
+        estimation=estimation.found,
         stops=stops.stops,
-        stops_with_lindy=simulated,
-        measurements=[each.measurement(name) for name, each in compared.items()],
-        asked=[] if wanted is None else _asked(wanted, motion),
-        missing=missing,
-        remarks=[*remarks(recorded.source), *_unread(recorded)],
+        stops_with_lindy=flown.stops,
+        measurements=measurements.measurements,
+        missing={section.key: section.missing for section in sections if section.missing},
+        remarks=[*remarks(recorded.source), *unread],
     )
-    return found, Drawn(recorded, estimated, shaken, stops, wanted)
+    short = [_dive(figures, vibration), estimation.verdict()]
+    short += [said for section in sections for said in section.sentences()]
+    return Reviewed(figures, sections, [*short, *_missing(figures)], recorded.source)
 
 
-def _unread(recorded: Recorded) -> list[str]:
-    keys = sorted(recorded.source.recording.unreadable)
-    more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
-    return [f"some messages of {', '.join(keys[:SHOWN])}{more} could not be read"] if keys else []
-
-
-def _vibration(recorded: Recorded, missing: dict[str, list[str]]) -> ImuVibration | None:
-    imu = recorded.sensors.get(topics.IMU.key)
-    found = "The recording holds no IMU." if imu is None else vibration(imu)
-    if isinstance(found, str):
-        missing["vibration"] = [found]
-        return None
-    return found
-
-
-def _estimation(
-    recorded: Recorded, estimated: Estimated, missing: dict[str, list[str]]
-) -> ReviewedEstimation:
-    known = 0.0 if estimated.track is None else estimated.track.seconds_known
-    said: list[str] = []
-    if topics.IMU.key not in recorded.sensors:
-        said.append("The recording holds no IMU, so Lindy's estimation had nothing to run on.")
-    elif not estimated.runs:
-        why = f": {sentence(estimated.blocked_by)}" if estimated.blocked_by else ""
-        rest = recorded.settings.estimation.calibration.still_time
-        said.append(
-            f"Lindy's estimation never got beyond calibrating: it wants {rest:g} s at rest at the "
-            f"surface before the dive, and this recording does not have them{why}."
-        )
-    elif known < KNOWN_SHARE * recorded.seconds:
-        said.append(
-            f"Lindy's estimation knew roll, pitch and depth together for {known:.0f} of "
-            f"{recorded.seconds:.0f} s only{'' if round(known, 1) else '; nothing is compared'}."
-        )
-    compared: list[ComparedEstimate] = []
-    if recorded.own is None:
-        said.append("The recording holds no estimate of the vehicle's own to compare with.")
-    elif estimated.track is not None and round(known, 1):
-        compared = beside(estimated.track, recorded.own)
-        if len(recorded.own.known("bearing")[0]) and not any(c.name == "heading" for c in compared):
-            said.append(f"Heading: not known: {_why_no_heading(estimated)}.")
-    if said:
-        missing["estimation"] = said
-    return ReviewedEstimation(
-        runs=estimated.runs,
-        calibrating_s=round(estimated.calibrating_s, 1),
-        known_s=round(known, 1),
-        troubles=[sentence(event) for event, _ in estimated.troubles.most_common()],
-        beside=compared,
+def page(of: Reviewed) -> str:
+    """The HTML."""
+    found = of.figures
+    log = f"imported from {found.imported_from}, " if found.imported_from else ""
+    armed = "" if found.armed_s is None else f", armed {found.armed_s:.0f} s"
+    about = f"{log}vehicle file {found.vehicle}, {found.seconds:.0f} s{armed}"
+    short = "".join(f"<li>{escape(line)}</li>" for line in of.short)
+    remarks = "".join(f'<p class="missing">{escape(line)}</p>' for line in found.remarks)
+    sections = "".join(section.whole() for section in of.sections)
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width">'
+        f"<title>Review of {escape(found.file)}</title><style>{STYLE}</style></head><body>"
+        f'<h1>Your dive, reviewed</h1><p class="about">{escape(found.file)}: {escape(about)}</p>'
+        f'{remarks}<h2>In short</h2><ul class="short">{short}</ul>{sections}'
+        f'<p class="about">Made by lindy review. The same figures: '
+        f"lindy review --json {escape(found.file)}</p></body></html>\n"
     )
 
 
-def _why_no_heading(estimated: Estimated) -> str:
-    if "compass" not in estimated.innovations:
-        return "there is no compass, and gyroscopes alone drift"
-    return "the compass was rejected"
+def _dive(found: Review, vibration: VibrationSection) -> str:
+    armed = "" if found.armed_s is None else f", armed {found.armed_s:.0f} s"
+    deepest = "" if found.deepest is None else f", down to {found.deepest:.1f} m"
+    rms = max((axis.shaken_rms for axis in vibration.forces), default=None)
+    rough = "" if rms is None else f", the IMU shaken by {rms:.2g} m/s² (rms) at its roughest"
+    return f"The dive: {found.seconds:.0f} s{armed}{deepest}{rough}."
 
 
-def _with_lindy(path: Path, begin_ns: int, missing: dict[str, list[str]]) -> list[ReviewedStop]:
+def _missing(found: Review) -> Iterator[str]:
+    """What the other sentences do not say, each once."""
+    lacking = dict.fromkeys(
+        # Which messages were too few is for the section.
+        f"{line.split(': ')[0].rstrip('.')}." if key == "stops_with_lindy" else line
+        for key, lines in found.missing.items()
+        # That nothing was compared follows from what the estimation lacks.
+        if not (key == "measurements" and "estimation" in found.missing)
+        for line in lines
+    )
+    if lacking:
+        yield f"Not in this dive: {plain(' '.join(lacking))}"
+
+
+def _with_lindy(path: Path, begin_ns: int, *, quick: bool) -> list[ReviewedStop] | str:
+    if quick:
+        return "Your sticks were not flown again, as --quick asks."
     print(
         "lindy: identifies the vehicle and flies it again, which may take minutes",
         file=sys.stderr,
         flush=True,
     )
-    found = stops_with_lindy(path, begin_ns)
-    if isinstance(found, str):
-        missing["stops_with_lindy"] = [found]
-        return []
-    return found
-
-
-def _asked(wanted: Asked, motion: Track | None) -> list[AskedAxis]:
-    axes = (
-        ("heave", "m/s", wanted.depth_rate, "depth_rate"),
-        ("yaw", "rad/s", wanted.yaw_rate, "yaw_rate"),
-    )
-    found: list[AskedAxis] = []
-    for axis, unit, reference, column in axes:
-        known = np.empty(0) if motion is None else at(motion, column, wanted.t)
-        known = known[np.isfinite(known)]
-        found.append(
-            AskedAxis(
-                axis=axis,
-                unit=unit,
-                lindy=_fastest(reference),
-                vehicle=_fastest(known) if len(known) >= FEWEST_MOVED else None,
-            )
-        )
-    return found
-
-
-def _deepest(motion: Track) -> float | None:
-    depth = motion.known("depth")[1]
-    return round(float(depth.max()), 2) if len(depth) else None
-
-
-def _fastest(rate: np.ndarray) -> float:
-    return digits(float(np.percentile(np.abs(rate), 99))) if len(rate) else 0.0
+    return stops_with_lindy(path, begin_ns)

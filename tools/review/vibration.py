@@ -5,7 +5,8 @@ filter under way has to expect. So the dive is cut into windows, and by their vi
 and the most shaken fifth are told apart. No sticks or thrusters need to be in the recording.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
@@ -14,6 +15,10 @@ from numpy.typing import NDArray
 from tools.analysis.spectra import Spectrum, spectrum
 from tools.recordings.columns import Array
 from tools.review.recorded import PAUSE, SensorColumns, digits
+from tools.review.section import ReviewSection, figure, image, paragraph, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 AXES = (
     *(("gyroscope roll", "rad/s"), ("gyroscope pitch", "rad/s"), ("gyroscope yaw", "rad/s")),
@@ -116,3 +121,67 @@ def _axis(name: str, unit: str, quiet: Spectrum, shaken: Spectrum) -> AxisVibrat
 def _density(of: Spectrum) -> float:
     """[unit/√Hz] Above a frequency, as white noise has it: a line of a propeller does not count."""
     return float(np.sqrt(np.median(of.density[of.frequency >= MOTION_HZ])))
+
+
+class VibrationSection(ReviewSection):
+    key, heading = "vibration", "Noise and vibration"
+
+    def __init__(self, imu: SensorColumns | None) -> None:
+        found = "The recording holds no IMU." if imu is None else vibration(imu)
+        super().__init__([found] if isinstance(found, str) else [])
+        self._found = None if isinstance(found, str) else found
+        self.axes = [] if self._found is None else self._found.axes
+        self.forces = [axis for axis in self.axes if axis.unit == "m/s²"]
+
+    def sentences(self) -> Iterator[str]:
+        if not self.forces:
+            return
+        worst = max(self.forces, key=lambda axis: axis.shaken_density)
+        ratio = worst.shaken_density / worst.quiet_density if worst.quiet_density else 0.0
+        line = f", strongest at {worst.peak_hz:.0f} Hz" if worst.peak_hz is not None else ""
+        yield (
+            f"Vibration: along {worst.name.split()[1]} the most shaken fifth of the dive has "
+            f"{worst.shaken_density:.2g} m/s²/√Hz, {ratio:.1f} times the quietest{line}."
+        )
+
+    def html(self) -> str:
+        if self._found is None:
+            return ""
+        rows = [
+            (a.name, a.unit, a.quiet_density, a.shaken_density, a.shaken_rms, a.peak_hz)
+            for a in self.axes
+        ]
+        heads = ("axis", "unit", "quiet [/√Hz]", "shaken [/√Hz]", "shaken, rms", "line at [Hz]")
+        return (
+            paragraph(
+                f"The quietest and the most shaken fifth of the dive, above {MOTION_HZ:g} Hz, "
+                "where a vehicle does not move by itself: what is there is noise, thrusters and "
+                "frame. A line is something that turns or rings."
+            )
+            + image(_spectra(self._found), "Spectra of accelerometer and gyroscope")
+            + table(heads, rows)
+        )
+
+
+def _spectra(found: ImuVibration) -> "Figure":
+    drawn = figure(4.2)
+    panels = drawn.subplots(1, 2)
+    for panel, first, unit in ((panels[0], 3, "m/s²"), (panels[1], 0, "rad/s")):
+        for k in range(first, first + 3):
+            name, colour = AXES[k][0].split()[1], f"C{k % 3}"
+            for one, style, what in (
+                (found.quiet[k], ":", "quiet"),
+                (found.shaken[k], "-", "shaken"),
+            ):
+                shown = one.frequency > 0.0
+                panel.loglog(
+                    one.frequency[shown], np.sqrt(one.density[shown]), style,
+                    color=colour, linewidth=1.2, label=f"{name}, {what}",
+                )  # fmt: skip
+        panel.axvline(MOTION_HZ, color="0.6", linewidth=0.8)
+        panel.set_title("accelerometer" if first else "gyroscope")
+        panel.set_ylabel(f"[{unit}/√Hz]")
+        panel.set_xlabel("frequency [Hz]")
+        panel.grid(alpha=0.3)
+        panel.legend(fontsize="x-small")
+    return drawn

@@ -7,7 +7,6 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 
-from messages import topics
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
@@ -15,10 +14,10 @@ from tools.identify.identify import identify_dive
 from tools.identify.results import identified
 from tools.identify.vehicle_file import rewritten, rounded
 from tools.live.viewer import VIEWER
-from tools.log.sticks import LOG, HeardSticks, as_csv, sticks_of
+from tools.log.sticks import as_csv, sticks_of
 from tools.recordings.recording import open_recording
 from tools.review.recorded import read
-from tools.review.stick_stops import ReviewedStop, reviewed_stops
+from tools.review.stops import ReviewedStop, reviewed_stops
 from tools.simulate import simulated
 
 
@@ -47,8 +46,8 @@ def stops_with_lindy(path: Path, begin_ns: int) -> list[ReviewedStop] | str:
                 simulated(choices, running=[each for each in Registry.read() if each != VIEWER])
             flown = read(folder / "dive")
             # Both tables count from the beginning of the reviewed recording.
-            later = (_handed_over_ns(path) - begin_ns) / 1e9
-            later -= (_handed_over_ns(folder / "dive") - flown.begin_ns) / 1e9
+            again = sticks_of(flown.source.recording)
+            later = (sticks.began_ns - begin_ns - again.began_ns + flown.begin_ns) / 1e9
     except LindyError as error:
         return f"Lindy on this vehicle cannot be simulated from this dive: {error}."
     stops = reviewed_stops(
@@ -56,20 +55,3 @@ def stops_with_lindy(path: Path, begin_ns: int) -> list[ReviewedStop] | str:
         flown.armed,
     ).stops  # fmt: skip
     return [msgspec.structs.replace(stop, t=round(stop.t + later, 3)) for stop in stops]
-
-
-def _handed_over_ns(path: Path) -> int:
-    """[ns] From when the rows of its stick log count, by the clock of the stamps.
-
-    Raises:
-        LindyError: nobody flew in it.
-    """
-    recording, heard = open_recording(path), HeardSticks()
-    for raw in recording.raw(lambda key: key == topics.STATUS.key or key.startswith(LOG)):
-        message = recording.decode(raw)
-        if message is not None:
-            heard.add(message)
-    began = heard.armed_ns if heard.began_ns is None else heard.began_ns
-    if began is None:
-        raise LindyError(f"{recording.files[0]} holds no sticks to fly again")
-    return began

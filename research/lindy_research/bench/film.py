@@ -1,7 +1,7 @@
 """What a film of a dive costs, and how true its times are.
 
 A simulated dive with a camera, over a link that makes its bitrate change. Beside `lindy log film`:
-ffmpeg, which copies the finished film, or encodes it anew. Costs are processor times of the whole
+ffmpeg, which copies the finished film. Costs are processor times of the whole
 command; of a film's time, the difference to when the light arrived, picture by picture.
 """
 
@@ -42,29 +42,18 @@ def _figure(name: str, unit: str, ours: float | None, **more: Any) -> Figure:
 def _figures(folder: Path) -> Iterator[Figure]:
     dive = folder / "dive"
     _cpu_s(*LINDY, "simulate", *DIVE, "--out", str(dive))
-    film, shown = folder / "film.mp4", folder / "shown.mp4"
+    film = folder / "film.mp4"
     read = _cpu_s(*LINDY, "log", "info", str(dive))
     copied = _cpu_s(*LINDY, "log", "film", str(dive), "--out", str(film))
-    drawn = _cpu_s(*LINDY, "log", "film", str(dive), "--overlay", "--out", str(shown))
     minutes = SECONDS / 60.0
-    theirs: dict[str, float | None] = {"copy": None, "libx264": None}
+    theirs: float | None = None
     if (program := shutil.which("ffmpeg")) is not None:
-        theirs = {
-            codec: read + _cpu_s(
-                program, "-v", "error", "-i", str(film), "-c:v", codec, str(folder / f"{codec}.mp4")
-            )
-            for codec in theirs
-        }  # fmt: skip
-    for name, ours, codec, goal in (
-        ("a film of a minute", copied, "copy", COPIED),
-        ("the same with the overlay", drawn, "libx264", None),
-    ):
-        other = theirs[codec]
-        yield _figure(
-            name, "s", ours / minutes, goal=goal,
-            baseline_name=f"lindy log info and ffmpeg {codec}",
-            baseline=None if other is None else other / minutes,
-        )  # fmt: skip
+        copy = (program, "-v", "error", "-i", str(film), "-c:v", "copy", str(folder / "copy.mp4"))
+        theirs = (read + _cpu_s(*copy)) / minutes
+    yield _figure(
+        "a film of a minute", "s", copied / minutes, goal=COPIED,
+        baseline_name="lindy log info and ffmpeg copy", baseline=theirs,
+    )  # fmt: skip
     mcap = next(dive.glob("*.mcap"))
     yield _figure(
         "size of the film", "MB", film.stat().st_size / 1e6,

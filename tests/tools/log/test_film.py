@@ -7,10 +7,9 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -24,10 +23,9 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.film import FilmKind, FilmRequest
-from services.marine import time_stripe
+from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
-from tools.log import film_file
-from tools.log.film import STEP_NS, Subtitles, filmed
+from tools.log.film import STEP_NS, TICKS, Subtitles, filmed
 from tools.log.film_scenes import (
     FilmedPicture,
     FilmPlace,
@@ -36,7 +34,8 @@ from tools.log.film_scenes import (
     pictures,
     within,
 )
-from tools.recordings.recording import Recording, open_recording
+from tools.recordings.mcap_records import ALWAYS, Span, Wants, always
+from tools.recordings.recording import Raw, RecordedMessage, Recording, open_recording
 
 ffprobe = pytest.mark.skipif(shutil.which("ffprobe") is None, reason="no ffprobe program")
 
@@ -63,7 +62,7 @@ def test_every_picture_is_in_the_film_at_the_time_of_its_light(
     began = filmed_pictures[0].light_ns
     for packet, picture in zip(found["packets"], filmed_pictures, strict=True):
         assert float(packet["pts_time"]) == pytest.approx(
-            (picture.light_ns - began) / 1e9, abs=2.0 / film_file.TICKS
+            (picture.light_ns - began) / 1e9, abs=2.0 / TICKS
         )
         assert ("K" in packet["flags"]) == picture.keyframe
     with av.open(str(out)) as opened:  # not one of them is coded anew, nor damaged
@@ -72,9 +71,8 @@ def test_every_picture_is_in_the_film_at_the_time_of_its_light(
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cvlc") is None, reason="no VLC program (cvlc)")
-@pytest.mark.parametrize("overlay", [False, True])
 def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
-    filmed_dive: Path, filmed_pictures: list[FilmedPicture], *, overlay: bool
+    filmed_dive: Path, filmed_pictures: list[FilmedPicture]
 ) -> None:
     """At three times its speed, and without a screen: VLC writes what it shows, as pictures."""
     image = pytest.importorskip("PIL.Image")
@@ -82,7 +80,7 @@ def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
     with tempfile.TemporaryDirectory(prefix="lindy-vlc-") as folder:
         home = Path(folder)
         home.chmod(0o777)
-        filmed(open_recording(filmed_dive), home / "dive.mp4", overlay=overlay)
+        filmed(open_recording(filmed_dive), home / "dive.mp4")
         answer = subprocess.run(
             ["cvlc", "-vv", "-I", "dummy", "--vout", "dummy", "--no-audio", "--play-and-exit",
              "--rate", "3", "--video-filter", "scene", "--scene-format", "png", "--scene-ratio",
@@ -114,13 +112,12 @@ def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("melt") is None, reason="no MLT program (melt)")
-@pytest.mark.parametrize("overlay", [False, True])
 def test_an_editor_s_engine_opens_it_and_reads_all_of_its_pictures(
-    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path, *, overlay: bool
+    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
 ) -> None:
     """MLT, the engine of Kdenlive and Shotcut, without either's window: it writes what it reads."""
     film, read = tmp_path / "dive.mp4", tmp_path / "read.yuv"
-    filmed(open_recording(filmed_dive), film, overlay=overlay)
+    filmed(open_recording(filmed_dive), film)
     for _ in range(3):  # on a busy computer it may end, content, before it has written anything
         answer = subprocess.run(
             ["melt", "-silent", str(film), "-consumer", f"avformat:{read}", "f=rawvideo",
@@ -156,23 +153,6 @@ def test_subtitles_say_where_the_drone_was(
     assert any(
         f"depth {picture.drone.depth or 0:.1f} m" in lines[-1] for picture in filmed_pictures
     )
-
-
-@pytest.mark.slow
-def test_the_overlay_is_as_long_and_needs_no_other_names(
-    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
-) -> None:
-    pytest.importorskip("PIL")
-    out = tmp_path / "shown.mp4"
-    filmed(open_recording(filmed_dive), out, overlay=True)
-    with av.open(str(out)) as opened:
-        frames = list(opened.decode(video=0))
-    assert len(frames) == len(filmed_pictures)
-    for frame in (frames[0], frames[-1]):  # the time stripe is for machines
-        luma = np.asarray(frame.to_ndarray(format="gray"), np.uint8)
-        assert time_stripe.read(luma, 0) is None
-    seconds = (filmed_pictures[-1].light_ns - filmed_pictures[0].light_ns) / 1e9
-    assert float(frames[-1].time) == pytest.approx(seconds, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["dive.mp4", "dive.srt"])
@@ -276,19 +256,17 @@ def test_pictures_that_cannot_be_decoded_are_said(filmed_dive: Path) -> None:
     every = list(pictures(whole, left_out))
     assert not left_out
 
-    class Holed:
-        """The recording without one message of the video."""
+    class Holed(Recording):
+        """Without one message of the video."""
 
-        def raw(self, wants: Callable[[str], bool]) -> Iterator[Any]:
+        def raw(self, wants: Wants = always, within: Span = ALWAYS) -> Iterator[Raw]:
             video = 0
-            for raw in whole.raw(wants):
+            for raw in super().raw(wants, within):
                 video += raw.key == topics.VIDEO.key
                 if raw.key != topics.VIDEO.key or video != 3:
                     yield raw
 
-        decode = staticmethod(whole.decode)
-
-    left = list(pictures(cast(Recording, Holed()), left_out))
+    left = list(pictures(Holed(whole.files), left_out))
     assert left_out
     assert len(left) + len(left_out) in (len(every), len(every) - 1)
 
@@ -306,15 +284,9 @@ def test_what_was_filmed_is_of_the_camera_that_was_large_when_it_began() -> None
     class Marked:
         """A recording of nothing but marks."""
 
-        def raw(self, wants: Callable[[str], bool]) -> Iterator[Any]:
-            assert wants(topics.FILM_REQUEST.key)
+        def of(self, topic: AnyTopic) -> Iterator[RecordedMessage]:
             for request in requests:
-                yield SimpleNamespace(
-                    key=topics.FILM_REQUEST.key, publish_ns=request.stamp_ns, message=request
-                )
-
-        def decode(self, raw: Any) -> FilmRequest:
-            return raw.message
+                yield RecordedMessage(topic.key, request, 0, request.stamp_ns)
 
     recording = cast(Recording, Marked())
     assert filmed_spans(recording, "down") == [(-4, 16.0)]

@@ -19,7 +19,7 @@ from tools.choices import Choices
 from tools.fly_again import fly_again
 from tools.recordings.dive_file import flown_section
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import Damage, salvaged
+from tools.recordings.mcap_records import records
 from tools.recordings.recording import open_recording
 
 
@@ -46,7 +46,7 @@ def with_dive_file(
     """
     with new_mcap(out) as copy:
         copy.next_file()
-        for record in salvaged(dive.folder / "dive.mcap", Damage()):
+        for record in records(dive.folder / "dive.mcap"):
             if isinstance(record, Attachment) and record.name == DIVE:
                 about = json.loads(record.data) | changes
                 record.data = json.dumps(about).encode()

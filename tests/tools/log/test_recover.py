@@ -26,7 +26,7 @@ from tools.analysis.dive import RecordedDive, read_dive
 from tools.log import recover
 from tools.log.compare import figures
 from tools.log.recover import recovered
-from tools.recordings.recording import open_recording
+from tools.recordings.recording import is_whole, open_recording
 from tools.replay.command import span_of
 from tools.replay.source import open_source, remarks
 from tools.report import report_on
@@ -77,7 +77,8 @@ def recorded() -> list[tuple[str, int, int, int, bytes]]:
 
 
 def mended(data: bytes) -> list[tuple[str, int, int, int, bytes]] | None:
-    """None: nothing could be recovered, and nothing was written."""
+    """What is read of it, and is in the new file. None: nothing could be recovered, and nothing was
+    written."""
     with TemporaryDirectory() as folder:
         path, out = Path(folder) / "cut.mcap", Path(folder) / "mended.mcap"
         path.write_bytes(data)
@@ -86,7 +87,13 @@ def mended(data: bytes) -> list[tuple[str, int, int, int, bytes]] | None:
         except LindyError:
             assert not out.exists()
             return None
-        return foreign(out)
+        rows = [
+            (raw.key, raw.log_ns, raw.publish_ns, raw.sequence, raw.data)
+            for raw in open_recording(path).raw()
+        ]
+        assert rows == foreign(out)
+        assert is_whole(path) == (len(data) == len(whole_file()[0]))
+        return rows
 
 
 def check_cut(at: int) -> None:
@@ -131,9 +138,9 @@ def test_what_follows_a_damaged_chunk_is_recovered(tmp_path: Path) -> None:
     broken[ends[0] - 20] ^= 0xFF
     path, out = tmp_path / "dive.mcap", tmp_path / "mended.mcap"
     path.write_bytes(broken)
-    assert recovered(path, out).wrong == [
-        "dive.mcap had 1 damaged part, with 40 of its 120 messages"
-    ]
+    (said,) = recovered(path, out).wrong
+    assert said.startswith("dive.mcap is damaged at byte ")
+    assert said.endswith(": 40 of its 120 messages cannot be read")
     # The channel was described in that chunk; the summary describes it once more.
     assert foreign(out) == recorded()[PER_CHUNK:]
 
@@ -180,21 +187,19 @@ def test_a_recording_that_is_still_written_is_not_called_damaged(
     data, _ = whole_file()
     path = tmp_path / "dive.mcap"
     path.write_bytes(data[: round(end * len(data))])
-    records = recover.salvaged
+    records = recover.records
 
-    def beside_its_recorder(*args: Any) -> Iterator[Any]:
-        for number, record in enumerate(records(*args)):
+    def beside_its_recorder(*args: Any, **more: Any) -> Iterator[Any]:
+        for number, record in enumerate(records(*args, **more)):
             if number == 0:
                 with path.open("ab") as file:
                     file.write(bytes(20))
             yield record
 
-    monkeypatch.setattr(recover, "salvaged", beside_its_recorder)
+    monkeypatch.setattr(recover, "records", beside_its_recorder)
     found = recovered(path, tmp_path / "mended.mcap")
     assert found.messages > 0
-    assert found.wrong == [
-        "dive.mcap was still being written: what was recorded later is not in it"
-    ]
+    assert found.wrong == ["dive.mcap is still being written: look again when the dive has ended"]
 
 
 def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path: Path) -> None:
@@ -205,7 +210,9 @@ def test_all_parts_of_a_dive_become_one_file_with_its_attachments_once(tmp_path:
     cut = folder / "dive.part2.mcap"
     cut.write_bytes(cut.read_bytes()[:-100])
     out = tmp_path / "mended.mcap"
-    assert recovered(folder, out).wrong == ["dive.part2.mcap was cut off"]
+    assert recovered(folder, out).wrong == [
+        "dive.part2.mcap was not finished: what was recorded last may be missing"
+    ]
     assert len(foreign(out)) == 2 * CHUNKS * PER_CHUNK
     with out.open("rb") as stream:
         reader = make_reader(stream)
@@ -380,5 +387,4 @@ def test_losses_are_counted_by_the_rule_of_the_summary(
         return report
 
     monkeypatch.setattr("tools.log.compare.report_on", same)
-    sides = figures(recording, recording)
-    assert [each.a for each in sides if each.name.startswith("losses")] == [5.0]
+    assert [value for name, _, value in figures(recording) if name.startswith("losses")] == [5.0]

@@ -52,6 +52,18 @@ def test_the_verb_writes_a_stick_log_and_its_path_and_overwrites_nothing(
     assert out.read_bytes() == before
 
 
+def test_without_a_name_it_is_the_next_that_is_free_beside_the_recording(
+    clean_dive: ShortDive, tmp_path: Path
+) -> None:
+    """As tables have it; a dive with a viewer has a dive.rrd, too."""
+    path = tmp_path / "dive.mcap"
+    path.symlink_to(clean_dive.folder / "dive.mcap")
+    for kind in ("sticks", "trace") * 2:
+        assert main(["log", "export", "--as", kind, str(path)]) == 0
+    names = {"sticks.csv", "sticks-2.csv", "trace.csv", "trace-2.csv"}
+    assert names <= {each.name for each in tmp_path.iterdir()}
+
+
 @given(st.integers(-36_000, 36_000).map(lambda hundredths: hundredths / 100.0))
 def test_a_heading_comes_back_as_it_was_written(heading: float) -> None:
     assert float(in_degrees(radians(heading))) == heading

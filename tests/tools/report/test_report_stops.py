@@ -166,12 +166,6 @@ def test_a_vehicle_that_never_comes_near_has_not_settled():
     assert stop.overshoot == 0.0
 
 
-def test_the_true_heading_is_compared_in_the_frame_of_the_control_heading():
-    (stop,) = stops(dive_of(moving("yaw", lambda _: 0.0) + sticks("yaw", held_until_release)))
-    assert stop.overshoot == pytest.approx(0.0, abs=1e-6)
-    assert stop.settle_s is not None
-
-
 def test_a_stop_ends_with_the_next_deflection():
     def again(t: float) -> float:
         return 1.0 if t >= 8.0 else held_until_release(t)

@@ -14,11 +14,10 @@ from tools.importing.command import import_log
 from tools.replay.source import open_source
 from tools.review.command import review
 from tools.review.estimated import estimate
-from tools.review.page import SECTIONS
 from tools.review.recorded import read
 from tools.review.review import Review
 from tools.review.review import review as reviewed
-from tools.review.words import in_short
+from tools.review.section import ReviewSection
 
 ROOT = Path(__file__).parents[3]
 SECONDS = 12.0
@@ -50,8 +49,8 @@ def test_a_page_that_loads_nothing_and_overwrites_nothing(
     assert (dive / "review.html").read_text() == "an earlier one"
     assert "review-2.html" in capsys.readouterr().out
     first = (dive / "review-2.html").read_text()
-    for heading in SECTIONS.values():
-        assert heading in first.replace("&#x27;", "'")
+    for section in ReviewSection.__subclasses__():
+        assert section.heading in first.replace("&#x27;", "'")
     assert "http" not in first
     assert first.count("<img") == first.count('src="data:image/png;base64,')
     assert first.count("<img") >= 3
@@ -69,7 +68,7 @@ def test_the_same_figures_as_json(dive: Path, capsys: pytest.CaptureFixture[str]
     assert found.estimation.runs
     assert max(each.rms for each in found.estimation.beside) == 0.0
     assert found.seconds == pytest.approx(SECONDS, abs=0.2)
-    assert set(found.missing) <= set(SECTIONS)
+    assert set(found.missing) <= {section.key for section in ReviewSection.__subclasses__()}
     assert sorted(dive.glob("*.html")) == pages
 
 
@@ -81,7 +80,7 @@ def test_a_log_of_another_program_is_imported_beside_it(
     for folder in ("00000042-lindy", "00000042-lindy-2"):
         assert review(log, json=True) == 0
         printed = capsys.readouterr()
-        assert f"importing {log} into {tmp_path / folder}" in printed.err
+        assert f"{tmp_path / folder}" in printed.err
         found = json.loads(printed.out)
         assert found["imported_from"] == "00000042.BIN"
         assert (tmp_path / folder / "dive.mcap").exists()
@@ -96,9 +95,9 @@ def test_the_short_version_is_in_words(tmp_path: Path, dive: Path) -> None:
     import_log(dataflash(tmp_path / "00000042.BIN"), map_=None, out=folder, vehicle=None)
     could = "By its sensors Lindy could have flown it"  # of thrusters and sticks nothing is said
     for recording, verdict in ((folder, "could not have flown it"), (dive, could)):
-        found = reviewed(recording, quick=True)[0]
-        lines = in_short(found)
-        assert lines[0].startswith(f"The dive: {found.seconds:.0f} s")
+        found = reviewed(recording, quick=True)
+        lines = found.short
+        assert lines[0].startswith(f"The dive: {found.figures.seconds:.0f} s")
         assert verdict in lines[1]
         said = " ".join(lines)
         assert not [odd for odd in (".;", "..", "sensor/", "with lindy:", "_") if odd in said]
@@ -132,11 +131,18 @@ def test_quick_flies_nothing_again(
     assert "--quick" in found["missing"]["stops_with_lindy"][0]
 
 
-def test_bad_input_is_one_sentence(dive: Path, tmp_path: Path) -> None:
+def test_bad_input_is_one_sentence(
+    dive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(LindyError, match=r"ends in \.html"):
         review(dive, out=tmp_path / "page.pdf")
     with pytest.raises(LindyError, match="is a recording already"):
         review(dive, map_="rovio")
+    (tmp_path / "README.md").write_text("no log")
+    with pytest.raises(LindyError, match=r"README\.md"):
+        review(tmp_path / "README.md")
+    assert capsys.readouterr() == ("", "")
+    (tmp_path / "README.md").unlink()
     with pytest.raises(LindyError, match="there is no file"):
         review(tmp_path / "nothing.bin")
     with pytest.raises(LindyError, match=r"nothing\.mcap"):

@@ -19,11 +19,11 @@ from tools.analysis.dive import STICKS, RecordedDive
 from tools.analysis.stops import counting
 from tools.log.armed_spans import ArmedSpan
 from tools.recordings.columns import Gathering, StreamColumns
-from tools.review.beside import beside
-from tools.review.plots import MOST_POINTS, thinned
+from tools.review.estimation import beside
 from tools.review.recorded import STATE, SensorColumns, Track
 from tools.review.recorded import track as track_of
-from tools.review.stick_stops import SHORTEST_S, reviewed_stops
+from tools.review.section import MOST_POINTS, thinned
+from tools.review.stops import SHORTEST_S, reviewed_stops
 
 LET_GO, SPEED, TAU = 5.0, 0.4, 0.6  # [s], [m/s], [s]
 T = np.arange(0.0, 20.0, 0.01)

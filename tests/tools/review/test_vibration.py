@@ -9,7 +9,7 @@ from messages import topics
 from services.estimation.core import AID_SOURCES
 from tools.review.estimated import MEANS, in_words
 from tools.review.recorded import SensorColumns
-from tools.review.sensor_table import sensor_table
+from tools.review.sensors import SensorSection
 from tools.review.vibration import vibration
 
 RATE = 100.0
@@ -85,7 +85,7 @@ def test_what_is_missing_is_said(columns: SensorColumns, words: str) -> None:
 def test_a_rate_is_odd_beyond_a_factor_of_two(hz: float, words: str) -> None:
     t = np.arange(200) / hz
     imu = SensorColumns(t, t, np.random.default_rng(4).standard_normal((len(t), 6)), 0)
-    (stream,) = sensor_table({topics.IMU.key: imu})
+    (stream,) = SensorSection({topics.IMU.key: imu}).streams
     assert len(stream.remarks) == bool(words)
     assert words in "".join(stream.remarks)
 

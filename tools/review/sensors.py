@@ -1,13 +1,13 @@
 """What a recording holds of each sensor: rate, gaps, clock."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import msgspec
 import numpy as np
 
 from messages import topics
-from tools.recordings.columns import Array
 from tools.review.recorded import SensorColumns, digits
+from tools.review.section import ReviewSection, paragraph, table
 
 SHORTEST_GAP_S = 0.25  # [s] less is jitter
 GAP_PERIODS = 10  # a pause of so many usual periods is a gap
@@ -36,9 +36,38 @@ class SensorStream(msgspec.Struct, kw_only=True, frozen=True):
     remarks: list[str]
 
 
-def sensor_table(sensors: Mapping[str, SensorColumns]) -> list[SensorStream]:
-    """In the order of the topic table."""
-    return [_stream(key, columns) for key, columns in sensors.items()]
+class SensorSection(ReviewSection):
+    key, heading = "sensors", "What the recording holds"
+
+    def __init__(self, sensors: Mapping[str, SensorColumns]) -> None:
+        """
+        Args:
+            sensors: in the order of the topic table.
+        """
+        super().__init__()
+        self.streams = [_stream(key, columns) for key, columns in sensors.items()]
+
+    def sentences(self) -> Iterator[str]:
+        named = {s.key.removeprefix("sensor/"): ", ".join(s.remarks) for s in self.streams}
+        odd = "; ".join(f"{name}: {said}" for name, said in named.items() if said)
+        if not named:
+            yield "The recording holds no sensors."
+        else:
+            seen = f"Odd: {odd}" if odd else "No gaps, repeats or wrong stamps"
+            yield f"Recorded: {', '.join(named)}. {seen}."
+
+    def html(self) -> str:
+        rows = [
+            (s.key.removeprefix("sensor/"), s.samples, s.per_second, s.gaps, s.longest_gap_s,
+             s.jitter_ms, s.late_ms, s.latest_ms, "; ".join(s.remarks))
+            for s in self.streams
+        ]  # fmt: skip
+        heads = ("sensor", "samples", "per second", "gaps", "longest [s]", "jitter [ms]",
+                 "late [ms]", "latest [ms]", "odd")  # fmt: skip
+        return table(heads, rows, words=1) + paragraph(
+            "Late: from a sample's own stamp to its arrival in the log, the middle and 99 of 100. "
+            "Jitter: nine of ten periods differ by less."
+        )
 
 
 def _stream(key: str, columns: SensorColumns) -> SensorStream:
@@ -47,6 +76,11 @@ def _stream(key: str, columns: SensorColumns) -> SensorStream:
     usual = float(np.median(periods[:LEARNT])) if len(periods) else 0.0
     gaps = np.flatnonzero(periods > max(SHORTEST_GAP_S, GAP_PERIODS * usual))
     jitter = float(np.subtract(*np.percentile(periods, (95, 5)))) if len(periods) else 0.0
+    drift = None
+    if len(t) >= USUAL and t[-1] - t[0] >= LONG_ENOUGH_S:
+        drift = digits(1e6 * float(np.polyfit(t, columns.arrival - t, 1)[0]), 4)
+    values = columns.values
+    same = np.all(values[1:] == values[:-1], axis=1) if values.shape[1] else np.empty(0)
     found = SensorStream(
         key=key,
         samples=len(t),
@@ -57,24 +91,12 @@ def _stream(key: str, columns: SensorColumns) -> SensorStream:
         jitter_ms=round(1e3 * jitter, 3),
         late_ms=round(float(np.median(late)), 3),
         latest_ms=round(float(np.percentile(late, 99)), 3),
-        drift_ppm=_drift(t, columns.arrival),
-        repeated=_repeated(columns.values),
+        drift_ppm=drift,
+        repeated=int(np.count_nonzero(same)),
         not_newer=columns.not_newer,
         remarks=[],
     )
     return msgspec.structs.replace(found, remarks=_remarks(found))
-
-
-def _drift(stamp: Array, arrival: Array) -> float | None:
-    if len(stamp) < USUAL or stamp[-1] - stamp[0] < LONG_ENOUGH_S:
-        return None
-    return digits(1e6 * float(np.polyfit(stamp, arrival - stamp, 1)[0]), 4)
-
-
-def _repeated(values: Array) -> int:
-    if values.shape[1] == 0:
-        return 0
-    return int(np.count_nonzero(np.all(values[1:] == values[:-1], axis=1)))
 
 
 def _remarks(stream: SensorStream) -> list[str]:

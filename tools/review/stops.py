@@ -7,8 +7,9 @@ speed, with the limits of the vehicle file.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from math import nan, radians
-from typing import Literal, NamedTuple, cast
+from math import degrees, nan, radians
+from statistics import median
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -26,8 +27,25 @@ from tools.analysis.spectra import BAND, LEAST, RATE, jerk_spectrum
 from tools.analysis.stops import armed_until, releases
 from tools.log.armed_spans import ArmedSpan
 from tools.recordings.columns import Array
-from tools.review.beside import at as track_at
+from tools.report.troubles import times
 from tools.review.recorded import SensorColumns, Track, digits, true_track
+from tools.review.recorded import at as track_at
+from tools.review.section import (
+    OURS,
+    OWN,
+    Cell,
+    ReviewSection,
+    amount,
+    figure,
+    image,
+    paragraph,
+    signed,
+    table,
+    thinned,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WINDOW_S = 8.0  # [s] of a stop at most
 SHORTEST_S = LEAST / RATE  # [s] a shorter one is no stop: the next deflection came at once
@@ -67,13 +85,14 @@ class ReviewedStop(msgspec.Struct, kw_only=True, frozen=True):
     by: Literal["truth", "estimate"] = "estimate"  # which says how it moved: the simulator's truth
     t: float  # [s] since the recording began
     # None, all four: nothing in the recording measures this axis, and its jerk alone is known.
-    speed: float | None  # [m/s, rad/s] at the release
-    ran_on: float | None  # [m, rad] farthest from where the stick was let go
-    bounced_back: float | None  # [m, rad] from the farthest point back
-    seconds: float | None  # [s] until it rested; None, too: not before the stick moved again
-    jerk: float | None  # [m/s³, rad/s³] felt below 2 Hz, rms; None: too short
-    lindy_ran_on: float | None  # [m, rad] Lindy's reference from the same speed; None: no limits
-    lindy_seconds: float | None  # [s]
+    speed: float | None = None  # [m/s, rad/s] at the release
+    ran_on: float | None = None  # [m, rad] farthest from where the stick was let go
+    bounced_back: float | None = None  # [m, rad] from the farthest point back
+    seconds: float | None = None  # [s] until it rested; None, too: not before the stick moved again
+    jerk: float | None = None  # [m/s³, rad/s³] felt below 2 Hz, rms; None: too short
+    # [m, rad] Lindy's reference from the same speed; None: no limits
+    lindy_ran_on: float | None = None
+    lindy_seconds: float | None = None  # [s]
 
 
 class StopCurve(NamedTuple):
@@ -118,10 +137,15 @@ def reviewed_stops(
         let_go = list(_let_go(dive, axis.name, armed, float(motion.t[-1])))
         felt = _felt(axis, motion, imu)
         if not np.isfinite(getattr(motion, axis.rate)).any():
-            found += filter(None, [_only_felt(axis, begin, end, felt) for _, begin, end in let_go])
+            jerks = [(b, _jerk(felt, np.arange(b, end, 1.0 / RATE))) for _, b, end in let_go]
+            found += [
+                (ReviewedStop(axis=axis.name, t=round(begin, 3), jerk=jerk), None)
+                for begin, jerk in jerks
+                if jerk is not None
+            ]
             if let_go:
                 missing.append(
-                    f"The {axis.name} stick was let go {_times(len(let_go))}, but nothing in the "
+                    f"The {axis.name} stick was let go {times(len(let_go))}, but nothing in the "
                     f"recording measures {axis.name}: at most its jerk is known."
                 )
             continue
@@ -139,7 +163,7 @@ def reviewed_stops(
                 found += filter(None, [stop])
     found.sort(key=lambda pair: pair[0].t)
     missing += [
-        f"{_times(uncounted[reason]).capitalize()} a stick was let go{words}"
+        f"{times(uncounted[reason]).capitalize()} a stick was let go{words}"
         for reason, words in UNCOUNTED.items()
         if uncounted[reason]
     ]
@@ -233,23 +257,6 @@ def _measured(
     return stop, StopCurve(grid - grid[0], run)
 
 
-def _only_felt(
-    axis: StopAxis, begin: float, end: float, felt: tuple[Array, Array] | None
-) -> tuple[ReviewedStop, None] | None:
-    """None: not even its jerk is known."""
-    if (jerk := _jerk(felt, np.arange(begin, end, 1.0 / RATE))) is None:
-        return None
-    stop = ReviewedStop(
-        axis=axis.name, t=round(begin, 3), speed=None, ran_on=None, bounced_back=None,
-        seconds=None, jerk=jerk, lindy_ran_on=None, lindy_seconds=None,
-    )  # fmt: skip
-    return stop, None
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
-
-
 def _rest_s(slow: np.ndarray) -> float | None:
     """[s] First time from which on it is slow for `STILL_FOR_S`. None: never."""
     need = round(STILL_FOR_S * RATE)
@@ -284,3 +291,111 @@ def _jerk(felt: tuple[Array, Array] | None, grid: Array) -> float | None:
     if not felt[0][0] <= grid[0] <= grid[-1] <= felt[0][-1]:
         return None
     return digits(jerk_spectrum(np.interp(grid, *felt)).rms(BAND))
+
+
+BY = {"truth": "the simulator's truth", "estimate": "the estimate"}
+
+
+class StopSection(ReviewSection):
+    key, heading = "stops", "Every stop"
+
+    def __init__(self, found: Stops) -> None:
+        super().__init__(found.missing)
+        self.stops, self._found = found.stops, found.found
+
+    def sentences(self) -> Iterator[str]:
+        for axis in AXES:
+            stops = [s for s in self.stops if s.axis == axis.name and s.ran_on is not None]
+            if not stops:
+                continue
+            ran = amount(median(stop.ran_on or 0.0 for stop in stops), axis.unit)
+            back = amount(median(stop.bounced_back or 0.0 for stop in stops), axis.unit)
+            lindy = [stop.lindy_ran_on for stop in stops if stop.lindy_ran_on is not None]
+            said = f"{len(stops)} stop{'s' * (len(stops) > 1)} in {axis.name}, by {BY[stops[0].by]}"
+            said += f": it ran on by {ran}{' (median)' * (len(stops) > 1)} and came back by {back}"
+            if lindy:
+                said += f"; Lindy's reference runs on by {amount(median(lindy), axis.unit)}"
+            yield f"{said}."
+
+    def html(self) -> str:
+        if not self.stops:
+            return ""
+        by = dict.fromkeys(BY[stop.by] for stop in self.stops if stop.ran_on is not None)
+        drawn = any(curve is not None for _, curve in self._found)
+        return (
+            paragraph(
+                f"From the moment the stick was let go{', by ' * bool(by)}{' and '.join(by)}. Jerk "
+                "is what a camera feels, below 2 Hz. "
+                "Lindy: how far its reference runs on from the same speed, with the limits of the "
+                "vehicle file."
+            )
+            + (image(_ways(self._found), "Every stop: the way beyond the release over time")
+               if drawn else "")
+            + stop_table(self.stops)
+        )  # fmt: skip
+
+
+class StopsWithLindySection(ReviewSection):
+    key, heading = "stops_with_lindy", "Your stops with Lindy in control"
+
+    def __init__(self, found: Sequence[ReviewedStop] | str) -> None:
+        """
+        Args:
+            found: or what is missing for them.
+        """
+        super().__init__([found] if isinstance(found, str) else [])
+        self.stops = [] if isinstance(found, str) else [*found]
+
+    def html(self) -> str:
+        if not self.stops:
+            return ""
+        return paragraph(
+            "Your sticks flown again in simulation, by Lindy, on the vehicle that was identified "
+            "from this dive. The simulated water is still. Times count from the "
+            "beginning of your recording, as in the table above."
+        ) + stop_table(self.stops)
+
+
+def stop_table(stops: Sequence[ReviewedStop]) -> str:
+    units = {axis.name: axis.unit for axis in AXES}
+
+    def shown(value: float | None, unit: str) -> str | None:
+        return None if value is None else amount(value, unit)
+
+    rows: list[Sequence[Cell]] = []
+    for s in stops:
+        unit = units[s.axis]
+        speed = None if s.speed is None else signed(s.speed, f"{unit}/s")
+        ways = shown(s.ran_on, unit), shown(s.bounced_back, unit)
+        felt, lindy = shown(s.jerk, f"{unit}/s³"), shown(s.lindy_ran_on, unit)
+        rows.append((s.axis, s.t, speed, *ways, s.seconds, felt, lindy, s.lindy_seconds))
+    heads = ("axis", "at [s]", "speed", "ran on", "came back", "at rest after [s]", "jerk",
+             "Lindy runs on", "for [s]")  # fmt: skip
+    return table(heads, rows)
+
+
+def _ways(found: Sequence[tuple[ReviewedStop, StopCurve | None]]) -> "Figure":
+    """Of each axis that has stops: the way beyond the release, and Lindy's as a cross."""
+    curves = [(stop, curve) for stop, curve in found if curve is not None]
+    axes = [axis for axis in AXES if any(stop.axis == axis.name for stop, _ in curves)]
+    drawn = figure(3.8)
+    for n, axis in enumerate(axes):
+        panel = drawn.add_subplot(1, len(axes), n + 1)
+        turn = axis.unit == "rad"
+        for stop, curve in curves:
+            if stop.axis != axis.name:
+                continue
+            t, run = thinned(curve.since, curve.run)
+            panel.plot(t, np.degrees(run) if turn else run, color=OWN, alpha=0.6, linewidth=1.1)
+            if stop.lindy_ran_on is not None and stop.lindy_seconds is not None:
+                way = degrees(stop.lindy_ran_on) if turn else stop.lindy_ran_on
+                panel.plot(stop.lindy_seconds, way, "x", color=OURS)
+        panel.plot([], [], color=OWN, label="the vehicle")
+        panel.plot([], [], "x", color=OURS, label="at rest by Lindy's reference")
+        panel.axhline(0.0, color="0.6", linewidth=0.8)
+        panel.set_title(axis.name)
+        panel.set_ylabel(f"beyond the release [{'°' if turn else 'm'}]")
+        panel.set_xlabel("time since the release [s]")
+        panel.grid(alpha=0.3)
+        panel.legend(fontsize="x-small")
+    return drawn
