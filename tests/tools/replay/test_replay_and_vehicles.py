@@ -17,7 +17,6 @@ from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
-from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY, Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
