@@ -8,7 +8,6 @@ import numpy as np
 
 from services.marine.vehicle import Vehicle, driven, first_order
 from services.runtime.config.errors import LindyError
-from tools.gains import USUAL_TURN, USUAL_WAY
 from tools.identify.dive_data import (
     NO_SAMPLES,
     WINDOW_S,
@@ -34,7 +33,7 @@ from tools.identify.motion_model import (
 from tools.identify.results import weakly
 from tools.identify.vehicle_file import VehicleFile, of_recording
 from tools.recordings.recording import open_recording
-from tools.tuning.lq import LoopName, Worth, design, lines
+from tools.tuning.lq import USUAL_TURN, USUAL_WAY, LoopName, design, lines
 
 LAG_STEP = 1e-4  # [-] of a difference quotient in the logarithm
 LAG_STEPS = 12
@@ -198,7 +197,6 @@ def _rms(values: Floats) -> float:
 LOOP: dict[str, LoopName] = {
     "heave": "depth", "yaw": "heading", "surge": "surge", "sway": "sway",
 }  # fmt: skip
-PATIENCE = 5.0  # [s] as `lindy gains` has it
 
 
 def proposed(vehicle: Vehicle, axes: tuple[str, ...], tree: dict[str, Any]) -> list[str]:
@@ -210,11 +208,10 @@ def proposed(vehicle: Vehicle, axes: tuple[str, ...], tree: dict[str, Any]) -> l
     found = ["Proposed gains (see `lindy gains`):"]
     for axis in axes:
         loop = LOOP[axis]
-        error, rate, force, speed, jerk = USUAL_TURN if loop == "heading" else USUAL_WAY
+        worth = USUAL_TURN if loop == "heading" else USUAL_WAY
         observer = float(tree.get("control", {}).get(loop, {}).get("observer", 0.0))
-        worth = Worth(error, rate, force, PATIENCE)
         try:
-            found += lines(loop, design(vehicle, loop, worth, observer, speed, jerk), worth)
+            found += lines(loop, design(vehicle, loop, worth, observer), worth)
         except LindyError as why:
             found.append(str(why))
     return found
