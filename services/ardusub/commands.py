@@ -91,7 +91,7 @@ class ThrustPath:
                 **pulses,
                 "chan7_raw": NO_CHANNEL,
                 "chan8_raw": self._tilt_pulse(),
-                "chan9_raw": light_pulse(self._light) if lights else 0,
+                "chan9_raw": round(1100 + 800 * max(0.0, min(1.0, self._light))) if lights else 0,
             },
         )
 
@@ -119,11 +119,6 @@ class ThrustPath:
         if limit is None:
             return NO_CHANNEL
         return round(NEUTRAL + 400.0 * max(-1.0, min(1.0, self._tilt / limit)))
-
-
-def light_pulse(share: float) -> int:
-    """[µs] For a brightness 0 … 1."""
-    return round(1100 + 800 * max(0.0, min(1.0, share)))
 
 
 AGAIN_NS = 300_000_000  # [ns] before one without an answer is repeated

@@ -10,7 +10,7 @@ busy. By more, or where the board's time runs backwards, the clock jumped.
 An acknowledgement does not say which message it is about, so one is asked for at a time."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
@@ -126,7 +126,6 @@ class TelemetryStreams:
     streams: list[TelemetryStream]
     _asked: Ns | None = None
     _since: Ns | None = None  # begin of the window
-    slow: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] in the last window
 
     def counts(self, name: str) -> bool:
         """Note an arrival. Is this message the one in use?"""
@@ -177,7 +176,6 @@ class TelemetryStreams:
             if stream.message is not None and stream.heard < least:
                 found.append((stream.message, rate, stream.hz))
                 stream.granted = rate >= STOPPED * stream.hz
-        self.slow = {name: rate for name, rate, _ in found}
         self._restart(now)
         return found
 
