@@ -3,8 +3,6 @@
 from typing import Protocol
 
 from messages import events, topics
-from messages.health import LogLine
-from messages.vehicle import VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.vehicle import Vehicle
 from services.mavlink.core import Settings, Submarine
@@ -65,8 +63,9 @@ class GroundStations:
         self._submarine = Submarine(settings, pilot, self._boot_ns)
         self._vehicle = VehiclePorts(node)
         self._ports = PilotPorts(node, pilot, self._submarine, also=self._send)
-        node.each(topics.STATUS, self._on_status)
-        node.each(topics.LOG, self._on_log)
+        do = self._ports.do
+        node.each(topics.STATUS, lambda status, now: do(self._submarine.status(status, now), now))
+        node.each(topics.LOG, lambda line, now: do(self._submarine.log(line, now), now))
         node.every(HZ, self._tick)
 
     def receive(self, now: int) -> None:
@@ -78,12 +77,6 @@ class GroundStations:
     def _tick(self, now: int) -> None:
         names = self._endpoint.names
         self._ports.do(self._submarine.tick(names, self._snapshot(now), now), now)
-
-    def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._submarine.status(status, now), now)
-
-    def _on_log(self, line: LogLine, now: int) -> None:
-        self._ports.do(self._submarine.log(line, now), now)
 
     def _snapshot(self, now: int) -> Snapshot:
         newest = self._vehicle.newest(now)
