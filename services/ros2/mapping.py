@@ -412,7 +412,7 @@ def heard_of(data: bytes, attached: Attachment) -> tuple[RosSticks, bool]:
         tilt=float((UP in down) - (DOWN in down)),
     )
     within = Sticks(*(max(-1.0, min(1.0, each)) for each in sticks))
-    pressed = frozenset(BUTTONS[number] for number in down & BUTTONS.keys())
+    pressed = frozenset[Press](BUTTONS[number] for number in down & BUTTONS.keys())
     return RosSticks(attached.publisher, attached.utc_ns, within, pressed), within != sticks
 
 

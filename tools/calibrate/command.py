@@ -45,7 +45,6 @@ def calibrate(
         float | None,
         Parameter(help="pressure: [hPa] of a barometer at the place, not reduced to sea level"),
     ] = None,
-    json: Annotated[bool, Parameter(help="noise: as JSON")] = False,
 ) -> int:
     """Find the errors of a vehicle's sensors.
 
@@ -68,10 +67,8 @@ def calibrate(
         raise LindyError(f"--atmosphere is {atmosphere:g} hPa, expected 500 to 1200 hPa")
     if what == "noise":
         if recording is None or (out, vehicle, dive) != (None, None, None):
-            raise LindyError("noise needs a recording, and takes no other option but --json")
-        return noise(recording, json=json)
-    if json:
-        raise LindyError("--json is for `calibrate noise`")
+            raise LindyError("noise needs a recording, and takes no option")
+        return noise(recording)
     guides: dict[str, Callable[[Vehicle], CalibrationGuide]] = {
         "gyroscope": lambda _: GyroscopeGuide(),
         "accelerometer": lambda _: AccelerometerGuide(),
