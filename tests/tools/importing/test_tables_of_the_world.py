@@ -10,8 +10,7 @@ from messages.sensors import PressureSample
 from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
 
-from .logs import BEGAN_NS, S, messages, odd, report
-from .test_rosbags import imported
+from .logs import BEGAN_NS, S, imported, messages, odd, of, report
 
 ROWS = 60
 MAP = """
@@ -122,9 +121,9 @@ def found(
     log, own = folder / name, folder / "map.toml"
     log.write_bytes(content if isinstance(content, bytes) else content.encode())
     own.write_text(MAP.format(unit=unit))
-    samples = messages(imported(log, folder / "dive", "--map", str(own)), "sensor/pressure")
-    values = [one.message.pressure for one in samples if isinstance(one.message, PressureSample)]
-    return [one.publish_ns for one in samples], values
+    out = imported(log, folder / "dive", "--map", str(own))
+    values = [one.pressure for one in of(out, "sensor/pressure", PressureSample)]
+    return [one.publish_ns for one in messages(out, "sensor/pressure")], values
 
 
 @pytest.mark.parametrize("kind", WHOLE)
