@@ -381,18 +381,18 @@ class BoardIntroduction:
         self.stage = "parameters"
         self._reader.wanted = names(self.version, len(self._vehicle.thruster))
         functions = (f"SERVO{servo}_FUNCTION" for servo in self._servos.values())
-        self._reader.optional = (
-            *optional(self.version), *ADVISED, *functions
-        )  # fmt: skip
+        self._reader.optional = *optional(self.version), *ADVISED, *functions
 
     def heard_parameter(self, fields: dict[str, Any]) -> None:
         name, value = fields["param_id"], float(fields["param_value"])
-        if self.stage == "accepted" and self._has_changed(name, value):
-            self._reader.heard(name, value)
-            self._check()
-        if self.stage != "parameters":
+        if self.stage not in ("accepted", "parameters"):
             return
+        before = self._reader.values.get(name, value)
         self._reader.heard(name, value)
+        if self.stage == "accepted":
+            if abs(before - value) > EXACT:  # somebody set it since it was checked
+                self._check()
+            return
         if (most := self._settings.set_pilot_timeout) is not None:
             self._reader.lower("FS_PILOT_TIMEOUT", most)
         if self._reader.complete:
@@ -413,10 +413,6 @@ class BoardIntroduction:
             if not channel and output.name not in self._servos:
                 text = f"output {output.name} has no servo in the vehicle file: it does nothing"
                 self._outbox.say("info", text)
-
-    def _has_changed(self, name: str, value: float) -> bool:
-        """Somebody set a parameter since it was checked."""
-        return abs(self._reader.values.get(name, value) - value) > EXACT
 
     def _check(self) -> None:
         values = self._reader.values

@@ -1,8 +1,8 @@
 """A board with ArduSub as a pure state machine: packets, thruster commands and time in; packets,
 samples and what is to be said out.
 
-What a board must pass before it is listened to is in `introduction`, who has the vehicle in
-`authority`, the way of a command in `thrust_path`, that of a measurement in `measurements`.
+What a board must pass before it is listened to is in `board_check`, who has the vehicle in
+`authority`, the way of a command in `commands`, that of a measurement in `telemetry`.
 """
 
 from collections import deque

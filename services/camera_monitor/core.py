@@ -100,7 +100,10 @@ class PictureAccount:
             total=_stage(TOTAL, tuple(period.totals)) if period.totals else None,
             per_second=len(period.totals) / seconds,
             heard_kbit=period.bytes * 8e-3 / seconds,
-            room_kbit=_room(period),
+            # Pace at which parts behind the first one arrive.
+            room_kbit=min(MOST_KBIT, period.train_bytes * 8e6 / max(period.train_ns, 1))
+            if period.train_bytes
+            else None,
             lost=period.missing / expected if expected else 0.0,
             newest=self._newest,
             keyframe_wanted=self.broken,
@@ -135,13 +138,6 @@ class PictureAccount:
             _, began, carried = self._train
             period.train_bytes += self._carried.bytes - carried
             period.train_ns += now - began
-
-
-def _room(period: _Period) -> float | None:
-    """[kbit/s] Pace at which parts behind the first one arrive."""
-    if period.train_bytes == 0:
-        return None
-    return min(MOST_KBIT, period.train_bytes * 8e6 / max(period.train_ns, 1))
 
 
 def _stage(name: str, values: tuple[float, ...]) -> Stage:

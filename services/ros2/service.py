@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Protocol
 from messages import events, topics
 from messages.message import Message
 from messages.topic import AnyTopic
-from messages.vehicle import VehicleStatus
 from services.marine.field_of_view import CameraViews
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
@@ -116,7 +115,8 @@ class DroneInRos:
         self._was_connected: bool | None = None
         network.announce(self._ros.token())
         for topic in messages.offered(of_cameras):
-            self._offer(topic)
+            token, key = self.entity("MP", topic)
+            self._topics[topic.name] = RosPublisher(network.publisher(key), id_of(token))
         self._keep_static()
         node.watch(self._show)
         node.every(LOOK_HZ, lambda _: None)  # the step of the node hands over what has arrived
@@ -131,10 +131,6 @@ class DroneInRos:
 
     def whole(self, name: str) -> str:
         return self._messages.whole(name)
-
-    def _offer(self, topic: "RosTopic") -> None:
-        token, key = self.entity("MP", topic)
-        self._topics[topic.name] = RosPublisher(self.network.publisher(key), id_of(token))
 
     def _keep_static(self) -> None:
         from services.ros2.mapping import RosTopic
@@ -158,13 +154,12 @@ class DroneInRos:
             self._topics[said.topic].put(data, utc_ns)
 
     def _look(self, _: int) -> None:
-        if (there := self.network.connected) == self._was_connected:
-            return
-        self._was_connected = there
-        if there:
-            self._node.log("info", f"ROS 2: connected with {self._settings.router}")
-        else:
-            self._node.log("warning", NO_ROUTER.format(self._settings.router))
+        router, before = self._settings.router, self._was_connected
+        self._was_connected = self.network.connected
+        if self._was_connected and not before:
+            self._node.log("info", f"ROS 2: connected with {router}")
+        elif not self._was_connected and before is not False:
+            self._node.log("warning", NO_ROUTER.format(router))
 
 
 class RosPublisher:
@@ -200,7 +195,8 @@ class SticksFromRos:
         _, key = drone.entity("MS", RosTopic(drone.whole(STICKS), JOY))
         drone.network.hear(key, takes)
         self._ports = PilotPorts(node, pilot.pilot, pilot)
-        node.each(topics.STATUS, self._on_status)
+        do = self._ports.do
+        node.each(topics.STATUS, lambda status, now: do(pilot.status(status, now), now))
         node.every(topics.PILOT_COMMAND.hz, self._tick)
 
     def receive(self, now: int) -> None:
@@ -229,6 +225,3 @@ class SticksFromRos:
         self._too_long += more
         self._node.tell(events.OVERSIZED("ros"), more)
         self._ports.do(self._pilot.tick(now), now)
-
-    def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._pilot.status(status, now), now)

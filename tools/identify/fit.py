@@ -145,12 +145,8 @@ def _best(there: Search, found: Search, fitted: list[int]) -> Search:
     if honest_covariance(found)[1].max() < WHITE:
         return found
     others = [searched(there, fitted, adrift) for adrift in ADRIFT]
-    return min([found, *others], key=_rank)
-
-
-def _rank(found: Search) -> tuple[int, float]:
-    """What explains more windows is better; then what explains them better."""
-    return -len(found.taken.windows.t), misfit(found)
+    # What explains more windows is better; then what explains them better.
+    return min([found, *others], key=lambda each: (-len(each.taken.windows.t), misfit(each)))
 
 
 def _result(

@@ -188,7 +188,8 @@ class LogStream:
             factor = 1.0 / (field.full - field.zero)
         raw = self.raw(name)
         if field.curve:
-            along: Floats = np.interp(raw, *np.array(field.curve).T)
+            x, y = zip(*field.curve, strict=True)
+            along: Floats = np.interp(raw, x, y)
             return along * factor
         scaled = (raw - field.zero) * factor
         if known.size != VECTOR or self.taken.rotation == ALONG:

@@ -136,10 +136,8 @@ def encoded(rows: Sequence[Row], settings: list[str], suffix: str) -> bytes:
     Args:
         settings: keys of the axes of --set.
     """
-    return _parquet(rows, settings) if suffix == ".parquet" else _csv(rows, settings)
-
-
-def _csv(rows: Sequence[Row], settings: list[str]) -> bytes:
+    if suffix == ".parquet":
+        return _parquet(rows, settings)
     text = io.StringIO()
     writer = csv.DictWriter(text, columns(settings), lineterminator="\n")
     writer.writeheader()
