@@ -314,12 +314,9 @@ class BoardIntroduction:
         """
         Args:
             end: called before a board is refused, for it may be armed.
-
-        Raises:
-            ValueError: of `servos_of`.
         """
         self._vehicle, self._settings, self._clock = vehicle, settings, clock
-        self._servos = servos_of(vehicle.output, settings, len(vehicle.thruster))
+        self._servos = servos_of(vehicle.output)
         self._outbox, self._end = outbox, end
         self._now: Ns = 0
         self._again_ns: Ns = 0  # a refused board is checked

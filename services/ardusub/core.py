@@ -59,9 +59,6 @@ class ArdusubDriver:
         Args:
             outbox: is told of events.
             before: of the process that this one replaces in mid-dive.
-
-        Raises:
-            ValueError: of `servos_of`.
         """
         self._settings, self._outbox, clock = settings, DriverOutbox(outbox), BoardClock()
         self._clock = clock
@@ -69,7 +66,7 @@ class ArdusubDriver:
         self.introduction = BoardIntroduction(vehicle, settings, clock, self._outbox, self._give_up)
         self.path = ThrustPath(vehicle, settings, self._outbox)
         self._outputs = vehicle.output
-        self._servos = BoardServos(vehicle.output, settings, len(vehicle.thruster), self._outbox)
+        self._servos = BoardServos(vehicle.output, settings, self._outbox)
         self._status: VehicleStatus | None = None  # newest heard
         self.authority = BoardAuthority(settings.board, round(settings.disarm_after * S), before)
         self._taken: bool | None = None  # as it was remembered last

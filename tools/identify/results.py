@@ -1,9 +1,8 @@
-"""The fitted numbers beside those of the vehicle file: in a table, as JSON, as a vehicle."""
+"""The fitted numbers beside those of the vehicle file: in a table, as a vehicle."""
 
-import json
 from collections.abc import Iterator
 from math import exp, sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -158,29 +157,3 @@ def as_table(every: list[ResultRow]) -> str:
         ]
         lines.append("  ".join([name.ljust(widths[0]), *numbers, unit]).rstrip())
     return "\n".join(lines)
-
-
-def as_json(
-    every: list[ResultRow], found: Fit, notes: list[str], scale: ThrustScale | None, more: Any
-) -> str:
-    """Every figure; `std` is one standard deviation."""
-    return json.dumps(
-        {
-            "axes": found.axes,
-            "parameters": [row._asdict() for row in every],
-            "thrust_scale": scale and scale._asdict(),
-            "windows": {"used": found.used, "left_out": found.unexplained},
-            "residual_std": dict(
-                zip(
-                    ("force_x", "force_y", "force_z", "yaw_rate", "depth"),
-                    found.noise.tolist(),
-                    strict=True,
-                )
-            ),
-            "deviations_times": float(found.inflation.max()),
-            "condition": found.condition,
-            "notes": notes,
-            **more,
-        },
-        indent=1,
-    )
