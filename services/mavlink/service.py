@@ -1,7 +1,5 @@
 """MAVLink service: the drone's telemetry to ground stations, their sticks and requests to it."""
 
-from typing import Protocol
-
 from messages import events, topics
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.vehicle import Vehicle
@@ -10,7 +8,7 @@ from services.mavlink.pilot import Reaction, received
 from services.mavlink.telemetry import Snapshot
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import FarEndLimits, Links
-from services.mavlink_io.packet import AUTOPILOT, MavlinkPacket
+from services.mavlink_io.packet import AUTOPILOT
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
 from services.runtime.config.errors import NeedsRealTimeError
@@ -21,15 +19,6 @@ from services.vehicle_view.io.ports import VehiclePorts
 
 HZ = topics.PILOT_COMMAND.hz
 GROUND_STATIONS = FarEndLimits(most=16, silent_s=60.0, beyond=events.TOO_MANY_MAVLINK())
-
-
-class GroundEndpoint(Protocol):
-    """Links to ground stations, as of `MavlinkEndpoint`."""
-
-    @property
-    def names(self) -> list[str]: ...
-    def receive(self) -> list[MavlinkPacket]: ...
-    def send(self, packet: MavlinkPacket, link: str | None) -> None: ...
 
 
 def wire(node: Node, stack: Stack) -> None:
@@ -53,7 +42,7 @@ class GroundStations:
         self,
         node: Node,
         settings: Settings,
-        endpoint: GroundEndpoint,
+        endpoint: MavlinkEndpoint,
         has: tuple[Output, ...] = OUTPUTS,
     ) -> None:
         """`has`: outputs of the vehicle."""

@@ -3,7 +3,7 @@ allowed. It is on Lindy's bus like any service, and in the ROS network by a sess
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from messages import events, topics
 from messages.message import Message
@@ -34,21 +34,6 @@ NO_ROUTER = (
 INSECURE = "INSECURE: whoever reaches the ROS network can fly the drone"
 
 
-class RosNetwork(Protocol):
-    """As of `OtherNetwork`."""
-
-    too_long: int
-
-    @property
-    def session_id(self) -> str: ...
-    @property
-    def connected(self) -> bool: ...
-    def publisher(self, key: str) -> OtherPublisher: ...
-    def keep(self, key: str, payload: bytes, attachment: bytes) -> None: ...
-    def hear(self, key: str, takes: Callable[[str, bytes, bytes], None]) -> None: ...
-    def announce(self, token: str) -> None: ...
-
-
 def wire(node: Node, stack: Stack) -> None:
     if stack.virtual:
         raise NeedsRealTimeError("ros2")
@@ -62,7 +47,7 @@ def wire(node: Node, stack: Stack) -> None:
         node.log("warning", INSECURE)
 
 
-def connected(node: Node, stack: Stack, settings: Settings, network: RosNetwork) -> "DroneInRos":
+def connected(node: Node, stack: Stack, settings: Settings, network: OtherNetwork) -> "DroneInRos":
     """
     Raises:
         LindyError: rosbags is not installed.
@@ -101,7 +86,7 @@ class DroneInRos:
         self,
         node: Node,
         settings: Settings,
-        network: RosNetwork,
+        network: OtherNetwork,
         namespace: str,
         messages: "RosMessages",
         of_cameras: Iterable[str],

@@ -56,14 +56,12 @@ def rows(found: Fit, start: Beginning) -> Iterator[ResultRow]:
         value = exp(found.x[m])
         inertia = system_inertia(file)[row]
         yield ResultRow(f"{name} inertia", mass, value, value * std[m], inertia)
-        yield ResultRow(
-            f"{name} linear drag", f"{force} s/{per}", found.x[d] * start.linear[axis],
-            std[d] * start.linear[axis], file.linear_damping[row],
-        )  # fmt: skip
-        yield ResultRow(
-            f"{name} quadratic drag", f"{force} s²/{per}²", found.x[q] * start.quadratic[axis],
-            std[q] * start.quadratic[axis], file.quadratic_damping[row],
-        )  # fmt: skip
+        for label, unit, index, scale, own in (
+            ("linear", f"{force} s/{per}", d, start.linear[axis], file.linear_damping),
+            ("quadratic", f"{force} s²/{per}²", q, start.quadratic[axis], file.quadratic_damping),
+        ):
+            drag, deviation = found.x[index] * scale, std[index] * scale
+            yield ResultRow(f"{name} {label} drag", unit, drag, deviation, own[row])
         speed = float(found.speed[axis])
         drag, deviation = drag_at(start, found.x, found.covariance, axis, speed)
         own, _ = drag_at(start, start.vector, found.covariance, axis, speed)

@@ -147,6 +147,24 @@ def imported(log: Path, out: Path, *options: str) -> Path:
     return out
 
 
+def pressure_map(folder: Path, unit: str = "Pa", only: str = "") -> tuple[str, str]:
+    """The option for a table with the columns `time` [s] and `pressure`."""
+    path = folder / "map.toml"
+    path.write_text(f"""
+about = "one table"
+vehicle = "bluerov2_heavy"
+[[take]]
+topic = "*"
+as = "sensor/pressure"
+{only}
+stamp = "time"
+stamp_unit = "s"
+[take.fields]
+pressure = {{ from = ["pressure"], unit = "{unit}" }}
+""")
+    return "--map", str(path)
+
+
 def report(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "import.json").read_text())
 

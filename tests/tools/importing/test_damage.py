@@ -28,12 +28,13 @@ from .logs import (
     noise,
     odd,
     of,
+    pressure_map,
     remarks,
     ros1,
     ros2,
     tlog,
     ulog,
-)  # fmt: skip
+)
 
 CHANGED_S = 1_650_000_000  # [s] UTC at which a file was changed last
 RUBBISH = np.random.default_rng(11).bytes(70_000)
@@ -92,11 +93,9 @@ def test_a_clock_that_was_never_set_ends_when_the_file_was_changed(
     elif name == "a.ulg":
         log = ulog(tmp_path / name, gps_ns=5 * S)
     elif name == "a.csv":
-        log, own = tmp_path / name, tmp_path / "map.toml"
+        log, options = tmp_path / name, pressure_map(tmp_path, "mbar")
         rows = [f"{5 + k / IMU_HZ},{1013.0 + k}" for k in range(SECONDS * IMU_HZ)]
-        log.write_text("\n".join(["up,mbar", *rows]) + "\n")
-        own.write_text(TABLE)
-        options = ("--map", str(own))
+        log.write_text("\n".join(["time,pressure", *rows]) + "\n")
     else:
         log = dataflash(tmp_path / name)
     os.utime(log, (CHANGED_S, CHANGED_S))
@@ -108,17 +107,6 @@ def test_a_clock_that_was_never_set_ends_when_the_file_was_changed(
     assert "its clock was never set" in remarks(out)
 
 
-TABLE = """
-about = "one table"
-vehicle = "pioneer"
-[[take]]
-topic = "*"
-as = "sensor/pressure"
-stamp = "up"
-stamp_unit = "s"
-[take.fields]
-pressure = { from = ["mbar"], unit = "mbar" }
-"""
 Clock = Callable[[int], int]
 DAY = 86_400 * S  # [ns]
 CLOCKS: dict[str, list[int]] = {  # [ns] ahead of the truth, in each of the seconds of a log
@@ -135,7 +123,7 @@ def table_by(path: Path, clock: Clock) -> Path:
     """Ten rows a second."""
     times = [BEGAN_NS + k * S // SLOW_HZ for k in range(SECONDS * SLOW_HZ)]
     rows = [f"{clock(at) / S:.3f},{1013.0 + k}" for k, at in enumerate(times)]
-    path.write_text("\n".join(["up,mbar", *rows]) + "\n")
+    path.write_text("\n".join(["time,pressure", *rows]) + "\n")
     return path
 
 
@@ -165,9 +153,8 @@ def test_a_clock_that_is_set_in_mid_log_goes_on(tmp_path: Path, form: str, kind:
     ahead = CLOCKS[kind]
     name = f"a.{form}"
     log = write(tmp_path / name, lambda at: at + ahead[min(SECONDS - 1, (at - BEGAN_NS) // S)])
-    own = tmp_path / "map.toml"
-    own.write_text(TABLE)
-    out = imported(log, tmp_path / "dive", *(("--map", str(own)) if form == "csv" else ()))
+    options = pressure_map(tmp_path, "mbar") if form == "csv" else ()
+    out = imported(log, tmp_path / "dive", *options)
     samples = messages(out, "sensor/pressure" if form == "csv" else "sensor/imu")
     wanted = [BEGAN_NS + k * S // hz for k in range(SECONDS * hz)]
     assert [one.log_ns for one in samples] == pytest.approx(wanted, abs=2_000_000)

@@ -32,7 +32,7 @@ from .logs import (
     ros2,
     tlog,
     ulog,
-)  # fmt: skip
+)
 
 CHANGED_S = 1_650_000_000  # [s] UTC at which a file was changed last
 

@@ -29,7 +29,7 @@ from .logs import (
     report,
     ros1,
     ros2,
-)  # fmt: skip
+)
 
 SHIPPED = Path("deploy/imports/ros.toml")
 
