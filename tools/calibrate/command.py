@@ -76,21 +76,6 @@ def calibrate(
         "pressure": lambda _: PressureGuide(100.0 * (atmosphere or 0.0)),
         "dvl": DvlGuide,
     }
-    return _calibrate(guides[what], recording, out, vehicle, dive)
-
-
-def _calibrate(
-    guide_of: Callable[[Vehicle], CalibrationGuide],
-    recording: Path | None,
-    out: Path | None,
-    vehicle: str | None,
-    dive: Path | None,
-) -> int:
-    """Guide the calibration, print what was found, and write it.
-
-    Raises:
-        LindyError: the samples do not tell, or the file cannot be written.
-    """
     if recording is not None and dive is not None:
         raise LindyError("give a recording, or --dive for the sensors now, not both")
     if out is not None:
@@ -98,13 +83,13 @@ def _calibrate(
     if recording is not None:
         opened = open_recording(recording)
         name, text = vehicle_in(opened, vehicle)
-        guide = guide_of(read_vehicle(name, text))
+        guide = guides[what](read_vehicle(name, text))
         replay(opened, guide)
         source, damage = recording.resolve().name, opened.damage
     else:
         running = dive_in(dive)
         name, text = vehicle_in(None, vehicle or running.vehicle)
-        guide = guide_of(read_vehicle(name, text))
+        guide = guides[what](read_vehicle(name, text))
         guide_live(running, guide, lambda line: print(line, flush=True))
         source, damage = "the running vehicle", list[str]()
     found = guide.result()
