@@ -160,13 +160,10 @@ class BoardAuthority:
                 return [command(self.board, MavCommand.DO_SET_MODE, 1, MANUAL)]
             self._asked = True
             return [command(self.board, MavCommand.COMPONENT_ARM_DISARM, 1)]
-        if self.ours or self._asked is True:
-            self._asked, self._try_at = False, now + AGAIN_NS
-            return [command(self.board, MavCommand.COMPONENT_ARM_DISARM, 0)]
-        if self._asked is False:
-            self._try_at = now + AGAIN_NS
-            return [command(self.board, MavCommand.COMPONENT_ARM_DISARM, 0)]
-        return []
+        if not self.ours and self._asked is None:
+            return []
+        self._asked, self._try_at = False, now + AGAIN_NS
+        return [command(self.board, MavCommand.COMPONENT_ARM_DISARM, 0)]
 
     def _begin(self, now: Ns) -> None:
         if not self.ours:

@@ -314,12 +314,9 @@ class BoardIntroduction:
         """
         Args:
             end: called before a board is refused, for it may be armed.
-
-        Raises:
-            ValueError: of `servos_of`.
         """
         self._vehicle, self._settings, self._clock = vehicle, settings, clock
-        self._servos = servos_of(vehicle.output, settings, len(vehicle.thruster))
+        self._servos = servos_of(vehicle.output)
         self._outbox, self._end = outbox, end
         self._now: Ns = 0
         self._again_ns: Ns = 0  # a refused board is checked
@@ -381,18 +378,18 @@ class BoardIntroduction:
         self.stage = "parameters"
         self._reader.wanted = names(self.version, len(self._vehicle.thruster))
         functions = (f"SERVO{servo}_FUNCTION" for servo in self._servos.values())
-        self._reader.optional = (
-            *optional(self.version), *ADVISED, *functions
-        )  # fmt: skip
+        self._reader.optional = *optional(self.version), *ADVISED, *functions
 
     def heard_parameter(self, fields: dict[str, Any]) -> None:
         name, value = fields["param_id"], float(fields["param_value"])
-        if self.stage == "accepted" and self._has_changed(name, value):
-            self._reader.heard(name, value)
-            self._check()
-        if self.stage != "parameters":
+        if self.stage not in ("accepted", "parameters"):
             return
+        before = self._reader.values.get(name, value)
         self._reader.heard(name, value)
+        if self.stage == "accepted":
+            if abs(before - value) > EXACT:  # somebody set it since it was checked
+                self._check()
+            return
         if (most := self._settings.set_pilot_timeout) is not None:
             self._reader.lower("FS_PILOT_TIMEOUT", most)
         if self._reader.complete:
@@ -413,10 +410,6 @@ class BoardIntroduction:
             if not channel and output.name not in self._servos:
                 text = f"output {output.name} has no servo in the vehicle file: it does nothing"
                 self._outbox.say("info", text)
-
-    def _has_changed(self, name: str, value: float) -> bool:
-        """Somebody set a parameter since it was checked."""
-        return abs(self._reader.values.get(name, value) - value) > EXACT
 
     def _check(self) -> None:
         values = self._reader.values

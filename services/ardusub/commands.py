@@ -91,7 +91,7 @@ class ThrustPath:
                 **pulses,
                 "chan7_raw": NO_CHANNEL,
                 "chan8_raw": self._tilt_pulse(),
-                "chan9_raw": light_pulse(self._light) if lights else 0,
+                "chan9_raw": round(1100 + 800 * max(0.0, min(1.0, self._light))) if lights else 0,
             },
         )
 
@@ -121,49 +121,22 @@ class ThrustPath:
         return round(NEUTRAL + 400.0 * max(-1.0, min(1.0, self._tilt / limit)))
 
 
-def light_pulse(share: float) -> int:
-    """[µs] For a brightness 0 … 1."""
-    return round(1100 + 800 * max(0.0, min(1.0, share)))
-
-
 AGAIN_NS = 300_000_000  # [ns] before one without an answer is repeated
 REFUSED_NS = 2_000_000_000  # [ns] before one that was refused is
 TRIES = 3  # without an answer, before it is said
 
 
-def servos_of(outputs: tuple[Output, ...], settings: Settings, thrusters: int) -> dict[str, int]:
-    """Number of the servo output of each output that has one; `ardusub.light_servo` is that of the
-    light.
-
-    Raises:
-        ValueError: `light_servo` is of a thruster or of another output.
-    """
-    found = {output.name: output.servo for output in outputs if output.servo is not None}
-    servo = settings.light_servo
-    if servo is None or not any(output.name == LIGHT for output in outputs):
-        return found
-    other = next((name for name, number in found.items() if number == servo), LIGHT)
-    if servo <= thrusters or other != LIGHT or found.get(LIGHT, servo) != servo:
-        whose = f"the servo of {other}" if other != LIGHT else f"vehicle.output {LIGHT} another"
-        whose = "a thruster's" if servo <= thrusters else whose
-        raise ValueError(
-            f"ardusub.light_servo is {servo}, {whose}; expected an output that is free, or nothing "
-            f"where vehicle.output says its servo"
-        )
-    return found | {LIGHT: servo}
+def servos_of(outputs: tuple[Output, ...]) -> dict[str, int]:
+    """Number of the servo output of each output that has one."""
+    return {output.name: output.servo for output in outputs if output.servo is not None}
 
 
 class BoardServos:
     def __init__(
-        self, outputs: tuple[Output, ...], settings: Settings, thrusters: int, outbox: DriverOutbox
+        self, outputs: tuple[Output, ...], settings: Settings, outbox: DriverOutbox
     ) -> None:
-        """
-        Raises:
-            ValueError: of `servos_of`.
-        """
         self._board, self._outbox = settings.board, outbox
-        numbers = servos_of(outputs, settings, thrusters)
-        self._servos = {o: numbers[o.name] for o in outputs if o.name in numbers}
+        self._servos = {output: output.servo for output in outputs if output.servo is not None}
         self.forget()
 
     @property

@@ -1,8 +1,8 @@
 """A board with ArduSub as a pure state machine: packets, thruster commands and time in; packets,
 samples and what is to be said out.
 
-What a board must pass before it is listened to is in `introduction`, who has the vehicle in
-`authority`, the way of a command in `thrust_path`, that of a measurement in `measurements`.
+What a board must pass before it is listened to is in `board_check`, who has the vehicle in
+`authority`, the way of a command in `commands`, that of a measurement in `telemetry`.
 """
 
 from collections import deque
@@ -59,9 +59,6 @@ class ArdusubDriver:
         Args:
             outbox: is told of events.
             before: of the process that this one replaces in mid-dive.
-
-        Raises:
-            ValueError: of `servos_of`.
         """
         self._settings, self._outbox, clock = settings, DriverOutbox(outbox), BoardClock()
         self._clock = clock
@@ -69,7 +66,7 @@ class ArdusubDriver:
         self.introduction = BoardIntroduction(vehicle, settings, clock, self._outbox, self._give_up)
         self.path = ThrustPath(vehicle, settings, self._outbox)
         self._outputs = vehicle.output
-        self._servos = BoardServos(vehicle.output, settings, len(vehicle.thruster), self._outbox)
+        self._servos = BoardServos(vehicle.output, settings, self._outbox)
         self._status: VehicleStatus | None = None  # newest heard
         self.authority = BoardAuthority(settings.board, round(settings.disarm_after * S), before)
         self._taken: bool | None = None  # as it was remembered last

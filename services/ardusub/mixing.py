@@ -16,27 +16,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.units import Vec6
 from services.marine.summation import plain_sum
 from services.marine.thrust_curve import CURVES
-from services.marine.vehicle import Thruster, total_wrench, wrench_per_newton
+from services.marine.vehicle import Thruster, wrench_per_newton
 
 Factors = tuple[float, float, float, float, float, float]
 ROLL, PITCH, YAW, THROTTLE, FORWARD, LATERAL = range(6)  # columns of the factors
 # Row of a wrench (X, Y, Z, K, M, N) for each column, and its sign: throttle is upwards.
 ROW = {ROLL: 3, PITCH: 4, YAW: 5, THROTTLE: 2, FORWARD: 0, LATERAL: 1}
 SIGN = {ROLL: 1.0, PITCH: 1.0, YAW: 1.0, THROTTLE: -1.0, FORWARD: 1.0, LATERAL: 1.0}
-TILTED: tuple[frozenset[int], frozenset[int]] = (
-    frozenset({ROLL, PITCH, THROTTLE}),
-    frozenset({YAW, FORWARD, LATERAL}),
-)
+TILTED = [ROLL, PITCH, THROTTLE], [YAW, FORWARD, LATERAL]
 
 
 @dataclass(frozen=True, slots=True)
 class MotorFrame:
     name: str
     motors: tuple[Factors, ...]  # roll, pitch, yaw, throttle, forward, lateral; up is positive
-    normalised: bool = False  # each group of axes in TILTED is scaled to its largest motor
     coupled: bool = False  # MOT_FV_CPLNG_K limits the forward share of the rear pair
 
 
@@ -55,7 +50,7 @@ FRAMES: dict[int, MotorFrame] = {
     2: MotorFrame("VECTORED_6DOF", (
         *_HORIZONTAL, (1, -1, 0, -1, 0, 0), (-1, -1, 0, -1, 0, 0),
         (1, 1, 0, -1, 0, 0), (-1, 1, 0, -1, 0, 0),
-    ), normalised=True),
+    )),
     3: MotorFrame("VECTORED_6DOF_90DEG", (
         (1, 1, 0, 1, 0, 0), (0, 0, 1, 0, 1, 0), (1, -1, 0, 1, 0, 0), (0, 0, 0, 0, 0, 1),
         (0, 0, 0, 0, 0, 1), (-1, 1, 0, 1, 0, 0), (0, 0, -1, 0, 1, 0), (-1, -1, 0, 1, 0, 0),
@@ -189,7 +184,6 @@ def _silent(thruster: Thruster) -> float:
     return thruster.dead_band / thruster.max_thrust if curve is None else curve.silent
 
 
-Floats = NDArray[np.float64]
 CHANNELS = (PITCH, ROLL, THROTTLE, YAW, FORWARD, LATERAL)  # axis of the override channels 1 to 6
 STEPS = 2  # of Gauss-Newton at most; with more the wrench is no nearer, for the dead bands
 SMALL = (
@@ -198,8 +192,6 @@ SMALL = (
 DAMPING = 1e-9  # [-] of the trace: an axis that moves no motor stays where it is
 IDENTITY = np.eye(6)
 NEUTRAL = 1500  # [µs]
-NEUTRALS = (NEUTRAL,) * 6
-NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class RcChannel(NamedTuple):
@@ -237,12 +229,11 @@ class RcChannel(NamedTuple):
 class MixedSticks(NamedTuple):
     pulses: tuple[int, ...]  # [µs] override channels 1 to 6
     thrust: tuple[float, ...]  # [N] per thruster, at which the motors settle
-    wrench: Vec6  # [N, N m] of it
     limited: bool  # a group of motors, or the yaw channel, was at its limit
 
 
 def at_rest(thrusters: int) -> MixedSticks:
-    return MixedSticks(NEUTRALS, (0.0,) * thrusters, NO_WRENCH, limited=False)
+    return MixedSticks((NEUTRAL,) * 6, (0.0,) * thrusters, limited=False)
 
 
 class Mixer:
@@ -265,33 +256,23 @@ class Mixer:
         Raises:
             ValueError: the thrusters are not the motors of this frame.
         """
-        self._thrusters, self._channels = tuple(thrusters), tuple(channels)
-        self._yaw_scale = yaw_scale
+        self._channels, self._yaw_scale = tuple(channels), yaw_scale
         self._coupling = coupling if frame.coupled else 0.0
-        self._columns = [wrench_per_newton(thruster) for thruster in thrusters]
+        columns = np.array([wrench_per_newton(thruster) for thruster in thrusters])
         self._senses = np.array(senses(frame, thrusters))
         self._factors = np.array(frame.motors, dtype=float)  # (n, 6)
         self._axes_of = np.linalg.pinv(self._factors)  # (6, n)
-        self._effect = np.array(self._columns).T * self._senses  # (6, n) of positive outputs
+        self._effect = columns.T * self._senses  # (6, n) of positive outputs
         self._groups = [(group, self._factors[:, group]) for group in _groups(self._factors)]
         self._curves = MotorCurves(thrusters, self._senses)
 
-    def mix(self, thrust: Sequence[float], *, curved: bool = True) -> MixedSticks:
-        """
-        Args:
-            thrust: [N] per thruster, as `ActuatorGate` permits it.
-            curved: False: as if thrust were proportional to the pulse, for comparison.
-        """
+    def mix(self, thrust: Sequence[float]) -> MixedSticks:
+        """`thrust`: [N] per thruster, as `ActuatorGate` permits it."""
         if not any(thrust):
-            return at_rest(len(self._thrusters))
+            return at_rest(len(thrust))
         asked = np.array(thrust) * self._senses
-        if curved:
-            axes = self._refined(self._axes_of @ self._curves.outputs_for(asked), asked)
-        else:
-            most = np.array([thruster.max_thrust for thruster in self._thrusters])
-            axes = self._axes_of @ (asked / most)
-        fitting, was_limited = self._fitting(axes)
-        return self._sent(fitting, was_limited)
+        axes = self._refined(self._axes_of @ self._curves.outputs_for(asked), asked)
+        return self._sent(*self._fitting(axes))
 
     def _refined(self, axes: Floats, asked: Floats) -> Floats:
         """The axes that give the wrench of this thrust [N] best; never worse than those given."""
@@ -341,14 +322,10 @@ class Mixer:
         read[YAW] *= self._yaw_scale
         motors = self._factors @ np.array(read)
         thrust = tuple((self._curves.thrust(motors) * self._senses).tolist())
-        wrench = total_wrench(self._columns, thrust)
-        return MixedSticks(tuple(pulses), thrust, wrench, was_limited)
+        return MixedSticks(tuple(pulses), thrust, was_limited)
 
 
 def _groups(factors: Floats) -> list[list[int]]:
     """Axes that share motors with each other and with none of the others."""
-    groups = [sorted(group) for group in TILTED]
-    shared = [np.any(factors[:, group] != 0.0, axis=1) for group in groups]
-    return [sorted({ROLL, PITCH, THROTTLE, YAW, FORWARD, LATERAL})] if np.any(
-        shared[0] & shared[1]
-    ) else groups  # fmt: skip
+    one, other = (np.any(factors[:, group] != 0.0, axis=1) for group in TILTED)
+    return [list(range(6))] if np.any(one & other) else [*TILTED]

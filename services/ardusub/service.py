@@ -20,7 +20,7 @@ from services.ardusub.core import HEARD, ArdusubDriver, Settings
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.io.endpoint import HeardMessages, MavlinkEndpoint
 from services.mavlink_io.io.links import ByteLinks, FarEndLimits, Links
-from services.runtime.config.errors import LindyError, NeedsRealTimeError
+from services.runtime.config.errors import NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -54,11 +54,7 @@ def wire_to(links: ByteLinks, node: Node, stack: Stack) -> None:
     """The service on a link that is open."""
     settings = stack.section("ardusub", Settings)
     before = node.restore_checkpoint(TakenCheckpoint)
-    try:
-        vehicle = stack.section("vehicle", Vehicle)
-        driver = ArdusubDriver(vehicle, settings, node.outbox, before)
-    except ValueError as error:
-        raise LindyError(f"{stack.vehicle_path}: {error}") from None
+    driver = ArdusubDriver(stack.section("vehicle", Vehicle), settings, node.outbox, before)
     heard = HeardMessages(settings.board, HEARD)
     board = MavlinkEndpoint(links, node.outbox, settings.system, settings.component, heard=heard)
     pass_on, actuation = _passing_on(driver, board, node), node.publisher(topics.ACTUATION)

@@ -29,8 +29,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     set_pilot_timeout: Timeout | None = None  # [s]
     disarm_after: Annotated[float, msgspec.Meta(ge=0.2, le=60.0)] = 2.0  # [s] without commands
     tilt_range: Annotated[float, msgspec.Meta(gt=0.0, le=3.2)] | None = 0.785  # [rad] None: no tilt
-    # 4.8 has no channel for the lights: number of a servo output that is free for DO_SET_SERVO.
-    light_servo: Annotated[int, msgspec.Meta(ge=1, le=32)] | None = None
 
 
 class DriverOutput(NamedTuple):

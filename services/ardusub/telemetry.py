@@ -10,7 +10,7 @@ busy. By more, or where the board's time runs backwards, the clock jumped.
 An acknowledgement does not say which message it is about, so one is asked for at a time."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
@@ -66,7 +66,10 @@ class BoardClock:
         self._least, self._most, self._as_of, self._newest = -inf, inf, None, None
 
     def _bounded(self, board: Ns, now: Ns, least: float, most: float) -> bool:
-        self._widen(now)
+        if self._as_of is not None:
+            wider = DRIFT * max(0, now - self._as_of)
+            self._least, self._most = self._least - wider, self._most + wider
+        self._as_of = now
         backwards = self._newest is not None and board < self._newest - BACKWARDS_NS
         gap = max(self._least - most, least - self._most)  # [ns] between old and new bounds
         jumped = backwards or gap > SHIFT_NS
@@ -89,12 +92,6 @@ class BoardClock:
             self._least, self._most = most - width, most
         else:
             self._least, self._most = least, least + width
-
-    def _widen(self, now: Ns) -> None:
-        if self._as_of is not None:
-            wider = DRIFT * max(0, now - self._as_of)
-            self._least, self._most = self._least - wider, self._most + wider
-        self._as_of = now
 
 
 NUMBERS = {"HIGHRES_IMU": 105, "RAW_IMU": 27, "SCALED_PRESSURE2": 137, "SYS_STATUS": 1,
@@ -126,7 +123,6 @@ class TelemetryStreams:
     streams: list[TelemetryStream]
     _asked: Ns | None = None
     _since: Ns | None = None  # begin of the window
-    slow: dict[str, float] = field(default_factory=dict[str, float])  # [1/s] in the last window
 
     def counts(self, name: str) -> bool:
         """Note an arrival. Is this message the one in use?"""
@@ -177,7 +173,6 @@ class TelemetryStreams:
             if stream.message is not None and stream.heard < least:
                 found.append((stream.message, rate, stream.hz))
                 stream.granted = rate >= STOPPED * stream.hz
-        self.slow = {name: rate for name, rate, _ in found}
         self._restart(now)
         return found
 
@@ -207,15 +202,6 @@ MESSAGES = (*IMU_MESSAGES, PRESSURE_MESSAGE, BATTERY_MESSAGE, ENCLOSURE_MESSAGE)
 
 
 PERIOD_NS = 100_000_000  # [ns] between two values of the depth sensor, and of the compass
-
-
-def stamp_of(fields: dict[str, Any]) -> Ns | None:
-    """[ns] Of the board's clock; None in a message without one."""
-    if "time_usec" in fields:
-        return int(fields["time_usec"]) * 1000
-    if "time_boot_ms" in fields:
-        return int(fields["time_boot_ms"]) * 1_000_000
-    return None
 
 
 def imu(name: str, fields: dict[str, Any], stamp_ns: Ns) -> ImuSample | None:
@@ -402,9 +388,8 @@ class BoardMeasurements:
         if name == ENCLOSURE_MESSAGE:
             self.enclosure = fields["temperature"] / 100.0
             return True
-        board = stamp_of(fields)
-        if board is None:
-            return True
+        is_imu = name in IMU_MESSAGES
+        board = fields["time_usec"] * 1000 if is_imu else fields["time_boot_ms"] * 1_000_000
         if not self._clock.heard(board, now):
             return False
         stamp = self._clock.ours(board, now)

@@ -100,7 +100,10 @@ class PictureAccount:
             total=_stage(TOTAL, tuple(period.totals)) if period.totals else None,
             per_second=len(period.totals) / seconds,
             heard_kbit=period.bytes * 8e-3 / seconds,
-            room_kbit=_room(period),
+            # Pace at which parts behind the first one arrive.
+            room_kbit=min(MOST_KBIT, period.train_bytes * 8e6 / max(period.train_ns, 1))
+            if period.train_bytes
+            else None,
             lost=period.missing / expected if expected else 0.0,
             newest=self._newest,
             keyframe_wanted=self.broken,
@@ -108,13 +111,16 @@ class PictureAccount:
         )
 
     def _words(self, age: float | None, *, small: bool, roomless: bool) -> str:
+        words, oldest = "", SMALL_OLD_MS if small else OLD_MS
         if roomless:
             words = "the link has no room for its picture"
-        elif small and age is not None and age <= SMALL_OLD_MS:
-            words = ""
-        else:
-            exact = self._picture is not None and self._picture.exact
-            words = _words(age, self.broken, self._newest, exact=exact)
+        elif self._picture is None or age is None:
+            arrived = self._newest is not None
+            words = "no picture could be decoded" if arrived else "no picture has arrived"
+        elif age > oldest:
+            why = ", and no newer one can be decoded" if self.broken else ""
+            least = "" if self._picture.exact else "at least "
+            words = f"the picture is {least}{age / 1e3:.1f} s old{why}"
         return f"{self._called}: {words}" if words and self._called else words
 
     def _measure(self, part: VideoPart, now: Ns) -> None:
@@ -132,25 +138,6 @@ class PictureAccount:
             _, began, carried = self._train
             period.train_bytes += self._carried.bytes - carried
             period.train_ns += now - began
-
-
-def _room(period: _Period) -> float | None:
-    """[kbit/s] Pace at which parts behind the first one arrive."""
-    if period.train_bytes == 0:
-        return None
-    return min(MOST_KBIT, period.train_bytes * 8e6 / max(period.train_ns, 1))
-
-
-def _words(age: float | None, broken: bool, newest: int | None, *, exact: bool) -> str:
-    if newest is None:
-        return "no picture has arrived"
-    if age is None:
-        return "no picture could be decoded"
-    if age > OLD_MS:
-        why = ", and no newer one can be decoded" if broken else ""
-        least = "" if exact else "at least "
-        return f"the picture is {least}{age / 1e3:.1f} s old{why}"
-    return ""
 
 
 def _stage(name: str, values: tuple[float, ...]) -> Stage:

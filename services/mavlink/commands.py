@@ -8,10 +8,9 @@ from typing import Any
 from messages.pilot import FlightMode
 from messages.units import Ns
 from services.mavlink.pilot import ReceivedPacket
-from services.mavlink.telemetry import CHOSEN
+from services.mavlink.telemetry import CHOSEN, autopilot_version
 from services.mavlink_io.packet import (
     MESSAGE_IDS,
-    MavCapability,
     MavCommand,
     MavlinkPacket,
     MavMissionResult,
@@ -21,6 +20,7 @@ MESSAGE_NAMES = {number: name for name, number in MESSAGE_IDS.items()}
 CUSTOM_MODE = 1  # bit of DO_SET_MODE's base mode
 # What is never done, and why: for people.
 REFUSED = {
+    MavCommand.DO_PAUSE_CONTINUE: "nothing to continue: steer, or choose a mode",
     MavCommand.DO_SET_SERVO: "no servo outputs here; lights, lasers, gripper: button functions",
     MavCommand.DO_MOUNT_CONTROL: "no tilt angles here; tilt: button functions or RC channel 8",
     MavCommand.DO_GIMBAL_MANAGER_PITCHYAW: "no tilt angles here; tilt: buttons or RC channel 8",
@@ -31,6 +31,10 @@ REFUSED = {
 
 
 NEVER = -1.0  # [µs] as an interval
+OF_ONE_MESSAGE = {
+    MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: "AUTOPILOT_VERSION",
+    MavCommand.GET_HOME_POSITION: "HOME_POSITION",
+}
 
 
 def flight_mode(base: int, custom: float) -> FlightMode | None:
@@ -45,9 +49,13 @@ def message_named(number: float) -> str | None:
     return MESSAGE_NAMES.get(int(number)) if isfinite(number) else None
 
 
-# [-] Major, minor, patch, 255 for a release: ground stations choose names and pages by it. The
-# parameters have the names of ArduSub 4.5.
-VERSION = 4 << 24 | 5 << 16 | 0 << 8 | 255
+def message_asked(command: int, first: float) -> str | None:
+    """Name of the message that a command with this first parameter wants once."""
+    if command == MavCommand.REQUEST_MESSAGE:
+        return message_named(first)
+    return OF_ONE_MESSAGE.get(command)  # type: ignore[call-overload]
+
+
 FTP_NAK, FTP_UNKNOWN_COMMAND = 128 + 1, 7
 FTP_PAYLOAD = 251  # [B]
 # Heard, and nothing is to be done about it.
@@ -59,24 +67,6 @@ MISSION_RESULTS = {
     "MISSION_COUNT": MavMissionResult.UNSUPPORTED,
     "MISSION_CLEAR_ALL": MavMissionResult.ACCEPTED,
 }
-
-
-def autopilot_version() -> MavlinkPacket:
-    capabilities = (
-        MavCapability.COMMAND_INT | MavCapability.MAVLINK2 | MavCapability.PARAM_ENCODE_C_CAST
-    )
-    zeros = ("middleware_sw_version", "os_sw_version", "board_version")
-    fields: dict[str, Any] = dict.fromkeys((*zeros, "vendor_id", "product_id", "uid"), 0) | {
-        "capabilities": int(capabilities),
-        "flight_sw_version": VERSION,
-        "flight_custom_version": list(b"lindy\0\0\0"),
-        "middleware_custom_version": [0] * 8,
-        "os_custom_version": [0] * 8,
-    }
-    return MavlinkPacket("AUTOPILOT_VERSION", fields)
-
-
-ASKED_FOR = {"AUTOPILOT_VERSION": autopilot_version}  # sent by request only
 
 
 def answer(packet: ReceivedPacket, now: Ns) -> MavlinkPacket | None:
@@ -94,7 +84,7 @@ def answer(packet: ReceivedPacket, now: Ns) -> MavlinkPacket | None:
         case "PING":
             return MavlinkPacket(name, to | {key: fields[key] for key in ("time_usec", "seq")})
         case "AUTOPILOT_VERSION_REQUEST":
-            return autopilot_version()
+            return MavlinkPacket("AUTOPILOT_VERSION", autopilot_version())
         case "MISSION_REQUEST_LIST":
             return MavlinkPacket("MISSION_COUNT", to | mission | {"count": 0})
         case "LOG_REQUEST_LIST":

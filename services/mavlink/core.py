@@ -74,10 +74,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 )
 
 
-ABOUT_MESSAGES = (
-    *(MavCommand.REQUEST_AUTOPILOT_CAPABILITIES, MavCommand.GET_HOME_POSITION),
-    *(MavCommand.REQUEST_MESSAGE, MavCommand.GET_MESSAGE_INTERVAL, MavCommand.SET_MESSAGE_INTERVAL),
-)
 SEVERITIES: dict[Level, MavSeverity] = {
     "info": MavSeverity.INFO,
     "warning": MavSeverity.WARNING,
@@ -144,13 +140,14 @@ class Submarine:
 
     def _command(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         """COMMAND_LONG or COMMAND_INT: acknowledged at once, or once the drone has answered."""
-        result = self._obeyed(packet, now, out)
-        if result is not None:
-            out.acknowledge(packet.sender, int(packet.fields["command"]), result)
+        number = int(packet.fields["command"])
+        out.acknowledge(packet.sender, number, self._obeyed(packet, number, now, out))
 
-    def _obeyed(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> MavResult | None:
+    def _obeyed(
+        self, packet: ReceivedPacket, number: int, now: Ns, out: Reaction
+    ) -> MavResult | None:
         """None: the drone decides."""
-        sender, number = packet.sender, int(packet.fields["command"])
+        sender = packet.sender
         first, second = float(packet.fields["param1"]), float(packet.fields["param2"])
         match number:
             case MavCommand.COMPONENT_ARM_DISARM:
@@ -160,13 +157,14 @@ class Submarine:
                 return self._choose_mode(sender, number, base, second, now, out)
             case MavCommand.DO_PAUSE_CONTINUE if first == 0.0:
                 return self._pilot.ask(sender, number, "stop", now, out)
-            case MavCommand.DO_PAUSE_CONTINUE:
-                why = "nothing to continue: steer, or choose a mode"
-                return self._refuse(sender, MavResult.DENIED, out, why)
             case MavCommand.NAV_RETURN_TO_LAUNCH:
                 return self._pilot.ask(sender, number, "home", now, out)
-            case _ if number in ABOUT_MESSAGES:
-                return self._about_message(sender, number, first, second, now, out)
+            case MavCommand.SET_MESSAGE_INTERVAL if name := commands.message_named(first):
+                return self._set_interval(sender, name, second, now, out)
+            case MavCommand.GET_MESSAGE_INTERVAL if name := commands.message_named(first):
+                return self._tell_interval(sender, name, out)
+            case _ if name := commands.message_asked(number, first):
+                return self._show(sender, name, out)
             case _ if why := commands.REFUSED.get(number):  # type: ignore[call-overload]
                 return self._refuse(sender, MavResult.DENIED, out, why)
             case _:
@@ -209,43 +207,18 @@ class Submarine:
     def _set_mode(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         base, custom = packet.fields["base_mode"], packet.fields["custom_mode"]
         result = self._choose_mode(packet.sender, SET_MODE, base, custom, now, out)
-        if result is not None:
-            out.acknowledge(packet.sender, SET_MODE, result)
-
-    def _about_message(
-        self,
-        sender: GroundStation,
-        number: int,
-        first: float,
-        second: float,
-        now: Ns,
-        out: Reaction,
-    ) -> MavResult:
-        """Send one, or say or set how often it is sent."""
-        if number == MavCommand.REQUEST_AUTOPILOT_CAPABILITIES:
-            return self._show(sender, "AUTOPILOT_VERSION", out)
-        if number == MavCommand.GET_HOME_POSITION:
-            return self._show(sender, "HOME_POSITION", out)
-        if (name := commands.message_named(first)) is None:
-            return self._refuse(sender, MavResult.UNSUPPORTED, out)
-        if number == MavCommand.REQUEST_MESSAGE:
-            return self._show(sender, name, out)
-        if number == MavCommand.GET_MESSAGE_INTERVAL:
-            return self._tell_interval(sender, name, out)
-        return self._set_interval(sender, name, second, now, out)
+        out.acknowledge(packet.sender, SET_MODE, result)
 
     def _show(self, sender: GroundStation, name: str, out: Reaction) -> MavResult:
         """Send a message once."""
-        asked = commands.ASKED_FOR.get(name)
-        packets = made(name, self._known) if asked is None else [asked()]
+        packets = made(name, self._known)
         out.packets += [Addressed(sender.link, packet) for packet in packets]
         return MavResult.ACCEPTED if packets else MavResult.FAILED
 
     def _tell_interval(self, sender: GroundStation, name: str, out: Reaction) -> MavResult:
-        period = self._streams_of(sender.link).period(name) if name in DEFAULT_HZ else OFF
+        period = self._streams_of(sender.link).period(name)
         us = -1 if period == OFF else period // 1000
-        number = MESSAGE_IDS[name]
-        out.send(sender.link, "MESSAGE_INTERVAL", message_id=number, interval_us=us)
+        out.send(sender.link, "MESSAGE_INTERVAL", message_id=MESSAGE_IDS[name], interval_us=us)
         return MavResult.ACCEPTED
 
     def _set_interval(
@@ -255,8 +228,6 @@ class Submarine:
         if not (isfinite(us) and (us >= 0.0 or us == commands.NEVER)):
             why = "an interval is in µs: 0 as by default, -1 never"
             return self._refuse(sender, MavResult.DENIED, out, why)
-        if name not in DEFAULT_HZ:
-            return MavResult.UNSUPPORTED  # by request only
         period = round(min(us, 1e9) * 1e3) if us > 0.0 else OFF
         period = period_ns(DEFAULT_HZ[name]) if us == 0.0 else period
         self._streams_of(sender.link).every(name, period, now)
@@ -295,13 +266,11 @@ class Submarine:
         return self._finished(out, now)
 
     def answered(self, request: PilotRequest, answer: PilotAnswer, now: Ns) -> Reaction:
-        out = Reaction()
-        self._pilot.answered(request, answer, now, out)
+        self._pilot.answered(request, answer, now, out := Reaction())
         return self._finished(out, now)
 
     def given_up(self, request: PilotRequest, now: Ns) -> Reaction:
-        out = Reaction()
-        self._pilot.given_up(request, now, out)
+        self._pilot.given_up(request, now, out := Reaction())
         return self._finished(out, now)
 
     # Regularly.

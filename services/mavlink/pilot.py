@@ -6,7 +6,7 @@ and the drone's answer becomes the acknowledgement of its command."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from messages import events
 from messages.events import Outbox
@@ -68,15 +68,11 @@ class Reaction(Effects):
     def say(self, link: str | None, severity: MavSeverity, text: str) -> None:
         self.texts.append((link, severity, text))
 
-    def acknowledge(self, to: GroundStation, command: int, result: MavResult) -> None:
-        self.send(
-            to.link,
-            "COMMAND_ACK",
-            command=command,
-            result=int(result),
-            target_system=to.system,
-            target_component=to.component,
-        )
+    def acknowledge(self, to: GroundStation, command: int, result: MavResult | None) -> None:
+        """None: not yet."""
+        if result is not None:
+            who = {"target_system": to.system, "target_component": to.component}
+            self.send(to.link, "COMMAND_ACK", command=command, result=int(result), **who)
 
 
 @dataclass(slots=True)
@@ -109,11 +105,9 @@ class Texts:
         number = 0
         if len(chunks) > 1:
             number = self._id = self._id % 65535 + 1
+        said = {"severity": int(severity), "id": number}
         return [
-            MavlinkPacket(
-                "STATUSTEXT",
-                {"severity": int(severity), "text": chunk, "id": number, "chunk_seq": k},
-            )
+            MavlinkPacket("STATUSTEXT", said | {"text": chunk, "chunk_seq": k})
             for k, chunk in enumerate(chunks)
         ]
 
@@ -151,7 +145,7 @@ class GroundPilot(GuestPilot[GroundStation]):
     ) -> MavResult | None:
         """A command that the drone answers, by which it is acknowledged then: None. Else what it is
         acknowledged by now."""
-        kind: RequestKind = "mode" if isinstance(intent, ModeIntent) else _kind(intent)
+        kind = "mode" if isinstance(intent, ModeIntent) else cast(RequestKind, intent)
         if kind != "stop" and not self.holder.may_take(station, now):
             assert self.holder.sender is not None
             self.pilot.outbox.tell(events.NOT_THE_HOLDER(kind))
@@ -205,11 +199,3 @@ class GroundPilot(GuestPilot[GroundStation]):
         for one in closed:
             self._open.remove(one)
             out.acknowledge(one.sender, one.command, result)
-
-
-def _kind(intent: Intent) -> RequestKind:
-    match intent:
-        case "arm" | "disarm" | "stop" | "light" | "home":
-            return intent
-        case _:
-            raise ValueError(f"no command of a ground station asks for {intent}")

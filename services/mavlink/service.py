@@ -1,10 +1,6 @@
 """MAVLink service: the drone's telemetry to ground stations, their sticks and requests to it."""
 
-from typing import Protocol
-
 from messages import events, topics
-from messages.health import LogLine
-from messages.vehicle import VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.vehicle import Vehicle
 from services.mavlink.core import Settings, Submarine
@@ -12,7 +8,7 @@ from services.mavlink.pilot import Reaction, received
 from services.mavlink.telemetry import Snapshot
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import FarEndLimits, Links
-from services.mavlink_io.packet import AUTOPILOT, MavlinkPacket
+from services.mavlink_io.packet import AUTOPILOT
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Pilot
 from services.runtime.config.errors import NeedsRealTimeError
@@ -23,15 +19,6 @@ from services.vehicle_view.io.ports import VehiclePorts
 
 HZ = topics.PILOT_COMMAND.hz
 GROUND_STATIONS = FarEndLimits(most=16, silent_s=60.0, beyond=events.TOO_MANY_MAVLINK())
-
-
-class GroundEndpoint(Protocol):
-    """Links to ground stations, as of `MavlinkEndpoint`."""
-
-    @property
-    def names(self) -> list[str]: ...
-    def receive(self) -> list[MavlinkPacket]: ...
-    def send(self, packet: MavlinkPacket, link: str | None) -> None: ...
 
 
 def wire(node: Node, stack: Stack) -> None:
@@ -55,7 +42,7 @@ class GroundStations:
         self,
         node: Node,
         settings: Settings,
-        endpoint: GroundEndpoint,
+        endpoint: MavlinkEndpoint,
         has: tuple[Output, ...] = OUTPUTS,
     ) -> None:
         """`has`: outputs of the vehicle."""
@@ -65,8 +52,9 @@ class GroundStations:
         self._submarine = Submarine(settings, pilot, self._boot_ns)
         self._vehicle = VehiclePorts(node)
         self._ports = PilotPorts(node, pilot, self._submarine, also=self._send)
-        node.each(topics.STATUS, self._on_status)
-        node.each(topics.LOG, self._on_log)
+        do = self._ports.do
+        node.each(topics.STATUS, lambda status, now: do(self._submarine.status(status, now), now))
+        node.each(topics.LOG, lambda line, now: do(self._submarine.log(line, now), now))
         node.every(HZ, self._tick)
 
     def receive(self, now: int) -> None:
@@ -78,12 +66,6 @@ class GroundStations:
     def _tick(self, now: int) -> None:
         names = self._endpoint.names
         self._ports.do(self._submarine.tick(names, self._snapshot(now), now), now)
-
-    def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._submarine.status(status, now), now)
-
-    def _on_log(self, line: LogLine, now: int) -> None:
-        self._ports.do(self._submarine.log(line, now), now)
 
     def _snapshot(self, now: int) -> Snapshot:
         newest = self._vehicle.newest(now)

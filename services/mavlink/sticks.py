@@ -181,18 +181,14 @@ class ButtonReader:
 
     def _tool(self, function: int, outputs: Mapping[str, float]) -> Intent | None:
         """The second light or the lasers; None: another function, or the vehicle has none such."""
-        if function in (LIGHTS2_CYCLE, LIGHTS2_BRIGHTER, LIGHTS2_DIMMER):
-            name = meant(self.has, "light_2")
+        dims = function in (LIGHTS2_CYCLE, LIGHTS2_BRIGHTER, LIGHTS2_DIMMER)
+        switches = function in (RELAY_ON, RELAY_OFF, RELAY_TOGGLE)
+        if dims and (name := meant(self.has, "light_2")) is not None:
             first = function - LIGHTS2_CYCLE + LIGHTS_CYCLE
-            return (
-                None
-                if name is None
-                else OutputIntent(name, self._lit(first, outputs.get(name, 0.0)))
-            )
-        if function in (RELAY_ON, RELAY_OFF, RELAY_TOGGLE):
-            name = meant(self.has, "laser")
+            return OutputIntent(name, self._lit(first, outputs.get(name, 0.0)))
+        if switches and (name := meant(self.has, "laser")) is not None:
             on = None if function == RELAY_TOGGLE else float(function == RELAY_ON)
-            return None if name is None else OutputIntent(name, on)
+            return OutputIntent(name, on)
         return None
 
     def _function(self, button: int) -> int:
@@ -235,19 +231,19 @@ class StickInput:
             self.buttons.forget(down)
             self._channels = Channels()
         said = manual_control(packet.fields, gain)
-        tilted = said.sticks._replace(tilt=self._channels.tilt(now))
-        said = said._replace(sticks=tilted)
+        said = said._replace(sticks=said.sticks._replace(tilt=self._channels.tilt(now)))
         if not self._steer(packet.sender, said, now, out):
             return
         armed = self.status is not None and self.status.armed
         outputs = {} if self.status is None else self.status.outputs
-        pressed = self.buttons.read(down, armed=armed, light=self._light, outputs=outputs)
+        light = 0.0 if self.status is None else max(0.0, self.status.light)
+        pressed = self.buttons.read(down, armed=armed, light=light, outputs=outputs)
         holder.tilt, holder.gripper = pressed.tilt, pressed.gripper
         self.pilot.press(pressed.intents, now, out)
         if pressed.gain != gain:
             out.say(None, MavSeverity.INFO, f"#Gain is {100 * pressed.gain:.0f}%")
-        if pressed.light is not None and "light" not in self.pilot.waiting:
-            out.requests.append(self.pilot.request("light", pressed.light))
+        if pressed.light is not None:
+            self._light(pressed.light, out)
 
     def rc_override(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
         holder = self.pilot.holder
@@ -264,18 +260,14 @@ class StickInput:
             if not self._steer(packet.sender, said, now, out):
                 return
             holder.tilt = holder.gripper = 0.0
-        if (
-            said.light is not None
-            and said.light != self._lamp
-            and "light" not in self.pilot.waiting
-        ):
+        if said.light not in (None, self._lamp) and self._light(said.light, out):
             self._lamp = said.light
-            out.requests.append(self.pilot.request("light", said.light))
 
-    @property
-    def _light(self) -> float:
-        """[-] 0 … 1"""
-        return 0.0 if self.status is None else max(0.0, self.status.light)
+    def _light(self, share: float | None, out: Reaction) -> bool:
+        """Ask for a brightness [-] 0 … 1, unless an answer is waited for."""
+        free = "light" not in self.pilot.waiting
+        out.requests += [self.pilot.request("light", share)] if free else []
+        return free
 
     def _steer(self, station: GroundStation, said: StickPacket, now: Ns, out: Reaction) -> bool:
         if said.clipped:

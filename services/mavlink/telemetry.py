@@ -21,6 +21,7 @@ from services.marine.attitude import level_velocity
 from services.mavlink_io.packet import (
     ARDUPILOT,
     SUBMARINE,
+    MavCapability,
     MavDataStream,
     MavLandedState,
     MavlinkPacket,
@@ -30,6 +31,9 @@ from services.mavlink_io.packet import (
 )
 
 NAMES = {0: "STABILIZE", 2: "ALT_HOLD", 4: "GUIDED", 16: "POSHOLD", 19: "MANUAL", 21: "SURFTRAK"}
+# [-] Major, minor, patch, 255 for a release: ground stations choose names and pages by it. The
+# parameters have the names of ArduSub 4.5.
+VERSION = 4 << 24 | 5 << 16 | 0 << 8 | 255
 GUIDED = 4  # the drone goes to a place or follows a path by itself
 
 SHOWN: dict[FlightMode, int] = {
@@ -185,6 +189,20 @@ def named_values(known: Snapshot) -> list[Fields]:
     ]
 
 
+def autopilot_version(_: Snapshot | None = None) -> Fields:
+    capabilities = (
+        MavCapability.COMMAND_INT | MavCapability.MAVLINK2 | MavCapability.PARAM_ENCODE_C_CAST
+    )
+    zeros = ("middleware_sw_version", "os_sw_version", "board_version")
+    return dict.fromkeys((*zeros, "vendor_id", "product_id", "uid"), 0) | {
+        "capabilities": int(capabilities),
+        "flight_sw_version": VERSION,
+        "flight_custom_version": list(b"lindy\0\0\0"),
+        "middleware_custom_version": [0] * 8,
+        "os_custom_version": [0] * 8,
+    }
+
+
 # The same of the state, which is known then.
 
 
@@ -275,6 +293,7 @@ TABLE: Mapping[str, tuple[float, Callable[[Snapshot], Fields | list[Fields] | No
     "BATTERY_STATUS": (1.0, battery_status),
     "AHRS2": (5.0, _of_state(ahrs2)),
     "HOME_POSITION": (0.0, home_position),
+    "AUTOPILOT_VERSION": (0.0, autopilot_version),
     "EXTENDED_SYS_STATE": (1.0, extended_sys_state),
     "NAMED_VALUE_FLOAT": (2.0, named_values),
 }

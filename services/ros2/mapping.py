@@ -391,30 +391,6 @@ BUTTONS: dict[int, Press] = {6: "arm", 4: "disarm", 1: "stop", 3: "light"}  # st
 NUMBERS = 15  # buttons of that layout
 
 
-def sticks_of_joy(said: Any) -> Sticks:
-    """
-    Raises:
-        ValueError: it has fewer than four axes.
-    """
-    if len(said.axes) <= RIGHT_Y:
-        raise ValueError(f"sticks need {RIGHT_Y + 1} axes, found {len(said.axes)}")
-    axes, buttons = said.axes, [bool(button) for button in said.buttons]
-    buttons += [False] * (NUMBERS - len(buttons))
-    return Sticks(
-        surge=float(axes[RIGHT_Y]),
-        sway=-float(axes[RIGHT_X]),
-        heave=-float(axes[LEFT_Y]),
-        yaw=-float(axes[LEFT_X]),
-        tilt=float(buttons[UP] - buttons[DOWN]),
-    )
-
-
-def presses_of_joy(said: Any) -> frozenset[Press]:
-    """What is held down."""
-    down = (number for number, button in enumerate(said.buttons) if button)
-    return frozenset(BUTTONS[number] for number in down if number in BUTTONS)
-
-
 def heard_of(data: bytes, attached: Attachment) -> tuple[RosSticks, bool]:
     """Sticks of a node of ROS 2, and whether they were beyond a full stick.
 
@@ -425,11 +401,18 @@ def heard_of(data: bytes, attached: Attachment) -> tuple[RosSticks, bool]:
         ValueError: it is no such message, or holds no sticks.
     """
     said = decoded(data, JOY)
-    sticks = sticks_of_joy(said)
-    if not all(map(isfinite, sticks)):
-        raise ValueError("a stick is not a number")
+    if len(axes := said.axes) <= RIGHT_Y or not all(map(isfinite, axes[: RIGHT_Y + 1])):
+        raise ValueError(f"sticks need {RIGHT_Y + 1} axes that are numbers, found {axes}")
+    down = {number for number, button in enumerate(said.buttons) if button}
+    sticks = Sticks(
+        surge=float(axes[RIGHT_Y]),
+        sway=-float(axes[RIGHT_X]),
+        heave=-float(axes[LEFT_Y]),
+        yaw=-float(axes[LEFT_X]),
+        tilt=float((UP in down) - (DOWN in down)),
+    )
     within = Sticks(*(max(-1.0, min(1.0, each)) for each in sticks))
-    pressed = presses_of_joy(said)
+    pressed = frozenset[Press](BUTTONS[number] for number in down & BUTTONS.keys())
     return RosSticks(attached.publisher, attached.utc_ns, within, pressed), within != sticks
 
 

@@ -3,12 +3,11 @@ allowed. It is on Lindy's bus like any service, and in the ROS network by a sess
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from messages import events, topics
 from messages.message import Message
 from messages.topic import AnyTopic
-from messages.vehicle import VehicleStatus
 from services.marine.field_of_view import CameraViews
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
@@ -35,21 +34,6 @@ NO_ROUTER = (
 INSECURE = "INSECURE: whoever reaches the ROS network can fly the drone"
 
 
-class RosNetwork(Protocol):
-    """As of `OtherNetwork`."""
-
-    too_long: int
-
-    @property
-    def session_id(self) -> str: ...
-    @property
-    def connected(self) -> bool: ...
-    def publisher(self, key: str) -> OtherPublisher: ...
-    def keep(self, key: str, payload: bytes, attachment: bytes) -> None: ...
-    def hear(self, key: str, takes: Callable[[str, bytes, bytes], None]) -> None: ...
-    def announce(self, token: str) -> None: ...
-
-
 def wire(node: Node, stack: Stack) -> None:
     if stack.virtual:
         raise NeedsRealTimeError("ros2")
@@ -63,7 +47,7 @@ def wire(node: Node, stack: Stack) -> None:
         node.log("warning", INSECURE)
 
 
-def connected(node: Node, stack: Stack, settings: Settings, network: RosNetwork) -> "DroneInRos":
+def connected(node: Node, stack: Stack, settings: Settings, network: OtherNetwork) -> "DroneInRos":
     """
     Raises:
         LindyError: rosbags is not installed.
@@ -102,7 +86,7 @@ class DroneInRos:
         self,
         node: Node,
         settings: Settings,
-        network: RosNetwork,
+        network: OtherNetwork,
         namespace: str,
         messages: "RosMessages",
         of_cameras: Iterable[str],
@@ -116,7 +100,8 @@ class DroneInRos:
         self._was_connected: bool | None = None
         network.announce(self._ros.token())
         for topic in messages.offered(of_cameras):
-            self._offer(topic)
+            token, key = self.entity("MP", topic)
+            self._topics[topic.name] = RosPublisher(network.publisher(key), id_of(token))
         self._keep_static()
         node.watch(self._show)
         node.every(LOOK_HZ, lambda _: None)  # the step of the node hands over what has arrived
@@ -131,10 +116,6 @@ class DroneInRos:
 
     def whole(self, name: str) -> str:
         return self._messages.whole(name)
-
-    def _offer(self, topic: "RosTopic") -> None:
-        token, key = self.entity("MP", topic)
-        self._topics[topic.name] = RosPublisher(self.network.publisher(key), id_of(token))
 
     def _keep_static(self) -> None:
         from services.ros2.mapping import RosTopic
@@ -158,13 +139,12 @@ class DroneInRos:
             self._topics[said.topic].put(data, utc_ns)
 
     def _look(self, _: int) -> None:
-        if (there := self.network.connected) == self._was_connected:
-            return
-        self._was_connected = there
-        if there:
-            self._node.log("info", f"ROS 2: connected with {self._settings.router}")
-        else:
-            self._node.log("warning", NO_ROUTER.format(self._settings.router))
+        router, before = self._settings.router, self._was_connected
+        self._was_connected = self.network.connected
+        if self._was_connected and not before:
+            self._node.log("info", f"ROS 2: connected with {router}")
+        elif not self._was_connected and before is not False:
+            self._node.log("warning", NO_ROUTER.format(router))
 
 
 class RosPublisher:
@@ -200,7 +180,8 @@ class SticksFromRos:
         _, key = drone.entity("MS", RosTopic(drone.whole(STICKS), JOY))
         drone.network.hear(key, takes)
         self._ports = PilotPorts(node, pilot.pilot, pilot)
-        node.each(topics.STATUS, self._on_status)
+        do = self._ports.do
+        node.each(topics.STATUS, lambda status, now: do(pilot.status(status, now), now))
         node.every(topics.PILOT_COMMAND.hz, self._tick)
 
     def receive(self, now: int) -> None:
@@ -229,6 +210,3 @@ class SticksFromRos:
         self._too_long += more
         self._node.tell(events.OVERSIZED("ros"), more)
         self._ports.do(self._pilot.tick(now), now)
-
-    def _on_status(self, status: VehicleStatus, now: int) -> None:
-        self._ports.do(self._pilot.status(status, now), now)

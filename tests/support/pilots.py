@@ -5,7 +5,7 @@ import json
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -19,11 +19,12 @@ from services.marine.vehicle import Vehicle
 from services.mavlink.core import Settings as MavlinkSettings
 from services.mavlink.pilot import Addressed, GroundStation
 from services.mavlink.service import GroundStations
+from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.packet import MavlinkPacket
 from services.ros2.core import Settings as RosSettings
 from services.ros2.mapping import JOY, RosMessage, ros
 from services.ros2.service import connected
-from services.runtime.bus.other_network import OtherPublisher
+from services.runtime.bus.other_network import OtherNetwork, OtherPublisher
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
@@ -254,7 +255,8 @@ class GroundStationDive(PilotedDive):
 
     def wire(self, node: Node, stack: Stack) -> None:  # noqa: ARG002
         self.air = MavlinkAir()
-        self.notify = node.from_outside(GroundStations(node, MavlinkSettings(), self.air).receive)
+        air = cast(MavlinkEndpoint, self.air)
+        self.notify = node.from_outside(GroundStations(node, MavlinkSettings(), air).receive)
 
     def hear(self, name: str, who: int = 0, **fields: Any) -> None:
         link, system, component = STATIONS[who]
@@ -339,7 +341,7 @@ class RosDive(PilotedDive):
 
     def wire(self, node: Node, stack: Stack) -> None:
         self.air, self.count = RosAir(), 0
-        connected(node, stack, RosSettings(sticks=self.flies), self.air)
+        connected(node, stack, RosSettings(sticks=self.flies), cast(OtherNetwork, self.air))
 
     def joy(self, who: int = 0, *buttons: int, age_ns: int = 0, **sticks: float) -> None:
         """Axes as of game_controller_node: up and left are positive. `age_ns`: sent so long ago."""

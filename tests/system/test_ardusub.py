@@ -26,7 +26,7 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings
 from tests.support.ardusub_double.board import BoardDouble
 from tests.support.ardusub_double.memory import BoardOnHost
-from tools.driver.bench import Bench, VirtualPlace, alone
+from tools.driver.bench import Bench, alone, on_virtual_time
 from tools.driver.rules import RULES, Rule
 
 S = 1_000_000_000  # [ns]
@@ -305,7 +305,7 @@ def bench_on_a_board(folder: Path, version: str) -> Bench:
     vehicle, place = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
     board = BoardOnHost(host, BoardDouble(vehicle, place, version=version))
     node, say = host.node("contract", ["drone"]), host.side("drone").say(topics.THRUSTERS)
-    bench = Bench(VirtualPlace(host), node, say, stack)
+    bench = on_virtual_time(host, node, say, stack)
     host.add_all(services, stack, {"ardusub": partial(wire_to, board.link)})
     bench.settle()
     return bench

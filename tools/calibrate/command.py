@@ -45,7 +45,6 @@ def calibrate(
         float | None,
         Parameter(help="pressure: [hPa] of a barometer at the place, not reduced to sea level"),
     ] = None,
-    json: Annotated[bool, Parameter(help="noise: as JSON")] = False,
 ) -> int:
     """Find the errors of a vehicle's sensors.
 
@@ -68,10 +67,8 @@ def calibrate(
         raise LindyError(f"--atmosphere is {atmosphere:g} hPa, expected 500 to 1200 hPa")
     if what == "noise":
         if recording is None or (out, vehicle, dive) != (None, None, None):
-            raise LindyError("noise needs a recording, and takes no other option but --json")
-        return noise(recording, json=json)
-    if json:
-        raise LindyError("--json is for `calibrate noise`")
+            raise LindyError("noise needs a recording, and takes no option")
+        return noise(recording)
     guides: dict[str, Callable[[Vehicle], CalibrationGuide]] = {
         "gyroscope": lambda _: GyroscopeGuide(),
         "accelerometer": lambda _: AccelerometerGuide(),
@@ -79,21 +76,6 @@ def calibrate(
         "pressure": lambda _: PressureGuide(100.0 * (atmosphere or 0.0)),
         "dvl": DvlGuide,
     }
-    return _calibrate(guides[what], recording, out, vehicle, dive)
-
-
-def _calibrate(
-    guide_of: Callable[[Vehicle], CalibrationGuide],
-    recording: Path | None,
-    out: Path | None,
-    vehicle: str | None,
-    dive: Path | None,
-) -> int:
-    """Guide the calibration, print what was found, and write it.
-
-    Raises:
-        LindyError: the samples do not tell, or the file cannot be written.
-    """
     if recording is not None and dive is not None:
         raise LindyError("give a recording, or --dive for the sensors now, not both")
     if out is not None:
@@ -101,13 +83,13 @@ def _calibrate(
     if recording is not None:
         opened = open_recording(recording)
         name, text = vehicle_in(opened, vehicle)
-        guide = guide_of(read_vehicle(name, text))
+        guide = guides[what](read_vehicle(name, text))
         replay(opened, guide)
         source, damage = recording.resolve().name, opened.damage
     else:
         running = dive_in(dive)
         name, text = vehicle_in(None, vehicle or running.vehicle)
-        guide = guide_of(read_vehicle(name, text))
+        guide = guides[what](read_vehicle(name, text))
         guide_live(running, guide, lambda line: print(line, flush=True))
         source, damage = "the running vehicle", list[str]()
     found = guide.result()

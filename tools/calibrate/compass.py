@@ -224,12 +224,11 @@ class CompassGuide:
         bias = 1e-6 * plane @ found.centre
         stds = 1e-6 * np.sqrt(np.diag(plane @ found.centre_covariance @ plane.T))
         matrix = plane @ found.shape @ plane.T + np.outer(upright, upright)
-        x, y, z = bias.tolist()
         rows = tuple(tuple(row) for row in matrix.tolist())
-        worst = found.shape_std
+        worst, bias = found.shape_std, tuple(bias.tolist())
         return SensorFound(
             (
-                Setting("magnetometer_bias", (x, y, z), tuple(stds.tolist()), "T", "horizontal"),
+                Setting("magnetometer_bias", bias, tuple(stds.tolist()), "T", "horizontal"),
                 Setting("magnetometer_matrix", rows, (), "-", f"± {worst:.2g} at most"),
             ),
             (

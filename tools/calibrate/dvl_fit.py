@@ -66,7 +66,6 @@ class DvlFit(NamedTuple):
     std: Floats  # shape (14,): rotation about the body's axes [rad], then in the order above
     used: int  # stretches
     left_out: int  # that do not fit
-    misfit: float  # [-] squared error over variance, mean of those used
 
     @property
     def yaw(self) -> float:
@@ -85,9 +84,8 @@ class Unknowns(NamedTuple):
 
     rotation: Floats
     rest: Floats  # shape (11,): scale, lever arm, biases, offset of the stamps
-    taken: (
-        Floats  # shape (4,): of the gyroscope's bias and of the stamps' offset, taken away already
-    )
+    # shape (4,): of the gyroscope's bias and of the stamps' offset, taken away already
+    taken: Floats
 
     @property
     def point(self) -> Floats:
@@ -227,7 +225,7 @@ def _judged(
     stamps = found.taken[3] + others[-1]
     return DvlFit(
         found.rotation, scale, np.array(others[:3]), stamps,
-        np.sqrt(np.maximum(own, differ)), len(kept), len(forms) - len(kept), misfit,
+        np.sqrt(np.maximum(own, differ)), len(kept), len(forms) - len(kept),
     )  # fmt: skip
 
 
@@ -287,7 +285,7 @@ def _form(stretch: DvlStretch, taken: Floats, before: Unknowns | None) -> Quadra
 
     there = _Between(t, at)
     R_at, omega = there.of(R), there.of(_smooth(rate))
-    lever = np.einsum("nij,njk->nik", R_at, _crosses(omega))
+    lever = np.einsum("nij,njk->nik", R_at, np.einsum("nk,kij->nij", omega, TURNS))  # R [ω]×
     later = there.of(_smooth(felt - felt.mean(axis=0)))
     of_force, of_rate = there.of(of_force), there.of(of_rate)
     U = np.einsum("nij,nk->nijk", R_at, u).reshape(len(at), 3, 9)
@@ -367,11 +365,6 @@ def _rotations(steps: Floats) -> Floats:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), 2, 0)
-
-
-def _crosses(vectors: Floats) -> Floats:
-    """Shape (n, 3, 3): [v]× of each."""
-    return np.einsum("nk,kij->nij", vectors, TURNS)
 
 
 def _turn(angle: Floats) -> Floats:

@@ -18,7 +18,6 @@ import numpy as np
 
 from messages.message import Message
 from messages.sensors import ImuSample
-from messages.units import Vec3
 from services.estimation.rest import MOST_FORCE_STD, MOST_RATE_STD
 from services.estimation.settings import CalibrationSettings
 from services.marine.vehicle import GRAVITY
@@ -38,11 +37,6 @@ class RestMean(NamedTuple):
     mean: Floats  # shape (6,): angular rate [rad/s], specific force [m/s²]; the sensor's axes
     std: Floats  # shape (6,) of one sample
     mean_std: Floats  # shape (6,) of the mean, from the spread of the blocks' means
-
-    @property
-    def force(self) -> Vec3:
-        x, y, z = self.mean[3:].tolist()
-        return x, y, z
 
 
 class RestWatch:
@@ -158,12 +152,11 @@ class GyroscopeGuide:
                 f"gyroscope: the longest rest is {seconds:.1f} s, needed are {LEAST:.0f} s{why}; "
                 f"lay the vehicle on something firm"
             )
-        p, q, r = best.mean[:3].tolist()
-        a, b, c = best.mean_std[:3].tolist()
+        bias, known = tuple(best.mean[:3].tolist()), tuple(best.mean_std[:3].tolist())
         density = max(best.std[:3].tolist()) * sqrt(best.seconds / best.samples)
         about = f"rest of {best.seconds:.0f} s"
         return SensorFound(
-            (Setting("gyro_bias", (p, q, r), (a, b, c), "rad/s", about),),
+            (Setting("gyro_bias", bias, known, "rad/s", about),),
             (
                 f"gyroscope: noise {density:.2g} rad/s/√Hz on the worst axis; its bias is learnt "
                 f"anew before each dive, so this matters only where it exceeds "
@@ -204,7 +197,7 @@ class AccelerometerGuide:
         rest = watch.result() if longer and watch.seconds >= REST else None
         if rest is None:
             return
-        side = side_of(rest.force)
+        side = side_of(rest.mean[3:].tolist())
         self._odd = side is None
         if side is not None:
             before = self._rests.get(side)
@@ -248,10 +241,11 @@ class AccelerometerGuide:
                 f"a working sensor, allowed are ±{MOST_BIAS:g} and 1 ± {MOST_SCALE:g}; check its "
                 f"unit, and that it was at rest on each side"
             )
+        b, s, known = (tuple(found.tolist()) for found in (bias, scale, std))
         return SensorFound(
             (
-                Setting("accelerometer_bias", _three(bias), _three(std[:3]), "m/s²"),
-                Setting("accelerometer_scale", _three(scale), _three(std[3:]), "-"),
+                Setting("accelerometer_bias", b, known[:3], "m/s²"),
+                Setting("accelerometer_scale", s, known[3:], "-"),
             ),
             (
                 "accelerometer: bias and scale only; axes that are not square to each other, or "
@@ -260,7 +254,7 @@ class AccelerometerGuide:
         )
 
 
-def side_of(force: tuple[float, float, float]) -> Side | None:
+def side_of(force: Sequence[float]) -> Side | None:
     """The axis along which this specific force [m/s²] points, and its sign."""
     size = hypot(*force)
     axis = max(range(3), key=lambda i: abs(force[i]))
@@ -304,11 +298,6 @@ def _equations(x: Floats, forces: Floats, noise: Floats) -> tuple[Floats, Floats
     weight: Floats = 1.0 / np.maximum(spread, 1e-9)
     slope: Floats = np.hstack([-along * scale, along * (forces - bias)])
     return (GRAVITY - size) * weight, slope * weight[:, None]
-
-
-def _three(values: Floats) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z
 
 
 def _text(values: Floats) -> str:

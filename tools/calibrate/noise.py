@@ -1,11 +1,10 @@
 """`lindy calibrate noise`: noise of the sensors, from a recording of a drone at rest."""
 
-import json as json_text
 from collections.abc import Iterator
 from itertools import pairwise
 from math import sqrt
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,9 +38,9 @@ class SettingLine(NamedTuple):
     why: str
 
 
-def noise(recording: Path, *, json: bool = False) -> int:
+def noise(recording: Path) -> int:
     """Print noise, rate and drift of the sensors of a drone at rest, and the lines to paste into
-    the vehicle file, or the same as JSON. Returns the exit status.
+    the vehicle file. Returns the exit status.
 
     It uses the longest time in which the drone was neither armed nor moved, at least 20 s: the
     longer, the slower the drift that can be seen.
@@ -50,8 +49,7 @@ def noise(recording: Path, *, json: bool = False) -> int:
         LindyError: there is no recording, or no such rest in it.
     """
     rest = resting(read(open_recording(recording)), recording)
-    axes = list(measured(rest.samples))
-    print(as_json(axes, rest) if json else as_toml(axes, rest))
+    print(as_toml(list(measured(rest.samples)), rest))
     return 0
 
 
@@ -121,15 +119,3 @@ def _figures(axis: NoiseAxis) -> str:
         f"{axis.name:<16} {axis.rate:4.0f} Hz  {axis.std:.3g} {unit}  "
         f"{found.density:.3g} {unit}/√Hz  {slow} {unit}  {walk} {unit}/√s"
     )
-
-
-def as_json(axes: list[NoiseAxis], rest: RestStatistics) -> str:
-    """Every figure, and the settings by section and key."""
-    settings = {line.key: line.value for line in lines(axes) if line.value is not None}
-    found: dict[str, Any] = {
-        "seconds": rest.seconds,
-        "from": rest.begin,
-        "axes": [axis._asdict() | {"noise": axis.noise._asdict()} for axis in axes],
-        "settings": {SECTION: settings},
-    }
-    return json_text.dumps(found, indent=1, allow_nan=False)

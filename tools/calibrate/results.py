@@ -9,7 +9,7 @@ import msgspec
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import convert
-from tools.identify.vehicle_file import read_vehicle, with_lines
+from tools.identify.vehicle_file import Numbers, read_vehicle, toml, with_lines
 
 CALIBRATION_TABLE = "vehicle.calibration"
 
@@ -22,7 +22,7 @@ class Setting(NamedTuple):
     """One line of a table."""
 
     key: str
-    value: float | tuple[float, ...] | tuple[tuple[float, ...], ...]
+    value: Numbers
     std: tuple[float, ...]  # 1σ of each number, in order; empty: not known
     unit: str
     about: str = ""
@@ -31,7 +31,7 @@ class Setting(NamedTuple):
     @property
     def toml(self) -> str:
         """Without the comment."""
-        return f"{self.key} = {_toml(self.value)}"
+        return f"{self.key} = {toml(self.value, 6)}"
 
     @property
     def line(self) -> str:
@@ -72,18 +72,7 @@ def with_settings(name: str, text: str, settings: Sequence[Setting], why: str) -
         (heading, 0): {setting.key: f"{setting.line}; {why}" for setting in those}
         for heading, those in by_table.items()
     }
-    new = with_lines(text, lines)
-    try:
-        is_so = read_vehicle(name, new) == wanted
-    except LindyError:
-        is_so = False
-    if not is_so:
-        raise LindyError(
-            f"{name}: its [{'] or ['.join(by_table)}] cannot be "
-            f"rewritten, because it stands on several lines or in a table of another form; enter "
-            f"the lines above by hand"
-        )
-    return new
+    return with_lines(name, text, lines, wanted)
 
 
 def _by_table(settings: Sequence[Setting]) -> dict[str, list[Setting]]:
@@ -91,10 +80,3 @@ def _by_table(settings: Sequence[Setting]) -> dict[str, list[Setting]]:
     for setting in settings:
         found.setdefault(setting.table, []).append(setting)
     return found
-
-
-def _toml(value: float | tuple[float, ...] | tuple[tuple[float, ...], ...]) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_toml, value))}]"
-    text = f"{value:.6g}"
-    return text if any(c in text for c in ".en") else f"{text}.0"

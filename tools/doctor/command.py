@@ -94,15 +94,10 @@ def _other_stack(stack: str, *, asked: bool) -> VehicleFinding:
 def _of_board(stack: Stack, vehicle: Vehicle, seconds: float) -> list[VehicleFinding]:
     """
     Raises:
-        LindyError: the port cannot be opened, no pymavlink is installed, or `light_servo` is taken.
+        LindyError: the port cannot be opened, or no pymavlink is installed.
     """
-
     settings, motors = stack.section("ardusub", Settings), len(vehicle.thruster)
-    try:
-        servos = servos_of(vehicle.output, settings, motors)
-    except ValueError as error:
-        raise LindyError(f"{stack.vehicle_path}: {error}") from None
-    visit = BoardVisit(settings, motors, seconds, servos)
+    visit = BoardVisit(settings, motors, seconds, servos_of(vehicle.output))
     links = Links([settings.url], "ardusub.url", ONE_BOARD, visit.lost)
     try:
         go_through(visit, links, time.monotonic_ns, _wait)

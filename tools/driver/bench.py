@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -46,27 +46,31 @@ class BrokenRuleError(Exception):
     """A promise is not kept: what was seen, and what was expected."""
 
 
-class Place(Protocol):
-    """Where a vehicle side runs: on virtual or on real time."""
-
-    def now(self) -> int: ...
-
-    def run(self, seconds: float) -> None: ...
-
-
 class Bench:
     """What the vehicle side says is kept; what it is commanded is set by `ask`."""
 
     def __init__(
-        self, place: Place, node: Node, say: Say, stack: Stack, *, virtual: bool = True
+        self,
+        now: Callable[[], int],
+        run: Callable[[float], object],
+        node: Node,
+        say: Say,
+        stack: Stack,
+        *,
+        virtual: bool = True,
     ) -> None:
-        self.virtual = virtual
+        """
+        Args:
+            now: [ns] on virtual or real time.
+            run: lets it go on for so long [s].
+        """
+        self.now, self.run, self.virtual = now, run, virtual
         self.vehicle = stack.section("vehicle", Vehicle)
         self.estimation = stack.section("estimation", EstimationSettings)
         self.heard: defaultdict[str, list[tuple[int, Any]]] = defaultdict(list)  # arrival, message
         self.counts: Counter[str] = Counter()  # of the vehicle side
         self.commanding: Callable[[int], None] | None = None
-        self.say, self._place = say, place
+        self.say = say
         self._requests = node.publisher(topics.PILOT_REQUEST)
         for topic in SAID:
             node.each(topic, self._keep(topic))
@@ -82,12 +86,6 @@ class Bench:
     def _command(self, now: int) -> None:
         if self.commanding is not None:
             self.commanding(now)
-
-    def now(self) -> int:
-        return self._place.now()
-
-    def run(self, seconds: float) -> None:
-        self._place.run(seconds)
 
     def settle(self) -> None:
         """Until the side is up.
@@ -176,35 +174,6 @@ class Bench:
         return sum(n for name, n in self.counts.items() if name.endswith(":control/thrusters"))
 
 
-class VirtualPlace:
-    def __init__(self, host: VirtualHost) -> None:
-        self._host = host
-
-    def now(self) -> int:
-        return self._host.now
-
-    def run(self, seconds: float) -> None:
-        self._host.run(self._host.now + round(seconds * S))
-
-
-class RealPlace:
-    def __init__(self, node: Node, woken: threading.Event, pump: Callable[[], None]) -> None:
-        self._node, self._woken, self._pump = node, woken, pump
-
-    def now(self) -> int:
-        return time.monotonic_ns()
-
-    def run(self, seconds: float) -> None:
-        end = self.now() + round(seconds * S)
-        while self.now() < end:
-            self._node.step()
-            wait = (min(end, self._node.deadline()) - self.now()) / 1e9
-            if wait > 0:
-                self._woken.wait(wait)
-            self._woken.clear()
-        self._pump()
-
-
 def alone(stack: str, vehicle: str, folder: Path, *, virtual: bool) -> tuple[Registry, Stack]:
     """The vehicle side alone, checked as a dive is before it starts."""
     services = Registry.read(stack)
@@ -212,6 +181,12 @@ def alone(stack: str, vehicle: str, folder: Path, *, virtual: bool) -> tuple[Reg
     made = Stack(vehicle=vehicle, out=str(folder), virtual=virtual)
     made.check(known_tables(services))
     return services, made
+
+
+def on_virtual_time(host: VirtualHost, node: Node, say: Say, stack: Stack) -> Bench:
+    return Bench(
+        lambda: host.now, lambda seconds: host.run(host.now + round(seconds * S)), node, say, stack
+    )
 
 
 def virtual_bench(stack: str, vehicle: str, folder: Path) -> Bench:
@@ -223,7 +198,7 @@ def virtual_bench(stack: str, vehicle: str, folder: Path) -> Bench:
     host = VirtualHost()
     node = host.node("contract", ["drone"])
     say = host.side("drone").say(topics.THRUSTERS)
-    bench = Bench(VirtualPlace(host), node, say, made)
+    bench = on_virtual_time(host, node, say, made)
     host.add_all(services, made)
     return bench
 
@@ -244,5 +219,16 @@ def real_bench(stack: str, vehicle: str, folder: Path) -> Generator[Bench]:
         with open_bus(local.plan.endpoints["drone"], made.vehicle_name) as bus:
             node = Node("contract", {"drone": bus}, time.monotonic_ns, VolatileCheckpoint())
             node.wake = woken.set
-            place = RealPlace(node, woken, local.pump)
-            yield Bench(place, node, bus.say(topics.THRUSTERS), made, virtual=False)
+            clock = time.monotonic_ns
+
+            def run(seconds: float) -> None:
+                end = clock() + round(seconds * S)
+                while clock() < end:
+                    node.step()
+                    wait = (min(end, node.deadline()) - clock()) / 1e9
+                    if wait > 0:
+                        woken.wait(wait)
+                    woken.clear()
+                local.pump()
+
+            yield Bench(clock, run, node, bus.say(topics.THRUSTERS), made, virtual=False)

@@ -11,12 +11,12 @@ from services.marine.vehicle import Vehicle
 from services.reference.settings import Settings
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from tools.choices import Json, Overrides, VehicleName, named
+from tools.choices import Overrides, VehicleName, named
 from tools.fresh import refuse_existing, write_fresh
 from tools.identify import motion_model
 from tools.identify import plan as planning
 from tools.identify.identify import compare, identify_dive, proposed, read_dive
-from tools.identify.results import as_json, as_table, identified, remarks, rows, thrust_scale
+from tools.identify.results import as_table, identified, remarks, rows, thrust_scale
 from tools.identify.vehicle_file import rewritten, rounded
 
 identify = App(name="identify", help="Find inertia, drag, buoyancy and lag in a dive.")
@@ -74,7 +74,6 @@ def recording_(
     check: Annotated[
         Path | None, Parameter(help="another dive, which both vehicle files predict")
     ] = None,
-    json: Json = False,
 ) -> int:
     """Fit a vehicle's numbers to a recorded dive, with their deviations.
 
@@ -93,7 +92,7 @@ def recording_(
     exact = identified(found.fit, found.start)
     scale = None if net_buoyancy is None else thrust_scale(found.fit, net_buoyancy)
     notes = list(remarks(found.fit, exact, scale))
-    every, new = list(rows(found.fit, found.start)), rounded(exact)
+    new = rounded(exact)
     gains = proposed(new, found.fit.axes, found.file.tree)
     compared = None
     if check is not None:
@@ -103,12 +102,7 @@ def recording_(
         why = f"identified from {recording.resolve().name}"
         text = rewritten(found.file, new, why) + "\n" + "".join(f"# {line}\n" for line in gains)
         write_fresh(out, text.encode())
-    if json:
-        more = {"check": compared and compared._asdict(), "gains": gains}
-        print(as_json(every, found.fit, notes, scale, more))
-        return 0
-    print(as_table(every))
-    print("\n".join(["", *notes, "", *gains]))
+    print("\n".join([as_table(list(rows(found.fit, found.start))), "", *notes, "", *gains]))
     if compared is not None:
         before, after = compared.before, compared.after
         print(

@@ -92,13 +92,6 @@ def drag_at(
     return float(by @ x), float(np.sqrt(max(0.0, by @ cov @ by)))
 
 
-def condition(white: Floats, fitted: list[int]) -> float:
-    """[-] Of the information about what is fitted, each scaled to 1."""
-    information = np.linalg.inv(white[np.ix_(fitted, fitted)])
-    scale = np.sqrt(np.diag(information))
-    return float(np.linalg.cond(information / np.outer(scale, scale)))
-
-
 WHITE = 1.5  # [-] deviations enlarged by less: the residuals are white
 ADRIFT = (0.1, 0.0), (-0.1, 0.0), (0.0, 0.1), (0.0, -0.1)  # [m/s] surge and sway
 
@@ -109,11 +102,8 @@ class Fit(NamedTuple):
     axes: tuple[str, ...]  # that are fitted
     lag: bool  # is fitted
     speed: Floats  # (4,) [m/s, rad/s] typical of the dive
-    noise: Floats  # (5,) [m/s² × 3, rad/s, m] residual std
     inflation: Floats  # (COUNT,) of the deviations, because residuals are not white
-    condition: float  # [-] of the information about what is fitted, each scaled to 1
     unexplained: int  # windows left out
-    used: int  # windows
     refused: dict[str, Deviations]  # the std that inertia and drag of these axes would have
 
 
@@ -145,12 +135,8 @@ def _best(there: Search, found: Search, fitted: list[int]) -> Search:
     if honest_covariance(found)[1].max() < WHITE:
         return found
     others = [searched(there, fitted, adrift) for adrift in ADRIFT]
-    return min([found, *others], key=_rank)
-
-
-def _rank(found: Search) -> tuple[int, float]:
-    """What explains more windows is better; then what explains them better."""
-    return -len(found.taken.windows.t), misfit(found)
+    # What explains more windows is better; then what explains them better.
+    return min([found, *others], key=lambda each: (-len(each.taken.windows.t), misfit(each)))
 
 
 def _result(
@@ -162,14 +148,11 @@ def _result(
 ) -> Fit:
     """With drag held at zero where it came out negative."""
     cov, inflation = honest_covariance(here)
-    fitted = free(axes, lag)
-    scaled = condition(white_covariance(here), fitted) if fitted else 1.0
-    used = len(here.taken.windows.t)
-    here = _driving_never(here) if fitted else here
+    unexplained = len(taken.windows.t) - len(here.taken.windows.t)
+    here = _driving_never(here) if free(axes, lag) else here
     return Fit(
-        here.at.point.x, cov, axes, lag, typical_speed(here.at), here.weights.noise,
-        inflation, scaled, len(taken.windows.t) - used, used, refused,
-    )  # fmt: skip
+        here.at.point.x, cov, axes, lag, typical_speed(here.at), inflation, unexplained, refused
+    )
 
 
 def _driving_never(here: Search) -> Search:

@@ -8,12 +8,10 @@ import numpy as np
 
 from services.marine.vehicle import Vehicle, driven, first_order
 from services.runtime.config.errors import LindyError
-from tools.gains import USUAL_TURN, USUAL_WAY
 from tools.identify.dive_data import (
     NO_SAMPLES,
     WINDOW_S,
     DiveData,
-    Windows,
     busiest,
     fit_input,
     read,
@@ -34,7 +32,7 @@ from tools.identify.motion_model import (
 from tools.identify.results import weakly
 from tools.identify.vehicle_file import VehicleFile, of_recording
 from tools.recordings.recording import open_recording
-from tools.tuning.lq import LoopName, Worth, design, lines
+from tools.tuning.lq import USUAL_TURN, USUAL_WAY, LoopName, design, lines
 
 LAG_STEP = 1e-4  # [-] of a difference quotient in the logarithm
 LAG_STEPS = 12
@@ -95,40 +93,30 @@ def identify_dive(
     """
     opened = open_recording(recording)
     file = of_recording(opened, vehicle)
-    data = read(opened, file.vehicle, file.water, recording)
-    start = start_of(file.vehicle)
-    return Identified(file, start, fitted(data, file, recording, axes))
-
-
-def read_dive(recording: Path, file: VehicleFile) -> DiveData:
-    """Another dive of the same vehicle."""
-    return read(open_recording(recording), file.vehicle, file.water, recording)
-
-
-def fitted(data: DiveData, file: VehicleFile, name: Path, axes: tuple[str, ...] = AXES) -> Fit:
-    """
-    Raises:
-        LindyError: it does not tell enough of any axis.
-    """
+    data, start = read(opened, file.vehicle, file.water, recording), start_of(file.vehicle)
     found = windows(data, file.vehicle)
     if len(found.t) < FEWEST_WINDOWS:
         most, times = max(found.refused.items(), key=lambda item: item[1])
         raise LindyError(
-            f"{name} {NO_SAMPLES}: {len(found.t)} stretches of {WINDOW_S:g} s can be used, "
+            f"{recording} {NO_SAMPLES}: {len(found.t)} stretches of {WINDOW_S:g} s can be used, "
             f"expected at least {FEWEST_WINDOWS}; {times * found.period:.0f} s: {most}"
         )
-    taken = busiest(fit_input(data, found, file.vehicle, file.wake_share))
-    result = fit(taken, start_of(file.vehicle), axes)
+    result = fit(busiest(fit_input(data, found, file.vehicle, file.wake_share)), start, axes)
     if not result.axes:
         told = [f"{axis}: {weakly(*result.refused[axis])}" for axis in axes]
-        raise LindyError(f"{name} does not excite any axis enough; {'; '.join(told)}; {HOW}")
+        raise LindyError(f"{recording} does not excite any axis enough; {'; '.join(told)}; {HOW}")
     if len(data.thrust) and (lag := measured_lag(data, file.vehicle)) is not None:
         result.x[LAG] = log(lag.seconds)
         result.covariance[LAG] = result.covariance[:, LAG] = 0.0
         result.covariance[LAG, LAG] = (lag.std / lag.seconds) ** 2
         no_curve = all(thruster.lag is None for thruster in file.vehicle.thruster)
-        return result._replace(lag=no_curve)
-    return result
+        result = result._replace(lag=no_curve)
+    return Identified(file, start, result)
+
+
+def read_dive(recording: Path, file: VehicleFile) -> DiveData:
+    """Another dive of the same vehicle."""
+    return read(open_recording(recording), file.vehicle, file.water, recording)
 
 
 AHEAD_S = 60.0, 20.0  # [s] the first of which the dive holds a stretch
@@ -155,24 +143,15 @@ def compare(
     Raises:
         LindyError: the dive has no such stretch.
     """
-    for ahead in AHEAD_S:
+    ahead = AHEAD_S[0]
+    if not len((found := windows(data, before, ahead)).t):
+        ahead = AHEAD_S[1]
         found = windows(data, before, ahead)
-        if len(found.t):
-            return _compared(data, found, ahead, before, after, wake_share)
-    raise LindyError(
-        f"{name} has no {min(AHEAD_S):g} s in which the drone is armed, under water, and no "
-        "thruster is at its limit"
-    )
-
-
-def _compared(
-    data: DiveData,
-    found: Windows,
-    ahead: float,
-    before: Vehicle,
-    after: Vehicle,
-    wake_share: float,
-) -> Comparison:
+    if not len(found.t):
+        raise LindyError(
+            f"{name} has no {ahead:g} s in which the drone is armed, under water, and no thruster "
+            f"is at its limit"
+        )
     n = found.t.shape[1]
     depth_rate = np.interp(found.t, data.state_t, data.state[:, 3])
 
@@ -198,7 +177,6 @@ def _rms(values: Floats) -> float:
 LOOP: dict[str, LoopName] = {
     "heave": "depth", "yaw": "heading", "surge": "surge", "sway": "sway",
 }  # fmt: skip
-PATIENCE = 5.0  # [s] as `lindy gains` has it
 
 
 def proposed(vehicle: Vehicle, axes: tuple[str, ...], tree: dict[str, Any]) -> list[str]:
@@ -210,11 +188,10 @@ def proposed(vehicle: Vehicle, axes: tuple[str, ...], tree: dict[str, Any]) -> l
     found = ["Proposed gains (see `lindy gains`):"]
     for axis in axes:
         loop = LOOP[axis]
-        error, rate, force, speed, jerk = USUAL_TURN if loop == "heading" else USUAL_WAY
+        worth = USUAL_TURN if loop == "heading" else USUAL_WAY
         observer = float(tree.get("control", {}).get(loop, {}).get("observer", 0.0))
-        worth = Worth(error, rate, force, PATIENCE)
         try:
-            found += lines(loop, design(vehicle, loop, worth, observer, speed, jerk), worth)
+            found += lines(loop, design(vehicle, loop, worth, observer), worth)
         except LindyError as why:
             found.append(str(why))
     return found

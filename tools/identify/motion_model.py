@@ -15,12 +15,13 @@ lag.
 
 from cmath import exp as complex_exp
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from messages.units import Vec6
 from services.marine.hydrodynamics import system_inertia, wake_fins
 from services.marine.vehicle import (
     GRAVITY,
@@ -303,10 +304,6 @@ def start_of(vehicle: Vehicle) -> Beginning:
     return Beginning(vehicle, np.maximum(linear, LEAST * both), np.maximum(quadratic, LEAST * both))
 
 
-def inertia_at(x: Floats, axis: int) -> float:
-    return float(np.exp(x[inertia_of(axis)]))
-
-
 def vehicle_of(start: Beginning, x: Floats, axes: tuple[str, ...] = AXES) -> Vehicle:
     """The file's vehicle with these numbers. Of the inertia, the mass stays and the added mass
     changes; it may become negative here, and so may drag."""
@@ -315,18 +312,13 @@ def vehicle_of(start: Beginning, x: Floats, axes: tuple[str, ...] = AXES) -> Veh
     dry = system_inertia(replace(v, added_mass=(0.0,) * 6))
     for axis in map(AXES.index, axes):
         row = ROWS[axis]
-        added[row] = inertia_at(x, axis) - dry[row]
+        added[row] = float(np.exp(x[inertia_of(axis)])) - dry[row]
         linear[row] = float(x[linear_of(axis)] * start.linear[axis])
         quadratic[row] = float(x[quadratic_of(axis)] * start.quadratic[axis])
     return replace(
         v,
-        added_mass=six(added),
-        linear_damping=six(linear),
-        quadratic_damping=six(quadratic),
+        added_mass=cast(Vec6, tuple(added)),
+        linear_damping=cast(Vec6, tuple(linear)),
+        quadratic_damping=cast(Vec6, tuple(quadratic)),
         net_buoyancy=float(x[BUOYANCY]) if "heave" in axes else v.net_buoyancy,
     )
-
-
-def six(values: list[float]) -> tuple[float, float, float, float, float, float]:
-    a, b, c, d, e, f = values
-    return a, b, c, d, e, f

@@ -176,11 +176,6 @@ def _unsaturated(vehicle: Vehicle, axis: PlanAxis, full: float) -> float:
     return most
 
 
-def _ramp_s(stick: float, force: StickForce) -> float:
-    """[s] Of a change by this stick."""
-    return stick * force.full / force.max_rate + force.max_rate / force.max_rate_change
-
-
 def _pulse(plant: Plant, stick: float, force: StickForce) -> float:
     """[s] Of the first force: its ramp, and the time in which it gives its speed."""
     push, speed = stick * force.full, 0.0
@@ -188,8 +183,9 @@ def _pulse(plant: Plant, stick: float, force: StickForce) -> float:
     for _ in range(60):
         speed = (low + high) / 2
         low, high = (speed, high) if plant.drag(speed) < push else (low, speed)
+    ramp = push / force.max_rate + force.max_rate / force.max_rate_change
     rises = 1.4 * plant.inertia * speed / push
-    return round(_ramp_s(stick, force) + min(MOST_S, max(LEAST_S, rises)), 2)
+    return round(ramp + min(MOST_S, max(LEAST_S, rises)), 2)
 
 
 def _descent(way: float, reference: Settings) -> float:

@@ -1,9 +1,8 @@
-"""The fitted numbers beside those of the vehicle file: in a table, as JSON, as a vehicle."""
+"""The fitted numbers beside those of the vehicle file: in a table, as a vehicle."""
 
-import json
 from collections.abc import Iterator
 from math import exp, sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -57,14 +56,12 @@ def rows(found: Fit, start: Beginning) -> Iterator[ResultRow]:
         value = exp(found.x[m])
         inertia = system_inertia(file)[row]
         yield ResultRow(f"{name} inertia", mass, value, value * std[m], inertia)
-        yield ResultRow(
-            f"{name} linear drag", f"{force} s/{per}", found.x[d] * start.linear[axis],
-            std[d] * start.linear[axis], file.linear_damping[row],
-        )  # fmt: skip
-        yield ResultRow(
-            f"{name} quadratic drag", f"{force} s²/{per}²", found.x[q] * start.quadratic[axis],
-            std[q] * start.quadratic[axis], file.quadratic_damping[row],
-        )  # fmt: skip
+        for label, unit, index, scale, own in (
+            ("linear", f"{force} s/{per}", d, start.linear[axis], file.linear_damping),
+            ("quadratic", f"{force} s²/{per}²", q, start.quadratic[axis], file.quadratic_damping),
+        ):
+            drag, deviation = found.x[index] * scale, std[index] * scale
+            yield ResultRow(f"{name} {label} drag", unit, drag, deviation, own[row])
         speed = float(found.speed[axis])
         drag, deviation = drag_at(start, found.x, found.covariance, axis, speed)
         own, _ = drag_at(start, start.vector, found.covariance, axis, speed)
@@ -158,29 +155,3 @@ def as_table(every: list[ResultRow]) -> str:
         ]
         lines.append("  ".join([name.ljust(widths[0]), *numbers, unit]).rstrip())
     return "\n".join(lines)
-
-
-def as_json(
-    every: list[ResultRow], found: Fit, notes: list[str], scale: ThrustScale | None, more: Any
-) -> str:
-    """Every figure; `std` is one standard deviation."""
-    return json.dumps(
-        {
-            "axes": found.axes,
-            "parameters": [row._asdict() for row in every],
-            "thrust_scale": scale and scale._asdict(),
-            "windows": {"used": found.used, "left_out": found.unexplained},
-            "residual_std": dict(
-                zip(
-                    ("force_x", "force_y", "force_z", "yaw_rate", "depth"),
-                    found.noise.tolist(),
-                    strict=True,
-                )
-            ),
-            "deviations_times": float(found.inflation.max()),
-            "condition": found.condition,
-            "notes": notes,
-            **more,
-        },
-        indent=1,
-    )

@@ -21,6 +21,7 @@ from tools.recordings.recording import Recording
 HEADING = re.compile(r"\s*\[+\s*([\w.]+)\s*\]+")
 SIXES = ("added_mass", "linear_damping", "quadratic_damping")
 DIGITS = 4  # significant
+Numbers = float | tuple[float, ...] | tuple[tuple[float, ...], ...]
 
 
 class VehicleFile(NamedTuple):
@@ -81,11 +82,17 @@ def _tree(name: str, text: str) -> dict[str, Any]:
         raise LindyError(f"{name}: not valid TOML: {error}") from None
 
 
-def with_lines(text: str, tables: Mapping[tuple[str, int], Mapping[str, str]]) -> str:
-    """A TOML file's text with these lines in it; all else stays as it is.
+def with_lines(
+    name: str, text: str, tables: Mapping[tuple[str, int], Mapping[str, str]], wanted: Vehicle
+) -> str:
+    """A vehicle file's text with these lines in it; all else stays as it is.
 
     Args:
         tables: name of a table, and its number among those of this name → key → whole line.
+        wanted: what the new text then says.
+
+    Raises:
+        LindyError: the file is laid out in a way that cannot be rewritten.
     """
     blocks: list[list[str]] = [[]]  # each begins with a heading, but for the first
     for line in text.splitlines():
@@ -101,8 +108,19 @@ def with_lines(text: str, tables: Mapping[tuple[str, int], Mapping[str, str]]) -
         keys = [line.partition("=")[0].strip() for line in block]
         block[:] = [lines.get(key, line) for key, line in zip(keys, block, strict=True)]
         block[1:1] = [line for key, line in lines.items() if key not in keys]
-    blocks += [["", f"[{name}]", *lines.values()] for (name, _), lines in left.items()]
-    return "\n".join(line for block in blocks for line in block) + "\n"
+    blocks += [["", f"[{table}]", *lines.values()] for (table, _), lines in left.items()]
+    new = "\n".join(line for block in blocks for line in block) + "\n"
+    try:
+        found = rounded(read_vehicle(name, new))
+    except LindyError:
+        found = None
+    if found != rounded(wanted):
+        raise LindyError(
+            f"{name}: its [{'] or ['.join(dict.fromkeys(table for table, _ in tables))}] cannot be "
+            f"rewritten, because it stands on several lines or in a table of another form; enter "
+            f"the numbers above by hand"
+        )
+    return new
 
 
 def rounded(vehicle: Vehicle) -> Vehicle:
@@ -127,35 +145,27 @@ def rewritten(file: VehicleFile, wanted: Vehicle, why: str) -> str:
     """
     before = rounded(read_vehicle(file.name, file.text))
     values = {
-        key: f"[{', '.join(map(_plain, getattr(wanted, key)))}]"
+        key: toml(getattr(wanted, key), DIGITS)
         for key in SIXES
         if getattr(wanted, key) != getattr(before, key)
     }
     if wanted.net_buoyancy != before.net_buoyancy:
-        values["net_buoyancy"] = _plain(wanted.net_buoyancy)
+        values["net_buoyancy"] = toml(wanted.net_buoyancy, DIGITS)
     tables = {("vehicle", 0): {key: f"{key} = {value}  # {why}" for key, value in values.items()}}
     for number, (old, new) in enumerate(zip(before.thruster, wanted.thruster, strict=True)):
         if new.time_constant != old.time_constant:
-            line = f"time_constant = {_plain(new.time_constant)}  # [s] {why}"
+            line = f"time_constant = {toml(new.time_constant, DIGITS)}  # [s] {why}"
             tables["vehicle.thruster", number] = {"time_constant": line}
-    text = with_lines(file.text, tables)
-    try:
-        found = rounded(read_vehicle(file.name, text))
-    except LindyError:
-        found = None
-    if found != rounded(wanted):
-        raise LindyError(
-            f"{file.name}: its [vehicle] cannot be rewritten, because a number stands on several "
-            "lines or in a table of another form; enter the numbers above by hand"
-        )
-    return text
+    return with_lines(file.name, file.text, tables, wanted)
 
 
 def _digits(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def _plain(value: float) -> str:
-    """As TOML writes a float."""
-    text = f"{value:.{DIGITS}g}"
-    return text if any(c in text for c in ".e") else f"{text}.0"
+def toml(value: Numbers, digits: int) -> str:
+    """As TOML writes floats, with so many significant digits."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(toml(each, digits) for each in value)}]"
+    text = f"{value:.{digits}g}"
+    return text if any(c in text for c in ".en") else f"{text}.0"

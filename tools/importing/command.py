@@ -61,7 +61,7 @@ class ImportReport(msgspec.Struct, kw_only=True):
 
 
 def import_log(
-    first: Annotated[Path, Parameter(name="file", converter=named, help=f"{TAKES}")],
+    first: Annotated[Path, Parameter(name="file", converter=named, help=TAKES)],
     /,
     *more: Annotated[
         Path,
@@ -93,11 +93,9 @@ def import_log(
 ) -> int:
     """Make a recording of a log that another program wrote.
 
-    FILE is a bag of ROS 1 (.bag) or of ROS 2 (its folder), a recording of another program (.mcap),
-    a log of ArduSub (.bin), of a ground station (.tlog) or of PX4 (.ulg), or a table (.csv, .tsv,
-    .txt, .parquet). Several files of one clock, such as a table for each sensor or the pieces of a
-    bag, become one recording, which `lindy log` and `lindy replay` read. What is odd in the log is
-    counted, printed and written into import.json beside it.
+    Several files of one clock, such as a table for each sensor or the pieces of a bag, become one
+    recording, which `lindy log` and `lindy replay` read. What is odd in the log is counted, printed
+    and written into import.json beside it.
 
     Example: lindy import 00000042.BIN
              lindy import pool.bag --map my_topics.toml --vehicle my_rov.toml --out dives/pool

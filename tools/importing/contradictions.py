@@ -12,7 +12,7 @@ from services.marine.mounting import Rotation
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
 from tools.importing.clocks import pace
-from tools.importing.map_file import QUANTITIES, STAMP_UNITS
+from tools.importing.map_file import QUANTITIES, STAMP_UNITS, remedy
 from tools.importing.streams import Floats, LogStream
 
 WINDOW_NS = 500_000_000  # [ns] of which means are compared
@@ -208,15 +208,15 @@ def _require_pace(stream: LogStream) -> None:
     if found is None or 1.0 / PACE < found < PACE:
         return
     scale = STAMP_UNITS[unit]
-    fitting = [
-        f'stamp_unit = "{other}"'
+    fitting = (
+        other
         for other, of in STAMP_UNITS.items()
         if {unit, other}.isdisjoint({"ros", "date"}) and 1.0 / PACE < found * of / scale < PACE
-    ]
-    remedy = " or ".join(fitting) or 'clock = "arrival"'
+    )
+    how = remedy("stamp_unit", fitting, 'clock = "arrival"')
     raise LindyError(
         f"{stream.taken.where}: its stamps ({stream.taken.stamp}) go by {found:.3g} s in a second "
-        f"of the log; write {remedy} in the map"
+        f"of the log; write {how} in the map"
     )
 
 
@@ -236,16 +236,12 @@ def _require_turns(stream: LogStream, sensors: SensorsHeard) -> None:
     times = sensors.turn_ratio()
     if times is None or not _is_far(times):
         return
-    unit = stream.taken.fields["angular_rate"].unit
     units = QUANTITIES["angular rate"].units
-    fitting = [
-        f'unit = "{other}"'
-        for other, factor in units.items()
-        if not _is_far(times * units.get(unit, 1.0) / factor)
-    ]
+    now = units.get(stream.taken.fields["angular_rate"].unit, 1.0)
+    fitting = (unit for unit, of in units.items() if not _is_far(times * now / of))
     raise LindyError(
         f"{stream.taken.where}: gravity turns {times:.2g} times as fast as its angular_rate "
-        f"says; write {' or '.join(fitting) or 'another unit'} there in the map"
+        f"says; write {remedy('unit', fitting, 'another unit')} there in the map"
     )
 
 
@@ -271,8 +267,8 @@ def _require_pressure(stream: LogStream, sensors: SensorsHeard) -> None:
         fitting = [unit for unit, of in units.items() if of > now]
     else:
         return
-    remedy = " or ".join(f'unit = "{unit}"' for unit in fitting) or "another field"
     raise LindyError(
         f"{stream.taken.where}: pressure {said}, which no sensor in water does; write "
-        f"{remedy} there in the map{', and zero in that unit' if field.zero else ''}"
+        f"{remedy('unit', fitting, 'another field')} there in the map"
+        f"{', and zero in that unit' if field.zero else ''}"
     )

@@ -20,7 +20,7 @@ from services.runtime.config.errors import LindyError
 from tools.importing.clocks import LoggerClock
 from tools.importing.contradictions import SensorsHeard, unbelieved
 from tools.importing.log_file import CHUNK, LogRow, Wanted, getter
-from tools.importing.map_file import QUANTITIES, TakenMessage
+from tools.importing.map_file import QUANTITIES, TakenMessage, remedy
 from tools.importing.oddities import GapWatch, Oddities
 from tools.importing.streams import Floats, LogStream, Take
 
@@ -322,19 +322,21 @@ def _wrong_unit(taken: TakenMessage, name: str, quantity: str, middle: float) ->
     """
     field, units = taken.fields[name], QUANTITIES[quantity].units
     low, high = QUANTITIES[quantity].typical
-    ways = [
-        f'unit = "{unit}"'
+    now = units.get(field.unit, 1.0)
+    fitting = (
+        unit
         for unit, factor in units.items()
-        if unit != field.unit and low <= middle / units.get(field.unit, 1.0) * factor <= high
-    ]
+        if unit != field.unit and low <= middle / now * factor <= high
+    )
+    ways = [remedy("unit", fitting, "")]
     if quantity == "pressure" and middle < QUANTITIES["pressure"].possible[0]:
-        gauge = -101325.0 / units[field.unit]
-        ways.insert(0, f"zero = {gauge:g} where it counts from the surface")
-    remedy = f"write {' or '.join(ways)} in the map" if ways else "name another field in the map"
+        ways.insert(0, f"zero = {-101325.0 / now:g} where it counts from the surface")
+    wanted = " or ".join(filter(None, ways))
+    how = f"write {wanted} in the map" if wanted else "name another field in the map"
     if quantity == "share":
-        remedy = "write in the map zero and full, the log's numbers of a centred and a full stick"
+        how = "write in the map zero and full, the log's numbers of a centred and a full stick"
     unit = "" if quantity == "share" else f" {next(iter(units))}"
     return (
         f"{taken.where}: {name} is {middle:g}{unit} in the middle, which cannot be "
-        f"({low:g} to {high:g}); {remedy}"
+        f"({low:g} to {high:g}); {how}"
     )

@@ -159,11 +159,12 @@ class LogFile(ABC):
         with self.path.open("rb") as file:
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 beginning = bytes(data[:LONGEST_MAGIC])
-                found = other_kind(beginning) or f"it begins with {beginning[: len(magic)]!r}"
-                begin = -1 if other_kind(beginning, but=magic) else data.find(magic)
+                other = other_kind(beginning, but=magic)
+                begin = -1 if other else data.find(magic)
                 end = content_end(data)
             if begin < 0:
-                raise LindyError(f"{self.path} is not {kind}: {found}")
+                why = other or f"it begins with {beginning[: len(magic)]!r}"
+                raise LindyError(f"{self.path} is not {kind}: {why}")
             if begin == 0 and size - end <= PAGE:
                 return self.path
             if begin:
@@ -233,7 +234,7 @@ def library(module: str, what: str) -> Any:
         ) from None
 
 
-def other_kind(beginning: bytes, but: bytes = b"") -> str:
+def other_kind(beginning: bytes, but: bytes) -> str:
     """What a file is that begins so, where its name says something else; empty: not known.
 
     Args:
@@ -282,7 +283,11 @@ def chosen(
     for taken in import_map.take:
         if given & {(taken.as_, field) for field in taken.fields}:
             continue
-        fitting = [source for source, kind in sources.items() if _fits(taken, source, kind)]
+        fitting = [
+            source
+            for source, kind in sources.items()
+            if kind.messages and _is_meant(taken, source, kind) and not _lacks(taken, kind)
+        ]
         if len(fitting) > 1:
             raise LindyError(
                 f"{name}: {' and '.join(fitting)} are both {taken.type}, and only one can be "
@@ -350,10 +355,6 @@ def listed(names: Sequence[str], shown: int = SHOWN) -> str:
     """Those that a sentence has room for."""
     more = f" and {len(names) - shown} more" if len(names) > shown else ""
     return ", ".join(names[:shown]) + more
-
-
-def _fits(taken: TakenMessage, source: str, kind: LogSource) -> bool:
-    return bool(kind.messages) and _is_meant(taken, source, kind) and not _lacks(taken, kind)
 
 
 def _is_meant(taken: TakenMessage, source: str, kind: LogSource) -> bool:

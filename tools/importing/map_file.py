@@ -1,6 +1,6 @@
 """A map: which field of which message of a log is which of ours, in which unit. A TOML file."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from math import pi
 from pathlib import Path
@@ -209,6 +209,11 @@ def read_map(name: str) -> tuple[ImportMap, Path]:
     if found.began is not None and found.began.tzinfo is None:
         raise LindyError(f"{path}: began: add the time zone, as in 2024-05-01T09:30:00Z")
     return found, path
+
+
+def remedy(setting: str, fitting: Iterable[str], otherwise: str) -> str:
+    """What to write in a map: `unit = "g" or unit = "mg"`."""
+    return " or ".join(f'{setting} = "{each}"' for each in fitting) or otherwise
 
 
 def _check(taken: TakenMessage) -> None:

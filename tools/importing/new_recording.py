@@ -77,7 +77,10 @@ def record(
     session = McapSession(node, stack, attached, {"imported": log})
     try:
         for number, (topic, message, arrival) in enumerate(chain([first], messages), 1):
-            ours = _by_services_clock(message, offset)
+            # By the clock of the services of a dive, which is never UTC.
+            stamps = ((name, getattr(message, name, None)) for name in ("stamp_ns", "actuated_ns"))
+            changed = {name: at - offset for name, at in stamps if at is not None}
+            ours = msgspec.structs.replace(message, **changed)
             checked = intake.check(topic.key, topic.encoding, encode(ours), arrival - offset)
             if checked is None:
                 raise LindyError(f"{topic.key}: this cannot be recorded: {ours}")
@@ -95,16 +98,6 @@ def record(
 def _require_disk(node: ImportNode) -> None:
     if node.said or node.outbox.counts[events.NOT_RECORDED().name]:
         raise LindyError(" ".join(node.said) or "the recording could not be written")
-
-
-def _by_services_clock(message: msgspec.Struct, offset: Ns) -> msgspec.Struct:
-    """Stamps [ns UTC] by the clock of the services of a dive, which is never UTC."""
-    changed = {
-        name: value - offset
-        for name in ("stamp_ns", "actuated_ns")
-        if (value := getattr(message, name, None)) is not None
-    }
-    return msgspec.structs.replace(message, **changed)
 
 
 @contextmanager

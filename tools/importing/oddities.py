@@ -66,7 +66,7 @@ class GapWatch:
     def __init__(self) -> None:
         self._last: Ns | None = None
         self._periods: list[float] = []  # [s] until the usual one is known
-        self._usual: float | None = None  # [s]
+        self._usual = 0.0  # [s]
 
     def pause(self, at: Ns) -> float | None:
         """[s] since the sample before, where that is a gap; None: it is not."""
@@ -74,9 +74,7 @@ class GapWatch:
         if last is None:
             return None
         seconds = (at - last) / 1e9
-        if self._usual is None:
+        if len(self._periods) < LEARNT:
             self._periods.append(seconds)
-            if len(self._periods) >= LEARNT:
-                self._usual = median(self._periods)
-        usual = median(self._periods) if self._usual is None else self._usual
-        return seconds if seconds > max(SHORTEST_GAP_S, GAP_PERIODS * usual) else None
+            self._usual = median(self._periods)
+        return seconds if seconds > max(SHORTEST_GAP_S, GAP_PERIODS * self._usual) else None

@@ -188,7 +188,9 @@ class LogStream:
             factor = 1.0 / (field.full - field.zero)
         raw = self.raw(name)
         if field.curve:
-            return _along(np.array(field.curve), raw) * factor
+            x, y = zip(*field.curve, strict=True)
+            along: Floats = np.interp(raw, x, y)
+            return along * factor
         scaled = (raw - field.zero) * factor
         if known.size != VECTOR or self.taken.rotation == ALONG:
             return scaled
@@ -215,15 +217,6 @@ def _word(raw: Any, field: FieldMap) -> str | bool:
     if not field.values:
         return bool(raw)
     return field.values[raw if isinstance(raw, str) else f"{float(raw):g}"]
-
-
-def _along(curve: Floats, at: Floats) -> Floats:
-    """Between the points (x, y) of a curve; beyond them as at the last."""
-    x, y = curve.T
-    above = np.clip(np.searchsorted(x, at), 1, len(x) - 1)
-    x0, y0, x1, y1 = x[above - 1], y[above - 1], x[above], y[above]
-    between: Floats = y0 + (y1 - y0) * (np.clip(at, x[0], x[-1]) - x0) / (x1 - x0)
-    return between
 
 
 def _turned(rotation: Rotation, v: Vec3) -> Vec3:

@@ -21,7 +21,7 @@ from tools.importing.log_file import (
     library,
     listed,
 )
-from tools.importing.map_file import STAMP_UNITS, TakenMessage
+from tools.importing.map_file import STAMP_UNITS, TakenMessage, remedy
 from tools.importing.table_text import ZEROS, TableText
 
 NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow calls them
@@ -122,10 +122,10 @@ class TableFile(LogFile):
             if EARLIEST_NS <= middle * STAMP_UNITS[unit] < LATEST_NS
         ]
         if (fitting and taken.stamp_unit not in fitting) or middle * scale >= LATEST_NS:
-            remedy = " or ".join(f'stamp_unit = "{unit}"' for unit in fitting) or "another column"
+            how = remedy("stamp_unit", fitting, "another column")
             raise LindyError(
                 f"{self.path}: {taken.stamp} is {middle:.10g} in the middle, which is no time "
-                f"since 1970 in {taken.stamp_unit}; write {remedy} at {taken.where} in the map"
+                f"since 1970 in {taken.stamp_unit}; write {how} at {taken.where} in the map"
             )
         whole &= np.abs(values.astype(float) * scale) < LATEST_NS  # nor where it is no number
         values = np.where(whole, values, 0)

@@ -181,8 +181,7 @@ class TableText:
         if not self._first_line:
             raise LindyError(f"{self.path} has no names of columns above its rows")
         rows = _cells(chain(sample, lines), self._delimiter)
-        for row, _ in pairwise(chain(rows, [(0, [])])):  # whether it was cut off is known behind it
-            yield row
+        yield from (row for row, _ in pairwise(chain(rows, [(0, [])])))  # a cut is known behind it
 
     def _text(self) -> Iterator[str]:
         """Lines without marks of order. What is before and behind a hole of zero bytes, as power

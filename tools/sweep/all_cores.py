@@ -23,11 +23,7 @@ J = TypeVar("J")
 R = TypeVar("R")
 POLL_S = 0.2  # [s] between two looks at whether to stop
 SPAWN = get_context("spawn")
-KILLED = "lindy: a worker process was killed; what was at hand is done again, one by one"
-KILLED_ALONE = (
-    "a worker process was killed, and again when its job was the only one, perhaps because the "
-    "memory was full"
-)
+KILLED = "a worker process was killed, perhaps because the memory was full"
 
 _stop: Event | None = None  # in a worker: set when it is to stop
 
@@ -42,57 +38,41 @@ def on_all_cores(
     jobs: Sequence[J],
     workers: int | None = None,
     stop: Callable[[], bool] = lambda: False,
-    killed: Callable[[J], R] | None = None,
 ) -> Generator[tuple[int, R] | None]:
     """(index of the job, its result) in the order in which they are finished, and None every now
-    and then while nothing is.
-
-    When a worker is killed, the jobs at hand are done again, each alone: the memory may have been
-    full.
+    and then while nothing is. When a worker is killed, what is left is begun again, that which was
+    at hand last.
 
     Args:
         work: can be pickled, as its arguments and results can; it may ask `asked_to_stop`.
         workers: processes; None: one for each core.
         stop: ask for the end; the jobs at hand are then finished, and no others are begun.
-        killed: the result of a job whose worker is killed each time; None: that is an error.
 
     Raises:
-        LindyError: a worker was killed over the same job again.
+        LindyError: workers were killed twice before anything was done.
         Exception: what `work` raised.
     """
-    left = dict(enumerate(jobs))
+    left, futile = dict(enumerate(jobs)), 0
     while left and not stop():
-        begun = dict[int, J]()
+        before = len(left)
         try:
-            yield from _in_one_pool(work, left, begun, workers or system.cores(), stop)
+            yield from _in_one_pool(work, left, workers or system.cores(), stop)
         except BrokenProcessPool:
             if stop():  # a signal to the whole process group has ended the workers, too
                 return
-            print(KILLED, file=sys.stderr, flush=True)
-            for index, job in begun.items():
-                left.pop(index, None)
-                try:
-                    yield from _in_one_pool(work, {index: job}, {}, 1, stop)
-                except BrokenProcessPool:
-                    if stop():
-                        return
-                    if killed is None:
-                        raise LindyError(KILLED_ALONE) from None
-                    yield index, killed(job)
+            futile = futile + 1 if len(left) == before else 0
+            if futile == 2:
+                raise LindyError(KILLED) from None
+            print(f"lindy: {KILLED}; what is left is begun again", file=sys.stderr, flush=True)
 
 
 def _in_one_pool(
-    work: Callable[[J], R],
-    left: dict[int, J],
-    begun: dict[int, J],
-    workers: int,
-    stop: Callable[[], bool],
+    work: Callable[[J], R], left: dict[int, J], workers: int, stop: Callable[[], bool]
 ) -> Generator[tuple[int, R] | None]:
     """As `on_all_cores`, until a worker is killed.
 
     Args:
-        left: the jobs, by their index; those that are done are taken out.
-        begun: those of them that are at hand.
+        left: the jobs, by their index; those that are done are taken out, those at hand come last.
 
     Raises:
         BrokenProcessPool: a worker was killed.
@@ -109,7 +89,6 @@ def _in_one_pool(
                 let_go = system.hold_back([signal.SIGINT])
                 try:
                     for index, job in islice(jobs, workers - len(pending)):
-                        begun[index] = job
                         pending[pool.submit(work, job)] = index
                 finally:
                     let_go()
@@ -118,13 +97,15 @@ def _in_one_pool(
             done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
             for future in sorted(done, key=lambda one: one.exception() is not None):
                 result, index = future.result(), pending.pop(future)  # none is lost with an error
-                del left[index], begun[index]
+                del left[index]
                 yield index, result
             if not done:
                 yield None
     finally:
         told.set()
         pool.shutdown(cancel_futures=True)
+        for index in pending.values():
+            left[index] = left.pop(index)
 
 
 def in_order(work: Callable[[J], R], jobs: Sequence[J], workers: int | None = None) -> list[R]:

@@ -64,12 +64,6 @@ def fly_one(job: Job) -> Row | None:
     return row_of(job.dive, flown, " ".join(end.split()), time.perf_counter() - began, folder)
 
 
-def killed_row(job: Job) -> Row | None:
-    """The row of a dive whose worker was killed each time."""
-    why = "its process was killed, and again when it was flown alone; perhaps the memory was full"
-    return row_of(job.dive, None, why, 0.0, "")
-
-
 @contextmanager
 def _folder(job: Job) -> Generator[Path]:
     """Where the dive is flown: one that goes again, or that of its recording, or, where that holds

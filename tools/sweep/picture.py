@@ -2,13 +2,8 @@
 
 import io
 from collections.abc import Sequence
-from pathlib import Path
-from tempfile import TemporaryFile
 from typing import NamedTuple
 
-from services.runtime.config.disk import reason
-from services.runtime.config.errors import LindyError
-from tools.fresh import require_picture
 from tools.sweep.rows import Row
 
 WIDE, HIGH = 4.0, 1.8  # [in] at least; per panel
@@ -28,21 +23,6 @@ MAIN = (
     MainFigure("heading_error_rms_deg", "heading error rms", "°", 1.0),
     MainFigure("energy_wh", "energy", "Wh", 1.0),
 )
-
-
-def check_picture(picture: Path) -> None:
-    """Check, before the first dive, that it can be drawn and written.
-
-    Raises:
-        LindyError: it cannot.
-    """
-    require_picture(picture, "--picture")
-    folder = next(path for path in picture.absolute().parents if path.exists())
-    try:
-        with TemporaryFile(dir=folder):
-            pass  # it can be written to
-    except OSError as error:
-        raise LindyError(f"cannot write --picture {picture}: {reason(error)}") from None
 
 
 def combinations(rows: Sequence[Row], varied: Sequence[str]) -> dict[str, list[Row]]:

@@ -7,7 +7,6 @@ import json
 import math
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from math import degrees
@@ -25,7 +24,6 @@ from tools.sweep.axes import PlannedDive
 
 Cell = str | int | float | None
 Row = dict[str, Cell]  # by column
-Kind = Literal["number", "whole", "text"]
 CLEAN = "clean"
 SUFFIXES = (".csv", ".parquet")
 
@@ -37,32 +35,25 @@ class Flown(NamedTuple):
     deepest_m: float | None  # [m]
 
 
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A figure of a report. None: not measurable on this dive."""
-
-    name: str  # with its unit
-    kind: Kind
-    value: Callable[[Flown], Cell]
+Figure = Callable[[Flown], Cell]  # None: not measurable on this dive
 
 
-def _stops(axis: StopAxis, name: str, unit: Literal["m", "deg"]) -> list[Column]:
+def _stops(axis: StopAxis, name: str, unit: Literal["m", "deg"]) -> dict[str, Figure]:
     """How many stops there were, and by how much they ran too far, at three percentiles."""
+
+    in_unit = degrees if unit == "deg" else float
 
     def past(flown: Flown) -> list[float]:
         return [stop.overshoot for stop in flown.report.stops if stop.axis == axis]
 
-    def column(word: str, share: float) -> Column:
-        def value(flown: Flown) -> float | None:
-            if not (found := past(flown)):
-                return None
-            over = float(np.percentile(found, share))
-            return degrees(over) if unit == "deg" else over
+    def at(share: float) -> Figure:
+        return lambda flown: (
+            in_unit(float(np.percentile(found, share))) if (found := past(flown)) else None
+        )
 
-        return Column(f"{name}_overshoot_{word}_{unit}", "number", value)
-
-    count = Column(f"{name}_stops", "whole", lambda flown: len(past(flown)))
-    return [count, column("p50", 50), column("p95", 95), column("max", 100)]
+    shares = {"p50": 50.0, "p95": 95.0, "max": 100.0}
+    over = {f"{name}_overshoot_{word}_{unit}": at(share) for word, share in shares.items()}
+    return {f"{name}_stops": lambda flown: len(past(flown)), **over}
 
 
 def _failsafes(flown: Flown) -> int:
@@ -70,38 +61,30 @@ def _failsafes(flown: Flown) -> int:
     return sum(n for name, n in losses.items() if events.row_of(name).severity is events.FAILSAFE)
 
 
-FIGURES: tuple[Column, ...] = (
-    Column("seconds", "number", lambda f: f.report.seconds),
-    Column("deepest_m", "number", lambda f: f.deepest_m),
-    *_stops("heave", "depth", "m"),
-    *_stops("yaw", "turn", "deg"),
-    Column("depth_error_rms_m", "number", lambda f: f.report.depth_error_rms_m),
-    Column("heading_error_rms_deg", "number", lambda f: f.report.heading_error_rms_deg),
-    Column("peak_jerk_ratio", "number", lambda f: f.report.peak_jerk_ratio),
-    Column(
-        "stick_to_thruster_p50_ms", "number", lambda f: f.report.latency_ms.stick_to_thruster.p50
-    ),
-    Column(
-        "stick_to_thruster_p99_ms", "number", lambda f: f.report.latency_ms.stick_to_thruster.p99
-    ),
-    Column("energy_wh", "number", lambda f: f.report.energy.wh),
-    Column("thrust_squared_n2s", "number", lambda f: f.report.energy.thrust_squared_n2s),
-    Column("failsafes", "whole", _failsafes),
-    Column("losses", "text", lambda f: json.dumps(f.report.losses)),
-    Column("log_hash", "text", lambda f: f.report.log_hash or None),
-)
-AXES: dict[str, Kind] = {
-    "dive": "whole", "vehicle": "text", "link": "text", "pilot": "text", "seed": "whole",
-}  # fmt: skip
-OWN: dict[str, Kind] = {"wall_s": "number", "end": "text", "folder": "text"}
+FIGURES: dict[str, Figure] = {  # of a report, by a name with its unit
+    "seconds": lambda f: f.report.seconds,
+    "deepest_m": lambda f: f.deepest_m,
+    **_stops("heave", "depth", "m"),
+    **_stops("yaw", "turn", "deg"),
+    "depth_error_rms_m": lambda f: f.report.depth_error_rms_m,
+    "heading_error_rms_deg": lambda f: f.report.heading_error_rms_deg,
+    "peak_jerk_ratio": lambda f: f.report.peak_jerk_ratio,
+    "stick_to_thruster_p50_ms": lambda f: f.report.latency_ms.stick_to_thruster.p50,
+    "stick_to_thruster_p99_ms": lambda f: f.report.latency_ms.stick_to_thruster.p99,
+    "energy_wh": lambda f: f.report.energy.wh,
+    "thrust_squared_n2s": lambda f: f.report.energy.thrust_squared_n2s,
+    "failsafes": _failsafes,
+    "losses": lambda f: json.dumps(f.report.losses),
+    "log_hash": lambda f: f.report.log_hash or None,
+}
+TEXTS = {"vehicle", "link", "pilot", "losses", "log_hash", "end", "folder"}
+WHOLE = {"dive", "seed", "depth_stops", "turn_stops", "failsafes"}
 
 
-def columns(settings: list[str]) -> dict[str, Kind | None]:
-    """Name → kind of every column; None: a setting, of which the kind is that of its values."""
-    kinds: dict[str, Kind | None] = {**AXES, **dict.fromkeys(settings)}
-    kinds.update({figure.name: figure.kind for figure in FIGURES})
-    kinds.update(OWN)
-    return kinds
+def columns(settings: list[str]) -> list[str]:
+    """Names of all columns."""
+    axes = ("dive", "vehicle", "link", "pilot", "seed", *settings)
+    return [*axes, *FIGURES, "wall_s", "end", "folder"]
 
 
 def row_of(dive: PlannedDive, flown: Flown | None, end: str, wall_s: float, folder: str) -> Row:
@@ -115,8 +98,7 @@ def row_of(dive: PlannedDive, flown: Flown | None, end: str, wall_s: float, fold
     vehicle, link, pilot, settings = dive.combination
     row: Row = {"dive": dive.number, "vehicle": vehicle, "link": link, "pilot": pilot}
     row |= {"seed": dive.seed, **dict(map(_setting, settings))}
-    for figure in FIGURES:
-        row[figure.name] = None if flown is None else _finite(figure.value(flown))
+    row |= {n: None if flown is None else _finite(of(flown)) for n, of in FIGURES.items()}
     return row | {"wall_s": round(wall_s, 3), "end": end, "folder": folder or None}
 
 
@@ -154,32 +136,27 @@ def encoded(rows: Sequence[Row], settings: list[str], suffix: str) -> bytes:
     Args:
         settings: keys of the axes of --set.
     """
-    return _parquet(rows, settings) if suffix == ".parquet" else _csv(rows, settings)
-
-
-def _csv(rows: Sequence[Row], settings: list[str]) -> bytes:
+    if suffix == ".parquet":
+        return _parquet(rows, settings)
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(columns(settings)), lineterminator="\n")
+    writer = csv.DictWriter(text, columns(settings), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue().encode()
 
 
 def _parquet(rows: Sequence[Row], settings: list[str]) -> bytes:
+    """A setting is a number if all its values are."""
     pyarrow: Any = import_module("pyarrow")  # it has no types
     parquet: Any = import_module("pyarrow.parquet")
-    kinds = {"number": pyarrow.float64(), "whole": pyarrow.int64(), "text": pyarrow.string()}
     arrays: dict[str, Any] = {}
-    for name, kind in columns(settings).items():
+    for name in columns(settings):
         cells = [row.get(name) for row in rows]
-        if kind is None:
-            kind = "number" if all(map(_is_number, cells)) else "text"
-            cells = cells if kind == "number" else [None if c is None else str(c) for c in cells]
-        arrays[name] = pyarrow.array(cells, kinds[kind])
+        if name in settings and not all(isinstance(cell, int | float) for cell in cells):
+            arrays[name] = pyarrow.array([None if c is None else str(c) for c in cells])
+            continue
+        kind = pyarrow.int64() if name in WHOLE else pyarrow.float64()
+        arrays[name] = pyarrow.array(cells, pyarrow.string() if name in TEXTS else kind)
     buffer = pyarrow.BufferOutputStream()
     parquet.write_table(pyarrow.table(arrays), buffer)
     return buffer.getvalue().to_pybytes()
-
-
-def _is_number(cell: Cell) -> bool:
-    return isinstance(cell, int | float)

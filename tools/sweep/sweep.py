@@ -18,14 +18,14 @@ from services.runtime.os import system
 from services.tether.io.profile_file import named
 from tools.checks import checked, pilot_of
 from tools.choices import Choices, NewFile, NewPicture, Overrides, StackName, Whole
-from tools.fresh import write_fresh
+from tools.fresh import require_picture, write_fresh
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import without_files
 from tools.sweep.all_cores import on_all_cores
 from tools.sweep.axes import SweepAxes, axes
 from tools.sweep.finished import About, FinishedDives, rows_file
-from tools.sweep.one_dive import Job, fly_one, killed_row
-from tools.sweep.picture import check_picture, drawn
+from tools.sweep.one_dive import Job, fly_one
+from tools.sweep.picture import drawn
 from tools.sweep.rows import CLEAN, Row, check_table, encoded
 
 LINE_S = 10.0  # [s] between two lines where there is no terminal
@@ -97,7 +97,7 @@ def sweep(
     )  # fmt: skip
     check_table(out)
     if picture is not None:
-        check_picture(picture)
+        require_picture(picture, "--picture")
     if workers is not None and workers < 1:
         raise LindyError(f"--workers is {workers}, expected 1 or more")
     about = _checked(wanted)
@@ -179,7 +179,7 @@ def _fly(wanted: Wanted, finished: FinishedDives) -> bool:
     flown, used = _counted(count, "dive"), _counted(workers, "core")
     print(f"{flown}{there}, on {used} → {wanted.out}", flush=True)
     with StopSignals() as stop, _progress(count, before) as advance:
-        for result in on_all_cores(fly_one, jobs, workers, lambda: stop.asked, killed_row):
+        for result in on_all_cores(fly_one, jobs, workers, lambda: stop.asked):
             if result is not None and (row := result[1]) is not None:
                 finished.add(row)
             advance(len(finished.rows))

@@ -1,11 +1,10 @@
-"""Linear quadratic design of one axis: the best gains for what an error is worth, how much
-feed-forward is best, and a check in the loop as it runs.
+"""Linear quadratic design of one axis: the best gains for what an error is worth, and a check in
+the loop as it runs.
 
 The plant is inertia and linear drag, sampled exactly, its thrusters taken as prompt. The cost is
 the sum of q e² + q_v e'² + ρ (u - u_ref)², e the distance from the reference and u_ref the force
 the reference needs. In the error the plant is then autonomous, so that 100 % feed-forward is
-optimal for every ρ (the answer to Andrén 2023, 7.2.1). Who weighs the whole force, ρ u², finds
-less: see `best_acceleration`.
+optimal for every ρ (the answer to Andrén 2023, 7.2.1).
 """
 
 from typing import Literal, NamedTuple
@@ -14,13 +13,11 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from messages.reference import Motion
-from services.control.axis.axis import Axis, Gains
+from services.control.axis.axis import Gains
 from services.control.axis.plant import Plant, lags_of, plant_of
 from services.control.core import PERIOD_S
 from services.control.stability import ROWS, SampledLoop, sampled_loop
 from services.marine.vehicle import Vehicle
-from services.reference.trajectory.minimum_jerk import Limits, Ramp
 from services.runtime.config.errors import LindyError
 
 Matrix = NDArray[np.float64]
@@ -37,18 +34,14 @@ class Worth(NamedTuple):
     patience: float  # [s] for which an error of `position` may last
 
 
+# As good as each other; of a way [m], and of a turn [rad].
+USUAL_WAY, USUAL_TURN = Worth(0.05, 0.1, 5.0, 5.0), Worth(0.052, 0.175, 0.4, 5.0)
+
+
 class LqGains(NamedTuple):
     kp: float  # [N/m] or [N m/rad]
     kd: float  # [N s/m] or [N m s/rad]
     ki: float  # [N/(m s)] or [N m/(rad s)]
-
-
-class StepManoeuvre(NamedTuple):
-    """A step of the stick and back, as in Andrén 2023, 6.1.1."""
-
-    speed: float  # [m/s] or [rad/s]
-    limits: Limits
-    seconds: float = 3.0  # [s] at speed; as long again and one more to come to rest
 
 
 def sampled(plant: Plant, dt: float) -> tuple[Matrix, Matrix]:
@@ -94,66 +87,9 @@ def regulator(A: Matrix, B: Matrix, Q: Matrix, rho: float) -> Matrix:
     raise ValueError("these weights have no settled solution")
 
 
-def best_acceleration(
-    plant: Plant,
-    kp: float,
-    kd: float,
-    weight: float,
-    manoeuvre: StepManoeuvre,
-    dt: float,
-    *,
-    held: float,
-) -> float:
-    """[%] Of the acceleration feed-forward that minimises Σ e² + weight Σ u² over a manoeuvre.
-
-    Error and force are affine in the share, so the cost is a parabola and three flights find it.
-
-    Args:
-        weight: ρ/q [m²/N²] on the whole force; inf weighs the force alone.
-        dt: [s] for which a force is held.
-        held: [s] for which the feed-forward reckons it is held: dt is exact, 0 as in the thesis.
-    """
-    motions = list(_motions(manoeuvre, dt))
-    flights = [_flown(plant, kp, kd, percent, motions, dt, held) for percent in (0.0, 100.0, 200.0)]
-    costs = [u if weight == np.inf else e + weight * u for e, u in flights]
-    slope, bend = costs[2] - costs[0], costs[0] - 2 * costs[1] + costs[2]
-    return 100.0 - 50.0 * slope / bend
-
-
-def _motions(manoeuvre: StepManoeuvre, dt: float) -> list[Motion]:
-    ramp, motions = Ramp(manoeuvre.limits), list[Motion]()
-    there, end = manoeuvre.seconds, 2 * manoeuvre.seconds + 1.0
-    for k in range(round(end / dt)):
-        ramp.aim(manoeuvre.speed if k * dt < there else 0.0, k * dt)
-        motions.append(Motion(*ramp.at(k * dt)))
-    return motions
-
-
-def _flown(
-    plant: Plant,
-    kp: float,
-    kd: float,
-    percent: float,
-    motions: list[Motion],
-    dt: float,
-    held: float,
-) -> tuple[float, float]:
-    """Σ e² and Σ u²."""
-    gains = Gains(
-        kp=kp, kd=kd, ki=0.0, max_error=1e6, max_integral=1e6, acceleration_percent=percent
-    )
-    law, (A, B) = Axis(gains, plant, period=held), sampled(plant, dt)
-    (_, far), (_, kept) = A.tolist()
-    (pushed,), (gained,) = B.tolist()
-    x = v = errors = forces = 0.0
-    for motion in motions:
-        u = law.step(motion, x, v, dt).total
-        errors, forces = errors + (motion.position - x) ** 2, forces + u * u
-        x, v = x + far * v + pushed * u, kept * v + gained * u
-    return errors, forces
-
-
 LoopName = Literal["depth", "heading", "surge", "sway"]
+SPEED: dict[LoopName, float] = {"depth": 0.3, "heading": 0.5, "surge": 0.3, "sway": 0.3}
+# [m/s, rad/s] at which drag is made linear
 MARGINS = (1.0, 100.0)  # [-] between these the gain margin is looked for
 
 
@@ -161,19 +97,19 @@ class Design(NamedTuple):
     gains: Gains
     radius: float  # [-] largest eigenvalue of the sampled loop
     margin: float  # [-] kp and kd may be this many times larger before it is unstable
-    percent: float  # [%] best acceleration feed-forward if the whole force is weighed
 
 
-def design(
-    vehicle: Vehicle, axis: LoopName, worth: Worth, observer: float, speed: float, jerk: float
-) -> Design:
+def design(vehicle: Vehicle, axis: LoopName, worth: Worth, observer: float = 0.0) -> Design:
     """
+    Args:
+        observer: [rad/s] of a disturbance observer; 0: none.
+
     Raises:
         LindyError: thrusters and sampling make the loop unstable with the best of gains.
     """
     row = ROWS[axis]
     real, lag = plant_of(vehicle, row), lags_of(vehicle)[row]
-    plant = Plant(real.inertia, real.linear + 2 * real.quadratic * speed)
+    plant = Plant(real.inertia, real.linear + 2 * real.quadratic * SPEED[axis])
     found = feedback(plant, worth, PERIOD_S)
     usual = Gains(
         kp=found.kp,
@@ -191,12 +127,7 @@ def design(
             f"stable behind thrusters with a lag of {lag:g} s (largest eigenvalue {radius:.4f}); "
             "let more error be worth as much force"
         )
-    weight = (worth.position / worth.force) ** 2
-    manoeuvre = StepManoeuvre(speed, Limits(jerk))
-    percent = best_acceleration(
-        plant, found.kp, found.kd, weight, manoeuvre, PERIOD_S, held=PERIOD_S
-    )
-    return Design(usual, radius, _margin(loop, usual), percent)
+    return Design(usual, radius, _margin(loop, usual))
 
 
 def lines(axis: LoopName, found: Design, worth: Worth) -> list[str]:
@@ -216,7 +147,7 @@ def lines(axis: LoopName, found: Design, worth: Worth) -> list[str]:
         *learnt,
         f"max_error = {g.max_error:.3g}  # [{unit}]",
         f"max_integral = {g.max_integral:.3g}  # [{push}]",
-        f"acceleration_percent = 100.0  # [%] or {found.percent:.1f} if the whole force is weighed",
+        "acceleration_percent = 100.0  # [%]",
     ]
 
 

@@ -47,7 +47,9 @@ class VideoEncoder:
         if self._codec is None or order.kbit != self._kbit:
             self._codec = self._opened(order.kbit, order.hz)
             self._kbit, self._began_ns = order.kbit, stamp_ns
-        frame = _frame(picture)
+        # Under each other, and each plane in rows of the picture's width.
+        stacked = np.concatenate([plane.ravel() for plane in picture])
+        frame = av.VideoFrame.from_ndarray(stacked.reshape(-1, self._width), "yuv420p")
         frame.pts = max(0, stamp_ns - self._began_ns) * TICKS // 1_000_000_000
         frame.time_base = Fraction(1, TICKS)
         if order.keyframe:
@@ -77,14 +79,3 @@ class VideoEncoder:
         }
         codec.open()
         return codec
-
-
-def _frame(picture: Picture) -> av.VideoFrame:
-    height, width = picture.y.shape
-    frame = av.VideoFrame(width, height, "yuv420p")
-    for plane, values in zip(frame.planes, picture, strict=True):
-        rows, columns = values.shape
-        # A plane is a buffer, which its type does not say before Python 3.12.
-        into = np.frombuffer(cast(memoryview, plane), np.uint8).reshape(-1, plane.line_size)
-        into[:rows, :columns] = values
-    return frame

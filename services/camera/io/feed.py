@@ -29,7 +29,7 @@ from messages.events import Event
 from messages.units import Ns
 from services.camera.capture_time import BEHIND_NS, Backlog, CaptureTime, Light
 from services.camera.core import STALE_NS
-from services.camera.sea import Bytes, Picture
+from services.camera.sea import Picture
 from services.runtime.config.passwords import without_passwords
 
 RETRY_S = 2.0  # [s]
@@ -438,11 +438,7 @@ def reason(error: Exception) -> str:
 def planes(frame: av.VideoFrame) -> Picture:
     """Copies of the planes of a frame in the format yuv420p."""
     height, width = frame.height, frame.width
-    sizes = (height, width), (height // 2, width // 2), (height // 2, width // 2)
-    return Picture(*(_plane(frame, k, *size) for k, size in enumerate(sizes)))
-
-
-def _plane(frame: av.VideoFrame, k: int, height: int, width: int) -> Bytes:
-    plane = frame.planes[k]
-    rows = np.frombuffer(bytes(plane), np.uint8).reshape(-1, plane.line_size)
-    return rows[:height, :width]
+    stacked = np.asarray(frame.to_ndarray(), np.uint8).ravel()
+    y, u, v = np.split(stacked, [height * width, height * width * 5 // 4])
+    half = height // 2, width // 2
+    return Picture(y.reshape(height, width), u.reshape(half), v.reshape(half))

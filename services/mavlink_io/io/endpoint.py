@@ -185,11 +185,6 @@ def _newest(frames: list[bytes]) -> list[bytes]:
     return spared[-MOST:] + new
 
 
-class _OtherEnd(NamedTuple):
-    codec: MavlinkCodec
-    reader: FrameReader
-
-
 class MavlinkEndpoint:
     """One system and component, speaking with all other ends of its links."""
 
@@ -209,7 +204,7 @@ class MavlinkEndpoint:
         self._links, self._outbox = links, outbox
         self._ids, self._heard = (system, component), heard
         self._dialect: Dialect = dialect
-        self._ends: dict[str, _OtherEnd] = {}
+        self._ends: dict[str, tuple[MavlinkCodec, FrameReader]] = {}
         self._new()  # whatever is missing is missed at once
 
     @property
@@ -222,26 +217,26 @@ class MavlinkEndpoint:
         return [
             packet
             for link, pieces, datagrams in self._links.receive()
-            for packet in self._end(link).reader.read(pieces, datagrams=datagrams, link=link)
+            for packet in self._end(link)[1].read(pieces, datagrams=datagrams, link=link)
         ]
 
     def send(self, packet: MavlinkPacket, link: str | None = None) -> None:
         """To one other end, or to all of them."""
         for name in self.names if link is None else [link]:
             try:
-                frame = self._end(name).codec.encode(packet)
+                frame = self._end(name)[0].encode(packet)
             except (struct.error, OverflowError):
                 self._outbox.tell(events.DOES_NOT_FIT(packet.name))
             else:
                 self._links.send(name, frame)
 
-    def _end(self, link: str) -> _OtherEnd:
+    def _end(self, link: str) -> tuple[MavlinkCodec, FrameReader]:
         if link not in self._ends:
             present = set(self.names)
             self._ends = {name: end for name, end in self._ends.items() if name in present}
             self._ends[link] = self._new()
         return self._ends[link]
 
-    def _new(self) -> _OtherEnd:
+    def _new(self) -> tuple[MavlinkCodec, FrameReader]:
         codec = MavlinkCodec(*self._ids, self._dialect)
-        return _OtherEnd(codec, FrameReader(codec, self._outbox, self._heard))
+        return codec, FrameReader(codec, self._outbox, self._heard)

@@ -10,8 +10,9 @@ from messages.events import Outbox
 from messages.pilot import PilotRequest
 from messages.units import Outputs
 from messages.vehicle import VehicleStatus
-from services.ardusub.commands import servos_of
+from services.ardusub.commands import BoardServos
 from services.ardusub.core import ArdusubDriver, Settings
+from services.ardusub.settings import DriverOutbox
 from services.marine.outputs import Output
 from services.mavlink_io.packet import MavlinkPacket
 from services.simulator.core import Settings as SimulatorSettings
@@ -177,14 +178,6 @@ def test_after_a_reboot_of_the_board_everything_is_set_again() -> None:
     assert bench.board.set_servos == {13: 1900, 14: 1900, 15: 1500}
 
 
-@pytest.mark.parametrize(
-    ("servo", "words"), [(8, "a thruster's"), (14, "the servo of lasers"), (12, "light another")]
-)
-def test_a_light_servo_that_is_taken_is_refused(servo: int, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        servos_of(OUTPUTS, Settings(light_servo=servo), 8)
-
-
 @given(
     st.lists(
         st.tuples(
@@ -197,11 +190,8 @@ def test_a_light_servo_that_is_taken_is_refused(servo: int, words: str) -> None:
 def test_whatever_was_lost_every_servo_ends_where_it_belongs(
     story: list[tuple[str, float]],
 ) -> None:
-    from services.ardusub.commands import BoardServos
-    from services.ardusub.settings import DriverOutbox
-
     outbox = DriverOutbox(Outbox())
-    servos, board = BoardServos(OUTPUTS, Settings(), 8, outbox), dict[int, float]()
+    servos, board = BoardServos(OUTPUTS, Settings(), outbox), dict[int, float]()
     values: Outputs = {"light": 0.0, "lasers": 0.0, "gripper": 0.0}
     hears = answers = True
     now = 0

@@ -3,6 +3,7 @@
 import socket
 import threading
 import time
+from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
 from typing import cast
@@ -18,7 +19,7 @@ from av.video.stream import VideoStream
 
 from messages import events
 from services.camera.capture_time import Light
-from services.camera.io.feed import Arrived, Feed
+from services.camera.io.feed import Arrived, Feed, Shot
 from tests.support.patience import PATIENCE_S
 
 
@@ -33,6 +34,16 @@ class Watched:
     def wait(self) -> None:
         assert self.noticed.wait(PATIENCE_S)
         self.noticed.clear()
+
+    def shots(self, number: int) -> list[Shot]:
+        """The next ones; then it is closed."""
+        found = list[Shot]()
+        while len(found) < number:
+            self.wait()
+            if (shot := self.feed.take()) is not None:
+                found.append(shot)
+        self.feed.close()
+        return found
 
 
 @pytest.mark.parametrize(
@@ -87,59 +98,52 @@ def test_the_way_of_rtsp_pictures_can_be_chosen(scheme: str, transport: str) -> 
         watched.feed.close()
 
 
-def test_a_film_of_another_size_is_scaled_and_repeated(tmp_path: Path) -> None:
-    path = tmp_path / "film.mp4"
-    with av.open(str(path), "w") as film:
-        stream = film.add_stream("libx264", rate=Fraction(50))
+Size = tuple[int, int]  # [px] width and height
+
+
+def film(
+    path: Path,
+    levels: Iterable[int],
+    size: tuple[int, int] = (160, 90),
+    hz: int = 25,
+    begin: int = 0,
+) -> Path:
+    """Pictures of these greys, the first at `begin` [s]."""
+    width, height = size
+    with av.open(str(path), "w", options={"output_ts_offset": str(begin)}) as written:
+        stream = written.add_stream("libx264", rate=Fraction(hz), options={"tune": "zerolatency"})
         assert isinstance(stream, VideoStream)
-        stream.width, stream.height, stream.pix_fmt = 322, 242, "yuv420p"
-        for level in (40, 80, 120):
-            frame = av.VideoFrame.from_ndarray(np.full((363, 322), level, np.uint8), "yuv420p")
-            film.mux(stream.encode(frame))
-        film.mux(stream.encode(None))
-    watched = Watched(str(path))
-    seen = set[int]()
-    shown = 0
-    while shown < 7:  # more than the film has
-        watched.wait()
-        if (shot := watched.feed.take()) is not None:
-            shown += 1
-            assert shot.picture.y.shape == (90, 160)
-            assert shot.picture.u.shape == (45, 80)
-            assert shot.arrived_ns <= shot.captured_ns
-            seen.add(round(float(shot.picture.y.mean()) / 40.0))
-    watched.feed.close()
-    assert seen == {1, 2, 3}
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        for level in levels:
+            grey = np.full((height * 3 // 2, width), level, np.uint8)
+            written.mux(stream.encode(av.VideoFrame.from_ndarray(grey, "yuv420p")))
+        written.mux(stream.encode(None))
+    return path
+
+
+def test_a_film_of_another_size_is_scaled_and_repeated(tmp_path: Path) -> None:
+    watched = Watched(str(film(tmp_path / "film.mp4", (40, 80, 120), (322, 242), 50)))
+    shots = watched.shots(7)  # more than the film has
+    for shot in shots:
+        assert [plane.shape for plane in shot.picture] == [(90, 160), (45, 80), (45, 80)]
+        assert shot.arrived_ns <= shot.captured_ns
+    assert {round(float(shot.picture.y.mean()) / 40.0) for shot in shots} == {1, 2, 3}
     assert not watched.feed.said
 
 
 @pytest.mark.parametrize(
-    ("name", "offset"), [("film.mp4", 0), ("film.ts", 3600), ("film.h264", 0)],
+    ("name", "begin"), [("film.mp4", 0), ("film.ts", 3600), ("film.h264", 0)],
     ids=["from_zero", "from_an_hour_on", "without_times"],
 )  # fmt: skip
 def test_a_film_is_shown_at_its_own_pace_wherever_its_times_begin(
-    tmp_path: Path, name: str, offset: int
+    tmp_path: Path, name: str, begin: int
 ) -> None:
-    path = tmp_path / name
-    hz, pictures = 25, 25
-    with av.open(str(path), "w", options={"output_ts_offset": str(offset)}) as film:
-        stream = film.add_stream("libx264", rate=Fraction(hz), options={"tune": "zerolatency"})
-        assert isinstance(stream, VideoStream)
-        stream.width, stream.height, stream.pix_fmt = 160, 90, "yuv420p"
-        for level in range(pictures):
-            frame = av.VideoFrame.from_ndarray(np.full((135, 160), 40 + level, np.uint8), "yuv420p")
-            film.mux(stream.encode(frame))
-        film.mux(stream.encode(None))
-    watched = Watched(str(path))
-    stamps: list[int] = []
-    while len(stamps) < pictures:
-        watched.wait()
-        if (shot := watched.feed.take()) is not None:
-            stamps.append(shot.arrived_ns)
-    watched.feed.close()
+    pictures = 25
+    watched = Watched(str(film(tmp_path / name, range(40, 40 + pictures), begin=begin)))
+    shots = watched.shots(pictures)
     # Compared with the film's own length: a busy computer makes it longer, never much shorter.
-    took = (stamps[-1] - stamps[0]) / 1e9
-    assert 0.8 * (len(stamps) - 1) / hz < took < 8.0 * (len(stamps) - 1) / hz
+    took = (shots[-1].arrived_ns - shots[0].arrived_ns) / 1e9
+    assert 0.8 * (pictures - 1) / 25 < took < 8.0 * (pictures - 1) / 25
     assert list(watched.feed.said) == []
 
 
@@ -158,11 +162,7 @@ def test_a_damaged_picture_is_left_out_and_the_camera_is_kept(tmp_path: Path, na
     path = tmp_path / ("film.h264" if name == "libx264" else "film.mjpeg")
     path.write_bytes(b"".join(pictures))
     watched = Watched(str(path))
-    shown = 0
-    while shown < 9:
-        watched.wait()
-        shown += watched.feed.take() is not None
-    watched.feed.close()
+    watched.shots(9)
     assert not watched.feed.said
     assert events.LOST_CAMERA() not in watched.feed.events
 

@@ -91,6 +91,10 @@ class Drone:
         fields = {f"param{k + 1}": value for k, value in enumerate(padded)}
         return self.hear("COMMAND_LONG", sender, command=number, confirmation=0, **HERE, **fields)
 
+    def set(self, name: str, value: float, sender: GroundStation = ANN) -> Reaction:
+        fields: dict[str, Any] = {"param_id": name, "param_value": value, "param_type": 9}
+        return self.hear("PARAM_SET", sender, **fields, **HERE)
+
     def flown(self) -> "Drone":
         """Ann has the sticks and has armed."""
         self.sticks()
@@ -196,9 +200,8 @@ def test_a_second_ground_station_is_told_and_not_obeyed() -> None:
     assert acks(drone.command(193, 0.0, sender=BOB)) == [MavResult.ACCEPTED]
     assert acks(drone.command(400, 0.0, FORCE, sender=BOB)) == [MavResult.ACCEPTED]
     assert (drone.asked, drone.armed) == (["stop", "stop"], True)  # but it may stop the drone
-    set_by_bob = {"param_id": "JS_GAIN_DEFAULT", "param_value": 0.25, "param_type": 9}
     told(drone.outbox)
-    reaction = drone.hear("PARAM_SET", sender=BOB, **set_by_bob, **HERE)
+    reaction = drone.set("JS_GAIN_DEFAULT", 0.25, BOB)
     assert told(drone.outbox) == ["not_the_holder:parameter"]
     assert sent(reaction, "PARAM_VALUE")[0]["param_value"] == 0.5
 
@@ -291,8 +294,7 @@ def test_a_parameter_keeps_its_limits_and_the_answer_is_the_value_in_force(
         return sent(read, "PARAM_VALUE")[0]["param_value"]
 
     before = in_force()
-    reaction = drone.hear("PARAM_SET", param_id=name, param_value=value, param_type=9, **HERE)
-    (answer,) = sent(reaction, "PARAM_VALUE")
+    (answer,) = sent(drone.set(name, value), "PARAM_VALUE")
     limits = TABLE[name].limits
     assert answer["param_value"] == in_force()
     if limits is None or not limits[0] <= value <= limits[1]:
@@ -470,8 +472,7 @@ def test_a_button_beyond_sixteen_counts_and_one_of_a_tool_that_is_not_there_does
     drone = Drone()
     drone.sticks()
     for button, function in ((16, 3), (0, 51)):
-        fields: dict[str, Any] = {"param_id": f"BTN{button}_FUNCTION", "param_value": function}
-        drone.hear("PARAM_SET", param_type=2, **fields, **HERE)
+        drone.set(f"BTN{button}_FUNCTION", function)
     drone.sticks(buttons2=1)
     assert drone.asked.count("arm") == 1
     assert drone.sticks(buttons=1).requests == []
@@ -502,11 +503,8 @@ def test_buttons_move_the_gripper_while_they_are_down_and_switch_tools() -> None
         Output("jaw", "gripper"),
     )  # fmt: skip
     drone = Drone(has=has).flown()
-    functions = {0: 76, 1: 77, 2: 53, 3: 35, 4: 51, 5: 52}
-    for button, function in functions.items():
-        fields: dict[str, Any] = {"param_id": f"BTN{button}_FUNCTION", "param_type": 2}
-        fields["param_value"] = function
-        drone.hear("PARAM_SET", **HERE, **fields)
+    for button, function in enumerate((76, 77, 53, 35, 51, 52)):
+        drone.set(f"BTN{button}_FUNCTION", function)
     for buttons, moves in ((0b01, -1.0), (0b10, 1.0), (0b11, 0.0), (0b00, 0.0)):
         drone.tick(40)
         command = drone.sticks(buttons=buttons).command or drone.tick(40).command

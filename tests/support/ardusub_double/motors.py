@@ -40,7 +40,7 @@ def motor_pulses(axes: Sequence[float], params: Mapping[str, float]) -> list[int
     frame = FRAMES[int(params["FRAME_CONFIG"])]
     roll, pitch, yaw, throttle, forward, lateral = axes
     outputs: list[float] = []
-    if frame.normalised:
+    if frame is FRAMES[2]:  # each group of axes is scaled to its largest motor
         rises = [m[0] * roll + m[1] * pitch + m[3] * throttle for m in frame.motors]
         glides = [m[2] * yaw + m[4] * forward + m[5] * lateral for m in frame.motors]
         most_up, most_along = max(1.0, *map(abs, rises)), max(1.0, *map(abs, glides))

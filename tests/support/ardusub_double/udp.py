@@ -15,7 +15,6 @@ from services.marine.vehicle import Vehicle
 from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
 from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.errors import LindyError
-from services.runtime.config.settings import nearest
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
 from tests.support.ardusub_double.board import BoardDouble
@@ -49,19 +48,14 @@ def main() -> None:
 def board_of(vehicle: str, version: str, assignments: Sequence[str]) -> BoardDouble:
     """
     Raises:
-        LindyError: no such vehicle or parameter.
-        ValueError: the board cannot drive its thrusters.
+        LindyError: no such vehicle.
+        ValueError: no such parameter, or the board cannot drive its thrusters.
     """
-    stack, known = Stack(vehicle=vehicle), defaults(version)
-    params: dict[str, float] = {}
-    for assignment in assignments:
-        name, _, value = assignment.partition("=")
-        if name not in known:
-            raise LindyError(f"--set {assignment}: unknown parameter{nearest(name, sorted(known))}")
-        try:
-            params[name] = float(value)
-        except ValueError:
-            raise LindyError(f"--set {assignment}: expected NAME=NUMBER") from None
+    stack, params = Stack(vehicle=vehicle), dict[str, float]()
+    for name, _, value in (assignment.partition("=") for assignment in assignments):
+        params[name] = float(value)
+    if unknown := params.keys() - defaults(version).keys():
+        raise ValueError(f"no parameter is called {unknown.pop()}")
     body, place = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
     return BoardDouble(body, place, version=version, params=params)
 

@@ -1,9 +1,8 @@
 """`lindy calibrate noise` finds the noise that was put in, and says when it cannot."""
 
-import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -24,10 +23,11 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings as Simulator
-from tools.calibrate.noise import noise
+from tools.calibrate.noise import NoiseAxis, lines, measured, noise
 from tools.recordings.allan import deviation
 from tools.recordings.allan import noise as noise_of
-from tools.recordings.at_rest import HeardAtRest, RestingSamples, resting
+from tools.recordings.at_rest import HeardAtRest, RestingSamples, read, resting
+from tools.recordings.recording import open_recording
 from tools.up import on_side
 
 STREAMS: tuple[AnyTopic, ...] = (
@@ -90,42 +90,43 @@ def write(folder: Path, *streams: Iterable[Message]) -> Path:
     return folder
 
 
-def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    assert noise(folder, json=True) == 0
-    return json.loads(capsys.readouterr().out)
+class Told(NamedTuple):
+    begin: float  # [s] of the rest
+    seconds: float
+    axes: dict[str, NoiseAxis]
+    settings: dict[str, float | None]
 
 
-def test_noise_that_was_put_in_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    found = told(write(tmp_path, imu(40), fields(40), pressures(40)), capsys)
-    axes = {axis["name"]: axis for axis in found["axes"]}
-    assert len(axes) == 10
+def told(folder: Path) -> Told:
+    rest = resting(read(open_recording(folder)), folder)
+    axes = list(measured(rest.samples))
+    settings = {line.key: line.value for line in lines(axes)}
+    return Told(rest.begin, rest.seconds, {axis.name: axis for axis in axes}, settings)
+
+
+def test_noise_that_was_put_in_is_found(tmp_path: Path):
+    found = told(write(tmp_path, imu(40), fields(40), pressures(40)))
+    assert len(found.axes) == 10
     for name, std, hz in (
         ("gyroscope x", GYRO, 100), ("gyroscope z", GYRO, 100), ("accelerometer y", FORCE, 100),
         ("magnetometer z", 1e6 * FIELD, 100), ("pressure", PASCAL, 42),
     ):  # fmt: skip
-        assert axes[name]["rate"] == pytest.approx(hz, rel=1e-3)
-        assert axes[name]["std"] == pytest.approx(std, rel=0.06)
-        assert axes[name]["noise"]["density"] == pytest.approx(std / hz**0.5, rel=0.1)
-        assert axes[name]["noise"]["walk"] is None
-        assert axes[name]["noise"]["instability"] is None
-    assert axes["gyroscope x"]["mean"] == pytest.approx(0.01, abs=1e-4)
-    assert found["settings"]["estimation.depth"]["pressure_std"] == pytest.approx(480, rel=0.06)
-    assert found["settings"]["estimation.depth"]["acceleration_noise"] == pytest.approx(
-        0.003, rel=0.1
-    )
+        axis = found.axes[name]
+        assert axis.rate == pytest.approx(hz, rel=1e-3)
+        assert axis.std == pytest.approx(std, rel=0.06)
+        assert axis.noise.density == pytest.approx(std / hz**0.5, rel=0.1)
+        assert (axis.noise.walk, axis.noise.instability) == (None, None)
+    assert found.axes["gyroscope x"].mean == pytest.approx(0.01, abs=1e-4)
+    assert found.settings["pressure_std"] == pytest.approx(480, rel=0.06)
+    assert found.settings["acceleration_noise"] == pytest.approx(0.003, rel=0.1)
 
 
 @pytest.mark.slow
-def test_a_random_walk_of_the_accelerometer_is_found(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_a_random_walk_of_the_accelerometer_is_found(tmp_path: Path):
     walk = 0.008 * 0.1 * np.cumsum(np.random.default_rng(5).standard_normal(12_000))
-    found = told(write(tmp_path, imu(120, force=walk)), capsys)
-    axes = {axis["name"]: axis for axis in found["axes"]}
-    assert 0.004 < axes["accelerometer z"]["noise"]["walk"] < 0.016
-    assert found["settings"]["estimation.depth"]["acceleration_noise"] == pytest.approx(
-        0.003, rel=0.1
-    )
+    found = told(write(tmp_path, imu(120, force=walk)))
+    assert 0.004 < (found.axes["accelerometer z"].noise.walk or 0.0) < 0.016
+    assert found.settings["acceleration_noise"] == pytest.approx(0.003, rel=0.1)
 
 
 def test_what_is_printed_can_be_pasted_into_a_vehicle_file(
@@ -138,10 +139,9 @@ def test_what_is_printed_can_be_pasted_into_a_vehicle_file(
     assert settings.depth.acceleration_noise == pytest.approx(0.003, rel=0.1)
 
 
-def test_rounding_in_coarse_steps_is_noise_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    found = told(write(tmp_path, imu(40), pressures(40, step=5000.0)), capsys)
-    std = found["settings"]["estimation.depth"]["pressure_std"]
-    assert std == pytest.approx(5000.0 / 12**0.5, rel=0.01)
+def test_rounding_in_coarse_steps_is_noise_too(tmp_path: Path):
+    found = told(write(tmp_path, imu(40), pressures(40, step=5000.0)))
+    assert found.settings["pressure_std"] == pytest.approx(5000.0 / 12**0.5, rel=0.01)
 
 
 def test_a_frozen_sensor_gives_no_line_but_a_word(
@@ -154,15 +154,13 @@ def test_a_frozen_sensor_gives_no_line_but_a_word(
     assert "pressure_std" not in decode(pasted)["estimation"]["depth"]
 
 
-def test_samples_whose_time_does_not_rise_change_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_samples_whose_time_does_not_rise_change_nothing(tmp_path: Path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     once = imu(30)
-    clean = told(write(tmp_path / "a", once), capsys)
+    clean = told(write(tmp_path / "a", once))
     twice = [each for sample in once for each in (sample, sample)]
-    assert told(write(tmp_path / "b", twice, once[:500]), capsys) == clean
+    assert told(write(tmp_path / "b", twice, once[:500])) == clean
 
 
 def bump(seconds: float, size: float) -> np.ndarray:
@@ -213,16 +211,14 @@ def test_of_a_recording_with_motion_in_it_the_longest_rest_is_used_and_said(
     folder = write(tmp_path, imu(70, rate=turn), pressures(70), [
         status(0.0, armed=False), status(30.0, armed=True), status(31.0, armed=False),
     ])  # fmt: skip
-    found = told(folder, capsys)
-    assert found["from"] == pytest.approx(36.0, abs=0.51)
-    assert found["seconds"] == pytest.approx(34.0, abs=0.51)
-    stds = {axis["name"]: axis["std"] for axis in found["axes"]}
-    assert stds["gyroscope z"] == pytest.approx(GYRO, rel=0.06)
-    assert stds["pressure"] == pytest.approx(PASCAL, rel=0.06)
+    found = told(folder)
+    assert found.begin == pytest.approx(36.0, abs=0.51)
+    assert found.seconds == pytest.approx(34.0, abs=0.51)
+    assert found.axes["gyroscope z"].std == pytest.approx(GYRO, rel=0.06)
+    assert found.axes["pressure"].std == pytest.approx(PASCAL, rel=0.06)
     noise(folder)
-    assert f"used {found['seconds']:.1f} s at rest, from {found['from']:.1f} s" in (
-        capsys.readouterr().out
-    )
+    said = f"used {found.seconds:.1f} s at rest, from {found.begin:.1f} s"
+    assert said in capsys.readouterr().out
 
 
 @settings(max_examples=25, deadline=None)
@@ -240,19 +236,17 @@ def test_motion_is_never_inside_the_rest_that_is_used(at: int, size: float):
 
 
 @pytest.mark.slow
-def test_the_drone_s_side_alone_makes_such_a_recording(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_the_drone_s_side_alone_makes_such_a_recording(tmp_path: Path):
     """What `--help` and the errors say: `lindy up drone`, which nobody arms."""
     host = VirtualHost()
     stack = Stack(out=str(tmp_path), pilot="topside", seed=3)
     host.add_all(on_side(Registry.read(), "drone", gateway=False), stack)
     host.run(45_000_000_000)
     host.close()
-    found = told(tmp_path, capsys)
-    assert found["from"] == pytest.approx(0.0, abs=0.01)
-    assert found["seconds"] > 40.0
-    densities = {axis["name"]: axis["noise"]["density"] for axis in found["axes"]}
+    found = told(tmp_path)
+    assert found.begin == pytest.approx(0.0, abs=0.01)
+    assert found.seconds > 40.0
+    densities = {name: axis.noise.density for name, axis in found.axes.items()}
     put_in = stack.section("simulator", Simulator)
     assert densities["gyroscope z"] == pytest.approx(put_in.gyro_noise, rel=0.1)
     assert densities["accelerometer x"] == pytest.approx(put_in.accelerometer_noise, rel=0.1)

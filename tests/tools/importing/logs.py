@@ -5,16 +5,19 @@ import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import cos, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from messages.message import Message
 from services.marine.vehicle import GRAVITY
+from tools.__main__ import main
 from tools.recordings.recording import RecordedMessage, open_recording
 
 S = 1_000_000_000  # [ns]
 BEGAN_NS = 1_700_000_000 * S  # [ns] UTC
 IMU_HZ, SLOW_HZ, SECONDS = 50, 10, 4
+M = TypeVar("M", bound=Message)
 
 
 def noise(seed: int) -> Iterator[float]:
@@ -126,6 +129,40 @@ def messages(folder: Path, key: str) -> list[RecordedMessage]:
     found = [recorded for recorded in recording if recorded.key == key]
     assert not recording.unreadable
     return found
+
+
+def of(folder: Path, key: str, kind: type[M]) -> list[M]:
+    """The messages of one topic, which are of this kind."""
+    found = [one.message for one in messages(folder, key)]
+    assert all(isinstance(one, kind) for one in found)
+    return cast(list[M], found)
+
+
+def remarks(folder: Path) -> str:
+    return " ".join(report(folder)["remarks"])
+
+
+def imported(log: Path, out: Path, *options: str) -> Path:
+    assert main(["import", str(log), "--out", str(out), *options]) == 0
+    return out
+
+
+def pressure_map(folder: Path, unit: str = "Pa", only: str = "") -> tuple[str, str]:
+    """The option for a table with the columns `time` [s] and `pressure`."""
+    path = folder / "map.toml"
+    path.write_text(f"""
+about = "one table"
+vehicle = "bluerov2_heavy"
+[[take]]
+topic = "*"
+as = "sensor/pressure"
+{only}
+stamp = "time"
+stamp_unit = "s"
+[take.fields]
+pressure = {{ from = ["pressure"], unit = "{unit}" }}
+""")
+    return "--map", str(path)
 
 
 def report(folder: Path) -> dict[str, Any]:
@@ -351,3 +388,8 @@ def _plain(value: Any) -> Any:
         return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__
                 if name != "__msgtype__"}  # fmt: skip
     return value
+
+
+WRITERS: dict[str, Callable[[Path], Path]] = {
+    "a.bag": ros1, "a.mcap": mcap, "a.bin": dataflash, "a.tlog": tlog, "a.ulg": ulog,
+}  # fmt: skip

@@ -17,29 +17,25 @@ from .logs import (
     IMU_HZ,
     SECONDS,
     SLOW_HZ,
+    WRITERS,
     S,
     dataflash,
     fluid,
+    imported,
     imu,
     mcap,
     messages,
     noise,
     odd,
-    report,
+    of,
+    pressure_map,
+    remarks,
     ros1,
     ros2,
     tlog,
     ulog,
 )
-from .test_rosbags import imported
 
-WRITERS: dict[str, Callable[[Path], Path]] = {
-    "a.bag": ros1,
-    "a.mcap": mcap,
-    "a.bin": dataflash,
-    "a.tlog": tlog,
-    "a.ulg": ulog,
-}
 CHANGED_S = 1_650_000_000  # [s] UTC at which a file was changed last
 RUBBISH = np.random.default_rng(11).bytes(70_000)
 
@@ -50,10 +46,6 @@ def imu_samples(folder: Path) -> int:
 
 def all_samples(name: str) -> int:
     return SECONDS * (SLOW_HZ if name.endswith("tlog") else IMU_HZ)
-
-
-def remarks(folder: Path) -> str:
-    return " ".join(report(folder)["remarks"])
 
 
 @pytest.mark.parametrize("rubbish", [b'"\x91' * 40, RUBBISH, bytes(5000) + RUBBISH])
@@ -101,11 +93,9 @@ def test_a_clock_that_was_never_set_ends_when_the_file_was_changed(
     elif name == "a.ulg":
         log = ulog(tmp_path / name, gps_ns=5 * S)
     elif name == "a.csv":
-        log, own = tmp_path / name, tmp_path / "map.toml"
+        log, options = tmp_path / name, pressure_map(tmp_path, "mbar")
         rows = [f"{5 + k / IMU_HZ},{1013.0 + k}" for k in range(SECONDS * IMU_HZ)]
-        log.write_text("\n".join(["up,mbar", *rows]) + "\n")
-        own.write_text(TABLE)
-        options = ("--map", str(own))
+        log.write_text("\n".join(["time,pressure", *rows]) + "\n")
     else:
         log = dataflash(tmp_path / name)
     os.utime(log, (CHANGED_S, CHANGED_S))
@@ -117,17 +107,7 @@ def test_a_clock_that_was_never_set_ends_when_the_file_was_changed(
     assert "its clock was never set" in remarks(out)
 
 
-TABLE = """
-about = "one table"
-vehicle = "pioneer"
-[[take]]
-topic = "*"
-as = "sensor/pressure"
-stamp = "up"
-stamp_unit = "s"
-[take.fields]
-pressure = { from = ["mbar"], unit = "mbar" }
-"""
+Clock = Callable[[int], int]
 DAY = 86_400 * S  # [ns]
 CLOCKS: dict[str, list[int]] = {  # [ns] ahead of the truth, in each of the seconds of a log
     "set once": [-1096 * DAY, 0, 0, 0],
@@ -139,48 +119,48 @@ CLOCKS: dict[str, list[int]] = {  # [ns] ahead of the truth, in each of the seco
 }
 
 
-@pytest.mark.parametrize("kind", CLOCKS)
-def test_a_clock_that_is_set_in_mid_log_goes_on(tmp_path: Path, kind: str) -> None:
+def table_by(path: Path, clock: Clock) -> Path:
+    """Ten rows a second."""
+    times = [BEGAN_NS + k * S // SLOW_HZ for k in range(SECONDS * SLOW_HZ)]
+    rows = [f"{clock(at) / S:.3f},{1013.0 + k}" for k, at in enumerate(times)]
+    path.write_text("\n".join(["time,pressure", *rows]) + "\n")
+    return path
+
+
+def bag_by(path: Path, clock: Clock) -> Path:
+    """Also its stamps are by the clock."""
+    return ros1(path, clock=clock)
+
+
+def tlog_by(path: Path, clock: Clock) -> Path:
+    return tlog(path, clock=clock)
+
+
+CLOCKED: dict[
+    str, tuple[Callable[[Path, Clock], Path], int, list[str]]
+] = {  # how, [1/s], which clocks
+    "tlog": (tlog_by, SLOW_HZ, [*CLOCKS]),
+    "csv": (table_by, SLOW_HZ, [kind for kind in CLOCKS if kind != "by two hours"]),
+    "bag": (bag_by, IMU_HZ, ["set once", "set at the end", "never set, then set"]),
+}
+
+
+@pytest.mark.parametrize(
+    ("form", "kind"), [(form, kind) for form in CLOCKED for kind in CLOCKED[form][2]]
+)
+def test_a_clock_that_is_set_in_mid_log_goes_on(tmp_path: Path, form: str, kind: str) -> None:
+    write, hz, _ = CLOCKED[form]
     ahead = CLOCKS[kind]
-
-    def clock(at: int) -> int:
-        return at + ahead[min(SECONDS - 1, (at - BEGAN_NS) // S)]
-
-    out = imported(tlog(tmp_path / "a.tlog", clock=clock), tmp_path / "dive")
-    times = [one.log_ns for one in messages(out, "sensor/imu")]
-    assert times == pytest.approx(
-        [BEGAN_NS + k * S // SLOW_HZ for k in range(SECONDS * SLOW_HZ)], abs=2_000_000
-    )
+    name = f"a.{form}"
+    log = write(tmp_path / name, lambda at: at + ahead[min(SECONDS - 1, (at - BEGAN_NS) // S)])
+    options = pressure_map(tmp_path, "mbar") if form == "csv" else ()
+    out = imported(log, tmp_path / "dive", *options)
+    samples = messages(out, "sensor/pressure" if form == "csv" else "sensor/imu")
+    wanted = [BEGAN_NS + k * S // hz for k in range(SECONDS * hz)]
+    assert [one.log_ns for one in samples] == pytest.approx(wanted, abs=2_000_000)
+    if form == "bag":
+        assert [one.publish_ns for one in samples] == pytest.approx(wanted, abs=1_000_000)
     assert "log: the logger's clock stepped" in " ".join(odd(out))
-
-
-@pytest.mark.parametrize("kind", [kind for kind in CLOCKS if kind != "by two hours"])
-def test_a_table_s_clock_that_is_set_goes_on_too(tmp_path: Path, kind: str) -> None:
-    ahead = CLOCKS[kind]
-    rows = [
-        f"{(BEGAN_NS + k * S // 10 + ahead[k // 10]) / S:.3f},{1013.0 + k}"
-        for k in range(SECONDS * 10)
-    ]
-    log, own = tmp_path / "a.csv", tmp_path / "map.toml"
-    log.write_text("\n".join(["up,mbar", *rows]) + "\n")
-    own.write_text(TABLE)
-    out = imported(log, tmp_path / "dive", "--map", str(own))
-    times = [one.log_ns for one in messages(out, "sensor/pressure")]
-    assert times == pytest.approx(
-        [BEGAN_NS + k * S // 10 for k in range(SECONDS * 10)], abs=1_000_000
-    )
-
-
-@pytest.mark.parametrize("kind", ["set once", "set at the end", "never set, then set"])
-def test_a_bag_s_clock_that_is_set_goes_on_too(tmp_path: Path, kind: str) -> None:
-    """Also its stamps, which are by the same clock."""
-    ahead = CLOCKS[kind]
-    log = ros1(tmp_path / "a.bag", clock=lambda at: at + ahead[(at - BEGAN_NS) // S])
-    out = imported(log, tmp_path / "dive")
-    samples = messages(out, "sensor/imu")
-    wanted = [BEGAN_NS + k * S // IMU_HZ for k in range(SECONDS * IMU_HZ)]
-    assert [one.log_ns for one in samples] == pytest.approx(wanted, abs=1_000_000)
-    assert [one.publish_ns for one in samples] == pytest.approx(wanted, abs=1_000_000)
 
 
 def test_one_wrong_time_does_not_date_a_log(tmp_path: Path) -> None:
@@ -255,9 +235,8 @@ def test_a_topic_that_cannot_be_read_costs_that_topic_alone(
     words, type_, said = OWN_TYPES[kind]
     out = imported(bag_with(tmp_path / "bag", words, type_, storage), tmp_path / "dive")
     assert imu_samples(out) == SECONDS * IMU_HZ
-    pressures = [one.message for one in messages(out, "sensor/pressure")]
+    pressures = of(out, "sensor/pressure", PressureSample)
     assert len(pressures) == SECONDS * SLOW_HZ
-    assert isinstance(pressures[0], PressureSample)
     assert pressures[0].pressure == pytest.approx(101_325.0, abs=1.0)
     assert (f"/thrusters ({type_}) is left out: {said}" in remarks(out)) == bool(said)
 

@@ -3,11 +3,13 @@
 import os
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from messages.pilot import PilotCommand
 from messages.sensors import ImuSample, PressureSample
 from services.marine.vehicle import GRAVITY
 from tests.tools.test_cli_verbs import complaint
@@ -18,24 +20,18 @@ from .logs import (
     IMU_HZ,
     SECONDS,
     SLOW_HZ,
+    WRITERS,
     S,
-    dataflash,
-    mcap,
+    imported,
     messages,
     odd,
+    of,
     report,
     ros1,
     ros2,
-    tlog,
-    ulog,
 )
 
 SHIPPED = Path("deploy/imports/ros.toml")
-
-
-def imported(log: Path, out: Path, *options: str) -> Path:
-    assert main(["import", str(log), "--out", str(out), *options]) == 0
-    return out
 
 
 def with_board_clock(folder: Path) -> Path:
@@ -47,19 +43,15 @@ def with_board_clock(folder: Path) -> Path:
 
 def test_every_message_is_there_in_si_and_our_axes(tmp_path: Path) -> None:
     out = imported(ros1(tmp_path / "a.bag"), tmp_path / "dive")
-    samples = messages(out, "sensor/imu")
-    assert len(samples) == SECONDS * IMU_HZ
-    first = samples[0].message
-    assert isinstance(first, ImuSample)
-    assert first.specific_force == pytest.approx((0.0, -0.5, -GRAVITY), abs=0.1)
-    assert first.angular_rate == pytest.approx((0.1, -0.2, -0.3), abs=0.1)
-    assert [one.publish_ns for one in samples[:2]] == [BEGAN_NS, BEGAN_NS + S // IMU_HZ]
-    assert [one.message.seq for one in samples] == [*range(len(samples))]
-    depths = [one.message for one in messages(out, "sensor/pressure")]
-    assert isinstance(depths[-1], PressureSample)
+    samples = of(out, "sensor/imu", ImuSample)
+    assert [one.seq for one in samples] == [*range(SECONDS * IMU_HZ)]
+    assert samples[0].specific_force == pytest.approx((0.0, -0.5, -GRAVITY), abs=0.1)
+    assert samples[0].angular_rate == pytest.approx((0.1, -0.2, -0.3), abs=0.1)
+    times = [one.publish_ns for one in messages(out, "sensor/imu")[:2]]
+    assert times == [BEGAN_NS, BEGAN_NS + S // IMU_HZ]
+    depths = of(out, "sensor/pressure", PressureSample)
     assert depths[-1].pressure == pytest.approx(101325.0 + 500.0 * 3.9, abs=1.0)
-    sticks = [one.message for one in messages(out, "pilot/command")]
-    assert len(sticks) == SECONDS * SLOW_HZ
+    assert len(of(out, "pilot/command", PilotCommand)) == SECONDS * SLOW_HZ
     assert odd(out) == {}
     assert "sensor/dvl" in report(out)["missing"]
 
@@ -122,46 +114,27 @@ def test_a_dive_that_is_there_stays_as_it_is(tmp_path: Path) -> None:
     assert (tmp_path / "dive-2" / "dive.mcap").exists()
 
 
-def empty(path: Path) -> Path:
-    path.touch()
-    return path
-
-
-def foreign(path: Path) -> Path:
-    path.write_bytes(b"PK\x03\x04 no bag at all")
-    return path
-
-
 def cut_off(path: Path) -> Path:
     data = ros1(path.with_name("whole.bag")).read_bytes()
     path.write_bytes(data[: len(data) // 2])
     return path
 
 
-def unset(path: Path) -> Path:
-    return ros1(path, "unset")
-
-
-def in_milli(path: Path) -> Path:
-    return ros1(path, unit=GRAVITY / 1000.0)
-
-
 @pytest.mark.parametrize(
     ("log", "said"),
     [
-        (empty, "is not a bag of ROS 1: it is empty"),
-        (foreign, "is not a bag of ROS 1: it begins with"),
         (cut_off, "is damaged or was not finished"),
-        (unset, 'write clock = "board" at sensor_msgs/msg/'),
-        (in_milli, 'which cannot be (4 to 25); write unit = "mg" in the map'),
+        (partial(ros1, kind="unset"), 'write clock = "board" at sensor_msgs/msg/'),
+        (
+            partial(ros1, unit=GRAVITY / 1000.0),
+            'which cannot be (4 to 25); write unit = "mg" in the map',
+        ),
     ],
 )
 def test_a_wrong_log_is_one_sentence_and_leaves_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], log: object, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], log: Callable[[Path], Path], said: str
 ) -> None:
-    assert callable(log)
     path = log(tmp_path / "a.bag")
-    assert isinstance(path, Path)
     out = tmp_path / "dives" / "dive"
     assert said in complaint(capsys, "import", str(path), "--out", str(out))
     assert not out.parent.exists()
@@ -184,16 +157,6 @@ def numbers(path: Path) -> Path:
     return path
 
 
-WRITERS: dict[str, Callable[[Path], Path]] = {
-    "a.bag": ros1,
-    "a.mcap": mcap,
-    "a.bin": dataflash,
-    "a.tlog": tlog,
-    "a.ulg": ulog,
-    "a.csv": numbers,
-}
-
-
 @pytest.mark.parametrize(
     ("name", "package"),
     [
@@ -212,7 +175,7 @@ def test_a_missing_package_is_one_sentence_that_names_the_extra(
     name: str,
     package: str,
 ) -> None:
-    log = WRITERS[name](tmp_path / name)
+    log = {**WRITERS, "a.csv": numbers}[name](tmp_path / name)
     for module in [each for each in sys.modules if each.partition(".")[0] == package]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, package, None)

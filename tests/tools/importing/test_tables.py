@@ -12,8 +12,20 @@ from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
 from tools.importing.table_file import TableFile
 
-from .logs import BEGAN_NS, IMU_HZ, SECONDS, S, dataflash, messages, odd, report, ros1, tlog
-from .test_rosbags import imported
+from .logs import (
+    BEGAN_NS,
+    IMU_HZ,
+    SECONDS,
+    S,
+    dataflash,
+    imported,
+    messages,
+    odd,
+    of,
+    report,
+    ros1,
+    tlog,
+)
 
 BEGAN = datetime(2023, 11, 14, 22, 13, 20, tzinfo=UTC)  # BEGAN_NS
 MAP = """
@@ -71,8 +83,7 @@ def test_a_row_without_our_sensor_is_none_of_its_samples(
     found = messages(out, "sensor/pressure")
     later = [one.publish_ns - BEGAN_NS for one in found]
     assert later == pytest.approx([k * S // 10 for k in range(20)], abs=1000)
-    last = found[-1].message
-    assert isinstance(last, PressureSample)
+    last = of(out, "sensor/pressure", PressureSample)[-1]
     assert last.pressure == pytest.approx(101_325.0 + 380.0)
     assert odd(out) == {"sensor/pressure: rows without it, of another sensor": 20}
     assert report(out)["remarks"] == []

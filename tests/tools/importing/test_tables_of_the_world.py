@@ -8,23 +8,10 @@ import pytest
 
 from messages.sensors import PressureSample
 from tests.tools.test_cli_verbs import complaint
-from tools.__main__ import main
 
-from .logs import BEGAN_NS, S, messages, odd, report
-from .test_rosbags import imported
+from .logs import BEGAN_NS, S, imported, messages, odd, of, pressure_map, report
 
 ROWS = 60
-MAP = """
-about = "one table"
-vehicle = "bluerov2_heavy"
-[[take]]
-topic = "*"
-as = "sensor/pressure"
-stamp = "time"
-stamp_unit = "s"
-[take.fields]
-pressure = {{ from = ["pressure"], unit = "{unit}" }}
-"""
 
 
 def pascal(k: int) -> float:
@@ -119,12 +106,11 @@ def found(
     folder: Path, content: str | bytes, unit: str = "Pa", name: str = "a.csv"
 ) -> tuple[list[int], list[float]]:
     """[ns] When and [Pa] what."""
-    log, own = folder / name, folder / "map.toml"
+    log = folder / name
     log.write_bytes(content if isinstance(content, bytes) else content.encode())
-    own.write_text(MAP.format(unit=unit))
-    samples = messages(imported(log, folder / "dive", "--map", str(own)), "sensor/pressure")
-    values = [one.message.pressure for one in samples if isinstance(one.message, PressureSample)]
-    return [one.publish_ns for one in samples], values
+    out = imported(log, folder / "dive", *pressure_map(folder, unit))
+    values = [one.pressure for one in of(out, "sensor/pressure", PressureSample)]
+    return [one.publish_ns for one in messages(out, "sensor/pressure")], values
 
 
 @pytest.mark.parametrize("kind", WHOLE)
@@ -226,8 +212,7 @@ def test_a_table_that_means_nothing_is_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, said: str
 ) -> None:
     (tmp_path / "a.csv").write_text(content)
-    (tmp_path / "map.toml").write_text(MAP.format(unit="Pa"))
-    options = ("--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / "dive"))
+    options = (*pressure_map(tmp_path), "--out", str(tmp_path / "dive"))
     assert said in complaint(capsys, "import", str(tmp_path / "a.csv"), *options)
     assert not (tmp_path / "dive").exists()
 
@@ -245,10 +230,9 @@ def test_three_decimals_are_no_thousands(
 
 def test_a_row_that_has_nothing_in_a_column_of_a_condition_is_left_out(tmp_path: Path) -> None:
     """Also where it is the first one."""
-    log, own = tmp_path / "a.csv", tmp_path / "map.toml"
+    log = tmp_path / "a.csv"
     kinds = ["", "XX", "BI", "", "BI"]
     rows = [f"{second(k)},{kind},{pascal(k)}" for k, kind in enumerate(kinds)]
     log.write_text("\n".join(["time,kind,pressure", *rows]) + "\n")
-    own.write_text(MAP.format(unit="Pa").replace("stamp =", 'only = { kind = "BI" }\nstamp ='))
-    assert main(["import", str(log), "--map", str(own), "--out", str(tmp_path / "dive")]) == 0
-    assert len(messages(tmp_path / "dive", "sensor/pressure")) == 2
+    options = pressure_map(tmp_path, only='only = { kind = "BI" }')
+    assert len(messages(imported(log, tmp_path / "dive", *options), "sensor/pressure")) == 2
