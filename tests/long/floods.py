@@ -26,8 +26,7 @@ from services.runtime.bus.zenoh_bus import ZenohBus, connected
 from services.runtime.hosts.process_host import HubLaunch
 from services.runtime.launch.process_plan import PYTHON
 from tests.support.patience import PATIENCE_S
-from tools.keys import authority
-from tools.keys.authority import own_keys
+from tools.keys.authority import Authority, own_keys
 from tools.keys.roles import parse
 
 SECONDS, TURNS = 15, 3
@@ -46,10 +45,10 @@ class Door:
 
     def __init__(self, folder: Path) -> None:
         self.keys = folder / "keys"
-        authority.new(self.keys, NOW)
+        Authority(self.keys).make(NOW)
         for name in ("drone:pioneer", "pilot:ann", "observer:eve"):
-            authority.add(self.keys, parse(name), NOW, 10)
-        drone = own_keys(self.keys / "drone-pioneer", ("drone",), NOW).credentials
+            Authority(self.keys).add(parse(name), NOW, 10)
+        drone = own_keys(self.keys / "drone-pioneer", ("drone",), NOW)[1]
         self.address = f"tls/127.0.0.1:{free_port()}"
         private, self._log = f"unixsock-stream/{folder}/hub.sock", folder / "hub.log"
         launch = HubLaunch(
@@ -67,7 +66,7 @@ class Door:
 
     def session(self, folder: str) -> zenoh.Session:
         role = parse(folder.replace("-", ":", 1)).role
-        keys = own_keys(self.keys / folder, (role,), NOW).credentials.keys
+        keys = own_keys(self.keys / folder, (role,), NOW)[1].keys
         return connected(self.address, SPACE, PATIENCE_S, keys=keys)
 
     @property
