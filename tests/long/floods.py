@@ -5,7 +5,6 @@ A real hub with TLS, a pilot's and an observer's certificates, each in a process
 observer comes again if its link ends.
 """
 
-import os
 import socket
 import subprocess
 import sys
@@ -54,7 +53,7 @@ class Door:
         launch = HubLaunch(
             listen=[self.address, private],
             hub_side=HubSide("drone", SPACE, drone),
-            parent=os.getpid(),
+            supervised=True,
         )
         with self._log.open("wb") as log:
             command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]

@@ -146,14 +146,19 @@ def own_keys(keys: Path, roles: Collection[Role], now: datetime) -> tuple[Certif
         wanted = " or ".join(roles)
         raise LindyError(f"{certificate} is that of {found.who}, allowed: of {wanted}")
     _in_file(key, certificates.check_pair, _read(key), data)
-    if system.others_may(key, 0o077):  # as ssh does: such a key is no secret
+    if _others_may(key, 0o077):  # as ssh does: such a key is no secret
         raise LindyError(f"{key} can be read by others on this computer: chmod 600 {key}")
     names = _list(admitted)
     for path in (folder, ca, certificate, admitted):  # who writes the list lets himself in
-        if system.others_may(path, 0o002):
+        if _others_may(path, 0o002):
             raise LindyError(f"{path} can be written by others on this computer: chmod o-w {path}")
     files = KeyFiles(*(str(path.absolute()) for path in (ca, certificate, key)))
     return found, Credentials(files, tuple(map(str, names)), found.who.name)
+
+
+def _others_may(path: Path, mode: int) -> bool:
+    """May other users do one of these things? Windows says by other means who may."""
+    return not system.WINDOWS and bool(path.stat().st_mode & mode)
 
 
 def _own_folder(keys: Path, roles: Collection[Role]) -> Path:

@@ -104,7 +104,11 @@ def point_latest(folder: Path) -> None:
         print(f"{pointer} is not a link to a dive; it stays as it is", flush=True)
         return
     try:
-        system.point(pointer, folder.name)
+        fresh = pointer.with_name(f".{LATEST}-{os.getpid()}")
+        fresh.symlink_to(folder.name, target_is_directory=True)
+        if system.WINDOWS:  # it does not put one link to a folder in the place of another
+            pointer.unlink(missing_ok=True)
+        fresh.replace(pointer)
     except OSError as error:
         print(f"cannot make {pointer} point to this dive: {reason(error)}", flush=True)
 

@@ -257,7 +257,7 @@ def viewer(stack: Stack, endpoint: str) -> Generator[None]:
         stack_file=str(services.file),
         endpoints={spec.sides[0]: endpoint},
         checkpoint=str(Path(stack.out)),
-        parent=os.getpid(),
+        supervised=True,
     )
     command = [*PYTHON, msgspec.json.encode(launch).decode()]
     child = subprocess.Popen(command, stdin=system.STDIN, **system.APART)

@@ -131,8 +131,7 @@ class ProcessPlan:
         launch = HubLaunch(
             listen=[self.endpoints[side]],
             heartbeat=str(self.heartbeat(name)),
-            parent=os.getpid(),
-            tells=side == self.home,
+            supervised=True,
         )
         if side == self.home:
             what = self.dive.side or "drone"
@@ -160,7 +159,7 @@ class ProcessPlan:
             endpoints={side: self._reach[side] for spec in specs.values() for side in spec.sides},
             checkpoint=str(self.checkpoints),
             heartbeat=str(self.heartbeat(process)),
-            parent=os.getpid(),
+            supervised=True,
             keys=None if self.dive.credentials is None else self.dive.credentials.keys,
             copies=self._copies,
         )
@@ -228,6 +227,6 @@ def sweep(place: Path) -> None:
                 continue
             if (lock := system.lock(folder)) is None:
                 continue
-            if lock.is_known:
+            if lock.descriptor is not None:
                 shutil.rmtree(folder, ignore_errors=True)
             lock.release()

@@ -10,14 +10,13 @@ the pilot having to do anything, after a pause that grows with each crash in a r
 
 import signal
 import time
-from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Literal
 
 from services.runtime.config.disk import reason
-from services.runtime.launch.child import Child, ChildLog, OsChild, Task
+from services.runtime.launch.child import Child, OsChild, Task
 
 NAME = "supervisor"  # its name on the bus
 PATIENCE_S = 5.0  # [s] between asking a process to end and killing it
@@ -116,9 +115,7 @@ class Supervisor:
         self.failure: str | None = None  # why everything must stop: the last line of a child
         self._tasks: dict[str, Task] = {}
         self._children: dict[str, Child] = {}
-        self._seen: deque[str] = deque()  # filled from the bus's thread
-        self._logs: dict[str, ChildLog] = {}
-        self._unlogged: set[str] = set()  # of which it was said
+        self._unlogged: set[int] = set()  # processes of which it was said
         self._tell = tell
         self._spawn = spawn
         self._clock = clock
@@ -127,12 +124,11 @@ class Supervisor:
         """Start these at the next step."""
         for task in tasks:
             self._tasks[task.name] = task
-            self._logs[task.name] = ChildLog(task.log)
             self.lives[task.name] = Life(at=self._clock())
 
     def seen(self, name: str) -> None:
-        """A child's liveliness token appeared. May be called from any thread."""
-        self._seen.append(name)
+        """A child's liveliness token appeared."""
+        self._handle(name, LifeEvent.SEEN)
 
     @property
     def restarts(self) -> dict[str, int]:
@@ -150,12 +146,10 @@ class Supervisor:
 
     def step(self) -> None:
         """Check every child once and do what is due."""
-        while self._seen:
-            self._handle(self._seen.popleft(), LifeEvent.SEEN)
         for name, child in list(self._children.items()):
-            if (why := self._logs[name].unlogged) and name not in self._unlogged:
-                self._unlogged.add(name)
-                self._tell("warning", f"{name} runs without a log: {why}")
+            if child.unlogged and child.pid not in self._unlogged:
+                self._unlogged.add(child.pid)
+                self._tell("warning", f"{name} runs without a log: {child.unlogged}")
             if (status := child.ended()) is not None:
                 self._ended(name, status)
         for name in self.lives:
@@ -168,8 +162,6 @@ class Supervisor:
             for name in names:
                 self._handle(name, LifeEvent.STOP)
             self._wait_for(names)
-        for log in self._logs.values():
-            log.close()
 
     def _wait_for(self, names: list[str]) -> None:
         deadline = self._clock() + round(PATIENCE_S * 1e9)
@@ -198,32 +190,26 @@ class Supervisor:
 
     def _start(self, name: str) -> None:
         try:
-            child = self._children[name] = self._spawn(self._tasks[name])
-        except (OSError, MemoryError) as error:  # no descriptors, memory, room for a process: now
+            self._children[name] = self._spawn(self._tasks[name])
+        except OSError as error:  # no descriptors, no room for a process: now
             self.lives[name], _ = advance(self.lives[name], Ended(NOT_STARTED), self._clock())
-            who, why = self._tasks[name].in_words, "there is no memory"
-            why = reason(error) if isinstance(error, OSError) else why
-            self._tell("error", f"{who} could not be started: {why}; tried again")
-            return
-        self._unlogged.discard(name)
-        if child.printed is not None:
-            self._logs[name].follow(child.printed)
+            who = self._tasks[name].in_words
+            self._tell("error", f"{who} could not be started: {reason(error)}; tried again")
 
     def _ended(self, name: str, status: int) -> None:
-        del self._children[name]
+        words = self._children.pop(name).last_line()
         self._handle(name, Ended(status))
-        words = self._logs[name].last_line()
-        phase = self.lives[name].phase
+        phase, task, said = self.lives[name].phase, self._tasks[name], own_sentence(name, words)
         if phase == "failed":
-            sentence = in_words(name, words, self._tasks[name])
-            if not self._tasks[name].needed:
+            printed = words or "it printed nothing"
+            sentence = said or f"{name} cannot start: {printed} (see {task.log})"
+            if not task.needed:
                 self._tell("error", f"{sentence}; the dive goes on without {name}")
             elif self.failure is None:
                 self.failure = sentence
         elif phase == "waiting":
-            said = own_sentence(name, words)
             why = how(status) if said is None else f"{how(status)}: {said}"
-            self._tell("error", f"{self._tasks[name].in_words} ended unexpectedly ({why})")
+            self._tell("error", f"{task.in_words} ended unexpectedly ({why})")
 
 
 def how(status: int) -> str:
@@ -234,12 +220,6 @@ def how(status: int) -> str:
         return f"signal {signal.Signals(-status).name}"
     except ValueError:
         return f"signal {-status}"
-
-
-def in_words(name: str, words: str, task: Task) -> str:
-    """The sentence for the user."""
-    said = own_sentence(name, words)
-    return said or f"{name} cannot start: {words or 'it printed nothing'} (see {task.log})"
 
 
 def own_sentence(name: str, words: str) -> str | None:

@@ -116,7 +116,6 @@ def write_safely(path: Path, data: bytes, mode: int = 0o666) -> None:
     """
     fresh = path.with_name(f".{path.name}.new")  # nobody else's, in a folder with files of others
     try:
-        fresh.unlink(missing_ok=True)  # of a write that was killed
         with open(fresh, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
             file.write(data)
             file.flush()

@@ -57,7 +57,7 @@ with open_bus(sys.argv[1], "pioneer"):
 def hub(tmp_path: Path) -> Generator[str]:
     """Endpoint of a hub process."""
     endpoint = f"unixsock-stream/{tmp_path}/hub.sock"
-    launch = msgspec.json.encode(HubLaunch(listen=[endpoint], parent=os.getpid())).decode()
+    launch = msgspec.json.encode(HubLaunch(listen=[endpoint])).decode()
     process = subprocess.Popen([sys.executable, "-P", "-m", "services", "hub", launch])
     yield endpoint
     process.terminate()
