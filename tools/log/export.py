@@ -15,11 +15,11 @@ from mcap.records import Channel, Schema
 from messages.text import harmless
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import is_view
-from services.runtime.config.disk import reason
+from services.runtime.config.disk import fresh_folder, reason
 from services.runtime.config.errors import EndedByUserError, LindyError
 from tools.choices import named
 from tools.exit_status import DONE, LOST
-from tools.fresh import EXISTS, fresh_folder
+from tools.fresh import EXISTS
 from tools.log.flatten import DECODE, Flattening, Row, TableColumn, Tree
 from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.packages import require_package
