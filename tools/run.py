@@ -7,8 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.bus.key_files import KeyFiles
+from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_services

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from messages import topics
 from messages.identity import SideIdentity
 from messages.text import harmless
-from services.runtime.bus.network import NobodyThereError
+from services.runtime.bus.zenoh_bus import NobodyThereError
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.vehicle_view import words

@@ -16,8 +16,8 @@ from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.key_files import KeyFiles
-from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, here_of, name_in, namespace
+from services.runtime.bus.zenoh_bus import open_network
 
 LOOK_S = 1.6  # [s] who is there says so once a second
 STEP_S = 0.01  # [s] between two looks at what has arrived

@@ -6,8 +6,8 @@ from socket import gethostname
 from typing import NamedTuple
 
 from services.runtime.bus.key_files import Credentials, KeyFiles
-from services.runtime.bus.network import NobodyThereError
 from services.runtime.bus.spaces import checked_name
+from services.runtime.bus.zenoh_bus import NobodyThereError
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.fleet.look import who_is_there

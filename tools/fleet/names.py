@@ -8,8 +8,8 @@ from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 
 from messages import events
-from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import EVERY_SPACE, LONGEST, here_key
+from services.runtime.bus.zenoh_bus import open_network
 from services.runtime.launch.local_stack import LocalStack
 from services.runtime.launch.process_plan import HOME
 from tools.fleet.look import Roster

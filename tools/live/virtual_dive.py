@@ -14,7 +14,7 @@ from services.recorder.service import DEPTH, FLUSH_HZ
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import EndedByUserError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.supervisor import NAME

@@ -25,8 +25,7 @@ from messages.message import Message
 from messages.text import harmless
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Bus, Envelope
-from services.runtime.bus.qos import QOS_PROFILES
-from services.runtime.bus.zenoh_bus import listening, open_bus
+from services.runtime.bus.zenoh_bus import QOS_PROFILES, listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY, Stack
 from services.runtime.hosts.process_host import Launch

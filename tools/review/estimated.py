@@ -12,7 +12,7 @@ from messages import topics
 from messages.aiding import AidSource
 from messages.events import sentence
 from messages.state import VehicleState
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.recordings.columns import Array, Gathering, StreamFigures

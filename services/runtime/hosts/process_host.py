@@ -35,9 +35,7 @@ from services.runtime.bus.zenoh_bus import (
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.garbage_collection import rare_collections
-from services.runtime.hosts.heartbeat import Heartbeat
-from services.runtime.hosts.loop import POLL_S, Loop
+from services.runtime.hosts.loop import POLL_S, Heartbeat, Loop, rare_collections
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.node.checkpoint import CheckpointFile

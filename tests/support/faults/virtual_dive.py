@@ -20,11 +20,9 @@ from messages.simulator import FaultKind, FaultRequest
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.service_module import wire_of
-from services.runtime.hosts.stack_file import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec, wire_of
 from services.runtime.launch.child import Task
-from services.runtime.launch.hang_detector import HangDetector
-from services.runtime.launch.supervisor import Supervisor
+from services.runtime.launch.supervisor import HangDetector, Supervisor
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
 from tests.support.faults.hindrance import Hindrance

@@ -15,9 +15,14 @@ from messages.identity import SideIdentity
 from messages.sensors import BatterySample
 from messages.vehicle import VehicleStatus
 from services.runtime.bus import zenoh_bus
-from services.runtime.bus.network import NobodyThereError, open_network
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
-from services.runtime.bus.zenoh_bus import announce_here, connected, listening
+from services.runtime.bus.zenoh_bus import (
+    NobodyThereError,
+    announce_here,
+    connected,
+    listening,
+    open_network,
+)
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from tests.support.patience import PATIENCE_S, until

@@ -21,7 +21,6 @@ from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.access_control import keys as keys_of
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.key_files import Credentials
-from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
 from services.runtime.bus.zenoh_bus import (
     ZenohBus,
@@ -29,6 +28,7 @@ from services.runtime.bus.zenoh_bus import (
     config,
     connected,
     listening,
+    open_network,
 )
 from tests.support.doors import CROSS, free_endpoint, one, say
 from tests.support.patience import PATIENCE_S, until

@@ -16,10 +16,11 @@ import zenoh
 from messages import topics
 from services.runtime.bus import zenoh_bus
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import (
+    QOS_PROFILES,
     ZenohBus,
+    ZenohQos,
     close_without_waiting,
     connected,
     listening,

@@ -14,8 +14,7 @@ import pytest
 
 from messages import topics
 from messages.topic import AnyTopic, Qos
-from services.runtime.bus.qos import QOS_PROFILES
-from services.runtime.bus.zenoh_bus import PRIORITIES, VARIABLE, open_bus
+from services.runtime.bus.zenoh_bus import PRIORITIES, QOS_PROFILES, VARIABLE, open_bus
 from services.runtime.hosts.process_host import HubLaunch
 from tests.support.patience import PATIENCE_S, until
 
