@@ -18,9 +18,8 @@ from tools.checks import pilot_of
 from tools.choices import DEFAULT, Choices, named
 from tools.keys.credentials import credentials, is_local
 from tools.keys.roles import Role
-from tools.live.cockpit import with_further_cameras
+from tools.live.cockpit import VIEWER, with_further_cameras
 from tools.live.dive_folder import dive_files
-from tools.live.viewer import VIEWER
 from tools.replay.play import one_bus
 from tools.start import settled
 

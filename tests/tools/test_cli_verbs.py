@@ -199,7 +199,7 @@ def test_without_rerun_a_dive_has_no_viewer_and_says_so(
     tmp_path: Path,
     script: str,
 ):
-    monkeypatch.setattr("tools.live.viewer.find_spec", lambda _: None)  # type: ignore[misc]
+    monkeypatch.setattr("tools.live.cockpit.find_spec", lambda _: None)  # type: ignore[misc]
     out = tmp_path / "out"
     quick = ("--set", "estimation.calibration.still_time=1", "--seconds", "1")
     assert main(["simulate", "--pilot", script, *quick, "--out", str(out)]) == 0

@@ -34,8 +34,8 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.process_plan import PYTHON
 from services.runtime.node.clock_offset import mover
 from services.runtime.os import system
+from tools.live.cockpit import VIEWER
 from tools.live.stop_signals import StopSignals
-from tools.live.viewer import VIEWER
 from tools.log.topic_patterns import is_chosen
 from tools.recordings.recording import Raw, Recording
 from tools.replay.source import ReplaySource

@@ -20,8 +20,7 @@ from services.runtime.bus.spaces import (
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.__main__ import main
-from tools.fleet.meeting import Meeting, drones_credentials, drones_name
-from tools.fleet.names import other_drone, own_name
+from tools.fleet.meeting import Meeting, drones_credentials, drones_name, other_drone, own_name
 from tools.keys.authority import Authority
 from tools.keys.roles import parse
 
