@@ -294,9 +294,9 @@ class ServiceModule:
             LindyError: the module cannot be used.
         """
         self._wire_of_users()  # a module without one is no service
-        settings = getattr(self._imported(), "Settings", None)
-        is_struct = isinstance(settings, type) and issubclass(settings, msgspec.Struct)
-        if settings is None or (is_struct and settings.__struct_config__.forbid_unknown_fields):
+        settings: Any = getattr(self._imported(), "Settings", None)
+        config = getattr(settings, "__struct_config__", None)
+        if settings is None or (config is not None and config.forbid_unknown_fields):
             return settings
         raise LindyError(
             f"{self._at()}: Settings of module {self.name!r} must be a "

@@ -54,7 +54,7 @@ class VirtualProcess:
     """A child of the supervisor: a service, or a hub."""
 
     pid = 0
-    printed = None
+    unlogged = ""
 
     def __init__(self, end: Callable[[], None]) -> None:
         self._end = end
@@ -62,6 +62,9 @@ class VirtualProcess:
 
     def ended(self) -> int | None:
         return self._status
+
+    def last_line(self) -> str:
+        return ""
 
     def terminate(self) -> None:
         self.end(0)
