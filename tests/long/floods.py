@@ -53,7 +53,6 @@ class Door:
         launch = HubLaunch(
             listen=[self.address, private],
             hub_side=HubSide("drone", SPACE, drone),
-            supervised=True,
         )
         with self._log.open("wb") as log:
             command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
