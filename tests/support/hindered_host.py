@@ -6,8 +6,8 @@ from typing import Protocol
 
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.node import Node
-from tests.support.two_clocks import Skew, TwoClocks
 
 
 class Lateness(Protocol):
@@ -51,7 +51,7 @@ class HinderedBus(MemoryBus):
             self._kept.append((envelope, sender))
 
 
-class HinderedHost(TwoClocks):
+class HinderedHost(VirtualHost):
     """A node with a `Lateness` is stepped late, as on a busy computer; until then messages wait in
     its ports."""
 

@@ -25,11 +25,10 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import wire_of
-from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node
 from services.tether.service import NEVER_USED
-from tests.support.two_clocks import Skew, TwoClocks
 
 Kind = Literal["profile", "set", "down", "up"]
 MS, S = 1_000_000, 1_000_000_000  # [ns]
@@ -132,7 +131,7 @@ class Flight:
 
     def __post_init__(self) -> None:
         apart = self.clock is not None
-        self.host = TwoClocks({"drone": self.clock} if self.clock else None)
+        self.host = VirtualHost({"drone": self.clock} if self.clock else None)
         self.rows = Registry.read()
         rows = self.rows.only({name: self.rows[name] for name in SERVICES})
         self.stack = Stack(

@@ -25,7 +25,7 @@ from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.loop import rare_collections
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.hosts.virtual_host import SAME, VirtualHost
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
 from tools.recordings.recording import Raw
@@ -129,7 +129,7 @@ class OnBoard:
         self._source, self._services, self._stack = source, services, stack
         self._encode = msgspec.msgpack.Encoder().encode
         self._today = identity_of(stack, SIDE, 0)
-        self._host = VirtualHost(apart=source.apart)
+        self._host = VirtualHost({SIDE: SAME} if source.apart else None)
         self._port = MemoryBusPort(self._host.hub(SIDE))
         self.outputs = Outputs(self._port, self._is_own)
         self._starts = _starts(source, names)

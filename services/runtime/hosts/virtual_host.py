@@ -7,7 +7,9 @@ takes no virtual time: latencies come from the link and the scheduling only.
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
+from math import ceil
 
 import msgspec
 
@@ -20,18 +22,38 @@ from services.runtime.hosts.stack_file import ServiceSpec, Wire, wire_of
 from services.runtime.node.checkpoint import CheckpointStore, VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
-from services.runtime.node.ports import Now
 
 ROUNDS = 1000  # steps at one instant before it counts as an endless loop
+
+
+@dataclass(frozen=True, slots=True)
+class Skew:
+    """A machine's clock relative to the host's."""
+
+    ahead_ns: int = 0  # [ns] at the beginning
+    drift: float = 0.0  # [-] seconds gained per second
+
+    def shows(self, host_ns: int) -> int:
+        return host_ns + self.ahead_ns + round(self.drift * host_ns)
+
+    def first_shows(self, local_ns: int) -> int:
+        """[ns] Host time at which the clock reaches `local_ns`."""
+        return ceil((local_ns - self.ahead_ns) / (1.0 + self.drift))
+
+
+SAME = Skew()
 
 
 class VirtualHost:
     """Owns virtual time, the bus of each side and the nodes."""
 
-    def __init__(self, *, apart: bool = False) -> None:
-        """`apart`: the sides are two machines, whose clocks are compared; here they agree."""
+    def __init__(self, clocks: Mapping[str, Skew] | None = None) -> None:
+        """
+        Args:
+            clocks: clock of each side, where they are two machines; None: one clock.
+        """
         self.now = 0  # [ns]
-        self._apart = apart
+        self._clocks = clocks
         self.nodes: dict[str, Node] = {}
         self._buses: dict[str, MemoryBus] = {}
         self._checkpoints: dict[str, CheckpointStore] = {}
@@ -52,9 +74,8 @@ class VirtualHost:
         """A node without a service; the caller wires it."""
         ports = {side: self.side(side) for side in sides}
         checkpoint = self._checkpoints.setdefault(name, VolatileCheckpoint())
-        home = "topside" if sides[0] == "topside" else "drone"
-        clock_offset = ClockOffset(home) if self._apart else None
-        clock = self._clock(home)
+        skew, clock_offset = self._skew(sides[0]), self._clock_offset(sides[0])
+        clock = (lambda: self.now) if skew is SAME else (lambda: skew.shows(self.now))
         node = Node(name, ports, clock, checkpoint, gateway=gateway, clock_offset=clock_offset)
         node.wake = partial(self._woken.setdefault, name)
         self.nodes[name] = node
@@ -157,7 +178,17 @@ class VirtualHost:
 
     def _deadline(self, name: str) -> int:
         """[ns] When a node is stepped next if nothing else wakes it, by the host's clock."""
-        return self.nodes[name].deadline()
+        node = self.nodes[name]
+        return node.deadline() if self._clocks is None else self._timer(node)
 
-    def _clock(self, _home: str) -> Now:
-        return lambda: self.now
+    def _timer(self, node: Node) -> int:
+        """[ns] When a node's next timer falls due, by the host's clock."""
+        return max(self.now, self._skew(next(iter(node.sides))).first_shows(node.deadline()))
+
+    def _skew(self, side: str) -> Skew:
+        return SAME if self._clocks is None else self._clocks.get(side, SAME)
+
+    def _clock_offset(self, side: str) -> ClockOffset | None:
+        if self._clocks is None:
+            return None
+        return ClockOffset("topside" if side == "topside" else "drone")

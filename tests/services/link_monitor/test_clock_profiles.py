@@ -10,7 +10,7 @@ from services.link_monitor.clock_sync import DRIFT as WIDENING
 from services.runtime.config.settings import DEPLOY
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from tests.support.two_clocks import Skew, TwoClocks
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 
 S = 1_000_000_000  # [ns]
 PROFILES = sorted(path.stem for path in (DEPLOY / "links").glob("*.toml"))
@@ -31,7 +31,7 @@ class Told(NamedTuple):
 def told(profile: str, drift: float, seed: int) -> list[Told]:
     """What the link monitor says five times a second, from its first answer on."""
     skew = Skew(AHEAD, drift)
-    host, stack = TwoClocks({"drone": skew}), Stack(link=profile, apart=True, seed=seed)
+    host, stack = VirtualHost({"drone": skew}), Stack(link=profile, apart=True, seed=seed)
     every = Registry.read()
     host.add_all(every.only({name: every[name] for name in NAMES}).apart(), stack)
     said: list[Told] = []

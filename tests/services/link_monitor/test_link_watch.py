@@ -18,9 +18,8 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.loop_stats import LoopStats
-from tests.support.two_clocks import Skew, TwoClocks
 from tools.up import on_side
 
 MS, SECOND = 1_000_000, 1_000_000_000
@@ -184,7 +183,7 @@ ROWS = EVERY.only({name: EVERY[name] for name in ("tether", "link_monitor")})
 def test_pings_are_answered_from_the_other_realm_on_one_machine_and_on_two(
     ahead: int | None,
 ) -> None:
-    host = TwoClocks(None if ahead is None else {"drone": Skew(ahead)})
+    host = VirtualHost(None if ahead is None else {"drone": Skew(ahead)})
     rows = ROWS if ahead is None else ROWS.apart()
     host.add_all(rows, Stack(link="remote", apart=ahead is not None))
     clocks, health = list[Clock](), dict[str, Health]()
@@ -202,7 +201,7 @@ def test_pings_are_answered_from_the_other_realm_on_one_machine_and_on_two(
 
 def test_once_the_drone_has_answered_the_topside_says_again_who_it_is_and_its_clock() -> None:
     """What was said before the two have met was heard by nobody."""
-    host = TwoClocks({"drone": Skew(5 * S)})
+    host = VirtualHost({"drone": Skew(5 * S)})
     host.add_all(ROWS.apart(), Stack(link="remote", apart=True))
     said, answered, known = list[int](), list[int](), list[int]()
     ears = host.node("ears", ["topside"])

@@ -28,9 +28,8 @@ from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from tests.support import said
-from tests.support.two_clocks import Skew, TwoClocks
 
 SECOND = 1_000_000_000
 LIMITS = Limits(1.5, 0.5)
@@ -187,7 +186,7 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
 def test_a_prediction_has_one_clock_whoever_reads_it(tmp_path: Path) -> None:
     """The topside's, in which it is made and said; on board the gate has turned all of it."""
     ahead = 10**13
-    host, rows = TwoClocks({"drone": Skew(ahead)}), Registry.read().apart()
+    host, rows = VirtualHost({"drone": Skew(ahead)}), Registry.read().apart()
     for name in (*CHAIN, "link_monitor_drone"):
         host.add(name, rows[name], Stack(out=str(tmp_path)))
     above, below = list[Prediction](), list[Prediction]()

@@ -20,8 +20,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.two_clocks import Skew, TwoClocks
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from tools.recordings.recording import log_hash, open_recording
 
 SECOND = 1_000_000_000
@@ -121,7 +120,7 @@ def test_the_parts_of_a_dive_count_by_one_time_of_day_although_the_clock_was_set
 @pytest.mark.parametrize("side", ["drone", "topside"])
 def test_with_two_clocks_every_publish_time_is_by_the_recorders(tmp_path: Path, side: str):
     """Before the two clocks are known, and for rows said on both sides, it is the arrival."""
-    host, stack = TwoClocks({"drone": Skew(10**13)}), Stack(out=str(tmp_path))
+    host, stack = VirtualHost({"drone": Skew(10**13)}), Stack(out=str(tmp_path))
     rows = Registry.read().apart()
     for name in ("tether", "link_monitor", "link_monitor_drone"):
         host.add(name, rows[name], stack)

@@ -17,19 +17,18 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.clock_offset import ABOUT_CLOCKS, SILENT_NS, ClockOffset
 from services.runtime.node.gate import Gate
 from services.runtime.node.ports import Inbox, Latest
 from tests.support.messages import example
-from tests.support.two_clocks import Skew, TwoClocks
 
 MS, SECOND = 1_000_000, 1_000_000_000
 GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)
 
 
 def joined(clocks: dict[str, Skew]) -> VirtualHost:
-    host, stack = TwoClocks(clocks), Stack(link="tether")
+    host, stack = VirtualHost(clocks), Stack(link="tether")
     host.add("tether", GATEWAY, stack)
     every = Registry.read()
     monitor = every.only({"link_monitor": every["link_monitor"]})
