@@ -1,17 +1,35 @@
 """What a report needs of the `Health` messages of each service, in a memory that does not grow.
 
 Health counts since the start of a process. Another instance, or a smaller `sent`, is a restart:
-what was counted before is added.
+what was counted before is added. Anybody who may report health can invent counts and names: no sum
+exceeds what a single count may be, and no more names are kept than one message may have.
 """
 
 from collections import Counter
+from collections.abc import Iterable, Mapping
 
 import msgspec
 
+from messages import events
 from messages.health import Health
+from messages.payload import MEMBERS
+from messages.units import MOST_COUNTED
 
 MOST = 2000  # values that are kept for a median: each second of the first half hour
 LATE_NS = 5_000_000_000  # [ns] a message that is older than the one before it was overtaken
+MOST_NAMES = 1000  # counts by name, of one service
+OTHERS = "others"  # services beyond those that a port takes
+UNCOUNTED = events.UNCOUNTED("others").name
+
+
+def summed(each: Iterable[Mapping[str, int]]) -> Counter[str]:
+    """Counts by name, added up within their bounds."""
+    total = Counter[str]()
+    for counts in each:
+        for name, count in counts.items():
+            kept = name if name in total or len(total) < MOST_NAMES else UNCOUNTED
+            total[kept] = min(MOST_COUNTED, total[kept] + count)
+    return total
 
 
 class Thinned(msgspec.Struct):
@@ -63,26 +81,23 @@ class HealthSums(msgspec.Struct):
     counts_before: dict[str, int] = {}  # the same of its counts
 
     def add(self, health: Health) -> None:
-        self.lateness_p50_ms.add(health.lateness_p50_ms)
-        self.lateness_p99_ms.add(health.lateness_p99_ms)
-        if health.cpu_percent is not None:
-            self.cpu_percent += health.cpu_percent
-            self.cpu_times += 1
-        if health.rss_mb is not None:
-            self.rss_mb = max(health.rss_mb, self.rss_mb or 0.0)
+        self._of_the_second(health)
         self.said += 1
-        life = self.living.get(health.instance)
+        # Somebody who invents instances is counted as one.
+        known = health.instance in self.living or len(self.living) < MOST
+        instance = health.instance if known else -1
+        life = self.living.get(instance)
         if life is None:
             before = health.counts if self.joined and health.seq > 0 else {}
-            self.living[health.instance] = OneProcess(health, before, self.said, self.said)
+            self.living[instance] = OneProcess(health, before, self.said, self.said)
             return
         life.last_said = self.said
         if life.last.stamp_ns - LATE_NS < health.stamp_ns < life.last.stamp_ns:
             return
         if health.sent < life.last.sent:
             self.ended += 1
-            self.sent_before += life.last.sent
-            self.counts_before = dict(Counter(self.counts_before) + life.counts)
+            self.sent_before = min(MOST_COUNTED, self.sent_before + life.last.sent)
+            self.counts_before = dict(summed([self.counts_before, life.counts]))
             life.counted_before = {}
         life.last = health
 
@@ -106,17 +121,27 @@ class HealthSums(msgspec.Struct):
     @property
     def sent(self) -> int:
         """Messages."""
-        return self.sent_before + sum(life.last.sent for life in self.living.values())
+        sent = self.sent_before + sum(life.last.sent for life in self.living.values())
+        return min(MOST_COUNTED, sent)
 
     @property
     def counts(self) -> Counter[str]:
         """Everything that it counted, by name."""
-        return sum((life.counts for life in self.living.values()), Counter(self.counts_before))
+        return summed([self.counts_before, *(life.counts for life in self.living.values())])
 
     @property
     def mean_cpu_percent(self) -> float | None:
         """[%] of one core; None: never known."""
         return self.cpu_percent / self.cpu_times if self.cpu_times else None
+
+    def _of_the_second(self, health: Health) -> None:
+        self.lateness_p50_ms.add(health.lateness_p50_ms)
+        self.lateness_p99_ms.add(health.lateness_p99_ms)
+        if health.cpu_percent is not None:
+            self.cpu_percent += health.cpu_percent
+            self.cpu_times += 1
+        if health.rss_mb is not None:
+            self.rss_mb = max(health.rss_mb, self.rss_mb or 0.0)
 
 
 class HealthOfAll:
@@ -132,4 +157,8 @@ class HealthOfAll:
         self._joined = joined
 
     def add(self, health: Health) -> None:
-        self.sums.setdefault(health.service, HealthSums(joined=self._joined)).add(health)
+        # A port takes messages of so many names; what they say of their service may be invented.
+        known = health.service in self.sums or len(self.sums) < MEMBERS
+        name = health.service if known else OTHERS
+        sums = self.sums.setdefault(name, HealthSums(joined=self._joined))
+        sums.add(health)

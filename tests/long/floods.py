@@ -25,7 +25,7 @@ from services.runtime.bus.zenoh_bus import ZenohBus, connected
 from services.runtime.hosts.process_host import HubLaunch
 from services.runtime.launch.process_plan import PYTHON
 from tests.support.patience import PATIENCE_S
-from tools.keys.authority import Authority, own_keys
+from tools.keys.authority import KeyAuthority, own_keys
 from tools.keys.roles import parse
 
 SECONDS, TURNS = 15, 3
@@ -44,9 +44,9 @@ class Door:
 
     def __init__(self, folder: Path) -> None:
         self.keys = folder / "keys"
-        Authority(self.keys).make(NOW)
+        KeyAuthority(self.keys).make(NOW)
         for name in ("drone:pioneer", "pilot:ann", "observer:eve"):
-            Authority(self.keys).add(parse(name), NOW, 10)
+            KeyAuthority(self.keys).add(parse(name), NOW, 10)
         drone = own_keys(self.keys / "drone-pioneer", ("drone",), NOW)[1]
         self.address = f"tls/127.0.0.1:{free_port()}"
         private, self._log = f"unixsock-stream/{folder}/hub.sock", folder / "hub.log"

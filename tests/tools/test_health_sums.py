@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from messages.health import Health
-from tools.health_sums import MOST, HealthSums, Thinned
+from messages.payload import MEMBERS
+from messages.units import MOST_COUNTED
+from tools.analysis.losses import losses
+from tools.health_sums import MOST, MOST_NAMES, HealthOfAll, HealthSums, Thinned
 
 S = 1_000_000_000  # [ns]
 
@@ -80,3 +83,38 @@ def test_of_a_long_dive_a_bounded_number_of_values_tells_the_median(seconds: int
     assert kept.values == values[:: kept.every]
     if len(values) > 1009:
         assert abs(median(kept.values) - median(values)) <= 0.05 * most
+
+
+FORGED = st.dictionaries(
+    st.sampled_from(["stale", "lost:state", "overflowed:state"]),
+    st.sampled_from([0, 1, MOST_COUNTED]),
+)
+
+
+@given(st.lists(st.tuples(st.sampled_from([0, 1, MOST_COUNTED]), FORGED, st.integers(0, 2))))
+def test_no_forged_counts_make_a_sum_that_is_no_count(
+    said: list[tuple[int, dict[str, int], int]],
+) -> None:
+    """A pilot on the list may report health under any name of his side, and again and again."""
+    everyone = HealthOfAll()
+    for second, (sent, counts, instance) in enumerate(said):
+        everyone.add(replace(health(second, sent, counts, None), instance=instance))
+        everyone.add(replace(health(second, sent, counts, None), service="gamepad"))
+    for sums in everyone.sums.values():
+        assert 0 <= sums.sent <= MOST_COUNTED
+        assert all(0 <= count <= MOST_COUNTED for count in sums.counts.values())
+        assert max(sums.counts_before.values(), default=0) <= MOST_COUNTED
+    assert max(losses(everyone.sums).values(), default=0) <= MOST_COUNTED
+
+
+def test_invented_names_of_counts_and_services_are_kept_under_one_name() -> None:
+    everyone = HealthOfAll()
+    for k in range(3):
+        invented = {f"stale:{k}-{n}": 1 for n in range(MOST_NAMES)}
+        everyone.add(replace(health(k, 3 - k, invented, None), service="gamepad"))
+    counts = everyone.sums["gamepad"].counts
+    assert len(counts) <= MOST_NAMES + 1
+    assert sum(counts.values()) == 3 * MOST_NAMES
+    for k in range(5 * MEMBERS):
+        everyone.add(replace(health(1, 1, {}, None), service=f"invented-{k}"))
+    assert len(everyone.sums) <= MEMBERS + 1

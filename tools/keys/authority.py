@@ -32,7 +32,7 @@ MAKE = "`lindy keys new` makes them"  # a drone's and a pilot's; `keys add` thos
 T = TypeVar("T")
 
 
-class Authority:
+class KeyAuthority:
     """The one in a folder of keys. Whatever it cannot do is one LindyError, and changes nothing
     but the list of the names that were used."""
 
@@ -182,7 +182,7 @@ def _own_folder(keys: Path, roles: Collection[Role]) -> Path:
 
 def revoked(keys: Path) -> tuple[Identity, ...]:
     """Where the authority is; elsewhere nobody is known to be."""
-    path = Authority(keys).home / REVOKED
+    path = KeyAuthority(keys).home / REVOKED
     return _list(path) if path.is_file() else ()
 
 

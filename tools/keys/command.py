@@ -14,7 +14,7 @@ from tools.keys.roles import Identity, parse
 from tools.packages import require_package
 
 if TYPE_CHECKING:
-    from tools.keys.authority import Authority
+    from tools.keys.authority import KeyAuthority
 
 TWO_YEARS = 730  # [days]
 Keys = Annotated[Path, Parameter(name="--keys", converter=named, help="the folder of the keys")]
@@ -112,11 +112,11 @@ def revoke(name: str, *, folder: Keys = Path(DEFAULT)) -> int:
     return 0
 
 
-def _authority(folder: Path) -> "Authority":
+def _authority(folder: Path) -> "KeyAuthority":
     require_package(*CRYPTOGRAPHY)
-    from tools.keys.authority import Authority
+    from tools.keys.authority import KeyAuthority
 
-    return Authority(folder.expanduser())
+    return KeyAuthority(folder.expanduser())
 
 
 def _who(name: str) -> Identity:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from services.runtime.config.errors import LindyError
 from services.runtime.node.checkpoint import write_safely
 from tools.__main__ import main
-from tools.keys.authority import Authority, own_keys
+from tools.keys.authority import KeyAuthority, own_keys
 from tools.keys.credentials import is_local, needs_keys
 from tools.keys.roles import parse
 
@@ -29,9 +29,9 @@ def keys(place: Path, *words: str) -> int:
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     folder = tmp_path / "keys"
-    Authority(folder).make(NOW)
+    KeyAuthority(folder).make(NOW)
     for name in ("drone:pioneer", "pilot:ann"):
-        Authority(folder).add(parse(name), NOW, 10)
+        KeyAuthority(folder).add(parse(name), NOW, 10)
     return folder
 
 
@@ -113,9 +113,9 @@ def test_keys_that_could_not_be_written_whole_can_be_made_again(
     with monkeypatch.context() as patched:
         patched.setattr("tools.keys.authority.write_safely", full)
         with pytest.raises(LindyError, match="the disk is full"):
-            Authority(tmp_path).make(NOW)
+            KeyAuthority(tmp_path).make(NOW)
     assert not [*tmp_path.iterdir()]
-    Authority(tmp_path).make(NOW)
+    KeyAuthority(tmp_path).make(NOW)
 
 
 def test_who_is_added_is_named_to_those_who_have_a_use_for_it(place: Path) -> None:
@@ -163,7 +163,7 @@ def test_a_certificate_that_has_ended_is_renewed_for_the_same_key(place: Path, t
     later, before = NOW + timedelta(days=11), contents(place)
     with pytest.raises(LindyError, match="`lindy keys add drone pioneer --again`"):
         own_keys(place, ("drone",), later)
-    renewed = [Authority(place).renew(parse("drone:pioneer"), later, 20) for _ in range(times)]
+    renewed = [KeyAuthority(place).renew(parse("drone:pioneer"), later, 20) for _ in range(times)]
     made = renewed[-1]
     found = own_keys(place, ("drone",), later + timedelta(days=9))[0]
     assert str(found.who) == "drone:pioneer"
@@ -180,8 +180,8 @@ def test_who_was_revoked_or_is_of_another_authority_is_not_renewed(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = place.with_name("other")
-    Authority(other).make(NOW)
-    Authority(other).add(parse("drone:pioneer"), NOW, 10)
+    KeyAuthority(other).make(NOW)
+    KeyAuthority(other).add(parse("drone:pioneer"), NOW, 10)
     copy(other / "drone-pioneer", place / "drone-pioneer/certificate.pem")
     assert keys(place, "add", "drone", "pioneer", "--again") == 1
     assert "is from another authority" in said(capsys)
@@ -231,7 +231,7 @@ def a_folder(path: Path) -> None:
 
 def of_another_authority(place: Path, drone: Path) -> None:
     other = place.with_name("other")
-    Authority(other).make(NOW)
+    KeyAuthority(other).make(NOW)
     copy(other / "authority", drone / "ca.pem")
 
 
@@ -251,7 +251,7 @@ SPOILT: dict[str, Callable[[Path, Path], object]] = {  # of all keys, and of the
     "anybody's folder": lambda _, drone: drone.chmod(0o777),
     "folder": lambda _, drone: a_folder(drone / "key.pem"),
     "list": lambda _, drone: (drone / ADMITTED).write_text("pilot:ann\neverybody\n"),
-    "two": lambda place, _: Authority(place).add(parse("drone:two"), NOW, 10),
+    "two": lambda place, _: KeyAuthority(place).add(parse("drone:two"), NOW, 10),
     "none": lambda _, drone: shutil.rmtree(drone),
     "all": lambda place, _: shutil.rmtree(place),
 }

@@ -26,7 +26,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
 from tests.support.doors import CROSS, free_endpoint, one, say
 from tests.support.patience import PATIENCE_S, until
-from tools.keys.authority import CA, CERTIFICATE, KEY, Authority, own_keys
+from tools.keys.authority import CA, CERTIFICATE, KEY, KeyAuthority, own_keys
 from tools.keys.roles import parse
 
 REFUSED_S = 0.2  # [s] attempts of a caller who is to be refused
@@ -55,14 +55,14 @@ class Keys:
         self.folder = folder
         ours, foreign = folder / "ours", folder / "foreign"
         for place in (ours, foreign):
-            Authority(place).make(NOW - timedelta(days=60))
+            KeyAuthority(place).make(NOW - timedelta(days=60))
         for name in ("drone:pioneer", "drone:other", "pilot:ann", "pilot:late", "observer:eve"):
             when = NOW - timedelta(days=30) if name == "pilot:late" else NOW
-            Authority(ours).add(parse(name), when, 10)
-        Authority(ours).add(parse("pilot:gone"), NOW, 10)
-        Authority(ours).revoke(parse("pilot:gone"))
-        Authority(foreign).add(parse("pilot:ann"), NOW, 10)
-        Authority(foreign).add(parse("drone:pioneer"), NOW, 10)
+            KeyAuthority(ours).add(parse(name), when, 10)
+        KeyAuthority(ours).add(parse("pilot:gone"), NOW, 10)
+        KeyAuthority(ours).revoke(parse("pilot:gone"))
+        KeyAuthority(foreign).add(parse("pilot:ann"), NOW, 10)
+        KeyAuthority(foreign).add(parse("drone:pioneer"), NOW, 10)
 
     def files(self, bundle: str) -> KeyFiles:
         place = self.folder / bundle
@@ -157,7 +157,7 @@ def test_without_a_certificate_or_without_tls_nobody_connects(drone: Drone) -> N
 
 
 def test_a_certificate_that_somebody_signed_alone_is_refused(drone: Drone, tmp_path: Path) -> None:
-    Authority(tmp_path).make(NOW)
+    KeyAuthority(tmp_path).make(NOW)
     own = str(tmp_path / "authority/ca.pem")
     files = KeyFiles(drone.keys.mixed("ours/pilot-ann").authority, own, own.replace(".pem", ".key"))
     with pytest.raises(LindyError, match="no hub answers"):
@@ -382,9 +382,9 @@ def test_a_pilot_speaks_to_a_drone_on_the_list_only(
 def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> None:
     place, address = tmp_path / "keys", free_endpoint("tls")
     private = f"unixsock-stream/{tmp_path}/hub.sock"
-    Authority(place).make(NOW)
+    KeyAuthority(place).make(NOW)
     for name in ("drone:pioneer", "pilot:ann", "pilot:bob"):
-        Authority(place).add(parse(name), NOW, 10)
+        KeyAuthority(place).add(parse(name), NOW, 10)
 
     def hub() -> zenoh.Session:
         credentials: Credentials = own_keys(place, ("drone",), NOW)[1]
@@ -410,7 +410,7 @@ def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> N
             sessions = {"ann": pilot("pilot-ann"), "bob": pilot("pilot-bob")}
             for name, session in sessions.items():
                 until(heard_of(session, ZenohBus(board), f"log/{name}"))
-        Authority(place).revoke(parse("pilot:ann"))
+        KeyAuthority(place).revoke(parse("pilot:ann"))
         with hub(), connected(private, SPACE, PATIENCE_S) as board:
             bus, ann = ZenohBus(board), list[Envelope]()
             bus.hear("log/ann", ann.append)

@@ -33,7 +33,7 @@ from services.runtime.bus.zenoh_bus import (
 from tests.support.doors import CROSS, free_endpoint, one, say
 from tests.support.patience import PATIENCE_S, until
 from tests.support.router_file import FILE, router_tree
-from tools.keys.authority import Authority, own_keys
+from tools.keys.authority import KeyAuthority, own_keys
 from tools.keys.roles import Role, parse
 
 NOW = datetime.now(UTC)
@@ -230,9 +230,9 @@ class Keys:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        Authority(folder).make(NOW)
+        KeyAuthority(folder).make(NOW)
         for name in ("drone:a", "drone:b", "pilot:ann", "observer:eve", "router:base"):
-            Authority(folder).add(parse(name), NOW, 10)
+            KeyAuthority(folder).add(parse(name), NOW, 10)
 
     def credentials(self, bundle: str, role: Role) -> Credentials:
         return own_keys(self.folder / bundle, (role,), NOW)[1]
