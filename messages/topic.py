@@ -15,7 +15,7 @@ STALE_AT_LEAST_NS = 100_000_000  # [ns] lateness of a busy computer that is no f
 
 
 class Qos(Enum):
-    """QoS profile of a topic. `services/runtime/bus/qos.py` has its settings in Zenoh."""
+    """QoS profile of a topic. `services/runtime/bus/zenoh_bus.py` has its settings in Zenoh."""
 
     REALTIME = "realtime"  # commands: highest priority, newest wins
     LIVE = "live"  # the control chain: useless when old

@@ -6,9 +6,8 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-# The table of a vehicle file that a service reads: every service has one, under this name. What
-# POSIX and what Windows calls a lock.
-KNOWN = {"Settings", "Lock"}
+# The table of a vehicle file that a service reads: every service has one, under this name.
+KNOWN = {"Settings"}
 
 
 @cache

@@ -63,7 +63,7 @@ OFFENCES = [
     ("services/marine/vehicle.py", "services.vehicle.mounting", "physics"),
     ("services/reference/trajectory/corner.py", "services.reference.guidance", "reference"),
     ("services/control/axis/other.py", "services.control.core", "control"),
-    ("services/runtime/config/other.py", "services.runtime.bus.endpoint", "runtime"),
+    ("services/runtime/config/other.py", "services.runtime.bus.spaces", "runtime"),
     ("services/runtime/bus/other.py", "services.runtime.hosts.registry", "runtime"),
     ("tools/live/other.py", "lindy_research.laws.stepping", "down"),
     ("tools/live/other.py", "lindy.api", "down"),

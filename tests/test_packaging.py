@@ -14,7 +14,7 @@ import pytest
 from messages.version import VERSION
 from services.runtime.config.extras import how_to_install
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.service_module import wire_of
+from services.runtime.hosts.stack_file import wire_of
 from tools.__main__ import main
 
 ROOT = Path(__file__).parents[1]

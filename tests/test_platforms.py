@@ -29,7 +29,7 @@ EVERY_MODULE = """
 import importlib, pkgutil, sys
 import lindy, messages, services, tools
 from services.runtime.os import system
-assert system.STDIN == -1 and system.LOCAL == "ws", "this is no disguise"
+assert system.WINDOWS and system.LOCAL == "ws", "this is no disguise"
 for package in (lindy, messages, services, tools):
     for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
         if not found.name.endswith("__main__"):

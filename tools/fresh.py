@@ -1,43 +1,13 @@
-"""New files and folders. Nothing that exists is ever deleted or overwritten."""
+"""New files. Nothing that exists is ever deleted or overwritten."""
 
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import BinaryIO
 
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 
 EXISTS = "it exists already; choose another {}, or remove it first"
-
-
-def fresh_folder(wanted: Path, taken: Callable[[Path], bool]) -> Path:
-    """The folder `wanted`, made if it is not there; where it is taken, a new one beside it:
-    `wanted-2`, `wanted-3` …
-
-    Raises:
-        OSError: it cannot be made, or is a file.
-    """
-    try:
-        wanted.mkdir(parents=True)
-    except FileExistsError:
-        if not wanted.is_dir():
-            raise
-        return _beside(wanted) if taken(wanted) else wanted
-    return wanted
-
-
-def _beside(folder: Path) -> Path:
-    number = 2
-    while True:
-        beside = folder.with_name(f"{folder.name}-{number}")
-        try:
-            beside.mkdir()  # two programs may want it at the same time: only one can make it
-        except FileExistsError:
-            number += 1
-        else:
-            return beside
 
 
 def free_name(folder: Path, name: str, suffix: str = "") -> Path:
@@ -91,17 +61,13 @@ def write_fresh(path: Path, data: bytes, option: str = "--out") -> None:
     """
     try:
         with path.open("xb") as file:
-            _fill(file, data, path)
+            try:
+                file.write(data)
+                file.flush()
+            except BaseException:
+                path.unlink()  # an incomplete file would block the next attempt
+                raise
     except FileExistsError:
         raise LindyError(f"cannot write {path}: {EXISTS.format(option)}") from None
     except OSError as error:
         raise LindyError(f"cannot write {path}: {reason(error)}") from None
-
-
-def _fill(file: BinaryIO, data: bytes, path: Path) -> None:
-    try:
-        file.write(data)
-        file.flush()
-    except BaseException:
-        path.unlink()  # an incomplete file would block the next attempt
-        raise

@@ -15,14 +15,16 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.os import system
 from tools.ask import dive_in
 from tools.checks import pilot_of
-from tools.choices import DEFAULT, Choices, RunningDive
+from tools.choices import Choices, Overrides, RunningDive, VehicleName
 from tools.start import settled
 
 SERVICE = "ros2"
 LOOK_S = 0.5  # [s] between two looks whether the dive goes on
 
 
-def ros2(*, dive: RunningDive = None, choices: Choices = DEFAULT) -> int:
+def ros2(
+    *, dive: RunningDive = None, vehicle: VehicleName = "pioneer", set_: Overrides = ()
+) -> int:
     """Show a running dive in ROS 2, and have it flown from there.
 
     It reaches the ROS network by the router of rmw_zenoh, which --set ros2.router=tcp/HOST:7447
@@ -38,7 +40,8 @@ def ros2(*, dive: RunningDive = None, choices: Choices = DEFAULT) -> int:
     spec = services[SERVICE]
     spec = replace(spec, sides=[side for side in spec.sides if side in running.endpoints])
     here = services.only({SERVICE: spec})
-    stack = settled(choices, pilot_of("gamepad"), services, here, out=str(Path().resolve()))
+    choices, out = Choices(vehicle=vehicle, stack=SERVICE, set_=set_), str(Path().resolve())
+    stack = settled(choices, pilot_of("gamepad"), services, here, out=out)
     threading.Thread(target=_end_with, args=(running,), daemon=True).start()
     with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:
         return run_services(

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.bus.key_files import KeyFiles
+from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_services
@@ -18,9 +18,8 @@ from tools.checks import pilot_of
 from tools.choices import DEFAULT, Choices, named
 from tools.keys.credentials import credentials, is_local
 from tools.keys.roles import Role
-from tools.live.cockpit import with_further_cameras
+from tools.live.cockpit import VIEWER, with_further_cameras
 from tools.live.dive_folder import dive_files
-from tools.live.viewer import VIEWER
 from tools.replay.play import one_bus
 from tools.start import settled
 

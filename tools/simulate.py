@@ -18,13 +18,12 @@ from services.vehicle_view.log_lines import when
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import DEFAULT, Choices, named
 from tools.exit_status import DONE
-from tools.live.cockpit import with_further_cameras
+from tools.live.cockpit import runnable, with_further_cameras
 from tools.live.display import LineDisplay
 from tools.live.dive_folder import dive_files, point_latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import Outcome, title
 from tools.live.stop_signals import StopSignals
-from tools.live.viewer import runnable
 from tools.live.virtual_dive import Advance, MemoryRecorder, fly, without_files
 from tools.recordings.recording import log_hash
 from tools.report import summary

@@ -18,15 +18,14 @@ from services.runtime.launch.local_stack import local_stack
 from services.runtime.launch.process_plan import Dive
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices
-from tools.fleet.names import others_named, own_name
-from tools.live.cockpit import with_further_cameras, with_picture
+from tools.fleet.meeting import others_named, own_name
+from tools.live.cockpit import runnable, with_further_cameras, with_picture
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
 from tools.live.outcome import RECORDER, Outcome
 from tools.live.resume import mark_ended
 from tools.live.session import DroneSide, PilotedDive, followed_by
 from tools.live.stop_signals import StopSignals
-from tools.live.viewer import runnable
 from tools.packages import require_packages
 from tools.report import Elsewhere
 

@@ -22,7 +22,7 @@ from lindy.api.messages import (
     VehicleStatus,
     topics,
 )
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 
 Floats = NDArray[np.float64]
 M = TypeVar("M", bound=Message)

@@ -376,11 +376,15 @@ def admitted(data: bytes, _: Path) -> None:
 
 
 def issued_by(data: bytes) -> object:
-    return certificates.check_issued(data, (CORPUS / "certificate/authority.pem").read_bytes())
+    return certificates.check_certificate(
+        data, (CORPUS / "certificate/authority.pem").read_bytes(), None
+    )
 
 
 def issued_to(data: bytes) -> object:
-    return certificates.check_issued((CORPUS / "certificate/pilot.pem").read_bytes(), data)
+    return certificates.check_certificate(
+        (CORPUS / "certificate/pilot.pem").read_bytes(), data, None
+    )
 
 
 JUDGES: tuple[Callable[[bytes], object], ...] = (

@@ -5,7 +5,6 @@ A real hub with TLS, a pilot's and an observer's certificates, each in a process
 observer comes again if its link ends.
 """
 
-import os
 import socket
 import subprocess
 import sys
@@ -26,8 +25,7 @@ from services.runtime.bus.zenoh_bus import ZenohBus, connected
 from services.runtime.hosts.process_host import HubLaunch
 from services.runtime.launch.process_plan import PYTHON
 from tests.support.patience import PATIENCE_S
-from tools.keys import authority
-from tools.keys.authority import own_keys
+from tools.keys.authority import KeyAuthority, own_keys
 from tools.keys.roles import parse
 
 SECONDS, TURNS = 15, 3
@@ -46,16 +44,15 @@ class Door:
 
     def __init__(self, folder: Path) -> None:
         self.keys = folder / "keys"
-        authority.new(self.keys, NOW)
+        KeyAuthority(self.keys).make(NOW)
         for name in ("drone:pioneer", "pilot:ann", "observer:eve"):
-            authority.add(self.keys, parse(name), NOW, 10)
-        drone = own_keys(self.keys / "drone-pioneer", ("drone",), NOW).credentials
+            KeyAuthority(self.keys).add(parse(name), NOW, 10)
+        drone = own_keys(self.keys / "drone-pioneer", ("drone",), NOW)[1]
         self.address = f"tls/127.0.0.1:{free_port()}"
         private, self._log = f"unixsock-stream/{folder}/hub.sock", folder / "hub.log"
         launch = HubLaunch(
             listen=[self.address, private],
             hub_side=HubSide("drone", SPACE, drone),
-            parent=os.getpid(),
         )
         with self._log.open("wb") as log:
             command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
@@ -67,7 +64,7 @@ class Door:
 
     def session(self, folder: str) -> zenoh.Session:
         role = parse(folder.replace("-", ":", 1)).role
-        keys = own_keys(self.keys / folder, (role,), NOW).credentials.keys
+        keys = own_keys(self.keys / folder, (role,), NOW)[1].keys
         return connected(self.address, SPACE, PATIENCE_S, keys=keys)
 
     @property

@@ -23,7 +23,7 @@ from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
 from tests.support.ports import free_endpoint
 from tools.__main__ import main
-from tools.fleet.names import own_name
+from tools.fleet.meeting import own_name
 from tools.recordings.recording import is_whole, open_recording
 
 pytestmark = pytest.mark.system

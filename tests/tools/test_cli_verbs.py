@@ -11,11 +11,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.config.running import RUNNING, Running
 from tests.support.cli import complaint as complaint
 from tools import exit_status
-from tools.__main__ import GONE, LOG, VERBS, Verb, command_line, main
+from tools.__main__ import LOG, VERBS, Verb, command_line, main
 from tools.live import pilots
 from tools.live.stop_signals import StopSignals
 
@@ -199,7 +199,7 @@ def test_without_rerun_a_dive_has_no_viewer_and_says_so(
     tmp_path: Path,
     script: str,
 ):
-    monkeypatch.setattr("tools.live.viewer.find_spec", lambda _: None)  # type: ignore[misc]
+    monkeypatch.setattr("tools.live.cockpit.find_spec", lambda _: None)  # type: ignore[misc]
     out = tmp_path / "out"
     quick = ("--set", "estimation.calibration.still_time=1", "--seconds", "1")
     assert main(["simulate", "--pilot", script, *quick, "--out", str(out)]) == 0
@@ -389,7 +389,6 @@ def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
         ("dive --headles", "Unknown option: --headles. Did you mean --headless? `lindy dive"),
         ("topic echo --nope=1", "Unknown option: --nope=1. `lindy topic echo --help`"),
         ("log export --nope", "Unknown option: --nope. `lindy log export --help` says more"),
-        *((name, f"lindy: `lindy {name}` is gone: {instead}") for name, instead in GONE.items()),
         ("simulate --pilot first_dive", "did you mean 'script:first_dive'?"),
     ],
 )

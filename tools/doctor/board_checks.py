@@ -2,13 +2,10 @@
 services/ardusub/board_check.py."""
 
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 
 from services.ardusub import board_check, telemetry
 from services.ardusub.authority import MODES
-from services.ardusub.board_check import CHANNELS, RECOMMENDED_S, Values
-from services.ardusub.mixing import FRAMES, NEUTRAL, senses
-from services.ardusub.settings import Settings
+from services.ardusub.mixing import FRAMES
 from services.ardusub.telemetry import ENOUGH
 from services.estimation.settings import WatchSettings
 from services.marine.vehicle import Vehicle
@@ -28,15 +25,6 @@ GROUPS = {
     "RC": "RC1 to RC6",
     "RCMAP_": "RCMAP_*",
 }  # of many parameters with one rule
-# Those that the board is delivered with, but for the pilot's timeout.
-USUAL = {
-    "FS_PILOT_INPUT": 2.0, "FS_PILOT_TIMEOUT": RECOMMENDED_S, "FS_GCS_ENABLE": 2.0,
-    "FS_LEAK_ENABLE": 1.0, "RC_OVERRIDE_TIME": 3.0, "ACRO_YAW_P": 3.375, "ARMING_CHECK": 448.0,
-    "ARMING_SKIPCHK": 16776767.0, "MOT_BAT_CURR_MAX": 0.0,
-    **{name: float(channel) for name, channel in CHANNELS.items()},
-}  # fmt: skip
-OF_CHANNEL = {"MIN": 1100.0, "TRIM": 1500.0, "MAX": 1900.0, "REVERSED": 0.0}
-OLD_THROTTLE = "RC3_TRIM"  # in versions whose throttle runs from 0 to 1
 
 
 def of_board(
@@ -112,9 +100,8 @@ def _state(visit: BoardVisit) -> Iterator[VehicleFinding]:
     mode = int(visit.heartbeat["custom_mode"])
     told = f"in mode {MODES.get(mode, mode)}"
     if visit.armed:
-        yield VehicleFinding(
-            CHANGE, "armed", f"the board is armed, {told}: somebody flies it; disarm it"
-        )
+        told = f"the board is armed, {told}: somebody flies it; disarm it"
+        yield VehicleFinding(CHANGE, "armed", told)
     else:
         yield VehicleFinding("ok", "armed", f"no, {told}")
 
@@ -156,16 +143,11 @@ def _rates(visit: BoardVisit) -> Iterator[VehicleFinding]:
 
 def _coarse(visit: BoardVisit, watch: WatchSettings) -> Iterator[VehicleFinding]:
     """RAW_IMU has steps of 1 mg and 1 mrad/s: a quiet sensor repeats itself at rest."""
-    longest = visit.repeated_ns / S
-    allowed = watch.imu_frozen_at_rest or watch.imu_frozen
+    longest, allowed = visit.repeated_ns / S, watch.imu_frozen_at_rest or watch.imu_frozen
     if longest > allowed / 2:
-        yield VehicleFinding(
-            CHANGE,
-            "IMU",
-            f"repeated one value for {longest:.2f} s; after {allowed:g} s at rest it counts as "
-            "broken; set estimation.watch.imu_frozen_at_rest to "
-            f"{max(10.0, 5 * longest):.0f}",
-        )
+        told = f"repeated one value for {longest:.2f} s; after {allowed:g} s at rest it counts as"
+        setting = f"estimation.watch.imu_frozen_at_rest to {max(10.0, 5 * longest):.0f}"
+        yield VehicleFinding(CHANGE, "IMU", f"{told} broken; set {setting}")
 
 
 def _reading(visit: BoardVisit, name: str) -> str:
@@ -245,37 +227,28 @@ def of_parameters(visit: BoardVisit, vehicle: Vehicle) -> Iterator[VehicleFindin
         return
     wrong = board_check.problems(values, release, visit.settings, vehicle)
     wrong += board_check.moved_motors(values, visit.servos)
-    new = board_check.is_new(release)
-    for sentence in wrong:
-        name, _, told = sentence.partition(" ")
-        value = remedy(name, values, visit.settings, vehicle, new=new)
-        yield VehicleFinding(
-            "change", name, told + ("" if value is None else f"; set it to {number(value)}")
-        )
-    yield from _that_fit(visit, {sentence.split(" ")[0] for sentence in wrong})
-    for sentence in _advised(visit):
-        name, _, told = sentence.partition(" ")
-        yield VehicleFinding("ok", name, told)
-
-
-def _advised(visit: BoardVisit) -> list[str]:
-    return board_check.advice({**visit.optional.values, **visit.reader.values})
-
-
-def _that_fit(visit: BoardVisit, wrong: set[str]) -> Iterator[VehicleFinding]:
-    values = visit.reader.values
-    advised = {sentence.split(" ")[0] for sentence in _advised(visit)}
+    advised = board_check.advice({**visit.optional.values, **values})
+    yield from _named(CHANGE, wrong)
+    told_of = {sentence.split(" ")[0] for sentence in (*wrong, *advised)}
     groups: dict[str, list[str]] = {}
     for name in (*visit.reader.wanted, *filter(values.__contains__, visit.reader.optional)):
         many = next((group for start, group in GROUPS.items() if _is_of(name, start)), name)
         groups.setdefault(many, []).append(name)
     for group, names in groups.items():
-        if wrong.intersection(names) or advised.intersection(names):
+        if told_of.intersection(names):
             continue
         told = f"all {len(names)} fit" if len(names) > 1 else number(values[group])
         if group == "FRAME_CONFIG":
             told += f" ({FRAMES[int(values[group])].name})"
         yield VehicleFinding("ok", group, told)
+    yield from _named("ok", advised)
+
+
+def _named(verdict: Verdict, sentences: Iterable[str]) -> Iterator[VehicleFinding]:
+    """Each begins with the parameter's name."""
+    for sentence in sentences:
+        name, _, told = sentence.partition(" ")
+        yield VehicleFinding(verdict, name, told)
 
 
 def number(value: float) -> str:
@@ -287,35 +260,3 @@ def _is_of(name: str, start: str) -> bool:
     return name.startswith(start) and name.endswith(
         ("_DIRECTION", "_MIN", "_TRIM", "_MAX", "_REVERSED")
     )
-
-
-def remedy(
-    name: str, values: Values, settings: Settings, vehicle: Vehicle, *, new: bool
-) -> float | None:
-    """A value that is allowed; None where no value is.
-
-    Args:
-        values: as read; of a version that is checked.
-        new: it has the names of 4.7 and newer.
-    """
-    if name == "FRAME_CONFIG":
-        return _frame_of(vehicle)
-    if name in ("MAV_GCS_SYSID", "SYSID_MYGCS"):
-        return float(settings.system)
-    if name == "FS_PILOT_TIMEOUT" and settings.set_pilot_timeout is not None:
-        return settings.set_pilot_timeout
-    if name == OLD_THROTTLE and not new:
-        return values["RC3_MIN"]
-    if name == "RC3_MAX" and not new:
-        return 2 * NEUTRAL - values["RC3_MIN"]
-    if name.startswith("RC") and "_" in name:
-        return USUAL.get(name, OF_CHANNEL.get(name.partition("_")[2]))
-    return 1.0 if name.endswith("_DIRECTION") else USUAL.get(name)
-
-
-def _frame_of(vehicle: Vehicle) -> float | None:
-    for number, frame in FRAMES.items():
-        with suppress(ValueError):
-            senses(frame, vehicle.thruster)
-            return float(number)
-    return None

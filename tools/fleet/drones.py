@@ -11,14 +11,14 @@ from cyclopts import Parameter
 from messages import topics
 from messages.identity import SideIdentity
 from messages.text import harmless
-from services.runtime.bus.network import NobodyThereError
+from services.runtime.bus.zenoh_bus import NobodyThereError
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
 from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
 from tools.ask import dives_here
 from tools.choices import HERE, Insecure, Json, KeysFolder, Router
-from tools.fleet.look import MOST, Drone, Roster, look
+from tools.fleet.look import Drone, Roster, look
 from tools.keys.credentials import credentials
 from tools.keys.roles import Role
 from tools.live.stop_signals import StopSignals
@@ -64,7 +64,8 @@ def drones(
                     print(f"lindy: {said}; waits for it", file=sys.stderr, flush=True)
             else:
                 said = ""
-                print(in_json(roster, ours) if as_json else table(roster, router, ours), flush=True)
+                rows = {"drones": [as_row(roster.drones[name], ours) for name in roster.names]}
+                print(json.dumps(rows) if as_json else table(roster, router, ours), flush=True)
             if not watch or stop.asked:
                 return 0
             time.sleep(WATCH_S)
@@ -80,12 +81,6 @@ def _alone() -> str:
         f"; the dive of {names} that is going on here is reached with `lindy dive --listen {HERE}` "
         f"only; `lindy top` and `lindy topic` look into it"
     )
-
-
-def in_json(roster: Roster, ours: str) -> str:
-    """For programs, on one line."""
-    rows = [as_row(roster.drones[name], ours) for name in roster.names]
-    return json.dumps({"drones": rows})
 
 
 def as_row(drone: Drone, ours: str) -> dict[str, Any]:
@@ -114,14 +109,11 @@ def as_row(drone: Drone, ours: str) -> dict[str, Any]:
 
 
 def table(roster: Roster, endpoint: str, ours: str) -> str:
-    """For people, with what was not listed below it."""
-    lines = [HEADING, *(_line(roster.drones[name], ours) for name in roster.names)]
-    rows = aligned(lines, left=len(HEADING))
+    """For people."""
     if not roster.drones:
-        rows = [f"no drone can be reached at {endpoint}"]
-    if roster.full:
-        rows.append(f"there may be more than these {MOST}")
-    return "\n".join(rows)
+        return f"no drone can be reached at {endpoint}"
+    lines = [HEADING, *(_line(roster.drones[name], ours) for name in roster.names)]
+    return "\n".join(aligned(lines, left=len(HEADING)))
 
 
 def _line(drone: Drone, ours: str) -> tuple[str, ...]:

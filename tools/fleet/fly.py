@@ -6,7 +6,7 @@ from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder, Router
 from tools.fleet.look import who_is_there
-from tools.fleet.names import missing
+from tools.fleet.meeting import missing
 from tools.keys.credentials import credentials
 from tools.live.cockpit import COCKPIT, announce
 from tools.start import fly_planned
@@ -34,7 +34,7 @@ def fly(
     checked_name(drone, "fly")
     way = credentials(router, "--router", ("pilot",), keys, insecure=insecure)
     own_keys = None if way is None else way.keys
-    if drone not in (there := who_is_there(router, own_keys, drone)):
+    if drone not in (there := who_is_there(router, own_keys)):
         raise LindyError(missing(drone, there, router))
     plan, pilot = topside(
         replace(choices, name=drone), router, way, grouped=grouped, insecure=insecure

@@ -16,14 +16,12 @@ from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.key_files import KeyFiles
-from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, here_of, name_in, namespace
+from services.runtime.bus.zenoh_bus import open_network
 
 LOOK_S = 1.6  # [s] who is there says so once a second
 STEP_S = 0.01  # [s] between two looks at what has arrived
 PATIENCE_S = 1.0  # [s] for the endpoint to answer
-MOST = 256  # drones that are told apart
-MOST_STARTS = 8  # hubs of one name that are
 ROWS: tuple[AnyTopic, ...] = (topics.IDENTITY.of("drone"), topics.STATUS, topics.BATTERY)
 
 
@@ -43,15 +41,9 @@ class Drone:
 
 
 class Roster:
-    """Tokens and rows, in any order. Pure. Whatever strangers announce, it stays small: `MOST`
-    drones are told apart."""
+    """Tokens and rows, in any order. Pure."""
 
-    def __init__(self, wanted: str = "") -> None:
-        """
-        Args:
-            wanted: a drone that is told apart however many others there are.
-        """
-        self._wanted = wanted
+    def __init__(self) -> None:
         self.drones: dict[str, Drone] = {}
         self._decoders: dict[str, Any] = {
             topic.key: msgspec.msgpack.Decoder(topic.message) for topic in ROWS
@@ -62,12 +54,9 @@ class Roster:
         here = here_of(key)
         if here is None or here.side != "drone":
             return
-        drone = self.drones.get(here.name)
-        if there and (drone is not None or not self.full or here.name == self._wanted):
-            starts = self.drones.setdefault(here.name, Drone(here.name)).starts
-            if len(starts) < MOST_STARTS:
-                starts.add(here.instance)
-        elif drone is not None:
+        if there:
+            self.drones.setdefault(here.name, Drone(here.name)).starts.add(here.instance)
+        elif (drone := self.drones.get(here.name)) is not None:
             drone.starts.discard(here.instance)
             if not drone.starts:
                 del self.drones[here.name]
@@ -82,15 +71,12 @@ class Roster:
             message = decoder.decode(payload)
         except UNDECODABLE:  # also a field that is out of its range
             return
-        match message:
-            case SideIdentity():
-                drone.identity = message
-            case VehicleStatus():
-                drone.status = message
-            case BatterySample():
-                drone.battery = message
-            case _:
-                pass
+        if isinstance(message, SideIdentity):
+            drone.identity = message
+        elif isinstance(message, VehicleStatus):
+            drone.status = message
+        else:
+            drone.battery = message
 
     @property
     def complete(self) -> bool:
@@ -101,20 +87,15 @@ class Roster:
     def names(self) -> list[str]:
         return sorted(self.drones)
 
-    @property
-    def full(self) -> bool:
-        """Are there as many as are told apart? Others are then not listed."""
-        return len(self.drones) >= MOST
 
-
-def who_is_there(endpoint: str, keys: KeyFiles | None = None, wanted: str = "") -> list[str]:
-    """Names of the drones that are announced now; `wanted` is among them however many there are.
+def who_is_there(endpoint: str, keys: KeyFiles | None = None) -> list[str]:
+    """Names of the drones that are announced now.
 
     Raises:
         LindyError: nobody answers there, or nobody who lets us in.
     """
     with open_network(endpoint, PATIENCE_S, keys=keys) as network:
-        roster = Roster(wanted)
+        roster = Roster()
         for key in network.tokens(here_key(EVERY_SPACE, "drone")):
             roster.token(key)
         return roster.names

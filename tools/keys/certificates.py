@@ -12,10 +12,7 @@ from typing import NamedTuple
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes
-from cryptography.hazmat.primitives.asymmetric.ec import (
-    EllipticCurvePrivateKey,
-    EllipticCurvePublicKey,
-)
+from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import (
     Encoding,
     NoEncryption,
@@ -53,34 +50,32 @@ class Certificate(NamedTuple):
         return "expired" if now > self.ends else "valid"
 
 
-def authority(key: EllipticCurvePrivateKey, now: datetime, serial: int) -> bytes:
+def authority(key: ec.EllipticCurvePrivateKey, now: datetime) -> bytes:
     """The certificate (PEM) of a new authority, signed by itself."""
-    public = key.public_key()
     usage = x509.KeyUsage(
         digital_signature=False, content_commitment=False, key_encipherment=False,
         data_encipherment=False, key_agreement=False, key_cert_sign=True, crl_sign=True,
         encipher_only=False, decipher_only=False,
     )  # fmt: skip
     made = (
-        _builder(AUTHORITY_NAME, public, serial, now, AUTHORITY_DAYS)
+        _builder(AUTHORITY_NAME, key.public_key(), now, AUTHORITY_DAYS)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(usage, critical=True)
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
     )
     return made.sign(key, hashes.SHA256()).public_bytes(Encoding.PEM)
 
 
 def issue(
     who: Identity,
-    public: EllipticCurvePublicKey,
-    signer: EllipticCurvePrivateKey,
+    public: ec.EllipticCurvePublicKey,
+    signer: ec.EllipticCurvePrivateKey,
     now: datetime,
     days: int,
-    serial: int,
 ) -> bytes:
     """A certificate (PEM) for somebody's public key, signed by the authority."""
     made = (
-        _builder(str(who), public, serial, now, days)
+        _builder(str(who), public, now, days)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(x509.ExtendedKeyUsage(USAGE[who.role]), critical=True)
         .add_extension(x509.SubjectAlternativeName([x509.DNSName("lindy")]), critical=False)
@@ -89,43 +84,34 @@ def issue(
 
 
 def _builder(
-    subject: str, public: EllipticCurvePublicKey, serial: int, now: datetime, days: int
+    subject: str, public: ec.EllipticCurvePublicKey, now: datetime, days: int
 ) -> x509.CertificateBuilder:
-    return x509.CertificateBuilder(
-        _name(AUTHORITY_NAME), _name(subject), public, serial, now - EARLIER,
-        now + timedelta(days=days),
-    )  # fmt: skip
+    issuer, name = (
+        x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
+        for text in (AUTHORITY_NAME, subject)
+    )
+    serial, ends = x509.random_serial_number(), now + timedelta(days=days)
+    return x509.CertificateBuilder(issuer, name, public, serial, now - EARLIER, ends)
 
 
-def _name(text: str) -> x509.Name:
-    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
-
-
-def key_pem(key: EllipticCurvePrivateKey) -> bytes:
+def key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
     """The file of a private key, without a password: nobody types one on board."""
     return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
 
 
-def read_key(data: bytes) -> EllipticCurvePrivateKey:
-    """
-    Raises:
-        ValueError: not a private key that Lindy made.
-    """
+def read_key(data: bytes) -> ec.EllipticCurvePrivateKey:
+    """The private key of such a file."""
     try:
         key = load_pem_private_key(data, password=None)
     except (ValueError, TypeError, UnsupportedAlgorithm):  # TypeError: it has a password
         key = None
-    if not isinstance(key, EllipticCurvePrivateKey):
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise ValueError("is not a private key that `lindy keys` made")
     return key
 
 
 def read(data: bytes) -> Certificate:
-    """Whose certificate it is, and when it is valid.
-
-    Raises:
-        ValueError: not a certificate, or not one that Lindy made.
-    """
+    """Whose certificate it is, and when it is valid."""
     certificate = _load(data)
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     try:
@@ -135,25 +121,8 @@ def read(data: bytes) -> Certificate:
     return Certificate(who, certificate.not_valid_before_utc, certificate.not_valid_after_utc)
 
 
-def check_certificate(data: bytes, authority: bytes, now: datetime) -> Certificate:
-    """Is it the authority's, for its role, and valid now?
-
-    Raises:
-        ValueError: why not.
-    """
-    found = check_issued(data, authority)
-    again = f"lindy keys add {found.who.role} {found.who.name} --again"
-    remedy = f"renew it where the authority is, with `{again}`"
-    _check_dates(found.begins, found.ends, now, remedy)
-    return found
-
-
-def check_issued(data: bytes, authority: bytes) -> Certificate:
-    """Is it the authority's and for its role, whether or not it is still valid?
-
-    Raises:
-        ValueError: why not.
-    """
+def check_certificate(data: bytes, authority: bytes, now: datetime | None) -> Certificate:
+    """Is it the authority's, for its role, and valid now? None: at whatever time."""
     certificate = _load(data)
     try:
         certificate.verify_directly_issued_by(_load(authority))
@@ -166,27 +135,15 @@ def check_issued(data: bytes, authority: bytes) -> Certificate:
         usages = ()
     if USAGE[found.who.role][0] not in usages:
         raise ValueError(f"is not made for the role of {found.who}")
+    again = f"lindy keys add {found.who.role} {found.who.name} --again"
+    if now is not None:
+        remedy = f"renew it where the authority is, with `{again}`"
+        _check_dates(found.begins, found.ends, now, remedy)
     return found
 
 
-def public_key(data: bytes) -> EllipticCurvePublicKey:
-    """The key that a certificate is for.
-
-    Raises:
-        ValueError: not a certificate, or not the kind of key that Lindy makes.
-    """
-    key = _load(data).public_key()
-    if not isinstance(key, EllipticCurvePublicKey):
-        raise ValueError("is not for the kind of key that `lindy keys` makes")
-    return key
-
-
 def check_authority(data: bytes, now: datetime) -> datetime:
-    """Until when the authority is valid.
-
-    Raises:
-        ValueError: it is no authority, or not valid now.
-    """
+    """Is it that of an authority, and valid now? Returns until when."""
     certificate = _load(data)
     try:
         is_one = certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
@@ -208,12 +165,16 @@ def _check_dates(begins: datetime, ends: datetime, now: datetime, remedy: str) -
         raise ValueError(f"was valid until {day(ends)}, {clock}: if the clock is right, {remedy}")
 
 
-def check_pair(certificate: bytes, key: bytes) -> None:
-    """Does the private key belong to the certificate?
+def public_key(data: bytes) -> ec.EllipticCurvePublicKey:
+    """The key that a certificate is for."""
+    key = _load(data).public_key()
+    if not isinstance(key, ec.EllipticCurvePublicKey):
+        raise ValueError("is not for the kind of key that `lindy keys` makes")
+    return key
 
-    Raises:
-        ValueError: no, or it is no key.
-    """
+
+def check_pair(key: bytes, certificate: bytes) -> None:
+    """Does the private key belong to the certificate?"""
     if read_key(key).public_key() != public_key(certificate):
         raise ValueError("does not belong to certificate.pem")
 

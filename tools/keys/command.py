@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 from cyclopts import App, Parameter
@@ -10,16 +10,15 @@ from cyclopts import App, Parameter
 from services.runtime.config.errors import LindyError
 from tools.choices import Json, Whole, named
 from tools.keys.credentials import CRYPTOGRAPHY, DEFAULT
-from tools.keys.roles import LONGEST_DAYS, Identity, parse
+from tools.keys.roles import Identity, parse
 from tools.packages import require_package
 
-Keys = Annotated[Path, Parameter(name="--keys", converter=named, help="the folder of the keys")]
-Days = Annotated[Whole, Parameter(help="for which the certificates are valid")]
+if TYPE_CHECKING:
+    from tools.keys.authority import KeyAuthority
 
-keys = App(
-    name="keys",
-    help="Keys by which drone and pilot recognise each other.",
-)
+TWO_YEARS = 730  # [days]
+Keys = Annotated[Path, Parameter(name="--keys", converter=named, help="the folder of the keys")]
+keys = App(name="keys", help="Keys by which drone and pilot recognise each other.")
 
 
 @keys.command
@@ -28,21 +27,17 @@ def new(
     drone: Annotated[str, Parameter(help="name of the drone")] = "pioneer",
     pilot: Annotated[str, Parameter(help="name of the pilot")] = "first",
     folder: Keys = Path(DEFAULT),
-    days: Days = LONGEST_DAYS,
 ) -> int:
     """Make an authority, and keys for one drone and one pilot.
 
     Example: lindy keys new --drone pioneer --pilot ann
     """
-    both = _parsed(f"drone:{drone}"), _parsed(f"pilot:{pilot}")
-    require_package(*CRYPTOGRAPHY)
-    from tools.keys import authority
-
-    place, now = folder.expanduser(), datetime.now(UTC)
-    authority.new(place, now)
-    print(f"{place / 'authority'}: whoever has it can make keys; keep it at home")
+    both, authority = (_who(f"drone:{drone}"), _who(f"pilot:{pilot}")), _authority(folder)
+    now = datetime.now(UTC)
+    authority.make(now)
+    print(f"{authority.home}: whoever has it can make keys; keep it at home")
     for who in both:
-        made, _ = authority.add(place, who, now, days)
+        made, _ = authority.add(who, now, TWO_YEARS)
         print(f"{made}: copy it into {DEFAULT} of {_machine(who)}")
     return 0
 
@@ -54,7 +49,7 @@ def add(
     *,
     again: Annotated[bool, Parameter(help="for one whose certificate ends; the key stays")] = False,
     folder: Keys = Path(DEFAULT),
-    days: Days = LONGEST_DAYS,
+    days: Annotated[Whole, Parameter(help="for which the certificate is valid")] = TWO_YEARS,
 ) -> int:
     """Make keys for one more. ROLE is drone, pilot, router, or observer (hears, sends nothing).
 
@@ -63,17 +58,13 @@ def add(
     Example: lindy keys add pilot bob
              lindy keys add pilot ann --again
     """
-    who = _parsed(f"{role}:{name}")
-    require_package(*CRYPTOGRAPHY)
-    from tools.keys import authority
-
-    place, now = folder.expanduser(), datetime.now(UTC)
+    who, authority = _who(f"{role}:{name}"), _authority(folder)
     if again:
-        made = authority.renew(place, who, now, days)
+        made = authority.renew(who, datetime.now(UTC), days)
         where = f"{DEFAULT}/{who.folder} of {_machine(who)}"
         print(f"{made}: copy it into {where}, and start that again")
         return 0
-    made, lists = authority.add(place, who, now, days)
+    made, lists = authority.add(who, datetime.now(UTC), days)
     print(f"{made}: copy it into {DEFAULT} of {_machine(who)}")
     for path in lists:
         print(f"{path} names {who} now: copy it to its machine, and start that again")
@@ -93,18 +84,12 @@ def list_(*, folder: Keys = Path(DEFAULT), json: Json = False) -> int:
     found = listed(folder.expanduser(), datetime.now(UTC))
     if json:
         rows = [
-            {
-                "name": str(one.certificate.who),
-                "begins": one.certificate.begins,
-                "ends": one.certificate.ends,
-                "state": one.state,
-                "folder": str(one.folder),
-            }
-            for one in found
+            {"name": str(who), "begins": begins, "ends": ends, "state": state, "folder": str(path)}
+            for (who, begins, ends), state, path in found
         ]
         print(msgspec.json.encode(rows).decode())
         return 0
-    width = max(len(str(one.certificate.who)) for one in found)
+    width = max(len(str(certificate.who)) for certificate, _, _ in found)
     for (who, begins, ends), state, _ in found:
         print(f"{who!s:<{width}}  {day(begins)} to {day(ends)}  {state}")
     return 0
@@ -118,19 +103,23 @@ def revoke(name: str, *, folder: Keys = Path(DEFAULT)) -> int:
 
     Example: lindy keys revoke pilot:ann
     """
-    who = _parsed(name)
-    require_package(*CRYPTOGRAPHY)
-    from tools.keys import authority
-
-    lists = authority.revoke(folder.expanduser(), who)
+    who, authority = _who(name), _authority(folder)
+    lists = authority.revoke(who)
     for path in lists:
         print(f"{path} does not name {who} any more: copy it to its machine, and start that again")
     if not lists:
-        print(f"{who} is revoked; it was on no list in {folder.expanduser()}")
+        print(f"{who} is revoked; it was on no list in {authority.keys}")
     return 0
 
 
-def _parsed(name: str) -> Identity:
+def _authority(folder: Path) -> "KeyAuthority":
+    require_package(*CRYPTOGRAPHY)
+    from tools.keys.authority import KeyAuthority
+
+    return KeyAuthority(folder.expanduser())
+
+
+def _who(name: str) -> Identity:
     try:
         return parse(name)
     except ValueError as error:
@@ -138,6 +127,5 @@ def _parsed(name: str) -> Identity:
 
 
 def _machine(who: Identity) -> str:
-    if who.role in ("drone", "router"):
-        return f"the {who.role} {who.name}"
-    return f"{who.name}'s computer"
+    on_board = who.role in ("drone", "router")
+    return f"the {who.role} {who.name}" if on_board else f"{who.name}'s computer"

@@ -5,8 +5,8 @@ from collections.abc import Collection
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from services.runtime.bus.endpoint import checked_endpoint
 from services.runtime.bus.key_files import Credentials
+from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.config.errors import LindyError
 from tools.keys.roles import Role
 from tools.packages import require_package

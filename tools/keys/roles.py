@@ -6,7 +6,6 @@ from services.runtime.bus.spaces import LONGEST, MAY_HAVE, NAME
 
 Role = Literal["drone", "pilot", "observer", "router"]
 ROLES: tuple[Role, ...] = get_args(Role)
-LONGEST_DAYS = 730  # for which a certificate is valid, at most
 LETS_IN: dict[Role, tuple[Role, ...]] = {  # whom each role has a use for
     "drone": ("pilot", "observer", "router"),
     "pilot": ("drone", "router"),
@@ -30,27 +29,19 @@ class Identity(NamedTuple):
         return f"{self.role}-{self.name}"
 
 
-def identity(role: str, name: str) -> Identity:
+def parse(text: str) -> Identity:
     """
     Raises:
-        ValueError: no such role, or not a name.
+        ValueError: not `role:name`, no such role, or not a name.
     """
+    role, colon, name = text.partition(":")
+    if not colon:
+        raise ValueError(f"{text!r} is not ROLE:NAME, such as pilot:ann")
     if role not in ROLES:
         raise ValueError(f"unknown role {role!r}, expected {', '.join(ROLES)}")
     if NAME.fullmatch(name) is None:
         raise ValueError(f"{name[: 2 * LONGEST]!r} is no name: it may have {MAY_HAVE}")
     return Identity(role, name)
-
-
-def parse(text: str) -> Identity:
-    """
-    Raises:
-        ValueError: not `role:name`.
-    """
-    role, colon, name = text.partition(":")
-    if not colon:
-        raise ValueError(f"{text!r} is not ROLE:NAME, such as pilot:ann")
-    return identity(role, name)
 
 
 def parse_list(text: str) -> tuple[Identity, ...]:
@@ -77,11 +68,7 @@ def with_one(text: str, who: Identity) -> str:
 
 
 def without(text: str, who: Identity) -> str:
-    """The list without a name; nothing else in it changes.
-
-    Raises:
-        ValueError: a line that is not `role:name`, with its number.
-    """
+    """The list without a name; nothing else in it changes."""
     parse_list(text)  # an error names the line of the whole list
     lines = text.splitlines(keepends=True)
     return "".join(line for line in lines if parse_list(line) != (who,))

@@ -1,4 +1,5 @@
-"""`lindy dive --cockpit`: the pilot's page beside any stack, and in the browser."""
+"""What a stack can be on this machine: with the pilot's page in the browser (`--cockpit`), with a
+service for each camera, without a picture or viewer where a library or camera is missing."""
 
 import os
 import secrets
@@ -25,8 +26,21 @@ from tools.live.pilots import GAMEPAD
 COCKPIT = "cockpit"  # its name as a service, and of the stack that it is taken from
 CAMERA = ("camera", "camera_monitor")  # services of the picture
 SIMULATOR = "simulator"  # what a simulated camera films
+VIEWER = "visualizer"
 PATIENCE_S = 20.0  # [s] for the service to listen
 LOOK_S = 0.1  # [s]
+
+
+def runnable(services: Registry) -> Registry:
+    """The services that can run here. Without rerun there is no visualizer, which is printed."""
+    if VIEWER not in services or find_spec("rerun") is not None:
+        return services
+    print(
+        "rerun is not installed, so this dive has no viewer and no dive.rrd; "
+        f"{how_to_install('viewer')}",
+        flush=True,
+    )
+    return services.only({name: spec for name, spec in services.items() if name != VIEWER})
 
 
 def with_cockpit(services: Registry, pilot: str | None) -> Registry:

@@ -10,16 +10,14 @@ from pathlib import Path
 
 from services.recorder.io.mcap_session import RESERVE
 from services.recorder.io.parts import part_path
-from services.runtime.config.disk import reason, require_room
+from services.runtime.config.disk import fresh_folder, reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import running_in
 from services.runtime.os import system
-from tools.fresh import fresh_folder
 
 DIVES = Path("dives")  # for dives without --out
 LATEST = "latest"  # in it: a link to the newest of them
 LOGS = "logs"
-CLAIMS: dict[Path, system.Lock] = {}  # folders that this program has locked
 WRITTEN = re.compile(r"dive(\.part\d+)?\.(mcap|rrd)|merging\.mcap|report\.json|run\.json")
 
 
@@ -38,9 +36,6 @@ def out_folder(out: Path | None) -> Path:
             raise LindyError(f"a dive (process {running.supervisor}) is going on in --out {wanted}")
         # Two dives may begin in the same second: a folder named by the time is always a new one.
         folder = fresh_folder(wanted, Path.exists if out is None else holds_dive)
-        if not _claimed(folder):  # another dive has just begun in it and not written anything yet
-            folder = fresh_folder(wanted, Path.exists)
-            _claimed(folder)
         with tempfile.TemporaryFile(dir=folder):
             pass  # it can be written to
     except RuntimeError:  # Python's word for it until 3.12
@@ -68,19 +63,11 @@ def require_room_for_recording(folder: Path) -> None:
         raise LindyError(f"cannot write the recording {path}: {reason(error)}") from None
 
 
-def _claimed(folder: Path) -> bool:
-    """Lock a folder until the dive's first files are in it. False: another program has it. A file
-    system without locks counts as locked."""
-    lock = system.lock(folder)
-    if lock is not None:
-        CLAIMS[folder] = lock
-    return lock is not None
-
-
 def holds_dive(folder: Path) -> bool:
     """Is there a file in it with a name that a dive writes? Other files do not matter."""
     names = {path.name for path in folder.iterdir()}
-    if LOGS in names and not _is_empty(folder / LOGS):
+    logs = folder / LOGS
+    if LOGS in names and (not logs.is_dir() or any(logs.iterdir())):
         return True
     return any(WRITTEN.fullmatch(name) for name in names)
 
@@ -93,8 +80,6 @@ def dive_files(folder: Path, kind: str) -> list[Path]:
 def point_latest(folder: Path) -> None:
     """The first files of a dive are in its folder: make `dives/latest` a link to it, if it is in
     `dives/`. Anything else with that name is left as it is, and that is printed."""
-    if (lock := CLAIMS.pop(folder, None)) is not None:
-        lock.release()  # the files say by themselves whose folder it is
     home = DIVES.resolve()
     pointer = home / LATEST
     if folder.parent != home or folder == pointer:
@@ -104,13 +89,13 @@ def point_latest(folder: Path) -> None:
         print(f"{pointer} is not a link to a dive; it stays as it is", flush=True)
         return
     try:
-        system.point(pointer, folder.name)
+        fresh = pointer.with_name(f".{LATEST}-{os.getpid()}")
+        fresh.symlink_to(folder.name, target_is_directory=True)
+        if system.WINDOWS:  # it does not put one link to a folder in the place of another
+            pointer.unlink(missing_ok=True)
+        fresh.replace(pointer)
     except OSError as error:
         print(f"cannot make {pointer} point to this dive: {reason(error)}", flush=True)
-
-
-def _is_empty(folder: Path) -> bool:
-    return folder.is_dir() and not any(folder.iterdir())
 
 
 def _remove_empty(folders: list[Path]) -> None:

@@ -125,10 +125,13 @@ class Outcome:
         restarts, folder = self.restarts(), self._stack.out_dir
         if parts_in(folder):
             merge(folder)
+        deaf = side == "topside" and not self._drone_heard
+        unarmed = "the drone was never heard" if deaf else "" if self._armed else "never armed"
+        counts = losses(self._health.sums) + self._silences()  # as far as they arrived here
         troubles = [
-            *self._unarmed(side),
+            *filter(None, [unarmed]),
             *processes(restarts, self.gone, self.shared),
-            *counted(self._counted()),
+            *counted(counts),
         ]
         how = f"{side} of {self._stack.drone_name}, {ending(self.exit, troubles)}"
         files = written(folder)
@@ -146,11 +149,6 @@ class Outcome:
         self._drone_heard = True
         self._armed = self._armed or status.armed
 
-    def _unarmed(self, side: str) -> list[str]:
-        if side == "topside" and not self._drone_heard:
-            return ["the drone was never heard"]
-        return [] if self._armed else ["never armed"]
-
     def _was_away(self, restarts: Mapping[str, int]) -> bool:
         """Was there a time in which a service did not work?"""
         return any(restarts.values()) or any(self.hung().values())
@@ -164,7 +162,11 @@ class Outcome:
         # The recorder writes the hash last; merged parts have none.
         ended = merged or log_hash(folder) is not None
         report = report_on(dive, self._extras(finished=ended))
-        unwritten = _unwritten(folder / "report.json", encode(report))
+        unwritten = None  # why there is no report: the summary is worth reading without it
+        try:
+            write_fresh(folder / "report.json", encode(report))
+        except LindyError as error:
+            unwritten = error
         print(summary(report, dive.max_depth_m, written(folder)), flush=True)
         if other is not None:
             print(elsewhere(report, other), flush=True)
@@ -183,10 +185,6 @@ class Outcome:
         before = "" if self.exit == "clean" else f"{self.exit}; "
         names = ", ".join(path.name for path in parts_in(folder))
         return f"{before}the report failed ({why}), but the recording is kept: {names} in {folder}"
-
-    def _counted(self) -> Counter[str]:
-        """The services' counts, as far as their health messages arrived here."""
-        return losses(self._health.sums) + self._silences()
 
     def _silences(self) -> Counter[str]:
         """How often each process ran but did not answer, as counts have it."""
@@ -227,15 +225,6 @@ def _status(*, lost: bool) -> int:
         return DONE
     print(SAID, flush=True)
     return LOST
-
-
-def _unwritten(path: Path, data: bytes) -> LindyError | None:
-    """Write a new file. Why there is none: the summary is worth reading without it."""
-    try:
-        write_fresh(path, data)
-    except LindyError as error:
-        return error
-    return None
 
 
 def merge(folder: Path) -> bool:

@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from types import TracebackType
 
 from services.runtime.os import system
 from tools.exit_status import INTERRUPTED
@@ -41,12 +40,11 @@ class StopSignals:
         self.asked = False
         self.armed: Callable[[], str] = str
         self.question = ""
-        self._sure_s: float | None = None  # [s] when the question was asked
-        self._in_process, self._asked_s = in_process, 0.0
-        self._again = False  # asked more than once
+        self._clock, self._sure_s = clock, -SURE_S  # [s] when the question was asked
+        # [s] after the first one, another one ends at once what goes on; None: none does.
+        self._patience_s = HANGS_S if in_process else None
+        self._first_s: float | None = None  # [s] when the first one came
         self._reporting = False
-        self._told_s: float | None = None  # [s] when a signal was answered
-        self._clock = clock
 
     def __enter__(self) -> "StopSignals":
         self._terminal = [output for output in (1, 2) if os.isatty(output)]  # asked while it is one
@@ -56,12 +54,7 @@ class StopSignals:
                 self._before[number] = signal.signal(number, self._hang_up)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
@@ -72,43 +65,35 @@ class StopSignals:
         Args:
             kept: what is left if the report is broken off.
         """
-        self._reporting = True
-        if self._again:  # answered only now: during the dive a screen may be in the way
-            self._tell()
+        self._first_s, self._patience_s, self._reporting = None, APART_S, True
         try:
-            status = write()
-            self._reporting = False  # everything is written: nothing is left to break off
-        except BrokenOffError:
+            return write()
+        except KeyboardInterrupt:
             print(f"lindy: the report was broken off; {kept}", file=sys.stderr, flush=True)
             return INTERRUPTED
         finally:
-            self._reporting = False
+            self._patience_s, self._reporting = None, False  # nothing is left to break off
             atexit.register(_ignore)  # the program is about to end with the status of the dive
-        return status
 
     def _ask(self, number: int, *_: object) -> None:
         now = self._clock()
         if not self.asked and number == signal.SIGINT and self._only_asks(now):
             return
-        if not self.asked:
-            self._asked_s = now
-        self._again, self.asked = self.asked, True
-        if not self._reporting:
-            if self._in_process and now - self._asked_s >= HANGS_S:
-                raise KeyboardInterrupt
-            return
-        if self._told_s is None:
-            self._tell()
-        elif now - self._told_s >= APART_S:
-            self._reporting = False  # broken off once only
-            raise BrokenOffError
+        self.asked = True
+        if self._first_s is None:
+            self._first_s = now
+            if self._reporting:
+                with suppress(OSError):  # in the middle of a print: not through a buffer
+                    os.write(2, f"lindy: {WRITING}\n".encode())
+        elif self._patience_s is not None and now - self._first_s >= self._patience_s:
+            self._patience_s = None  # broken off once only
+            raise KeyboardInterrupt
 
     def _only_asks(self, now: float) -> bool:
         what = "" if self._reporting or not self._terminal else self.armed()
-        since_s = None if self._sure_s is None else now - self._sure_s
-        if not what or (since_s is not None and APART_S <= since_s <= SURE_S):
+        if not what or APART_S <= now - self._sure_s <= SURE_S:
             return False
-        if since_s is None or since_s > SURE_S:
+        if now - self._sure_s > SURE_S:
             self._sure_s, self.question = now, f"{what}: Ctrl-C again to disarm and end"
         return True
 
@@ -121,16 +106,7 @@ class StopSignals:
             os.dup2(nowhere, output)
         os.close(nowhere)
 
-    def _tell(self) -> None:
-        self._told_s = self._clock()
-        with suppress(OSError):  # a signal may come in the middle of a print: not through a buffer
-            os.write(2, f"lindy: {WRITING}\n".encode())
-
 
 def _ignore() -> None:
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
-
-
-class BrokenOffError(BaseException):
-    """Not an `Exception`: what catches any failure of a report must not catch this."""

@@ -14,14 +14,14 @@ from services.recorder.service import DEPTH, FLUSH_HZ
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import EndedByUserError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.supervisor import NAME
 from services.runtime.node.node import Node
+from tools.live.cockpit import VIEWER
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import RECORDER, Outcome
-from tools.live.viewer import VIEWER
 from tools.report import GatheredDive, RecordedDive
 
 STRIDE_NS = 100_000_000  # [ns] of virtual time between two checks of the dive

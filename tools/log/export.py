@@ -13,11 +13,11 @@ from cyclopts import Parameter
 
 from messages.text import harmless
 from services.marine.vehicle import Vehicle
-from services.runtime.config.disk import reason
+from services.runtime.config.disk import fresh_folder, reason
 from services.runtime.config.errors import EndedByUserError, LindyError
 from tools.choices import named
 from tools.exit_status import DONE, LOST
-from tools.fresh import EXISTS, free_name, fresh_folder
+from tools.fresh import EXISTS, free_name
 from tools.log.flatten import FlattenedRows, Row, TableColumn
 from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.packages import require_package

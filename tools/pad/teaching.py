@@ -3,7 +3,7 @@ a pad in, one profile out."""
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
 import msgspec
@@ -55,17 +55,12 @@ STEPS = (
 )
 # What a profile may be without, and is not asked for.
 TOOLS = ("gripper", "open"), ("gripper", "close"), ("button", "light_2"), ("button", "laser")
-ALLOWED: dict[Table, tuple[str, ...]] = {
-    "axis": get_args(StickName),
-    "trigger": get_args(Trigger),
-    "tilt": get_args(Button),
-    "button": get_args(Button),
-}
-NEEDED: dict[Table, str] = {
-    "axis": "a stick",
-    "trigger": "a trigger or a shoulder button",
-    "tilt": "a button",
-    "button": "a button",
+A_BUTTON = get_args(Button), "a button"
+ALLOWED: dict[Table, tuple[tuple[str, ...], str]] = {  # controls, and what they are
+    "axis": (get_args(StickName), "a stick"),
+    "trigger": (get_args(Trigger), "a trigger or a shoulder button"),
+    "tilt": A_BUTTON,
+    "button": A_BUTTON,
 }
 
 
@@ -89,7 +84,7 @@ class Teaching:
         if step is None or not controls:
             return self
         if not self.let_go:
-            return self._but(let_go=not _held(controls))
+            return replace(self, let_go=all(abs(v) <= LET_GO for v in controls.values()))
         if not pushed:
             return self
         if len(pushed) > 1:
@@ -114,18 +109,16 @@ class Teaching:
         return msgspec.convert(tree, PadProfile)
 
     def _choose(self, step: Step, control: str) -> "Teaching":
-        if control not in ALLOWED[step.table]:
-            return self._refused(f"{control} is not {NEEDED[step.table]}, which this needs")
+        allowed, kind = ALLOWED[step.table]
+        if control not in allowed:
+            return self._refused(f"{control} is not {kind}, which this needs")
         for before, taken in zip(STEPS, self.chosen, strict=False):
             if taken.removeprefix("-") == control.removeprefix("-"):
                 return self._refused(f"{control} is taken for {before.action}: use another")
         return Teaching(self.base, (*self.chosen, control))
 
     def _refused(self, why: str) -> "Teaching":
-        return self._but(said=why)
-
-    def _but(self, *, said: str | None = None, let_go: bool = False) -> "Teaching":
-        return Teaching(self.base, self.chosen, self.said if said is None else said, let_go)
+        return replace(self, said=why, let_go=False)
 
 
 def _pushed(controls: Mapping[str, float]) -> list[str]:
@@ -135,10 +128,6 @@ def _pushed(controls: Mapping[str, float]) -> list[str]:
         for name, value in controls.items()
         if abs(value) >= PUSHED
     ]
-
-
-def _held(controls: Mapping[str, float]) -> bool:
-    return any(abs(value) > LET_GO for value in controls.values())
 
 
 def asked(teaching: Teaching) -> list[str]:

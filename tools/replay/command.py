@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from messages.text import harmless
-from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.config.errors import LindyError
 from tools.choices import Overrides, StackName, named
 from tools.keys.credentials import is_local

@@ -23,7 +23,7 @@ from services.runtime.bus.envelope import Bus, Envelope
 from services.runtime.bus.memory_bus import MemoryBusPort, matches
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import SAME, VirtualHost
 from services.runtime.node.loop_stats import Instance

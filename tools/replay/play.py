@@ -21,8 +21,7 @@ from messages.message import Message
 from messages.text import harmless
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Bus, Envelope
-from services.runtime.bus.qos import QOS_PROFILES
-from services.runtime.bus.zenoh_bus import listening, open_bus
+from services.runtime.bus.zenoh_bus import QOS_PROFILES, listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
 from services.runtime.hosts.process_host import Launch
@@ -31,8 +30,8 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.process_plan import PYTHON
 from services.runtime.node.clock_offset import mover
 from services.runtime.os import system
+from tools.live.cockpit import VIEWER
 from tools.live.stop_signals import StopSignals
-from tools.live.viewer import VIEWER
 from tools.log.topic_patterns import is_chosen
 from tools.recordings.dive_file import flown_stack
 from tools.recordings.recording import Raw, Recording
@@ -212,7 +211,7 @@ def viewer(source: ReplaySource, endpoint: str) -> Generator[None]:
             stack_file=str(services.file),
             endpoints={spec.sides[0]: endpoint},
             checkpoint=stack.out,
-            parent=os.getpid(),
+            supervised=True,
             copies=copies,
         )
         yield from _running(launch)

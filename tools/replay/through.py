@@ -8,7 +8,7 @@ from typing import NamedTuple
 from messages import topics
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.replay.differences import (

@@ -14,7 +14,7 @@ from messages.aiding import AidSource
 from messages.events import row_of, sentence
 from messages.message import Message
 from messages.state import VehicleState
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables
 from tools.recordings.columns import Array, Gathering, StreamFigures

@@ -13,7 +13,7 @@ from tools.choices import Choices
 from tools.identify.identify import identify_dive
 from tools.identify.results import identified
 from tools.identify.vehicle_file import rewritten, rounded
-from tools.live.viewer import VIEWER
+from tools.live.cockpit import VIEWER
 from tools.log.sticks import as_csv, sticks_of
 from tools.recordings.recording import open_recording
 from tools.review.recorded import read

@@ -12,12 +12,12 @@ import msgspec
 
 from messages import events
 from services.recorder.io.mcap_session import RESERVE, CannotRecordError
-from services.runtime.config.disk import reason, require_room
+from services.runtime.config.disk import fresh_folder, reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from tools.checks import pilot_of, read_besides
-from tools.fresh import fresh_folder, write_fresh
+from tools.fresh import write_fresh
 from tools.live.dive_folder import holds_dive
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import Outcome

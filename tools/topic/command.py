@@ -12,9 +12,10 @@ from messages.message import Message
 from messages.text import harmless
 from messages.topic import AnyTopic, Side
 from messages.units import Ns
+from services.runtime.node.clock_offset import ClockOffset
 from tools.choices import RunningDive, UntilCtrlC, Whole
 from tools.text_table import aligned
-from tools.topic.figures import HEADINGS, HeardStream, SenderClock
+from tools.topic.figures import HEADINGS, HeardStream
 
 Key = Annotated[str, Parameter(help="such as state or health/*; default: all of that side")]
 
@@ -93,21 +94,22 @@ def hz(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
     asked = named(keys)
     running = dive_in(limits.dive)
     here = side_of(running, asked, limits.side)
-    clock = SenderClock(here, apart=len(running.endpoints) == 1)
+    clock = ClockOffset(here) if len(running.endpoints) == 1 else None  # else there is one clock
     found = {each.key: HeardStream() for each in asked if not each.is_family}
 
     def take(key: str, message: Message, size: int, at: Ns) -> None:
-        if isinstance(message, Clock):
-            clock.offset_ns = message.offset_ns
-        age = clock.age(_row(key), message.stamp_ns, at)
-        found.setdefault(key, HeardStream()).hear(size, age, at)
+        if clock is not None and isinstance(message, Clock):
+            clock.learn(message, at)
+        stamp = message.stamp_ns
+        local = stamp if clock is None else clock.local_ns(_row(key), stamp)
+        found.setdefault(key, HeardStream()).hear(size, None if local is None else at - local, at)
 
     def draw() -> list[str]:
         heard = sorted((key, figures) for key, figures in found.items())
         cells = [(key, *figures.cells(_row(key))) for key, figures in heard]
         return aligned([("topic", *HEADINGS), *cells])
 
-    also = [topics.CLOCK] if clock.apart else []
+    also = [] if clock is None else [topics.CLOCK]
     wanted = [*(asked or topics.ALL), *also]
     listen(running, here, wanted, take, draw, count=limits.count, seconds=limits.seconds)
     return 0

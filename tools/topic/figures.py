@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
-from messages.topic import AnyTopic, Direction, Side
+from messages.topic import AnyTopic
 from messages.units import Ns
 
 KEPT = 1000
@@ -65,28 +65,6 @@ class HeardStream:
             *_spread(self.ages, 0.5, 0.99, 1.0),
             *(_number(kbits), _number(mean, 0), _number(largest, 0)),
         )
-
-
-@dataclass(slots=True)
-class SenderClock:
-    """How a stamp of the other side is compared with the clock here."""
-
-    here: Side
-    apart: bool  # the sides are two computers, else they have one clock
-    offset_ns: Ns | None = None  # drone's clock minus topside's
-
-    def age(self, topic: AnyTopic, stamp: Ns, now: Ns) -> Ns | None:
-        """[ns] None: the other computer's clock is not known yet, or whose stamp it is."""
-        if not self.apart:
-            return now - stamp
-        if topic.way is Direction.BOTH:
-            return None
-        sender: Side = "topside" if topic.way is Direction.DOWN else "drone"
-        if sender == self.here:
-            return now - stamp
-        if self.offset_ns is None:
-            return None
-        return now - stamp + (self.offset_ns if sender == "drone" else -self.offset_ns)
 
 
 def _spread(values: Sequence[Ns], *shares: float) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from lindy_research.bench.reality_smoother import rotations
 from lindy_research.dives import CHAIN, DEEP, HANDS_OFF, QUICK_START, Floats, Row, Stick, script
 from lindy_research.releases import FULL, LEAST, MOST, QUIET_S
 from services.recorder.io.parts import part_path
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 from services.simulator.waves import WaveLine, Waves, lines_of
 
 VEHICLES = tuple(BUOYANCY)

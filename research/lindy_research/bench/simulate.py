@@ -15,7 +15,7 @@ from lindy.api.dives import Registry, Stack, VirtualHost
 from lindy.api.recordings import open_recording
 from lindy_research.bench.table import Figure
 from lindy_research.dives import CHAIN
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 from tools.report import Extras, make_report
 
 SECONDS = 60  # [s] of each dive

@@ -91,7 +91,7 @@ def _start(command: list[str], environment: Mapping[str, str]) -> subprocess.Pop
 
 
 def _hub(folder: str, environment: Mapping[str, str]) -> subprocess.Popen[str]:
-    launch = HubLaunch(listen=[f"unixsock-stream/{folder}/hub.sock"], parent=os.getpid())
+    launch = HubLaunch(listen=[f"unixsock-stream/{folder}/hub.sock"], supervised=True)
     text = msgspec.json.encode(launch).decode()
     hub = _start([sys.executable, "-P", "-m", services.__name__, "hub", text], environment)
     while not Path(folder, "hub.sock").exists():

@@ -23,7 +23,7 @@ import msgspec
 from lindy.api.messages import topics
 from messages.topic import AnyTopic
 from services.runtime.bus.zenoh_bus import open_bus
-from services.runtime.hosts.garbage_collection import rare_collections
+from services.runtime.hosts.loop import rare_collections
 
 HZ = 100.0
 STREAMS: tuple[str, ...] = ("imu", "state", "reference", "wrench")

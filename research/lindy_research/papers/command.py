@@ -7,10 +7,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from lindy.api import LindyError
+from services.runtime.config.disk import fresh_folder
 from services.runtime.config.extras import how_to_install
 from services.runtime.config.settings import nearest
 from tools.choices import named
-from tools.fresh import fresh_folder
 
 CLAIMS = "claims.json"
 

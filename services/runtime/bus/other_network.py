@@ -19,7 +19,7 @@ from zenoh.ext import (
     declare_advanced_publisher,
 )
 
-from services.runtime.bus.endpoint import checked_endpoint
+from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.bus.zenoh_bus import common_settings, keep_thread_state, use_one_thread
 
 HEARTBEAT_S = 5.0  # [s] of what is kept, at most, and only after something was said

@@ -7,7 +7,7 @@ bus, nobody receives their own messages, and everybody else receives each messag
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Bus, Envelope, Say, Store
 from services.runtime.bus.memory_bus import MemoryBus
-from services.runtime.bus.qos import QOS_PROFILES
+from services.runtime.bus.zenoh_bus import QOS_PROFILES
 
 
 class SharedBus:

@@ -19,18 +19,19 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, Literal
 
 import zenoh
+from zenoh import CongestionControl, Priority
 
 from messages.payload import LONGEST
-from messages.topic import AnyTopic
+from messages.topic import AnyTopic, Qos
 from services.runtime.bus.access_control import HubSide, access_control
 from services.runtime.bus.envelope import Envelope, Say, Store
 from services.runtime.bus.key_files import KeyFiles, tls_settings
-from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
@@ -354,3 +355,62 @@ def envelope_of(sample: zenoh.Sample) -> Envelope:
         attachment=None if attachment is None else attachment.to_bytes(),
         travelled=ZenohQos(sample.priority, sample.congestion_control, sample.express),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class ZenohQos:
+    """Zenoh's QoS of one envelope."""
+
+    priority: Priority
+    congestion_control: CongestionControl
+    express: bool
+
+
+QOS_PROFILES = {
+    Qos.REALTIME: ZenohQos(Priority.REAL_TIME, CongestionControl.DROP, express=False),
+    Qos.LIVE: ZenohQos(Priority.INTERACTIVE_HIGH, CongestionControl.DROP, express=False),
+    Qos.EVENT: ZenohQos(Priority.DATA_HIGH, CongestionControl.DROP, express=False),
+    Qos.BULK: ZenohQos(Priority.BACKGROUND, CongestionControl.DROP, express=False),
+}
+
+
+ANSWER_S = 0.5  # [s] in which a port opens, if anybody listens there
+
+
+class NobodyThereError(LindyError):
+    """Nothing listens at an endpoint: what is to be there may not have been started yet."""
+
+
+@contextmanager
+def open_network(
+    endpoint: str, patience_s: float, *, keys: KeyFiles | None = None
+) -> Generator[ZenohBus]:
+    """
+    Raises:
+        NobodyThereError: nothing listens there.
+        LindyError: who listens there does not let us in.
+    """
+    try:
+        session = connected(endpoint, None, patience_s, keys=keys)
+    except LindyError as error:
+        if not _listens(endpoint):
+            raise NobodyThereError(str(error)) from None
+        about_keys = "asks for keys" if keys is None else "does not know these keys"
+        raise LindyError(
+            f"what answers at {endpoint} is no Zenoh router of this version, or {about_keys}"
+        ) from None
+    with session:
+        yield ZenohBus(session)
+
+
+def _listens(endpoint: str) -> bool:
+    """Does anything at all listen there?"""
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.partition("?")[0].partition("#")[0].rpartition(":")
+    if protocol not in ("tcp", "tls") or not port.isdecimal():
+        return False
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), ANSWER_S):
+            return True
+    except OSError:
+        return False

@@ -26,20 +26,6 @@ QUOTES = ('"""', "'''")  # of strings of several lines
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
 LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
 LONGEST_TOML = 1_000_000  # [letters] a vehicle file has 20,000
-FILTER = "the estimator is one filter now, see docs/decisions.md (0020)"
-GONE = {
-    "control.adaptation": "`lindy identify` finds thrust and drag from a dive",
-    "estimation.attitude.correction": FILTER,
-    "estimation.attitude.heading_drift": FILTER,
-    "estimation.attitude.tilt_std": FILTER,
-    "estimation.attitude.yaw_rate_std": FILTER,
-    "estimation.depth.bias_walk": FILTER,
-    "estimation.depth.forward_bias_std": FILTER,
-    "estimation.depth.motion_noise": FILTER,
-    "estimation.depth.pitch_noise": FILTER,
-    "estimation.depth.roll_noise": FILTER,
-    "reference.most_tilt": "it is 0.5 rad",
-}  # key of an earlier version → what to use instead
 UNNAMED = "[...]"  # of msgspec, for a name in a dictionary
 
 
@@ -238,9 +224,7 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
     missing = re.fullmatch(r"Object missing required field `(\w+)`", what)
     known = _fields(kind, list(parts))
     found = _at(tree, list(parts))
-    if unknown and (instead := GONE.get(in_words(key))):
-        text.append(f"this key is gone: {instead}")
-    elif unknown:
+    if unknown:
         text.append(f"unknown key{nearest(unknown[1], known)}")
     elif missing:
         text.append(f"the key {missing[1]} is missing; known: {', '.join(known)}")

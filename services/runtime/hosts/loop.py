@@ -5,11 +5,17 @@ What arrives while one thread steps is left to that thread: it looks again when 
 bus's thread never waits, and no message is left lying.
 """
 
+import gc
+import mmap
+import struct
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 
+from services.runtime.config.disk import reason
 from services.runtime.node.loop_stats import Usage
 from services.runtime.node.node import Node
 
@@ -141,3 +147,55 @@ class Loop:
 
     def _share(self, k: int, of_process: Callable[[], Usage]) -> Usage:
         return Usage(cpu_s=self._cpu_ns[k] / 1e9, rss_mb=of_process().rss_mb)
+
+
+ALLOCATIONS = 20_000  # between two searches; Python's default is 700
+
+
+@contextmanager
+def rare_collections() -> Generator[None]:
+    """Enter after everything is set up: existing objects are not searched until the end."""
+    before = gc.get_threshold()
+    gc.freeze()
+    gc.set_threshold(ALLOCATIONS, 20, 50)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+        gc.unfreeze()
+
+
+STAMP = struct.Struct("<q")  # [ns] of the monotonic clock, which all processes of a machine share
+
+
+class Heartbeat:
+    """The writing end. A file that cannot be made is no reason not to run: then nobody watches.
+
+    Attributes:
+        unwatched: why, although somebody wanted to watch; empty: all is well.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._map: mmap.mmap | None = None
+        self.unwatched = ""
+        if path is None:
+            return
+        try:
+            path.write_bytes(bytes(STAMP.size))
+            with path.open("r+b") as file:
+                self._map = mmap.mmap(file.fileno(), STAMP.size)
+        except OSError as error:
+            self.unwatched = f"nobody would notice if it hung: cannot write {path}: {reason(error)}"
+
+    def beat(self, now: int) -> None:
+        """The loop goes round at `now` [ns]."""
+        if self._map is not None:
+            STAMP.pack_into(self._map, 0, now)
+
+
+def last_beat(path: Path) -> int | None:
+    """[ns] When the process of this file last beat; None: never, or nobody can tell."""
+    try:
+        return STAMP.unpack(path.read_bytes())[0] or None
+    except (OSError, struct.error):
+        return None

@@ -17,7 +17,6 @@ from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from threading import Thread
-from typing import IO
 
 import msgspec
 
@@ -36,9 +35,7 @@ from services.runtime.bus.zenoh_bus import (
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import reading_copies
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.garbage_collection import rare_collections
-from services.runtime.hosts.heartbeat import Heartbeat
-from services.runtime.hosts.loop import POLL_S, Loop
+from services.runtime.hosts.loop import POLL_S, Heartbeat, Loop, rare_collections
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.node.checkpoint import CheckpointFile
@@ -47,14 +44,6 @@ from services.runtime.node.loop_stats import Instance, Usage
 from services.runtime.node.node import Node
 from services.runtime.os import system
 
-PARENT_KILLED = (
-    "lindy: the program that supervises the services was killed: all of them end, "
-    "and the thrusters stop"
-)
-TOPSIDE_KILLED = (
-    "lindy: the program that supervises the services was killed: all services of this side end; an "
-    "armed drone stops and holds without its pilot, and rises later"
-)
 EXIT_S = 5.0  # [s] for the interpreter, when everything is closed
 GRACE_S = 1.0  # after the parent's death: time to close files before the process is ended
 
@@ -69,7 +58,7 @@ class Launch(msgspec.Struct, frozen=True, kw_only=True):
     endpoints: dict[str, str]  # side → hub's endpoint, for every side of these services
     checkpoint: str  # folder of the checkpoints, for a restart after a crash
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
-    parent: int | None = None  # pid; the process ends when this is no longer its parent
+    supervised: bool = False  # it ends when its parent, at the other end of its stdin, wants it
     keys: KeyFiles | None = None  # for hubs of other machines
     copies: dict[str, str] = {}  # file → copy made when the dive was started, to be read instead
 
@@ -86,7 +75,11 @@ class StopFlag:
 
 def run_services(launch: Launch) -> int:
     """Run the services of a process until it is asked to stop. Returns the exit status."""
-    with _stoppable(launch.parent) as stop, _sentences(launch.process), ExitStack() as exits:
+    with (
+        _stoppable(supervised=launch.supervised) as stop,
+        _sentences(launch.process),
+        ExitStack() as exits,
+    ):
         copies = exits.enter_context(ExitStack())
         copies.enter_context(reading_copies(launch.copies))
         registry = Registry(Path(launch.stack_file), launch.services)
@@ -160,8 +153,7 @@ class HubLaunch(msgspec.Struct, frozen=True, kw_only=True):
     hub_side: HubSide | None = None  # for access control, where other machines can reach it
     here: str = ""  # key of the liveliness token that says that this side is there
     heartbeat: str | None = None  # file for the sign of life; None: nobody watches
-    parent: int | None = None
-    tells: bool = False  # says on the parent's stderr that the parent was killed
+    supervised: bool = False  # as of a `Launch`
 
 
 class CallerLog:
@@ -191,7 +183,7 @@ class CallerLog:
 def run_hub(launch: HubLaunch) -> int:
     """Run a side's hub, which is a Zenoh router, until it is asked to stop."""
     with (
-        _stoppable(launch.parent, _parting(launch)) as stop,
+        _stoppable(supervised=launch.supervised) as stop,
         _sentences("hub"),
         listening(*launch.listen, connect=launch.connect, hub_side=launch.hub_side) as session,
     ):
@@ -209,21 +201,14 @@ def run_hub(launch: HubLaunch) -> int:
     return 1
 
 
-def _parting(launch: HubLaunch) -> str:
-    """What is said when the parent was killed; empty: nothing."""
-    topside = launch.hub_side is not None and launch.hub_side.side == "topside"
-    return (TOPSIDE_KILLED if topside else PARENT_KILLED) if launch.tells else ""
-
-
 @contextmanager
-def _stoppable(parent: int | None, parting: str = "") -> Generator[StopFlag]:
+def _stoppable(*, supervised: bool) -> Generator[StopFlag]:
     stop = StopFlag()
     signal.signal(signal.SIGINT, stop.ask)
     signal.signal(signal.SIGTERM, stop.ask)
     system.exact_timers()
-    if parent is not None:
-        terminal = _stderr_of(parent) if parting else None
-        Thread(target=_follow, args=(parent, stop, terminal, parting), daemon=True).start()
+    if supervised:
+        Thread(target=_follow, args=(stop,), daemon=True).start()
     try:
         yield stop
     finally:  # the process ends: a further signal must not change its status
@@ -256,26 +241,14 @@ def _sentences(who: str) -> Generator[None]:
         print(f"lindy {who}: {error}", file=sys.stderr, flush=True)
 
 
-def _follow(parent: int, stop: StopFlag, terminal: IO[str] | None, parting: str) -> None:
+def _follow(stop: StopFlag) -> None:
     """Set the flag when the parent wants it or has ended; then end the process, if the flag does
     not."""
-    if system.wait_until_unwanted(parent):
-        stop.ask()  # by its parent, which watches how it ends
-        return
-    if terminal is not None and not stop.asked:
-        with contextlib.suppress(OSError):
-            print(parting, end="\r\n", file=terminal, flush=True)
+    asked = system.wait_until_unwanted()
     stop.ask()
-    time.sleep(GRACE_S)  # for the main thread to close files
-    os._exit(2)
-
-
-def _stderr_of(parent: int) -> IO[str] | None:
-    """Opened while it lives, for when it cannot say anything any more; None: not Linux, or it
-    cannot be opened again, as a socket."""
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{parent}/fd/2").open("a", encoding="utf-8")
-    return None
+    if not asked:  # nobody watches how it ends
+        time.sleep(GRACE_S)  # for the main thread to close files
+        os._exit(2)
 
 
 def _show(line: LogLine) -> None:

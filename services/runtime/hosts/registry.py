@@ -15,12 +15,15 @@ from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Role
-from services.runtime.hosts.service_module import ServiceModule, Wire, own_services, own_settings
 from services.runtime.hosts.stack_file import (
     ONE_EACH,
+    ServiceModule,
     ServiceSpec,
+    Wire,
     code_of,
     module_of,
+    own_services,
+    own_settings,
     place,
     read_specs,
     require_one_of_a_kind,

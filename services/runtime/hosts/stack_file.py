@@ -1,12 +1,26 @@
-"""A stack file: the services of a dive and the sides they are on, read and checked."""
+"""A stack file: the services of a dive, the sides they are on and where their code is found.
 
+One of Lindy's own services is `services.<name>`: its `wire` is in `.service`, its `Settings`, if it
+has any, in `.core`. Any other service is the module that its table in the stack file names, with
+`wire` and `Settings` in that module itself. Such a module is looked for among the installed
+packages and then in the folder of the stack file.
+"""
+
+import importlib
+import importlib.util
+import pkgutil
 import re
-from collections.abc import Mapping
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any
 
 import msgspec
 
+import services
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import (
     convert,
@@ -15,9 +29,11 @@ from services.runtime.config.settings import (
     nearest,
     read_toml,
 )
-from services.runtime.config.stack import BODY
-from services.runtime.hosts.service_module import ServiceModule, own_services
+from services.runtime.config.stack import BODY, Stack
+from services.runtime.node.node import Node
 
+Wire = Callable[[Node, Stack], None]
+HERE = services.__name__  # `services`; in an installed package `lindy.services`
 SideName = Annotated[str, msgspec.Meta(pattern="^(topside|drone)$")]
 NAME = r"[a-z0-9_]+"  # of a service: it becomes part of a key
 TAKEN = (BODY, "supervisor", "hub_topside", "hub_drone")  # they mean something else
@@ -98,7 +114,7 @@ def code_of(name: str, spec: ServiceSpec) -> str:
     return spec.service or name
 
 
-def module_of(name: str, spec: ServiceSpec, file: Path) -> ServiceModule:
+def module_of(name: str, spec: ServiceSpec, file: Path) -> "ServiceModule":
     """The module of a service; `file` is the stack file."""
     return ServiceModule(file, name, code_of(name, spec), spec.module)
 
@@ -214,3 +230,119 @@ def _require_possible_sides(name: str, spec: ServiceSpec, file: Path) -> None:
             f"{at}: a service with gateway = true connects the sides; allowed is "
             f'["topside", "drone"], found {spec.sides}'
         )
+
+
+def own_services() -> list[str]:
+    """Names of Lindy's own services."""
+    folders = [module.name for module in pkgutil.iter_modules(services.__path__) if module.ispkg]
+    return sorted(n for n in folders if importlib.util.find_spec(f"{HERE}.{n}.service"))
+
+
+def own_settings(name: str) -> type | None:
+    """The settings that one of Lindy's own services reads from a vehicle file."""
+    return getattr(importlib.import_module(f"{HERE}.{name}.core"), "Settings", None)
+
+
+def wire_of(name: str) -> Wire:
+    """`wire` of one of Lindy's own services."""
+    return importlib.import_module(f"{HERE}.{name}.service").wire
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceModule:
+    """The module of one service of a stack file."""
+
+    file: Path  # the stack file
+    service: str  # its name there
+    code: str  # the one of Lindy's own services that it runs
+    users: str | None  # a user's module; None: one of Lindy's own services
+
+    @property
+    def name(self) -> str:
+        return self.users or f"{HERE}.{self.code}"
+
+    def wire(self) -> Wire:
+        """As `Registry.wire`."""
+        wire = wire_of(self.code) if self.users is None else self._wire_of_users()
+
+        def wired(node: Node, stack: Stack) -> None:
+            try:
+                wire(node, stack)
+            except LindyError:
+                raise
+            except (Exception, SystemExit) as error:
+                raise LindyError(f"module {self.name}: {_in_words(error)}") from error
+
+        return wired
+
+    def failure(self, error: BaseException) -> LindyError:
+        """As `Registry.failure`."""
+        if isinstance(error, MemoryError):  # of the computer, or of a limit: nobody's mistake
+            return LindyError(f"{self.service} has no memory left")
+        line = _line_in(sys.modules.get(self.name), error)
+        whose = f"{self.service} (module {self.name})"
+        if self.users is None:
+            whose = f"an error in Lindy itself: {whose}"
+        what = "ended itself" if isinstance(error, SystemExit) else "failed"
+        at = f"{line.filename}:{line.lineno}:"
+        return LindyError(f"{whose} {what} at {at} {_in_words(error)}")
+
+    def settings_of_users(self) -> type | None:
+        """The settings that a user's module reads from a vehicle file.
+
+        Raises:
+            LindyError: the module cannot be used.
+        """
+        self._wire_of_users()  # a module without one is no service
+        settings: Any = getattr(self._imported(), "Settings", None)
+        config = getattr(settings, "__struct_config__", None)
+        if settings is None or (config is not None and config.forbid_unknown_fields):
+            return settings
+        raise LindyError(
+            f"{self._at()}: Settings of module {self.name!r} must be a "
+            f"class of the kind (msgspec.Struct, frozen=True, forbid_unknown_fields=True)"
+        )
+
+    def _wire_of_users(self) -> Wire:
+        module = self._imported()
+        wire: Wire | None = getattr(module, "wire", None)
+        if not callable(wire):
+            raise LindyError(
+                f"{self._at()}: module {module.__name__!r} ({module.__file__}) has "
+                f"no function wire(node, stack)"
+            )
+        return wire
+
+    def _imported(self) -> ModuleType:
+        """Import a module that is not Lindy's own."""
+        folder = str(self.file.parent)
+        if folder not in sys.path:
+            sys.path.append(folder)  # at the end: nothing there can replace an installed module
+        try:
+            return importlib.import_module(self.name)
+        except (Exception, SystemExit) as error:
+            missing = error.name if isinstance(error, ModuleNotFoundError) else None
+            if missing and f"{self.name}.".startswith(f"{missing}."):  # itself, or its package
+                raise LindyError(
+                    f"{self._at()}: there is no module {self.name!r}; allowed: an installed "
+                    f"module, or a file beside the stack file"
+                ) from None
+            raise LindyError(
+                f"{self._at()}: module {self.name!r} cannot be imported: {_in_words(error)}"
+            ) from error
+
+    def _at(self) -> str:
+        return place(self.file, self.service, "module")
+
+
+def _line_in(module: ModuleType | None, error: BaseException) -> traceback.FrameSummary:
+    """Where an error came from: the innermost line of the module or of a file beside it, because
+    what it called there is seldom at fault; else the innermost line of all."""
+    frames = traceback.extract_tb(error.__traceback__)
+    file = getattr(module, "__file__", None)
+    own = [f for f in frames if file is not None and Path(f.filename).parent == Path(file).parent]
+    return (own or frames)[-1]
+
+
+def _in_words(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

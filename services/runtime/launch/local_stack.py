@@ -21,12 +21,11 @@ from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.heartbeat import last_beat
+from services.runtime.hosts.loop import last_beat
 from services.runtime.hosts.process_host import instance, usage
 from services.runtime.launch.child import is_stuck
-from services.runtime.launch.hang_detector import HangDetector
 from services.runtime.launch.process_plan import LAST, Dive, ProcessPlan, runtime_folder
-from services.runtime.launch.supervisor import Supervisor
+from services.runtime.launch.supervisor import HangDetector, Supervisor
 from services.runtime.launch.systemd import Systemd
 from services.runtime.node.checkpoint import CheckpointFile, VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
@@ -69,26 +68,23 @@ class RunNote:
                 self._said = True
                 self._warn(f"cannot write {self._path}: {self._file.why}")
         due = self._again_ns is not None and now >= self._again_ns
-        if pids != self._pids or due:
-            self._pids, self._again_ns = pids, None
-            self._write(pids)
+        if pids == self._pids and not due:
+            return
+        self._pids, self._again_ns = pids, None
+        running = Running(
+            vehicle=self._plan.stack.space,
+            endpoints=self._plan.endpoints,
+            supervisor=os.getpid(),
+            began=system.began(os.getpid()),
+            pids=pids,
+            stack_file=str(self._plan.services.file),
+        )
+        self._file.save_checkpoint(msgspec.json.format(msgspec.json.encode(running)))
 
     def remove(self) -> None:
         self._file.close()
         with suppress(OSError):  # the disk may be read-only by now
             self._path.unlink(missing_ok=True)
-
-    def _write(self, pids: dict[str, int]) -> None:
-        plan = self._plan
-        running = Running(
-            vehicle=plan.stack.space,
-            endpoints=plan.endpoints,
-            supervisor=os.getpid(),
-            began=system.began(os.getpid()),
-            pids=pids,
-            stack_file=str(plan.services.file),
-        )
-        self._file.save_checkpoint(msgspec.json.format(msgspec.json.encode(running)))
 
 
 class LocalStack:
@@ -192,7 +188,12 @@ class LocalStack:
         self.note.update(self._each(self.supervisor.pids), time.monotonic_ns())
         if self._has_node:
             self._step_node()
-        self._wait()
+        # Until a message arrives or a timer is due.
+        due = self.node.deadline() if self._has_node else None
+        seconds = PERIOD_S if due is None else (due - time.monotonic_ns()) / 1e9
+        if seconds > 0:
+            self._wake.wait(min(PERIOD_S, seconds))
+        self._wake.clear()
 
     def _step_node(self) -> None:
         """Whatever a message does to the screen or to the summary: the services go on."""
@@ -205,14 +206,6 @@ class LocalStack:
             if self.node.counts[events.MISTAKE.name] == 1:  # the others are most likely the same
                 with suppress(OSError):  # whoever reads what this process prints may be gone
                     traceback.print_exc()
-
-    def _wait(self) -> None:
-        """Wait until a message arrives or a timer is due, at most `PERIOD_S`."""
-        due = self.node.deadline() if self._has_node else None
-        seconds = PERIOD_S if due is None else (due - time.monotonic_ns()) / 1e9
-        if seconds > 0:
-            self._wake.wait(min(PERIOD_S, seconds))
-        self._wake.clear()
 
     def _token(self, side: str, key: str, alive: bool) -> None:
         self._tokens.append((side, key.rpartition("/")[2], alive))

@@ -8,7 +8,6 @@ import sys
 import tempfile
 from collections.abc import Callable, Collection, Generator
 from contextlib import contextmanager, suppress
-from itertools import count
 from pathlib import Path
 
 import msgspec
@@ -19,7 +18,7 @@ from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import UNIX
-from services.runtime.config.disk import reason
+from services.runtime.config.disk import fresh_folder, reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import HubLaunch, Launch
@@ -99,7 +98,11 @@ class ProcessPlan:
             LindyError: the folder cannot be made.
         """
         self._copy_files(warn)
-        self.checkpoints = unused_folder(self.checkpoints)
+        try:  # those of another dive must neither be restored in this one nor be overwritten
+            self.checkpoints = fresh_folder(self.checkpoints)
+        except OSError as error:
+            why = f"cannot make the folder {self.checkpoints}: {reason(error)}"
+            raise LindyError(why) from None
         for name, data in self.dive.begin_with.items():
             write_safely(self.checkpoints / f"{name}.json", data)
 
@@ -131,8 +134,7 @@ class ProcessPlan:
         launch = HubLaunch(
             listen=[self.endpoints[side]],
             heartbeat=str(self.heartbeat(name)),
-            parent=os.getpid(),
-            tells=side == self.home,
+            supervised=True,
         )
         if side == self.home:
             what = self.dive.side or "drone"
@@ -160,7 +162,7 @@ class ProcessPlan:
             endpoints={side: self._reach[side] for spec in specs.values() for side in spec.sides},
             checkpoint=str(self.checkpoints),
             heartbeat=str(self.heartbeat(process)),
-            parent=os.getpid(),
+            supervised=True,
             keys=None if self.dive.credentials is None else self.dive.credentials.keys,
             copies=self._copies,
         )
@@ -180,25 +182,6 @@ class ProcessPlan:
 
     def _log(self, name: str) -> Path:
         return self.stack.out_dir / "logs" / f"{name}.log"
-
-
-def unused_folder(wanted: Path) -> Path:
-    """A new folder of this name, or with a number where an earlier dive has left one: checkpoints
-    of another dive must neither be restored in this one nor be overwritten.
-
-    Raises:
-        LindyError: it cannot be made.
-    """
-    for number in count(1):
-        folder = wanted if number == 1 else wanted.with_name(f"{wanted.name}-{number}")
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise LindyError(f"cannot make the folder {folder}: {reason(error)}") from None
-        return folder
-    raise AssertionError("numbers do not end")
 
 
 @contextmanager
@@ -228,6 +211,6 @@ def sweep(place: Path) -> None:
                 continue
             if (lock := system.lock(folder)) is None:
                 continue
-            if lock.is_known:
+            if lock.descriptor is not None:
                 shutil.rmtree(folder, ignore_errors=True)
             lock.release()

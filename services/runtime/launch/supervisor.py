@@ -10,14 +10,14 @@ the pilot having to do anything, after a pause that grows with each crash in a r
 
 import signal
 import time
-from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from services.runtime.config.disk import reason
-from services.runtime.launch.child import Child, ChildLog, OsChild, Task
+from services.runtime.launch.child import Child, OsChild, Task
 
 NAME = "supervisor"  # its name on the bus
 PATIENCE_S = 5.0  # [s] between asking a process to end and killing it
@@ -116,9 +116,7 @@ class Supervisor:
         self.failure: str | None = None  # why everything must stop: the last line of a child
         self._tasks: dict[str, Task] = {}
         self._children: dict[str, Child] = {}
-        self._seen: deque[str] = deque()  # filled from the bus's thread
-        self._logs: dict[str, ChildLog] = {}
-        self._unlogged: set[str] = set()  # of which it was said
+        self._unlogged: set[int] = set()  # processes of which it was said
         self._tell = tell
         self._spawn = spawn
         self._clock = clock
@@ -127,12 +125,11 @@ class Supervisor:
         """Start these at the next step."""
         for task in tasks:
             self._tasks[task.name] = task
-            self._logs[task.name] = ChildLog(task.log)
             self.lives[task.name] = Life(at=self._clock())
 
     def seen(self, name: str) -> None:
-        """A child's liveliness token appeared. May be called from any thread."""
-        self._seen.append(name)
+        """A child's liveliness token appeared."""
+        self._handle(name, LifeEvent.SEEN)
 
     @property
     def restarts(self) -> dict[str, int]:
@@ -150,12 +147,10 @@ class Supervisor:
 
     def step(self) -> None:
         """Check every child once and do what is due."""
-        while self._seen:
-            self._handle(self._seen.popleft(), LifeEvent.SEEN)
         for name, child in list(self._children.items()):
-            if (why := self._logs[name].unlogged) and name not in self._unlogged:
-                self._unlogged.add(name)
-                self._tell("warning", f"{name} runs without a log: {why}")
+            if child.unlogged and child.pid not in self._unlogged:
+                self._unlogged.add(child.pid)
+                self._tell("warning", f"{name} runs without a log: {child.unlogged}")
             if (status := child.ended()) is not None:
                 self._ended(name, status)
         for name in self.lives:
@@ -168,8 +163,6 @@ class Supervisor:
             for name in names:
                 self._handle(name, LifeEvent.STOP)
             self._wait_for(names)
-        for log in self._logs.values():
-            log.close()
 
     def _wait_for(self, names: list[str]) -> None:
         deadline = self._clock() + round(PATIENCE_S * 1e9)
@@ -198,32 +191,26 @@ class Supervisor:
 
     def _start(self, name: str) -> None:
         try:
-            child = self._children[name] = self._spawn(self._tasks[name])
-        except (OSError, MemoryError) as error:  # no descriptors, memory, room for a process: now
+            self._children[name] = self._spawn(self._tasks[name])
+        except OSError as error:  # no descriptors, no room for a process: now
             self.lives[name], _ = advance(self.lives[name], Ended(NOT_STARTED), self._clock())
-            who, why = self._tasks[name].in_words, "there is no memory"
-            why = reason(error) if isinstance(error, OSError) else why
-            self._tell("error", f"{who} could not be started: {why}; tried again")
-            return
-        self._unlogged.discard(name)
-        if child.printed is not None:
-            self._logs[name].follow(child.printed)
+            who = self._tasks[name].in_words
+            self._tell("error", f"{who} could not be started: {reason(error)}; tried again")
 
     def _ended(self, name: str, status: int) -> None:
-        del self._children[name]
+        words = self._children.pop(name).last_line()
         self._handle(name, Ended(status))
-        words = self._logs[name].last_line()
-        phase = self.lives[name].phase
+        phase, task, said = self.lives[name].phase, self._tasks[name], own_sentence(name, words)
         if phase == "failed":
-            sentence = in_words(name, words, self._tasks[name])
-            if not self._tasks[name].needed:
+            printed = words or "it printed nothing"
+            sentence = said or f"{name} cannot start: {printed} (see {task.log})"
+            if not task.needed:
                 self._tell("error", f"{sentence}; the dive goes on without {name}")
             elif self.failure is None:
                 self.failure = sentence
         elif phase == "waiting":
-            said = own_sentence(name, words)
             why = how(status) if said is None else f"{how(status)}: {said}"
-            self._tell("error", f"{self._tasks[name].in_words} ended unexpectedly ({why})")
+            self._tell("error", f"{task.in_words} ended unexpectedly ({why})")
 
 
 def how(status: int) -> str:
@@ -236,15 +223,87 @@ def how(status: int) -> str:
         return f"signal {-status}"
 
 
-def in_words(name: str, words: str, task: Task) -> str:
-    """The sentence for the user."""
-    said = own_sentence(name, words)
-    return said or f"{name} cannot start: {words or 'it printed nothing'} (see {task.log})"
-
-
 def own_sentence(name: str, words: str) -> str | None:
     """What a child that prints `lindy <name>: …` says itself; None where it prints no such line."""
     for prefix in (f"lindy {name}: ", f"lindy {name.partition('_')[0]}: "):  # hub_drone is a hub
         if words.startswith(prefix):
             return words.removeprefix(prefix)
     return None
+
+
+SILENT_S = 1.0  # [s] without a heartbeat, which comes ten times a second at least
+STUCK_S = 0.3  # [s] the same, of one that does not even wait for a processor: it is not just late
+PUNCTUAL_S = 0.25  # [s] between two looks: the time in between was there for everybody
+LATE_S = 0.5  # [s] between two looks: the whole computer was busy or asleep, not one process
+
+
+class SilenceChange(NamedTuple):
+    """Of a process, since the last look."""
+
+    name: str
+    what: str  # `silent`, `again`, or `hopeless`: silent for longer than anybody should wait
+
+
+@dataclass(slots=True)
+class HangDetector:
+    """Call `look` about ten times a second."""
+
+    patience_s: Mapping[str, float] = field(default_factory=dict[str, float])  # [s] until hopeless
+    times: Counter[str] = field(default_factory=Counter[str])  # each was found not to answer
+    silent: dict[str, int] = field(default_factory=dict[str, int])  # those that hang; their lives
+    _looked: int | None = None  # [ns] last look
+    _since: int = 0  # [ns] before this nothing is held against anybody
+    _hopeless: set[str] = field(default_factory=set[str])
+
+    def look(
+        self,
+        beats: Mapping[str, int | None],
+        lives: Mapping[str, Life],
+        now: int,
+        stuck: Callable[[str], bool] = lambda _: False,
+    ) -> list[SilenceChange]:
+        """What has changed.
+
+        Args:
+            beats: [ns] newest heartbeat of each process; None: it has none yet.
+            stuck: does it do nothing now, nor wait for a processor or a disk, and is not to be
+                waited for? Asked of those that are silent.
+        """
+        punctual = self._looked is not None and now - self._looked <= PUNCTUAL_S * 1e9
+        if self._looked is None or now - self._looked > LATE_S * 1e9:
+            self._since = now
+        self._looked = now
+        changes: list[SilenceChange] = []
+        for name, life in lives.items():
+            beat = beats.get(name)
+            if self.silent.get(name, life.lives) != life.lives:
+                self._forget(name)  # it was started again meanwhile
+            if life.phase != "running" or beat is None or beat < life.at:
+                self._forget(name)  # it has ended, or has not begun
+                continue
+            silence_s = (now - max(beat, self._since)) / 1e9
+            is_stuck = punctual and silence_s > STUCK_S and stuck(name)
+            changes += self._judge(name, life.lives, silence_s, stuck=is_stuck)
+        return changes
+
+    def _judge(
+        self, name: str, lives: int, silence_s: float, *, stuck: bool
+    ) -> list[SilenceChange]:
+        if silence_s <= (STUCK_S if name in self.silent else SILENT_S) and not stuck:
+            was_silent = name in self.silent
+            self._forget(name)
+            return [SilenceChange(name, "again")] if was_silent else []
+        changes: list[SilenceChange] = []
+        if name not in self.silent:
+            self.silent[name] = lives
+            self.times[name] += 1
+            changes.append(SilenceChange(name, "silent"))
+        hopeless = stuck or silence_s > self.patience_s.get(name, SILENT_S)
+        if hopeless and name not in self._hopeless:
+            self._hopeless.add(name)
+            changes.append(SilenceChange(name, "hopeless"))
+        return changes
+
+    def _forget(self, name: str) -> None:
+        self.silent.pop(name, None)
+        self._hopeless.discard(name)

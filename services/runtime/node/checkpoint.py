@@ -105,15 +105,18 @@ class CheckpointFile:
             return data
 
 
-def write_safely(path: Path, data: bytes) -> None:
+def write_safely(path: Path, data: bytes, mode: int = 0o666) -> None:
     """Replace a file atomically: after a power cut it is either the old or the new one.
+
+    Args:
+        mode: bits of a new file, from its first byte on, but for those of the user's umask.
 
     Raises:
         OSError: the disk failed; the file is unchanged, and nothing is left beside it.
     """
     fresh = path.with_name(f".{path.name}.new")  # nobody else's, in a folder with files of others
     try:
-        with fresh.open("wb") as file:
+        with open(fresh, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())

@@ -12,15 +12,13 @@ from messages.units import Ns
 
 RECENT_NS = 3_000_000_000  # [ns] everybody speaks once a second
 PATIENCE_NS = 3_000_000_000  # [ns] in which the other side says who it is
-VOICES = 8  # instances of one name that are told apart
-NAMES = 64  # services that are watched
+MOST = 8  # other sides that are told apart
 
 
 @dataclass(slots=True)
 class Voice:
     """A process that calls itself by a service's name."""
 
-    instance: int
     pid: int
     first_ns: Ns
     last_ns: Ns
@@ -33,7 +31,7 @@ class Peers:
     def __init__(self, ours: SideIdentity) -> None:
         self._ours = ours
         self._others: dict[int, tuple[SideIdentity, Ns]] = {}  # by instance
-        self._voices: dict[str, list[Voice]] = {}  # by service; the oldest first
+        self._voices: dict[str, dict[int, Voice]] = {}  # by service and instance; the oldest first
         self._expected_ns: Ns | None = None
         self._met = False
 
@@ -55,15 +53,8 @@ class Peers:
 
     def speaks(self, service: str, instance: int, pid: int, now: Ns) -> None:
         """A process of this name was heard; or is this one, which does not hear itself."""
-        if service not in self._voices and len(self._voices) >= NAMES:
-            return
-        voices = self._voices.setdefault(service, [])
-        known = next((voice for voice in voices if voice.instance == instance), None)
-        if known is not None:
-            known.last_ns = now
-            return
-        voices.append(Voice(instance, pid, now, now))
-        del voices[:-VOICES]
+        voice = self._voices.setdefault(service, {}).setdefault(instance, Voice(pid, now, now))
+        voice.last_ns = now
 
     def wrong(self, now: Ns) -> str:
         """Why nobody should arm, in words for the pilot; empty: all is well."""
@@ -74,7 +65,7 @@ class Peers:
     def _forget(self, now: Ns) -> None:
         """Those not heard of lately, and all but the newest few."""
         recent = [(who, it) for who, it in self._others.items() if now - it[1] <= RECENT_NS]
-        self._others = dict(recent[-VOICES:])
+        self._others = dict(recent[-MOST:])
 
     def _silence(self, now: Ns) -> str:
         if self._met or self._expected_ns is None or now < self._expected_ns + PATIENCE_NS:
@@ -84,7 +75,9 @@ class Peers:
 
     def _doubles(self, now: Ns) -> str:
         for service, voices in self._voices.items():
-            recent = [voice for voice in voices if now - voice.last_ns <= RECENT_NS]
+            for instance in [i for i, v in voices.items() if now - v.last_ns > RECENT_NS]:
+                del voices[instance]
+            recent = [*voices.values()]
             both = [
                 voice
                 for k, voice in enumerate(recent)
@@ -93,9 +86,6 @@ class Peers:
             ]
             if both:
                 pids = ", ".join(str(voice.pid) for voice in both)
-                return f"{_number(len(both))} services call themselves {service}: pids {pids}"
+                many = {2: "two", 3: "three"}.get(len(both), len(both))
+                return f"{many} services call themselves {service}: pids {pids}"
         return ""
-
-
-def _number(count: int) -> str:
-    return {2: "two", 3: "three"}.get(count, str(count))

@@ -287,7 +287,7 @@ def test_with_a_certificate_the_page_is_served_by_https_and_asks_for_the_token(t
     key = ec.generate_private_key(ec.SECP256R1())
     now = datetime.now(UTC)
     files = tmp_path / "certificate.pem", tmp_path / "key.pem"
-    files[0].write_bytes(certificates.authority(key, now, 1))
+    files[0].write_bytes(certificates.authority(key, now))
     files[1].write_bytes(certificates.key_pem(key))
     certificate, private = map(str, files)
     settings = Settings("127.0.0.1", free_port(), certificate=certificate, key=private)

@@ -11,15 +11,11 @@ import select
 import signal
 import socket
 import stat
-import sys
-from importlib.machinery import ModuleSpec
-from importlib.util import spec_from_file_location
 from types import ModuleType
 from typing import Any
 
 OURS = ("messages", "services", "tools", "lindy")
 GONE = {"fcntl", "resource", "pwd", "grp", "termios", "tty", "pty", "readline", "curses", "syslog"}
-POSIX, PORTABLE = "services.runtime.os.posix", "services/runtime/os/portable.py"
 LACKING = {
     os: (
         "fork forkpty killpg setsid setpgid getpgid getuid geteuid getgid getegid getgroups uname "
@@ -104,16 +100,5 @@ def imported(name: str, where: dict[str, Any] | None = None, *others: Any, **nam
     return everything(name, where, *others, **named)
 
 
-class InItsPlace:
-    """Whoever wants `posix` gets `portable`."""
-
-    @staticmethod
-    def find_spec(name: str, *_: Any) -> ModuleSpec | None:
-        if name != POSIX:
-            return None
-        return spec_from_file_location(name, pathlib.Path(__file__).parents[3] / PORTABLE)
-
-
 builtins.__import__ = imported
-sys.meta_path.insert(0, InItsPlace)  # type: ignore[arg-type]
 pathlib.Path.symlink_to = no_link

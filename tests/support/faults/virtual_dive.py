@@ -20,11 +20,9 @@ from messages.simulator import FaultKind, FaultRequest
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.service_module import wire_of
-from services.runtime.hosts.stack_file import ServiceSpec
+from services.runtime.hosts.stack_file import ServiceSpec, wire_of
 from services.runtime.launch.child import Task
-from services.runtime.launch.hang_detector import HangDetector
-from services.runtime.launch.supervisor import Supervisor
+from services.runtime.launch.supervisor import HangDetector, Supervisor
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
 from tests.support.faults.hindrance import Hindrance
@@ -56,7 +54,7 @@ class VirtualProcess:
     """A child of the supervisor: a service, or a hub."""
 
     pid = 0
-    printed = None
+    unlogged = ""
 
     def __init__(self, end: Callable[[], None]) -> None:
         self._end = end
@@ -64,6 +62,9 @@ class VirtualProcess:
 
     def ended(self) -> int | None:
         return self._status
+
+    def last_line(self) -> str:
+        return ""
 
     def terminate(self) -> None:
         self.end(0)

@@ -20,9 +20,8 @@ from services.runtime.bus.spaces import (
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.__main__ import main
-from tools.fleet.meeting import Meeting, drones_credentials, drones_name
-from tools.fleet.names import other_drone, own_name
-from tools.keys import authority
+from tools.fleet.meeting import Meeting, drones_credentials, drones_name, other_drone, own_name
+from tools.keys.authority import KeyAuthority
 from tools.keys.roles import parse
 
 LETTERS = "[A-Za-z0-9_.-]"
@@ -91,9 +90,9 @@ LISTEN, ROUTER = "tls/127.0.0.1:7447", "tls/127.0.0.1:7448"
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("keys")
-    authority.new(folder, NOW)
+    KeyAuthority(folder).make(NOW)
     for name in ("drone:boat", "pilot:ann", "router:base"):
-        authority.add(folder, parse(name), NOW, 10)
+        KeyAuthority(folder).add(parse(name), NOW, 10)
     return folder
 
 

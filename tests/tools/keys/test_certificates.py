@@ -33,9 +33,9 @@ from tools.keys.roles import ROLES, parse
 
 NOW = datetime(2026, 6, 1, tzinfo=UTC)
 SIGNER, OTHER, KEY = (ec.generate_private_key(ec.SECP256R1()) for _ in range(3))
-CA, FOREIGN = authority(SIGNER, NOW, 1), authority(OTHER, NOW, 2)
+CA, FOREIGN = authority(SIGNER, NOW), authority(OTHER, NOW)
 DAYS = 10
-ANN = issue(parse("pilot:ann"), KEY.public_key(), SIGNER, NOW, DAYS, 3)
+ANN = issue(parse("pilot:ann"), KEY.public_key(), SIGNER, NOW, DAYS)
 TIME = st.timedeltas(min_value=timedelta(days=-30), max_value=timedelta(days=30))
 ENDS = [timedelta(0), -EARLIER, timedelta(days=DAYS)]
 NEAR = st.tuples(st.sampled_from(ENDS), st.timedeltas(timedelta(seconds=-2), timedelta(seconds=2)))
@@ -53,9 +53,9 @@ def test_a_certificate_is_good_from_its_first_to_its_last_second(later: timedelt
 
 @pytest.mark.parametrize("role", ROLES)
 def test_every_role_has_good_certificates(role: str) -> None:
-    made = issue(parse(f"{role}:x"), KEY.public_key(), SIGNER, NOW, DAYS, 9)
+    made = issue(parse(f"{role}:x"), KEY.public_key(), SIGNER, NOW, DAYS)
     assert check_certificate(made, CA, NOW) == read(made)
-    check_pair(made, key_pem(KEY))
+    check_pair(key_pem(KEY), made)
 
 
 def test_an_authority_of_the_same_name_is_another_authority() -> None:
@@ -129,9 +129,9 @@ def another_kind() -> bytes:
     ids=["another's", "a certificate", "empty", "locked", "kind"],
 )
 def test_a_key_is_that_of_its_certificate(data: bytes, why: str) -> None:
-    check_pair(ANN, key_pem(KEY))
+    check_pair(key_pem(KEY), ANN)
     with pytest.raises(ValueError, match=why):
-        check_pair(ANN, data)
+        check_pair(data, ANN)
 
 
 @given(
@@ -146,8 +146,8 @@ def test_a_damaged_file_is_refused_or_as_good_as_before(
         lambda: check_certificate(damaged, CA, NOW),
         lambda: check_certificate(ANN, damaged, NOW),
         lambda: check_authority(damaged, NOW),
-        lambda: check_pair(damaged, key_pem(KEY)),
-        lambda: check_pair(ANN, damaged),
+        lambda: check_pair(key_pem(KEY), damaged),
+        lambda: check_pair(damaged, ANN),
         lambda: read_key(damaged),
     ):
         with contextlib.suppress(ValueError):  # and nothing else

@@ -1,12 +1,10 @@
 """`lindy keys`, and what a side says about keys that are no good before it starts."""
 
 import errno
-import os
 import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import IO, Any
 from unittest.mock import Mock
 
 import pytest
@@ -14,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.runtime.config.errors import LindyError
+from services.runtime.node.checkpoint import write_safely
 from tools.__main__ import main
-from tools.keys import authority
-from tools.keys.authority import own_keys
+from tools.keys.authority import KeyAuthority, own_keys
 from tools.keys.credentials import is_local, needs_keys
 from tools.keys.roles import parse
 
@@ -31,9 +29,9 @@ def keys(place: Path, *words: str) -> int:
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     folder = tmp_path / "keys"
-    authority.new(folder, NOW)
+    KeyAuthority(folder).make(NOW)
     for name in ("drone:pioneer", "pilot:ann"):
-        authority.add(folder, parse(name), NOW, 10)
+        KeyAuthority(folder).add(parse(name), NOW, 10)
     return folder
 
 
@@ -59,17 +57,17 @@ def test_new_makes_keys_for_a_drone_and_a_pilot_that_nobody_else_can_read(tmp_pa
     assert keys(place, "new", "--drone", "pioneer", "--pilot", "ann") == 0
     for path in (place, *place.rglob("*")):
         assert path.stat().st_mode & 0o777 == (0o700 if path.is_dir() else 0o600), path
-    drone = own_keys(place, ("drone",), NOW)
-    assert (str(drone.certificate.who), drone.credentials.admitted) == (
+    drone, drones = own_keys(place, ("drone",), NOW)
+    assert (str(drone.who), drones.admitted) == (
         "drone:pioneer",
         ("pilot:ann",),
     )
-    pilot = own_keys(place, ("pilot",), NOW)
-    assert (str(pilot.certificate.who), pilot.credentials.admitted) == (
+    pilot, pilots = own_keys(place, ("pilot",), NOW)
+    assert (str(pilot.who), pilots.admitted) == (
         "pilot:ann",
         ("drone:pioneer",),
     )
-    assert 729 <= (drone.certificate.ends - NOW).days <= 730
+    assert 729 <= (drone.ends - NOW).days <= 730
 
 
 def test_who_was_revoked_is_not_taken_for_the_pilot(place: Path) -> None:
@@ -77,7 +75,7 @@ def test_who_was_revoked_is_not_taken_for_the_pilot(place: Path) -> None:
     with pytest.raises(LindyError, match="more than one pilot"):
         own_keys(place, ("pilot",), NOW)
     assert keys(place, "revoke", "pilot:ann") == 0
-    assert str(own_keys(place, ("pilot",), NOW).certificate.who) == "pilot:bob"
+    assert str(own_keys(place, ("pilot",), NOW)[0].who) == "pilot:bob"
     assert keys(place, "revoke", "pilot:bob") == 0
     with pytest.raises(LindyError, match="no keys of pilot in"):
         own_keys(place, ("pilot",), NOW)
@@ -104,21 +102,20 @@ def test_nothing_that_is_there_is_ever_overwritten(
 def test_keys_that_could_not_be_written_whole_can_be_made_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: int
 ) -> None:
-    written, opened = list[int](), os.fdopen
+    written = list[Path]()
 
-    def full(descriptor: int, mode: str) -> IO[Any]:
-        written.append(descriptor)
+    def full(path: Path, data: bytes, mode: int) -> None:
+        written.append(path)
         if len(written) > whole:
-            os.close(descriptor)
             raise OSError(errno.ENOSPC, "no space is left")
-        return opened(descriptor, mode)
+        write_safely(path, data, mode)
 
     with monkeypatch.context() as patched:
-        patched.setattr(os, "fdopen", full)
+        patched.setattr("tools.keys.authority.write_safely", full)
         with pytest.raises(LindyError, match="the disk is full"):
-            authority.new(tmp_path, NOW)
+            KeyAuthority(tmp_path).make(NOW)
     assert not [*tmp_path.iterdir()]
-    authority.new(tmp_path, NOW)
+    KeyAuthority(tmp_path).make(NOW)
 
 
 def test_who_is_added_is_named_to_those_who_have_a_use_for_it(place: Path) -> None:
@@ -153,7 +150,7 @@ def test_on_the_drone_itself_revoking_needs_no_authority(
     on_board = tmp_path / "on_board"
     shutil.copytree(place / "drone-pioneer", on_board / "drone-pioneer")
     assert keys(on_board, "revoke", "pilot:ann") == 0
-    assert own_keys(on_board, ("drone",), NOW).credentials.admitted == ()
+    assert own_keys(on_board, ("drone",), NOW)[1].admitted == ()
     capsys.readouterr()
     assert keys(on_board, "revoke", "pilot:ann") == 1
     assert "pilot:ann is on no list in" in said(capsys)
@@ -166,9 +163,9 @@ def test_a_certificate_that_has_ended_is_renewed_for_the_same_key(place: Path, t
     later, before = NOW + timedelta(days=11), contents(place)
     with pytest.raises(LindyError, match="`lindy keys add drone pioneer --again`"):
         own_keys(place, ("drone",), later)
-    renewed = [authority.renew(place, parse("drone:pioneer"), later, 20) for _ in range(times)]
+    renewed = [KeyAuthority(place).renew(parse("drone:pioneer"), later, 20) for _ in range(times)]
     made = renewed[-1]
-    found = own_keys(place, ("drone",), later + timedelta(days=9)).certificate
+    found = own_keys(place, ("drone",), later + timedelta(days=9))[0]
     assert str(found.who) == "drone:pioneer"
     assert abs(found.ends - later - timedelta(days=20)) < timedelta(seconds=2)
     after = contents(place)
@@ -183,8 +180,8 @@ def test_who_was_revoked_or_is_of_another_authority_is_not_renewed(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = place.with_name("other")
-    authority.new(other, NOW)
-    authority.add(other, parse("drone:pioneer"), NOW, 10)
+    KeyAuthority(other).make(NOW)
+    KeyAuthority(other).add(parse("drone:pioneer"), NOW, 10)
     copy(other / "drone-pioneer", place / "drone-pioneer/certificate.pem")
     assert keys(place, "add", "drone", "pioneer", "--again") == 1
     assert "is from another authority" in said(capsys)
@@ -234,7 +231,7 @@ def a_folder(path: Path) -> None:
 
 def of_another_authority(place: Path, drone: Path) -> None:
     other = place.with_name("other")
-    authority.new(other, NOW)
+    KeyAuthority(other).make(NOW)
     copy(other / "authority", drone / "ca.pem")
 
 
@@ -254,7 +251,7 @@ SPOILT: dict[str, Callable[[Path, Path], object]] = {  # of all keys, and of the
     "anybody's folder": lambda _, drone: drone.chmod(0o777),
     "folder": lambda _, drone: a_folder(drone / "key.pem"),
     "list": lambda _, drone: (drone / ADMITTED).write_text("pilot:ann\neverybody\n"),
-    "two": lambda place, _: authority.add(place, parse("drone:two"), NOW, 10),
+    "two": lambda place, _: KeyAuthority(place).add(parse("drone:two"), NOW, 10),
     "none": lambda _, drone: shutil.rmtree(drone),
     "all": lambda place, _: shutil.rmtree(place),
 }

@@ -70,21 +70,6 @@ def test_a_dive_among_other_people_s_files_touches_none_of_them(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_a_second_dive_into_the_same_folder_leaves_the_first(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-):
-    out = tmp_path / "data"
-    assert simulate(tmp_path, "--out", str(out)) == 0
-    before = hashes(out)
-    capsys.readouterr()
-    assert simulate(tmp_path, "--out", str(out)) == 0
-    assert hashes(out) == before
-    said = capsys.readouterr().out
-    assert f"{out} holds a dive already; this one goes to {out}-2" in said
-    assert {"dive.mcap", "report.json"} <= set(hashes(tmp_path / "data-2"))
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("verb", [("dive", "--headless"), ("up", "drone")])
 @pytest.mark.parametrize("taken", [True, False])
 def test_a_dive_that_cannot_start_costs_nothing_and_leaves_nothing(
@@ -245,20 +230,6 @@ def test_an_empty_logs_folder_holds_no_dive(tmp_path: Path):
     assert not holds_dive(tmp_path)
     (tmp_path / "logs").mkdir()
     assert not holds_dive(tmp_path)
-
-
-def test_two_dives_that_begin_together_do_not_share_a_folder(tmp_path: Path) -> None:
-    """The first has made the folder and not written anything yet."""
-    wanted = tmp_path / "same"
-    hold = "import sys; from pathlib import Path; from tools.live.dive_folder import out_folder; "
-    code = hold + "print(out_folder(Path(sys.argv[1])), flush=True); sys.stdin.read()"
-    command = [sys.executable, "-c", code, str(wanted)]
-    first = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    assert first.stdout is not None
-    assert first.stdout.readline().strip() == str(wanted)
-    second = subprocess.run(command, input="", capture_output=True, text=True, check=True)
-    assert second.stdout.splitlines()[-1] == str(tmp_path / "same-2")
-    first.communicate("")
 
 
 def test_a_tilde_is_the_home_and_letters_that_are_no_utf_8_are_refused(

@@ -14,7 +14,7 @@ from services.piloting.sticks import Sticks
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import read
 from tools.__main__ import main
-from tools.pad.session import AXES, meanings, show, teach
+from tools.pad.command import AXES, meanings, show, teach
 from tools.pad.teaching import STEPS, Teaching, asked, toml_of
 
 REST: dict[str, float] = dict.fromkeys((*AXES, *get_args(Button)), 0.0)

@@ -22,7 +22,7 @@ from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
-from tools.topic.figures import HeardStream, SenderClock
+from tools.topic.figures import HeardStream
 from tools.topic.listening import named, side_of
 from tools.topic.top import SILENT_NS, table
 
@@ -47,23 +47,6 @@ def test_rate_pauses_and_amount_are_those_of_what_came(gaps: list[int], size: in
     assert float(most) == pytest.approx(max(gaps) / 1e6, abs=0.051)
     assert float(kbit) == pytest.approx(hz * size * 8e-3, abs=0.051)
     assert (mean, largest) == (str(size), str(size))
-
-
-@given(st.integers(-(10**15), 10**15), st.integers(0, 10**9), st.sampled_from(["topside", "drone"]))
-def test_an_age_is_that_of_one_clock(offset: int, age: int, here: str) -> None:
-    """`offset` is the drone's clock minus topside's."""
-    side = "topside" if here == "topside" else "drone"
-    sent, now = 10**16, 10**16 + age  # topside's clock
-    on_board = sent + offset
-    arrived = now if side == "topside" else now + offset
-    clock = SenderClock(side, apart=True)
-    other = topics.STATE if side == "topside" else topics.PILOT_COMMAND
-    assert clock.age(other, sent, arrived) is None
-    clock.offset_ns = offset
-    assert clock.age(topics.STATE, on_board, arrived) == age
-    assert clock.age(topics.PILOT_COMMAND, sent, arrived) == age
-    assert clock.age(topics.HEALTH, sent, arrived) is None  # both sides send it
-    assert SenderClock(side, apart=False).age(topics.HEALTH, sent, now) == age
 
 
 def test_a_stream_is_named_as_in_the_table_or_as_one_of_a_family() -> None:

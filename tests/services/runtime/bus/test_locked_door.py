@@ -26,8 +26,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
 from tests.support.doors import CROSS, free_endpoint, one, say
 from tests.support.patience import PATIENCE_S, until
-from tools.keys import authority
-from tools.keys.authority import CA, CERTIFICATE, KEY, own_keys
+from tools.keys.authority import CA, CERTIFICATE, KEY, KeyAuthority, own_keys
 from tools.keys.roles import parse
 
 REFUSED_S = 0.2  # [s] attempts of a caller who is to be refused
@@ -56,14 +55,14 @@ class Keys:
         self.folder = folder
         ours, foreign = folder / "ours", folder / "foreign"
         for place in (ours, foreign):
-            authority.new(place, NOW - timedelta(days=60))
+            KeyAuthority(place).make(NOW - timedelta(days=60))
         for name in ("drone:pioneer", "drone:other", "pilot:ann", "pilot:late", "observer:eve"):
             when = NOW - timedelta(days=30) if name == "pilot:late" else NOW
-            authority.add(ours, parse(name), when, 10)
-        authority.add(ours, parse("pilot:gone"), NOW, 10)
-        authority.revoke(ours, parse("pilot:gone"))
-        authority.add(foreign, parse("pilot:ann"), NOW, 10)
-        authority.add(foreign, parse("drone:pioneer"), NOW, 10)
+            KeyAuthority(ours).add(parse(name), when, 10)
+        KeyAuthority(ours).add(parse("pilot:gone"), NOW, 10)
+        KeyAuthority(ours).revoke(parse("pilot:gone"))
+        KeyAuthority(foreign).add(parse("pilot:ann"), NOW, 10)
+        KeyAuthority(foreign).add(parse("drone:pioneer"), NOW, 10)
 
     def files(self, bundle: str) -> KeyFiles:
         place = self.folder / bundle
@@ -79,7 +78,7 @@ class Drone:
 
     def __init__(self, keys: Keys, folder: Path, exits: ExitStack) -> None:
         self.keys, self.address = keys, free_endpoint("tls")
-        credentials = own_keys(keys.folder / "ours/drone-pioneer", ("drone",), NOW).credentials
+        credentials = own_keys(keys.folder / "ours/drone-pioneer", ("drone",), NOW)[1]
         border, private = (
             HubSide("drone", SPACE, credentials),
             f"unixsock-stream/{folder}/drone.sock",
@@ -158,7 +157,7 @@ def test_without_a_certificate_or_without_tls_nobody_connects(drone: Drone) -> N
 
 
 def test_a_certificate_that_somebody_signed_alone_is_refused(drone: Drone, tmp_path: Path) -> None:
-    authority.new(tmp_path, NOW)
+    KeyAuthority(tmp_path).make(NOW)
     own = str(tmp_path / "authority/ca.pem")
     files = KeyFiles(drone.keys.mixed("ours/pilot-ann").authority, own, own.replace(".pem", ".key"))
     with pytest.raises(LindyError, match="no hub answers"):
@@ -344,7 +343,7 @@ def test_a_pilot_speaks_to_a_drone_on_the_list_only(
     keys: Keys, tmp_path: Path, server: str, reached: bool
 ) -> None:
     address, private = free_endpoint("tls"), f"unixsock-stream/{tmp_path}/top.sock"
-    mine = own_keys(keys.folder / "ours/pilot-ann", ("pilot",), NOW).credentials
+    mine = own_keys(keys.folder / "ours/pilot-ann", ("pilot",), NOW)[1]
     mine = mine._replace(admitted=("drone:pioneer",))
     posing = config("router", [address], keys=keys.mixed(server))  # lets in all, hears all
     with ExitStack() as exits:
@@ -383,12 +382,12 @@ def test_a_pilot_speaks_to_a_drone_on_the_list_only(
 def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> None:
     place, address = tmp_path / "keys", free_endpoint("tls")
     private = f"unixsock-stream/{tmp_path}/hub.sock"
-    authority.new(place, NOW)
+    KeyAuthority(place).make(NOW)
     for name in ("drone:pioneer", "pilot:ann", "pilot:bob"):
-        authority.add(place, parse(name), NOW, 10)
+        KeyAuthority(place).add(parse(name), NOW, 10)
 
     def hub() -> zenoh.Session:
-        credentials: Credentials = own_keys(place, ("drone",), NOW).credentials
+        credentials: Credentials = own_keys(place, ("drone",), NOW)[1]
         return listening(address, private, hub_side=HubSide("drone", SPACE, credentials))
 
     def heard_of(session: zenoh.Session, bus: ZenohBus, key: str) -> Callable[[], bool]:
@@ -404,14 +403,14 @@ def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> N
     with ExitStack() as exits:
 
         def pilot(name: str) -> zenoh.Session:
-            keys = own_keys(place / name, ("pilot",), NOW).credentials.keys
+            keys = own_keys(place / name, ("pilot",), NOW)[1].keys
             return exits.enter_context(connected(address, SPACE, PATIENCE_S, keys=keys))
 
         with hub(), connected(private, SPACE, PATIENCE_S) as board:
             sessions = {"ann": pilot("pilot-ann"), "bob": pilot("pilot-bob")}
             for name, session in sessions.items():
                 until(heard_of(session, ZenohBus(board), f"log/{name}"))
-        authority.revoke(place, parse("pilot:ann"))
+        KeyAuthority(place).revoke(parse("pilot:ann"))
         with hub(), connected(private, SPACE, PATIENCE_S) as board:
             bus, ann = ZenohBus(board), list[Envelope]()
             bus.hear("log/ann", ann.append)

@@ -21,7 +21,6 @@ from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.access_control import keys as keys_of
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.key_files import Credentials
-from services.runtime.bus.network import open_network
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
 from services.runtime.bus.zenoh_bus import (
     ZenohBus,
@@ -29,12 +28,12 @@ from services.runtime.bus.zenoh_bus import (
     config,
     connected,
     listening,
+    open_network,
 )
 from tests.support.doors import CROSS, free_endpoint, one, say
 from tests.support.patience import PATIENCE_S, until
 from tests.support.router_file import FILE, router_tree
-from tools.keys import authority
-from tools.keys.authority import own_keys
+from tools.keys.authority import KeyAuthority, own_keys
 from tools.keys.roles import Role, parse
 
 NOW = datetime.now(UTC)
@@ -231,12 +230,12 @@ class Keys:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        authority.new(folder, NOW)
+        KeyAuthority(folder).make(NOW)
         for name in ("drone:a", "drone:b", "pilot:ann", "observer:eve", "router:base"):
-            authority.add(folder, parse(name), NOW, 10)
+            KeyAuthority(folder).add(parse(name), NOW, 10)
 
     def credentials(self, bundle: str, role: Role) -> Credentials:
-        return own_keys(self.folder / bundle, (role,), NOW).credentials
+        return own_keys(self.folder / bundle, (role,), NOW)[1]
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from messages import topics
 from services.runtime.bus.envelope import Bus, Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort, matches
-from services.runtime.bus.qos import QOS_PROFILES
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
-from services.runtime.bus.zenoh_bus import listening, open_bus
+from services.runtime.bus.zenoh_bus import QOS_PROFILES, listening, open_bus
 from tests.support.patience import until
 
 PROCESSES, NODES = 3, 3  # nodes in each process

@@ -16,17 +16,18 @@ import zenoh
 from messages import topics
 from services.runtime.bus import zenoh_bus
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.qos import QOS_PROFILES, ZenohQos
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import (
+    QOS_PROFILES,
     ZenohBus,
+    ZenohQos,
     close_without_waiting,
     connected,
     listening,
 )
 from services.runtime.config.errors import LindyError
-from services.runtime.os import portable
 from tests.support.doors import free_endpoint
+from tests.support.no_posix import portable
 from tests.support.patience import PATIENCE_S, until
 
 SPACE = namespace("pioneer")
@@ -55,7 +56,7 @@ def star(
 ) -> Generator[Star]:
     kind = getattr(request, "param", "unixsock")
     if kind == "portable":
-        monkeypatch.setattr(zenoh_bus, "system", portable)
+        monkeypatch.setattr(zenoh_bus, "system", portable())
     with ExitStack() as exits:
         yield Star(free_endpoint() if kind == "tcp" else socket_file(tmp_path), exits)
 
@@ -179,7 +180,7 @@ def test_a_client_without_a_hub_gives_up_with_a_sentence(tmp_path: Path) -> None
 def test_nobody_comes_in_without_the_password(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zenoh_bus, "system", portable)
+    monkeypatch.setattr(zenoh_bus, "system", portable())
     endpoint, file = socket_file(tmp_path), tmp_path / "hub.sock"
     with listening(endpoint):
         assert file.stat().st_mode & 0o077 == 0
@@ -201,7 +202,7 @@ def test_nobody_comes_in_without_the_password(
 def test_a_hub_with_a_password_calls_another_machines_and_lets_none_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zenoh_bus, "system", portable)
+    monkeypatch.setattr(zenoh_bus, "system", portable())
     far, near, heard = free_endpoint(), socket_file(tmp_path), list[Envelope]()
     with (
         listening(far),

@@ -14,8 +14,7 @@ import pytest
 
 from messages import topics
 from messages.topic import AnyTopic, Qos
-from services.runtime.bus.qos import QOS_PROFILES
-from services.runtime.bus.zenoh_bus import PRIORITIES, VARIABLE, open_bus
+from services.runtime.bus.zenoh_bus import PRIORITIES, QOS_PROFILES, VARIABLE, open_bus
 from services.runtime.hosts.process_host import HubLaunch
 from tests.support.patience import PATIENCE_S, until
 
@@ -57,7 +56,7 @@ with open_bus(sys.argv[1], "pioneer"):
 def hub(tmp_path: Path) -> Generator[str]:
     """Endpoint of a hub process."""
     endpoint = f"unixsock-stream/{tmp_path}/hub.sock"
-    launch = msgspec.json.encode(HubLaunch(listen=[endpoint], parent=os.getpid())).decode()
+    launch = msgspec.json.encode(HubLaunch(listen=[endpoint])).decode()
     process = subprocess.Popen([sys.executable, "-P", "-m", "services", "hub", launch])
     yield endpoint
     process.terminate()

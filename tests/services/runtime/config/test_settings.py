@@ -11,10 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.camera.core import Settings as Camera
-from services.runtime.bus.endpoint import EXAMPLE, checked_endpoint
+from services.runtime.bus.spaces import EXAMPLE, checked_endpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import (
-    GONE,
     convert,
     deploy_file,
     line_of,
@@ -111,13 +110,6 @@ def test_a_mistake_in_an_optional_table_says_what_it_knows(assignment: str, sent
     with pytest.raises(LindyError, match=sentence) as refused:
         Stack(overrides=[assignment]).section("simulator", Simulator)
     assert str(refused.value).startswith(f"--set {assignment}: ")
-
-
-def test_a_key_of_an_earlier_version_says_what_to_use_instead() -> None:
-    for key, instead in GONE.items():
-        with pytest.raises(LindyError) as refused:
-            Stack(overrides=[f"{key}=1"]).check(known_tables(Registry.read()))
-        assert str(refused.value) == f"--set {key}=1: this key is gone: {instead}"
 
 
 @pytest.mark.parametrize("bad", ["depth", "=3", "name.first=3"])

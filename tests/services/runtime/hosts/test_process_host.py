@@ -1,6 +1,5 @@
 """A service as a process: how it ends, what it says when it cannot start, what it knows again."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -11,12 +10,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, listening, open_bus
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.process_host import PARENT_KILLED, TOPSIDE_KILLED, HubLaunch, Launch
+from services.runtime.hosts.process_host import Launch
 from services.runtime.hosts.stack_file import ServiceSpec
 from tests.support.patience import PATIENCE_S, until
 
@@ -49,7 +46,7 @@ ENDING = (
 )
 PARENT = """
 import subprocess, sys, time
-toy = subprocess.Popen([w.replace("PARENT", str(__import__("os").getpid())) for w in sys.argv[1:]])
+toy = subprocess.Popen(sys.argv[1:], stdin=subprocess.PIPE)
 print(toy.pid, flush=True)
 time.sleep(600)
 """
@@ -74,7 +71,7 @@ class Bench:
         bus.watch(lambda _, alive: self.alive.append(alive))
         self._started: list[subprocess.Popen[str]] = []
 
-    def command(self, code: str, **more: int | str) -> list[str]:
+    def command(self, code: str, **more: bool) -> list[str]:
         (self.folder / "toy_module.py").write_text(code)
         launch = Launch(
             process="toy",
@@ -85,7 +82,7 @@ class Bench:
             checkpoint=str(self.folder),
         )
         said = msgspec.to_builtins(launch) | more
-        return [*PYTHON, msgspec.json.encode(said).decode().replace('"PARENT"', "PARENT")]
+        return [*PYTHON, msgspec.json.encode(said).decode()]
 
     def start(self, command: list[str]) -> subprocess.Popen[str]:
         pipe = subprocess.PIPE
@@ -136,7 +133,7 @@ def test_further_signals_do_not_change_the_status_of_a_service(bench: Bench) -> 
 
 
 def test_a_service_ends_when_its_parent_dies_even_if_it_hangs(bench: Bench) -> None:
-    command = bench.command(HANGING, parent="PARENT")
+    command = bench.command(HANGING, supervised=True)
     parent = bench.start([sys.executable, "-S", "-c", PARENT, *command])
     assert parent.stdout is not None
     toy = int(parent.stdout.readline())
@@ -174,33 +171,6 @@ def test_a_handler_that_fails_or_exits_is_one_sentence_with_its_line_and_status_
     assert (toy.returncode, said) == (1, "closed\n")
 
 
-@pytest.mark.parametrize(
-    ("killed", "topside", "said"),
-    [(True, False, PARENT_KILLED), (True, True, TOPSIDE_KILLED), (False, False, None)],
-)
-def test_a_hub_says_in_the_terminal_that_its_parent_was_killed_and_only_then(
-    bench: Bench, killed: bool, topside: bool, said: str | None
-) -> None:
-    endpoint = f"unixsock-stream/{bench.folder}/third.sock"
-    border = HubSide("topside", namespace("pioneer")) if topside else None
-    launch = HubLaunch(listen=[endpoint], tells=True, hub_side=border)
-    launch = msgspec.to_builtins(launch) | {"parent": "PARENT"}
-    text = msgspec.json.encode(launch).decode().replace('"PARENT"', "PARENT")
-    quiet = PARENT.replace("sys.argv[1:]]", "sys.argv[1:]], stderr=subprocess.DEVNULL")
-    command = [sys.executable, "-S", "-c", quiet, *PYTHON, "hub", text]
-    parent = bench.start(command)
-    assert parent.stdout is not None
-    hub = int(parent.stdout.readline())
-    with open_bus(endpoint, "pioneer"):  # it runs
-        pass
-    if not killed:
-        os.kill(hub, signal.SIGTERM)
-        until(lambda: not exists(hub))
-    parent.kill()
-    _, shown = parent.communicate(timeout=PATIENCE_S)
-    assert shown == ("" if said is None else f"{said}\n")
-
-
 def test_a_process_that_has_closed_everything_and_does_not_end_is_ended() -> None:
     """As Zenoh's, where one of its threads could not be started."""
     code = (
@@ -208,7 +178,7 @@ def test_a_process_that_has_closed_everything_and_does_not_end_is_ended() -> Non
         "from services.runtime.hosts import process_host as host\n"
         "host.EXIT_S = 0.01\n"
         "atexit.register(time.sleep, 600.0)\n"
-        "with host._stoppable(None):\n"
+        "with host._stoppable(supervised=False):\n"
         "    print('works', flush=True)\n"
     )
     ran = subprocess.run(

@@ -11,8 +11,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import NEEDED, Registry
-from services.runtime.hosts.service_module import own_services
-from services.runtime.hosts.stack_file import bases
+from services.runtime.hosts.stack_file import bases, own_services
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.checks import DEFAULT_PILOT, known_tables
 from tools.choices import Choices

@@ -3,15 +3,16 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.runtime.launch.hang_detector import (
+from services.runtime.launch.supervisor import (
     LATE_S,
     PUNCTUAL_S,
     SILENT_S,
     STUCK_S,
     HangDetector,
+    Life,
+    Phase,
     SilenceChange,
 )
-from services.runtime.launch.supervisor import Life, Phase
 
 STEP_NS = 100_000_000  # [ns] between two looks
 PATIENCE_S = 3.0

@@ -20,7 +20,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.heartbeat import last_beat
+from services.runtime.hosts.loop import last_beat
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.local_stack import LocalStack, local_stack

@@ -134,7 +134,7 @@ class PretendChild:
     def __init__(self, running: list[str], order: list[str], name: str) -> None:
         assert name not in running, "two processes for one child"
         running.append(name)
-        self.pid, self.printed = 0, None
+        self.pid, self.unlogged = 0, ""
         self._running, self._order, self._name = running, order, name
         self._status: int | None = None
 
@@ -146,6 +146,9 @@ class PretendChild:
 
     def ended(self) -> int | None:
         return self._status
+
+    def last_line(self) -> str:
+        return ""
 
     def terminate(self) -> None:
         self.end(0)

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.heartbeat import last_beat
+from services.runtime.hosts.loop import last_beat
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.child import OsChild
 from services.runtime.launch.local_stack import LocalStack, local_stack

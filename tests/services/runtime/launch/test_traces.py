@@ -14,7 +14,7 @@ import pytest
 
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.heartbeat import Heartbeat, last_beat
+from services.runtime.hosts.loop import Heartbeat, last_beat
 from services.runtime.hosts.process_host import CallerLog
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import RETRY_NS, RunNote

@@ -1,6 +1,5 @@
-"""Both sides of the seam to the operating system do the same, as far as they can."""
+"""With and without POSIX the seam to the operating system does the same, as far as it can."""
 
-import inspect
 import os
 import signal
 import subprocess
@@ -13,24 +12,30 @@ from typing import Any
 
 import pytest
 
-from services.runtime.os import portable, posix
+from services.runtime.os import system as posix
+from tests.support.no_posix import portable
 from tests.support.patience import PATIENCE_S, until
 
 Started = subprocess.Popen[bytes]
 LONG = "import time; time.sleep(1000)"
 
 
-@pytest.fixture(params=[posix, portable], ids=["posix", "portable"])
+@pytest.fixture(params=["posix", "portable"])
 def system(request: pytest.FixtureRequest) -> ModuleType:
-    return request.param
+    return posix if request.param == "posix" else portable()
+
+
+def head(system: ModuleType) -> str:
+    """`system` is known in the code of a child."""
+    without = "del os.fork\n" if system.WINDOWS else ""
+    return f"import os, sys\n{without}from services.runtime.os import system\n"
 
 
 @contextmanager
 def started(system: ModuleType, code: str) -> Generator[Started]:
-    """A child as the runtime starts it; `system` is known in its code."""
-    code = f"import os, sys\nfrom {system.__package__} import {leaf(system)} as system\n{code}"
+    """A child as the runtime starts it."""
     apart: dict[str, Any] = system.APART
-    command = [sys.executable, "-c", code]
+    command = [sys.executable, "-c", f"{head(system)}{code}"]
     opened: Any = subprocess.Popen(command, stdin=system.STDIN, stdout=subprocess.PIPE, **apart)
     child: Started = opened
     with child:
@@ -40,29 +45,9 @@ def started(system: ModuleType, code: str) -> Generator[Started]:
             child.kill()
 
 
-def leaf(system: ModuleType) -> str:
-    return system.__name__.rpartition(".")[2]
-
-
 def first_line(child: Started) -> str:
     assert child.stdout is not None
     return child.stdout.readline().decode().strip()
-
-
-def names(system: ModuleType) -> dict[str, list[str]]:
-    """Its functions, and their parameters."""
-    own = {n: v for n, v in vars(system).items() if getattr(v, "__module__", "") == system.__name__}
-    return {
-        name: [*inspect.signature(value).parameters]
-        for name, value in own.items()
-        if name[0] != "_" and inspect.isfunction(value)
-    }
-
-
-def test_both_have_the_same_functions() -> None:
-    assert names(posix) == names(portable)
-    constants = {"STDIN", "APART", "WINDOWS", "HANG_UP", "LOCAL"}
-    assert constants <= vars(posix).keys() & vars(portable).keys()
 
 
 # Processes.
@@ -82,23 +67,19 @@ def test_a_process_exists_until_it_has_ended(system: ModuleType) -> None:
 
 
 def test_a_child_ends_when_it_is_asked_to(system: ModuleType) -> None:
-    asked = (
-        "print('here', flush=True); sys.exit(7 if system.wait_until_unwanted(os.getppid()) else 8)"
-    )
+    asked = "print('here', flush=True); sys.exit(7 if system.wait_until_unwanted() else 8)"
     with started(system, asked) as child:
         assert first_line(child) == "here"
         assert child.poll() is None
         system.ask_to_end(child)
-        assert child.wait(PATIENCE_S) == (7 if system is portable else -signal.SIGTERM)
+        assert child.wait(PATIENCE_S) == (7 if system.WINDOWS else -signal.SIGTERM)
         system.ask_to_end(child)  # nobody is left to be asked
 
 
 def test_a_child_notices_that_its_parent_was_killed(system: ModuleType, tmp_path: Path) -> None:
     said = tmp_path / "said"
     inner = (
-        f"import os\nfrom {system.__package__} import {leaf(system)} as system\n"
-        f"parent = os.getppid()\nprint(os.getpid(), flush=True)\n"
-        f"asked = system.wait_until_unwanted(parent)\n"
+        f"{head(system)}print(os.getpid(), flush=True)\nasked = system.wait_until_unwanted()\n"
         f"open({str(said)!r}, 'w').write(str(asked))"
     )
     outer = (
@@ -190,7 +171,6 @@ def test_one_program_has_a_lock(system: ModuleType, tmp_path: Path, kind: str) -
     with started(system, other) as child:
         assert child.wait(PATIENCE_S) == 3
     held.release()
-    held.release()
     again = system.lock(path)
     assert again is not None
     again.release()
@@ -199,23 +179,5 @@ def test_one_program_has_a_lock(system: ModuleType, tmp_path: Path, kind: str) -
         system.lock(tmp_path / "none")
 
 
-def test_a_folder_is_asked_about(system: ModuleType, tmp_path: Path) -> None:
+def test_the_names_in_a_folder_are_on_the_disk(system: ModuleType, tmp_path: Path) -> None:
     system.sync_folder(tmp_path)
-    with pytest.raises(FileNotFoundError):
-        system.sync_folder(tmp_path / "none")
-    with pytest.raises(FileNotFoundError):
-        system.others_may(tmp_path / "none", 0o077)
-    secret = tmp_path / "secret"
-    secret.touch(mode=0o600)
-    assert not system.others_may(secret, 0o077)
-    secret.chmod(0o644)
-    assert system.others_may(secret, 0o077) == (system is posix)
-    assert not system.others_may(secret, 0o002)
-
-
-def test_a_link_points_to_the_newest(system: ModuleType, tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        system.point(tmp_path / "latest", name)
-        assert (tmp_path / "latest").resolve() == tmp_path / name
-    assert len([*tmp_path.iterdir()]) == 3
