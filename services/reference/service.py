@@ -8,7 +8,7 @@ from messages.sensors import AltitudeSample, DvlSample
 from messages.state import VehicleState
 from services.marine.vehicle import Vehicle
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.requests import refused
 from services.reference.trajectory.own_law import Law
 from services.runtime.config.identity import identity_of

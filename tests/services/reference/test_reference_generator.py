@@ -17,7 +17,7 @@ from messages.state import VehicleState
 from messages.vehicle import PlaceAhead
 from services.marine.attitude import wrapped
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
 from services.runtime.config.stack import Stack
 from tests.support import said

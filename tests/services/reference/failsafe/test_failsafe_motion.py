@@ -15,7 +15,7 @@ from messages.state import VehicleState
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.failsafe.machine import FailsafeMachine, Holding
 from services.reference.failsafe.table import SHORT_NS, table
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.axes import CENTRED_NS, CentredSticks, centred
 from services.reference.settings import FailsafeSettings
 from tests.support.said import state

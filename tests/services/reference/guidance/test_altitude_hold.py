@@ -18,7 +18,7 @@ from messages.sensors import DvlSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.bottom import BAND, PATIENCE_S
 from services.reference.settings import FailsafeSettings, VelocityAxis
 from tests.support.said import state, sticks

@@ -17,7 +17,7 @@ from messages.sensors import DvlSample
 from messages.state import VehicleState
 from services.marine.attitude import turned, wrapped
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.modes import HELD_AXES
 from services.reference.settings import StickForce
 from tests.support import said
