@@ -147,7 +147,7 @@ def _flown(
     (pushed,), (gained,) = B.tolist()
     x = v = errors = forces = 0.0
     for motion in motions:
-        u = law.step(motion, x, v, dt).total
+        u = law.step(motion, x, v, dt)
         errors, forces = errors + (motion.position - x) ** 2, forces + u * u
         x, v = x + far * v + pushed * u, kept * v + gained * u
     return errors, forces

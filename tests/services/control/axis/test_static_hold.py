@@ -102,7 +102,7 @@ class Yaw:
         for k, (off, off_rate) in enumerate(noise):
             if k:
                 law.learn(v + off_rate, produced.mean(DT)[5], DT)
-            command = self._driven(law.step(HELD, x + off, v + off_rate, DT).total, k > 6000)
+            command = self._driven(law.step(HELD, x + off, v + off_rate, DT), k > 6000)
             produced.settles_at = 0.0, 0.0, 0.0, 0.0, 0.0, command
             after = command + (f - command) * exp(-DT / LAG)
             v += ((f + after) / 2 + disturbance - PLANT.drag(v)) / PLANT.inertia * DT
@@ -160,8 +160,8 @@ def test_a_switch_of_gains_is_not_felt_at_the_switch(
             law.learn(v, 0.1, DT)
             law.step(HELD, error, v, DT)
     asked = Motion(0.0, step, 0.0, 0.0)
-    calm = still.step(HELD, error, v, 0.0).total
-    first = moving.step(asked, error, v, 0.0).total - moving.feed_forward(asked)
+    calm = still.step(HELD, error, v, 0.0)
+    first = moving.step(asked, error, v, 0.0) - moving.feed_forward(asked)
     assert first - calm == pytest.approx(STATIC.kd * step, abs=1e-9)
 
 
@@ -190,8 +190,8 @@ def test_the_integral_takes_over_what_the_gains_give_up() -> None:
     law = Axis(gains, PLANT)
     for _ in range(100):
         law.step(Motion(0.0, 1e-3, 0.0, 0.0), -0.05, 0.0, DT)
-    before = law.step(HELD, -0.05, 0.0, DT).total
-    after = [law.step(HELD, -0.05, 0.0, DT).total for _ in range(100)][-1]
+    before = law.step(HELD, -0.05, 0.0, DT)
+    after = [law.step(HELD, -0.05, 0.0, DT) for _ in range(100)][-1]
     assert after == pytest.approx(before, abs=1e-9)
     assert law.integral == pytest.approx(8.0 * 0.05 - 4.0 * 0.045)
 
