@@ -74,12 +74,6 @@ def at(position: float) -> Motion:
     return Motion(position, 0.0, 0.0, 0.0)
 
 
-@given(heading, metres, metres)
-def test_the_rotation_is_that_of_the_shared_physics(psi: float, north: float, east: float) -> None:
-    expected = rotated(from_euler(0.0, 0.0, psi), (north, east, 0.0))
-    assert to_body(psi, north, east) == pytest.approx(expected[:2], abs=1e-12)
-
-
 @settings(max_examples=50, deadline=None)
 @given(heading, metres, metres)
 def test_the_force_points_to_the_place(
@@ -314,19 +308,9 @@ def test_a_vehicle_on_its_reference_has_no_error_of_rate_at_any_tilt(
     assert np.isclose(wanted.velocity, measured.value, atol=1e-12)
 
 
-@given(TILTS, TILTS)
-def test_what_rests_rests_exactly(roll: float, pitch: float) -> None:
-    wanted = along_body(Motion(2.0, 0.0, 0.0, 0.0), known(roll), known(pitch))
-    assert wanted == Motion(2.0, 0.0, 0.0, 0.0)
-
-
 def test_level_and_unknown_tilt_change_nothing() -> None:
     motion, rate = Motion(1.0, 0.5, 0.2, 0.1), known(0.4)
     assert along_body(motion, known(0.0), known(0.0)) == motion
     assert along_body(motion, known(0.5), known(0.5, valid=False)) == motion
     assert of_heading(rate, known(0.0), 0.7) == rate
     assert of_heading(rate, known(0.5, valid=False), 0.7) == rate
-
-
-def test_a_rate_that_is_not_known_stays_unknown() -> None:
-    assert not of_heading(known(0.1, valid=False), known(0.2), 0.3).valid

@@ -16,12 +16,12 @@ from messages.sensors import AltitudeSample, BatterySample, DvlSample, LeakSampl
 from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
 from services.reference.failsafe.machine import FailsafeMachine, Holding
-from services.reference.failsafe.table import table
 from services.reference.failsafe.table import (
     HEALTH_PATIENCE_NS,
     RECENT_NS,
     ConditionWatch,
     WatchedMessages,
+    table,
 )
 from services.reference.guidance.requests import refusal
 from services.reference.settings import FailsafeSettings

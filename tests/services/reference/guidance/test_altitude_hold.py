@@ -243,16 +243,6 @@ def test_over_flat_ground_the_stick_is_that_of_depth_hold(
     assert ends[2].depth.position == pytest.approx(ends[0].depth.position, abs=2 * NOISE)
 
 
-@pytest.mark.slow
-def test_over_flat_ground_it_hardly_ever_moves() -> None:
-    for seed in range(4):
-        dive = Dive(flat, 2.0, seed=seed)
-        assert dive.hold_height() == ""
-        dive.fly(300.0)
-        assert dive.moved < 0.5
-        assert dive.height == pytest.approx(2.0, abs=0.15)
-
-
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.7, 3.5), st.integers(0, 1000))
 def test_a_fish_does_not_move_it(near: float, seed: int) -> None:
@@ -303,16 +293,6 @@ def test_a_bottom_that_is_not_seen_is_not_followed_down() -> None:
     dive.fly(PATIENCE_S + 3.0)
     assert dive.status.flight_mode == "stabilised"
     assert dive.depth < seen - 3.0 + 0.4
-    assert is_continuous(dive)
-
-
-def test_the_stick_does_not_lead_below_the_least_height() -> None:
-    dive = Dive(flat, 3.0)
-    assert dive.hold_height() == ""
-    dive.fly(30.0, heave=1.0)
-    assert dive.nearest >= FLOOR - 3 * NOISE
-    dive.fly(10.0)
-    assert dive.height == pytest.approx(FLOOR + BAND, abs=0.2)
     assert is_continuous(dive)
 
 
@@ -397,30 +377,6 @@ def test_where_a_depth_is_held_no_stick_leads_into_the_bottom(
     assert dive.height == pytest.approx(FLOOR + BAND, abs=3 * NOISE)
     assert dive.seen[-1].depth.velocity == pytest.approx(0.0, abs=2 * NOISE)
     assert is_continuous(dive)
-
-
-@pytest.mark.slow
-@settings(max_examples=20, deadline=None)
-@given(slopes, st.floats(0.1, 0.5), st.integers(0, 1000))
-def test_a_stick_held_down_over_slopes_never_moves_the_depth_up(
-    slopes: list[float], speed: float, seed: int
-) -> None:
-    dive = Dive(hills(slopes, 6.0, 30.0), 3.0, seed=seed)
-    dive.speed = speed
-    dive.fly(6.0 * len(slopes) / speed, heave=1.0)
-    assert min(reference.depth.velocity for reference in dive.seen) >= -SMALL
-    assert is_continuous(dive)
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.floats(-1.0, 1.0), st.floats(0.5, 3.0))
-def test_far_above_the_bottom_it_is_the_stick_alone(heave: float, seconds: float) -> None:
-    ends: list[Reference] = []
-    for altimeter in (False, True):
-        dive = held_at(8.0, altimeter=altimeter)
-        dive.fly(seconds, heave=heave)
-        ends.append(dive.fly(5.0))
-    assert ends[0].depth == ends[1].depth
 
 
 def test_the_pilot_is_told_once_and_up_is_free() -> None:
