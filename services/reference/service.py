@@ -92,23 +92,16 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
         published = generator.summary(now)
         status.put(generator.status(now))
 
-    node.trigger(topics.STATE, on_state, SILENCE_S)
-    node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
-    _take_over(node, generator, publish_status)
-    node.every(topics.STATUS.hz, publish_status)
-
-
-def _take_over(
-    node: Node, generator: ReferenceGenerator, publish_status: Callable[[int], None]
-) -> None:
-    """Do what control has done while this service was silent."""
-
     def take_over(request: PilotRequest, now: int) -> None:
+        """Do what control has done while this service was silent."""
         if generator.handed_on(request, now):
             node.log("warning", f"{request.kind}: was done by control, and is now done here")
             publish_status(now)
 
+    node.trigger(topics.STATE, on_state, SILENCE_S)
+    node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
     node.each(topics.HANDED_ON, take_over)
+    node.every(topics.STATUS.hz, publish_status)
 
 
 def _unfit(node: Node, stack: Stack) -> Callable[[PilotRequest, int], PilotAnswer | None]:

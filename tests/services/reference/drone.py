@@ -41,9 +41,9 @@ class Drone:
         self.fly(0.1)
         return self
 
-    def ask(self, kind: RequestKind, **more: Any) -> str:
+    def ask(self, kind: RequestKind, command: PilotCommand | None = None, **more: Any) -> str:
         """Why a request is refused; empty: it is granted."""
-        return self.request(kind, **more).reason
+        return self.request(kind, command, **more).reason
 
     def request(
         self, kind: RequestKind, command: PilotCommand | None = None, **more: Any
