@@ -20,7 +20,9 @@ from services.vehicle.mounting import AltitudeAtOrigin
 SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
 
-def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
+def wire(  # noqa: C901 - one port after the other
+    node: Node, stack: Stack, law: Law | None = None
+) -> None:
     """
     Args:
         law: of the user's, by which depth and heading go to the velocity of the stick.
