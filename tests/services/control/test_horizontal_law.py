@@ -24,6 +24,7 @@ from services.marine.attitude import to_body as rotated
 from services.marine.hydrodynamics import coriolis, damping, system_inertia
 from services.marine.vehicle import Vehicle
 from services.simulator.vessel import equations_of_motion
+from tests.support import said
 from tests.support.said import state
 from tests.support.told import told
 
@@ -43,31 +44,14 @@ def seen(
 ) -> VehicleState:
     flow = (None, None) if current is None else current
     return state(
-        depth=2.0,
-        heading=psi,
-        heading_navigation=psi,
-        surge_velocity=velocity[0],
-        sway_velocity=velocity[1],
-        north=place[0],
-        east=place[1],
-        current_north=flow[0],
-        current_east=flow[1],
-    )
+        depth=2.0, heading=psi, heading_navigation=psi, north=place[0], east=place[1],
+        surge_velocity=velocity[0], sway_velocity=velocity[1],
+        current_north=flow[0], current_east=flow[1],
+    )  # fmt: skip
 
 
 def asked(north: Motion, east: Motion, psi: Motion) -> Reference:
-    return Reference(
-        stamp_ns=0,
-        sensor_ns=0,
-        pilot_ns=None,
-        armed=True,
-        depth=Motion(2.0, 0.0, 0.0, 0.0),
-        heading=psi,
-        surge_force=0.0,
-        sway_force=0.0,
-        north=north,
-        east=east,
-    )
+    return said.reference(0, depth=at(2.0), heading=psi, north=north, east=east)
 
 
 def at(position: float) -> Motion:
@@ -195,17 +179,11 @@ def known(value: float, *, valid: bool = True) -> Estimate:
 def lying(
     roll: float, pitch: float, rate: float, yaw_rate: float, *, valid: bool = True
 ) -> VehicleState:
-    unknown = () if valid else ("roll", "pitch")
     return state(
-        invalid=unknown,
-        depth=DEEP,
-        depth_rate=rate,
-        attitude=from_euler(roll, pitch, 0.7),
-        roll=roll,
-        pitch=pitch,
-        heading=0.7,
+        invalid=() if valid else ("roll", "pitch"), depth=DEEP, depth_rate=rate,
+        attitude=from_euler(roll, pitch, 0.7), roll=roll, pitch=pitch, heading=0.7,
         yaw_rate=yaw_rate,
-    )
+    )  # fmt: skip
 
 
 def euler_rates(roll: float, pitch: float, turning: Vec3) -> tuple[float, float]:

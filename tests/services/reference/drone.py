@@ -34,6 +34,7 @@ class Drone:
         self.asked, self.epoch = 0, 0
         self.depth, self.heading, self.place = depth, 0.0, place
         self.flown: list[Reference] = []
+        self.leaks = False
 
     def armed(self) -> Self:
         self.fly(0.1)
@@ -66,12 +67,16 @@ class Drone:
             surge_velocity=still, sway_velocity=still, origin=UNSET if self.place is None else 1,
         )  # fmt: skip
 
+    def measured(self) -> WatchedMessages:
+        """What its other sensors say at this step."""
+        return WatchedMessages(leak=LeakSample(stamp_ns=0, wet=self.leaks))
+
     def fly(self, seconds: float, *, there: str = "pilot", **axes: Any) -> Reference:
         """With these sticks. `there`: pilot, nobody, no state, or leak beside the pilot."""
-        leak = LeakSample(stamp_ns=0, wet=there == "leak")
-        self.generator.conditions.newest = WatchedMessages(leak=leak)
+        self.leaks = there == "leak"
         for _ in range(round(seconds * 1e9 / DT)):
             self.now += DT
+            self.generator.conditions.newest = self.measured()
             command = None if there == "nobody" else self.sticks(**axes)
             self.step(None if there == "no state" else self.state(), command)
         return self.flown[-1]
