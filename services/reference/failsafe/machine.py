@@ -97,7 +97,10 @@ class FailsafeMachine:
             pilot: authority epochs, the one that acts and the newest: another pilot, others.
         """
         arms, self._holding, after = armed and not self.armed, holding, dict[str, Memory]()
-        for row in self.rows if holding or self.memory else ():
+        if not (holding or self.memory):
+            self.armed, self.surfaced = armed, False
+            return
+        for row in self.rows:
             memory, held = self.memory.get(row.name), holding.get(row.name)
             if memory is not None and not memory.long:  # judged before it ends
                 lasted = memory.holds and now - memory.since_ns >= SHORT_NS

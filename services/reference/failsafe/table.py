@@ -4,9 +4,9 @@ and what ends it. And what is known of the vehicle and its services, by which th
 `docs/failsafes.md` is written from it (`make docs`).
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 from messages import events
 from messages.control import Wrench
@@ -58,7 +58,8 @@ class Holding(NamedTuple):
     detail: str = ""  # which sensor, thruster, service …
 
 
-Predicate = Callable[["ConditionWatch"], Holding | None]
+# Whether a condition holds by what its source gives: True, or what is to be said of it.
+Predicate = Callable[[Any, "ConditionWatch"], Holding | str | bool]
 
 
 @dataclass(slots=True)
@@ -77,16 +78,15 @@ class ConditionWatch:
     unheld: tuple[str, ...] = ()  # axes that the mode holds, but whose estimates are not valid
     limited: bool = False  # the reference comes to rest at the depth limit
     above_floor: bool = False  # it does above the bottom, although the stick points down
-    silent: list[str] = field(default_factory=list[str])  # services
     pinged_ns: Ns | None = None
     _commanded: bool = False  # a command has arrived since the start
-    _rows: list[tuple[str, Predicate]] = field(init=False)
     _heard: dict[str, tuple[Health, Ns]] = field(default_factory=dict[str, tuple[Health, Ns]])
     _late_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])  # newest late report of each
     _counted_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])  # event → newest count of it
+    _rows: "tuple[FailsafeRow, ...]" = field(init=False)
 
     def __post_init__(self) -> None:
-        self._rows = [(row.name, row.holds) for row in table(self.settings)]
+        self._rows = table(self.settings)
 
     def ping(self, now: Ns) -> None:
         """Something that is not from the pilot arrived from topside."""
@@ -106,13 +106,49 @@ class ConditionWatch:
             self._counted_ns[event.name] = now
 
     def holding(self) -> dict[str, Holding]:
-        """The conditions that hold now, by their names, in the order of the table."""
+        """The conditions that hold now, by their names, in the order of the table. A row is asked
+        where its source gives something."""
+        state, newest, now, s = self.state, self.newest, self.now, self.settings
+        running = state if state is not None and state.phase == "running" else None
+        # After a restart in mid-dive it is as if the last command had come just before.
         self._commanded = self._commanded or self.command is not None
-        self.silent = [
-            n for n, (_, at) in self._heard.items() if self.now - at > HEALTH_PATIENCE_NS
-        ]
-        pairs = ((name, holds(self)) for name, holds in self._rows)
-        return {name: found for name, found in pairs if found is not None}
+        waits = not self._commanded and now - self.started_ns <= TTL_MS * 1e6
+        present = self.command is not None and self.command.pilot == "present"
+        sounder, battery = newest.altimeter or newest.dvl, newest.battery
+        silent, late = list[str](), list[str]()
+        for name, (_, at) in self._heard.items():
+            if now - at > HEALTH_PATIENCE_NS:
+                silent.append(name)
+        for name, at in self._late_ns.items():
+            if name not in silent and now - at < RECENT_NS:
+                late.append(name)
+        sources: dict[str, Any] = {
+            "leak": newest.leak,
+            "charge": None if battery is None else battery.charge,
+            "temperature": newest.temperature,
+            "altitude": None if sounder is None or self.above_floor else sounder.altitude,
+            "wrench": newest.wrench if self.armed else None,
+            "no state": True if state is None else None,
+            "state": running,
+            "troubles": None if running is None else running.troubles or None,
+            "no pilot": True if self.armed and not present and not waits else None,
+            "unheld": self.unheld or None,
+            "limited": f"{s.depth_limit:g} m" if self.limited else None,
+            "above floor": f"{s.floor_distance:g} m" if self.above_floor else None,
+            "silent": silent or None,
+            "late": late or None,
+            "counted": self._counted_ns or None,
+        }
+        found = dict[str, Holding]()
+        for row in self._rows:
+            if (given := sources[row.source]) is None:
+                continue
+            said = given if row.holds is None else row.holds(given, self)
+            if isinstance(said, Holding):
+                found[row.name] = said
+            elif said:
+                found[row.name] = Holding(detail="" if said is True else said)
+        return found
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -121,109 +157,54 @@ class ConditionWatch:
         no_leak = (events.LEAK.name,) if leak is None or leak.wet is None else ()
         return no_leak if battery else (*no_leak, events.BATTERY_CRITICAL.name)
 
-    # What several rows ask.
-
-    @property
-    def running(self) -> VehicleState | None:
-        """The state of an estimator that has begun."""
-        state = self.state
-        return state if state is not None and state.phase == "running" else None
-
-    @property
-    def pilot_lost(self) -> bool:
-        """After a restart in mid-dive it is as if the last command had come just before."""
-        present = self.command is not None and self.command.pilot == "present"
-        waits = not self._commanded and self.now - self.started_ns <= TTL_MS * 1e6
-        return self.armed and not present and not waits
-
-    @property
-    def charge(self) -> float | None:
-        """[-] Left of the battery's. More than empty counts as worse, but a driver may say
-        anything: not without end."""
-        charge = None if self.newest.battery is None else self.newest.battery.charge
-        return None if charge is None else max(-1.0, charge)
-
     def counted(self, event: events.Row, within: Ns) -> bool:
-        at = self._counted_ns.get(event.name)
-        return at is not None and self.now - at < within
-
-    def silent_of(self, *roles: str) -> list[str]:
-        return [name for name in self.silent if self.watched[name] in roles]
-
-    def late(self) -> list[str]:
-        late = self._late_ns.items()
-        return [n for n, at in late if n not in self.silent and self.now - at < RECENT_NS]
+        return self.now - self._counted_ns.get(event.name, -within) < within
 
 
-# When each condition holds, and what is to be said of it.
-
-
-def _if(holds: bool, detail: str = "") -> Holding | None:
-    return Holding(detail=detail) if holds else None
-
-
-def _named(names: Iterable[str]) -> Holding | None:
-    detail = ", ".join(names)
-    return Holding(detail=detail) if detail else None
-
-
-def _link_lost(seen: ConditionWatch) -> Holding | None:
+def _link_lost(_: bool, seen: ConditionWatch) -> bool:
     pinged = seen.pinged_ns
-    quiet = pinged is not None and seen.now - pinged > LINK_PATIENCE_NS
-    return _if(seen.command is None and quiet and seen.pilot_lost)
+    return seen.command is None and pinged is not None and seen.now - pinged > LINK_PATIENCE_NS
 
 
-def _battery_critical(seen: ConditionWatch) -> Holding | None:
-    left, critical = seen.charge, seen.settings.battery_critical
-    if left is None or left > critical:
-        return None
+def _battery_critical(charge: float, seen: ConditionWatch) -> Holding | bool:
+    """More than empty counts as worse, but a driver may say anything: not without end."""
+    left, critical = max(-1.0, charge), seen.settings.battery_critical
+    if left > critical:
+        return False
     return Holding(int((critical - left) / WORSE), f"{max(0.0, left):.0%} left")
 
 
-def _battery_low(seen: ConditionWatch) -> Holding | None:
-    left, s = seen.charge, seen.settings
-    if left is None or not s.battery_critical < left <= s.battery_low:
-        return None
-    return Holding(detail=f"{left:.0%} left")
+def _battery_low(charge: float, seen: ConditionWatch) -> str | bool:
+    low = seen.settings.battery_critical < charge <= seen.settings.battery_low
+    return low and f"{charge:.0%} left"
 
 
-def _too_deep(seen: ConditionWatch) -> Holding | None:
-    state, limit = seen.running, seen.settings.depth_limit
-    deep = state is not None and state.depth.valid and state.depth.value > limit + TOO_DEEP
-    return _if(deep, f"{limit:g} m")
+def _too_deep(state: VehicleState, seen: ConditionWatch) -> str | bool:
+    limit, depth = seen.settings.depth_limit, state.depth
+    return depth.valid and depth.value > limit + TOO_DEEP and f"{limit:g} m"
 
 
-def _near_floor(seen: ConditionWatch) -> Holding | None:
-    sounder = seen.newest.altimeter or seen.newest.dvl
-    altitude = None if sounder is None else sounder.altitude
-    if seen.above_floor or altitude is None or altitude >= seen.settings.floor_distance:
-        return None
-    return Holding(detail=f"{altitude:.1f} m")
+def _sensor_trouble(troubles: Sequence[str], seen: ConditionWatch) -> str:
+    """Of sensors for which no other row stands: not of an IMU that is lost, nor of a pressure
+    sensor without which the depth is lost."""
+    state, said = seen.state, list[str]()
+    for trouble in troubles:
+        sensor = trouble.partition(":")[2]
+        lost = state is not None and (
+            (sensor == "sensor/imu" and not state.roll.valid)
+            or (sensor == "sensor/pressure" and not state.depth.valid)
+        )
+        if not lost:
+            said.append(sentence(trouble))
+    return ", ".join(said)
 
 
-def _sensor_trouble(seen: ConditionWatch) -> Holding | None:
-    """Troubles of sensors for which no other row stands: not of an IMU that is lost, nor of a
-    pressure sensor without which the depth is lost."""
-    if (state := seen.running) is None or not state.troubles:
-        return None
-    named = [
-        *([] if state.roll.valid else ["sensor/imu"]),
-        *([] if state.depth.valid else ["sensor/pressure"]),
-    ]
-    return _named(sentence(t) for t in state.troubles if t.partition(":")[2] not in named)
+def _too_hot(sample: TemperatureSample, seen: ConditionWatch) -> str | bool:
+    return sample.temperature >= seen.settings.hot and f"{sample.temperature:.0f} °C"
 
 
-def _control_silent(seen: ConditionWatch) -> Holding | None:
-    wrench = seen.newest.wrench
-    late = wrench is not None and seen.now - wrench.stamp_ns > CONTROL_PATIENCE_NS
-    return _if(seen.armed and late)
-
-
-def _too_hot(seen: ConditionWatch) -> Holding | None:
-    sample = seen.newest.temperature
-    if sample is None or not sample.temperature >= seen.settings.hot:
-        return None
-    return Holding(detail=f"{sample.temperature:.0f} °C")
+def _service_silent(names: Sequence[str], seen: ConditionWatch) -> str:
+    return ", ".join(n for n in names if seen.watched[n] in ("motion", "keeper"))
 
 
 # The table.
@@ -247,15 +228,17 @@ class FailsafeRow:
 
     condition: Condition
     measured: str  # when it holds, and where that is measured; for the documentation
-    holds: Predicate
+    source: str  # by which it is judged, of `ConditionWatch.holding`
+    holds: Predicate | None = None  # None: whenever the source gives something
     stages: tuple[FailsafeStage, ...] = (NOTICE,)
     overrule: bool = False  # `resume` is granted although the condition still holds
     brief: bool = False  # after a short one, centred sticks are enough
     told: bool = True  # its beginning is counted and logged here; False: by whoever measures it
 
-    @property
-    def name(self) -> str:
-        return self.condition.name
+    name: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.condition.name)
 
     @property
     def acts(self) -> bool:
@@ -270,13 +253,15 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
         FailsafeRow(
             events.LEAK,
             "`sensor/leak` is wet",
-            lambda seen: _if(seen.newest.leak is not None and bool(seen.newest.leak.wet)),
+            "leak",
+            lambda leak, _: bool(leak.wet),
             (NOTICE, FailsafeStage(s.leak_patience, "ascend")),
             overrule=True,
         ),
         FailsafeRow(
             events.BATTERY_CRITICAL,
             "`sensor/battery`: charge left at most `battery_critical`",
+            "charge",
             _battery_critical,
             (NOTICE, FailsafeStage(s.battery_patience, "ascend")),
             overrule=True,
@@ -284,20 +269,22 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
         FailsafeRow(
             events.STATE_LOST,
             "no `state` for 0.1 s",
-            lambda seen: _if(seen.state is None),
-            (STOP,),
+            "no state",
+            stages=(STOP,),
             brief=True,
         ),
         FailsafeRow(
             events.IMU_LOST,
             "`state`: roll is not valid",
-            lambda seen: _if(seen.running is not None and not seen.running.roll.valid),
+            "state",
+            lambda state, _: not state.roll.valid,
             (STOP,),
             overrule=True,
         ),
         FailsafeRow(
             events.LINK_LOST,
             "neither sticks nor `clock/ping` for 1 s, after there were pings",
+            "no pilot",
             _link_lost,
             (STOP, rises_without_pilot),
             brief=True,
@@ -305,91 +292,110 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
         FailsafeRow(
             events.PILOT_LOST,
             "armed, and the newest `pilot/command` has expired (0.3 s), or its pad is lost",
-            lambda seen: _if(seen.pilot_lost),
-            (STOP, rises_without_pilot),
+            "no pilot",
+            stages=(STOP, rises_without_pilot),
             brief=True,
         ),
         FailsafeRow(
             events.DEPTH_LIMIT,
             "the reference comes to rest at `depth_limit`",
-            lambda seen: _if(seen.limited, f"{s.depth_limit:g} m"),
-            (LIMIT,),
+            "limited",
+            stages=(LIMIT,),
         ),
         FailsafeRow(
-            events.TOO_DEEP, "`state`: depth more than 0.5 m below `depth_limit`", _too_deep
+            events.TOO_DEEP,
+            "`state`: depth more than 0.5 m below `depth_limit`",
+            "state",
+            _too_deep,
         ),
         FailsafeRow(
             events.FLOOR_LIMIT,
             "the stick points down in a mode that holds the depth, and the reference comes to rest "
             "at `floor_distance`",
-            lambda seen: _if(seen.above_floor, f"{s.floor_distance:g} m"),
-            (LIMIT,),
+            "above floor",
+            stages=(LIMIT,),
         ),
         FailsafeRow(
             events.NEAR_FLOOR,
             "`sensor/dvl` or `sensor/altitude`: altitude less than `floor_distance`",
-            _near_floor,
+            "altitude",
+            lambda altitude, _: altitude < s.floor_distance and f"{altitude:.1f} m",
         ),
         FailsafeRow(
             events.DEPTH_LOST,
             "the mode holds the depth, and its estimate is not valid for 0.5 s",
-            lambda seen: _if("depth" in seen.unheld),
+            "unheld",
+            lambda unheld, _: "depth" in unheld,
             told=False,
         ),
         FailsafeRow(
             events.HEADING_LOST,
             "the mode holds the heading, and its estimate is not valid for 0.5 s",
-            lambda seen: _if("heading" in seen.unheld),
+            "unheld",
+            lambda unheld, _: "heading" in unheld,
             told=False,
         ),
         FailsafeRow(
             events.SENSOR_TROUBLE,
             "`state`: troubles, by estimation (silent, noisy, frozen, inconsistent, disturbed)",
+            "troubles",
             _sensor_trouble,
             told=False,
         ),
         FailsafeRow(
-            events.CONTROL_SILENT, "armed, and no `control/wrench` for 0.5 s", _control_silent
+            events.CONTROL_SILENT,
+            "armed, and no `control/wrench` for 0.5 s",
+            "wrench",
+            lambda wrench, seen: seen.now - wrench.stamp_ns > CONTROL_PATIENCE_NS,
         ),
         FailsafeRow(
             events.BOARD_SILENT,
             "`health` of a driver such as ardusub: no heartbeat of the board for 3 s",
-            lambda seen: _if(seen.counted(events.SILENT_BOARD, BOARD_PATIENCE_NS)),
+            "counted",
+            lambda _, seen: seen.counted(events.SILENT_BOARD, BOARD_PATIENCE_NS),
             told=False,
         ),
         FailsafeRow(
             events.SERVICE_SILENT,
             "no `health` of the vehicle side, estimation, control, a module of yours on board or, "
             "where it is another machine, its supervisor for 3 s, after there was some",
-            lambda seen: _named(seen.silent_of("motion", "keeper")),
+            "silent",
+            _service_silent,
         ),
         FailsafeRow(
             events.SERVICE_LATE,
             "`health` of the vehicle side, estimation, control or a module of yours on board: 1 % "
             "of its messages of a second handled over 40 ms late, in the last 10 s",
-            lambda seen: _named(seen.late()),
+            "late",
+            lambda names, _: ", ".join(names),
         ),
         FailsafeRow(
             events.RECORDER_DOWN,
             "no `health` of the recorder for 3 s, after there was some",
-            lambda seen: _if(bool(seen.silent_of("recorder"))),
+            "silent",
+            lambda names, seen: any(seen.watched[name] == "recorder" for name in names),
         ),
         FailsafeRow(
             events.DISK_FULL,
             "`health` of the recorder: a disk error in the last 10 s",
-            lambda seen: _if(seen.counted(events.DISK_ERROR, RECENT_NS)),
+            "counted",
+            lambda _, seen: seen.counted(events.DISK_ERROR, RECENT_NS),
             told=False,
         ),
         FailsafeRow(
             events.CLOCK_JUMP,
             "`health` of the link monitor: a jump in the last 10 s",
-            lambda seen: _if(seen.counted(events.JUMPED_CLOCK, RECENT_NS)),
+            "counted",
+            lambda _, seen: seen.counted(events.JUMPED_CLOCK, RECENT_NS),
             told=False,
         ),
         FailsafeRow(
             events.BATTERY_LOW,
             "`sensor/battery`: charge left at most `battery_low`, and more than `battery_critical`",
+            "charge",
             _battery_low,
         ),
-        FailsafeRow(events.TOO_HOT, "`sensor/temperature`: at least `hot`", _too_hot),
+        FailsafeRow(
+            events.TOO_HOT, "`sensor/temperature`: at least `hot`", "temperature", _too_hot
+        ),
     )
