@@ -41,12 +41,12 @@ SEAMS = (
     ),
     Seam(
         "the link is lost while commands come",
-        FAILSAFE, "seen.command is None and quiet", "quiet", ROWS,
+        FAILSAFE, "seen.command is None and pinged", "pinged", ROWS,
     ),
     Seam(
         "an altimeter warns of no bottom",
-        FAILSAFE, "sounder = seen.newest.altimeter or seen.newest.dvl",
-        "sounder = seen.newest.dvl", ROWS,
+        FAILSAFE, "sounder, battery = newest.altimeter or newest.dvl",
+        "sounder, battery = newest.dvl", ROWS,
     ),
     Seam(
         "an empty battery gets no worse",
