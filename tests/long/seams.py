@@ -52,7 +52,10 @@ SEAMS = (
         "an empty battery gets no worse",
         FAILSAFE, "Holding(int((critical - left) / WORSE)", "Holding(0", ROWS,
     ),
-    Seam("it is never too hot", FAILSAFE, ">= seen.settings.hot", ">= 2.0 * seen.settings.hot", ROWS),
+    Seam(
+        "it is never too hot",
+        FAILSAFE, ">= seen.settings.hot", ">= 2.0 * seen.settings.hot", ROWS,
+    ),
     Seam(
         "a pressure jump does not move the bottom",
         "services/reference/guidance/guidance.py",
