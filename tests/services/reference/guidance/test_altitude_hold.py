@@ -285,10 +285,13 @@ def test_what_the_drone_does_by_itself_goes_on_at_a_depth(deed: str) -> None:
     dive = Dive(flat, 3.0)
     assert dive.hold_height() == ""
     dive.fly(2.0)
-    if deed == "lost":
-        dive.generator.step(dive.state(), None, dive.now + 500_000_000)
-    else:
-        assert dive.ask(deed, **({"depth": 5.0} if deed == "goto" else {})) == ""
+    match deed:
+        case "stop":
+            assert dive.ask("stop") == ""
+        case "goto":
+            assert dive.ask("goto", depth=5.0) == ""
+        case _:
+            dive.generator.step(dive.state(), None, dive.now + 500_000_000)
     assert dive.status.flight_mode == "stabilised"
 
 
