@@ -3,6 +3,7 @@ in the place of a silent `reference`."""
 
 from dataclasses import dataclass, field
 from math import isfinite
+from typing import cast
 
 import msgspec
 
@@ -59,9 +60,14 @@ class Controller:
         require_pilotable(self.vehicle)
         self._allocation = Allocation(self.vehicle, self.settings.allocation)
         self._laws = Laws(self.settings, self.vehicle, PERIOD_S, self._note)
-        _require_possible(self.settings, self._allocation.axes)
+        for name, gains in (("roll", self.settings.roll), ("pitch", self.settings.pitch)):
+            if (gains.kp or gains.kd) and name not in self._allocation.axes:
+                raise ValueError(
+                    f"control.{name}: kp = {gains.kp:g} and kd = {gains.kd:g}, but the thrusters "
+                    f"of this vehicle cannot drive {name}; allowed are 0 and 0"
+                )
 
-    def step(
+    def step(  # noqa: C901 - one step, in its order
         self, reference: Reference | None, state: VehicleState | None, now: Ns
     ) -> tuple[Wrench, ThrusterCommand]:
         """One wrench and the thruster commands for it.
@@ -87,20 +93,25 @@ class Controller:
         if reference is not None and reference.armed and self.latch.forbids(reference.armed_ns):
             reference = msgspec.structs.replace(reference, armed=False)
         # The wrench, if there may be one.
+        armed = reference is not None and reference.armed
         wanted: Vec6 | None = None
-        if reference is not None and reference.armed and state is not None:
+        if reference is not None and armed and state is not None:
             wanted = self._laws.wrench(at_sample(reference, state.sensor_ns), state, dt)
             if not all(map(isfinite, wanted)):
                 self._note(events.NOT_FINITE("wrench"))
                 wanted = None
             elif max(map(abs, wanted)) > LARGEST_WRENCH:
                 self._note(events.CLAMPED("wrench"))
-                x, y, z, k, m, n = [
-                    max(-LARGEST_WRENCH, min(LARGEST_WRENCH, part)) for part in wanted
-                ]
-                wanted = x, y, z, k, m, n
+                within = [max(-LARGEST_WRENCH, min(LARGEST_WRENCH, part)) for part in wanted]
+                wanted = cast(Vec6, tuple(within))
+        # No thrust without one; disarming also resets integrals, observers and allocation.
         if wanted is None:
-            self._stop(reference, state)
+            self._laws.stop()
+            if not armed:
+                self._laws.forget()
+                self._allocation.forget()
+            elif state is None:
+                self._note(events.STALE(topics.STATE.key))
         result = self._command(reference, state, wanted or NO_WRENCH, now)
         # Of each condition its onset.
         for event in sorted(self._now_true - self._was_true):
@@ -114,8 +125,7 @@ class Controller:
     def _hold(self) -> Reference | None:
         """The last reference at rest: its positions, without velocity or pilot force. Held axes
         stay held; no others are."""
-        last = self._newest
-        if last is None:
+        if (last := self._newest) is None:
             return None
         return msgspec.structs.replace(
             last,
@@ -128,32 +138,23 @@ class Controller:
             heave_force=None if last.heave_force is None else 0.0,
             yaw_moment=None if last.yaw_moment is None else 0.0,
             surge=None,
-            north=None if last.north is None else _at_rest(last.north),
-            east=None if last.east is None else _at_rest(last.east),
+            north=last.north and _at_rest(last.north),
+            east=last.east and _at_rest(last.east),
             gripper=0.0,
         )
-
-    def _stop(self, reference: Reference | None, state: VehicleState | None) -> None:
-        """No thrust from now on. Disarming also resets integrals, observers and allocation."""
-        self._laws.stop()
-        if reference is None or not reference.armed:
-            self._laws.forget()
-            self._allocation.forget()
-        elif state is None:
-            self._note(events.STALE(topics.STATE.key))
 
     def _command(
         self, reference: Reference | None, state: VehicleState | None, wanted: Vec6, now: Ns
     ) -> tuple[Wrench, ThrusterCommand]:
         sensor_ns = None if state is None else state.sensor_ns
+        armed = reference if reference is not None and reference.armed else None
         done = self._allocation.allocate(wanted)
         self._now_true.update(map(events.SATURATED, done.saturated))
         for axis, value in zip(AXES, wanted, strict=True):
             if value and axis not in self._allocation.axes:
                 self._note(events.UNDRIVEN(axis))
         self._laws.done(wanted, done.achieved, saturated=bool(done.saturated))
-        standing = self._laws.standing
-        x, y, z, k, m, n = standing
+        x, y, z, k, m, n = self._laws.standing
         wrench = Wrench(
             stamp_ns=now,
             sensor_ns=sensor_ns,
@@ -170,9 +171,9 @@ class Controller:
             pilot_ns=None if reference is None else reference.pilot_ns,
             epoch=0 if reference is None else reference.epoch,
             thrust=done.thrust,
-            armed=reference is not None and reference.armed,
-            armed_ns=None if reference is None or not reference.armed else reference.armed_ns,
-            gripper=0.0 if reference is None or not reference.armed else reference.gripper,
+            armed=armed is not None,
+            armed_ns=None if armed is None else armed.armed_ns,
+            gripper=0.0 if armed is None else armed.gripper,
         )
         return wrench, command
 
@@ -190,13 +191,15 @@ def at_sample(reference: Reference, sensor_ns: Ns) -> Reference:
     t = (sensor_ns - r.sensor_ns) / 1e9
     if t == 0.0:
         return r
+    axes = {
+        "depth": r.depth,
+        "heading": r.heading,
+        "surge": r.surge,
+        "north": r.north,
+        "east": r.east,
+    }
     return msgspec.structs.replace(
-        r,
-        depth=_extrapolated(r.depth, t),
-        heading=_extrapolated(r.heading, t),
-        surge=None if r.surge is None else _extrapolated(r.surge, t),
-        north=None if r.north is None else _extrapolated(r.north, t),
-        east=None if r.east is None else _extrapolated(r.east, t),
+        r, **{name: motion and _extrapolated(motion, t) for name, motion in axes.items()}
     )
 
 
@@ -257,15 +260,6 @@ class DisarmFallback:
             self._outbox.tell(events.OVERRULED_REFERENCE())
             due.append(disarm)
         return due
-
-
-def _require_possible(settings: Settings, axes: frozenset[str]) -> None:
-    for name, gains in (("roll", settings.roll), ("pitch", settings.pitch)):
-        if (gains.kp or gains.kd) and name not in axes:
-            raise ValueError(
-                f"control.{name}: kp = {gains.kp:g} and kd = {gains.kd:g}, but the thrusters of "
-                f"this vehicle cannot drive {name}; allowed are 0 and 0"
-            )
 
 
 def _at_rest(motion: Motion) -> Motion:

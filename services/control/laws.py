@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, hypot, sin
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -12,15 +13,17 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns, Vec6
-from services.control import horizontal_plane
 from services.control.allocation.layout import AXES
 from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import REST, ActuatorModel, lags_of, plant_of
 from services.control.heave_coupling import HeaveCoupling
 from services.control.settings import RollPitchGains, Settings
+from services.marine.attitude import level_velocity, turned
 from services.marine.hydrodynamics import system_inertia
 from services.marine.vehicle import Vehicle
 
+Pair = tuple[float, float]  # north and east, or surge and sway
+STILL_WATER: Pair = (0.0, 0.0)  # [m/s]
 SHORT_OF_YAW = 0.01  # [-] of the moment that is wanted; a smaller lack is a dead-band's
 
 
@@ -70,7 +73,7 @@ class Laws:
         self._actuators = ActuatorModel(self._lags)
         self._short: frozenset[str] = frozenset()  # axes with less force than required
         self._turn_short = 0.0  # [N m] of the moment that is wanted, for lack of thrust
-        self._water: tuple[float, float] | None = None  # [m/s] along surge and sway, if known
+        self._water: Pair | None = None  # [m/s] along surge and sway, if known
 
         def axis(name: str, gains: Gains, row: int, *, own: bool = True) -> Axis:
             plant, lag = plant_of(vehicle, row), self._lags[row]
@@ -80,6 +83,7 @@ class Laws:
         self.sway = axis("sway", settings.sway, 1)
         self.depth = axis("depth", settings.depth, 2)
         self.heading = axis("heading", settings.heading, 5, own=False)
+        self._axes = self.surge, self.sway, self.depth, self.heading
         self._max_error = min(settings.surge.max_error, settings.sway.max_error)  # [m]
         self._roll, self._pitch = RollPitchHold(settings.roll), RollPitchHold(settings.pitch)
         self._coupling: HeaveCoupling | None = None
@@ -136,15 +140,14 @@ class Laws:
 
     def pause(self) -> None:
         """Learn nothing from the time since the last step."""
-        for axis in (self.surge, self.sway, self.depth, self.heading):
+        for axis in self._axes:
             axis.pause()
 
     def stop(self) -> None:
         """The thrusters are stopped: what was learnt stays, transfers and rates are reset."""
         self._actuators.settles_at = REST
-        self.pause()
-        for axis in (self.surge, self.sway, self.depth, self.heading):
-            axis.transfer.forget()
+        for axis in self._axes:
+            axis.pause(stopped=True)
         self._roll.forget()
         self._pitch.forget()
 
@@ -153,7 +156,7 @@ class Laws:
         self._water = None
         if self._coupling is not None:
             self._coupling.forget()
-        for axis in (self.surge, self.sway, self.depth, self.heading):
+        for axis in self._axes:
             axis.forget()
 
     def _learn(self, state: VehicleState, dt: float) -> None:
@@ -162,91 +165,144 @@ class Laws:
         if self._coupling is not None:
             self._coupling.step(state, (self._roll.rate, self._pitch.rate), force, dt)
             coupling, upright = self._coupling.force, self._coupling.upright
-        here = horizontal_plane.measured(state)
-        if here is not None:
-            self._switch_current(here, horizontal_plane.known_water(state, here.heading))
-        surge, sway = (None, None) if here is None else here.through_water(state)
+        surge = sway = heave = None
+        if (here := measured(state)) is not None:
+            water = known_water(state, here.heading)
+            self._switch_current(here, water)
+            along, across = water or STILL_WATER
+            surge, sway = here.ahead - along, here.starboard - across
         # Without the accelerometer the depth rate comes a third of a second late, and a fast
         # observer would be unstable.
-        known = state.depth_rate.valid and state.depth_acceleration.valid
-        heave = state.depth_rate.value if known else None
-        yaw = state.yaw_rate.value if state.yaw_rate.valid else None
-        for axis, row, velocity, pushed in (
-            (self.surge, 0, surge, force[0]),
-            (self.sway, 1, sway, force[1]),
-            (self.depth, 2, heave, upright * force[2] + coupling),
+        if state.depth_rate.valid and state.depth_acceleration.valid:
+            heave = state.depth_rate.value
+        for name, axis, velocity, pushed in (
+            ("surge", self.surge, surge, force[0]),
+            ("sway", self.sway, sway, force[1]),
+            ("heave", self.depth, heave, upright * force[2] + coupling),
         ):
-            axis.learn(None if AXES[row] in self._short else velocity, pushed, dt)
+            axis.learn(None if name in self._short else velocity, pushed, dt)
+        yaw = state.yaw_rate.value if state.yaw_rate.valid else None
         self.heading.learn(yaw, force[5], dt, short=self._turn_short)
 
-    def _switch_current(
-        self, here: horizontal_plane.MeasuredMotion, water: tuple[float, float] | None
-    ) -> None:
+    def _switch_current(self, here: "MeasuredMotion", water: Pair | None) -> None:
         """An unknown current is learnt as a disturbance force. Once it is known, the feed-forward
         compensates it, so the learnt force is reduced by that much, and vice versa; otherwise the
         current is compensated twice, or briefly not at all."""
         before, self._water = self._water, water
         if (before is None) == (water is None):
             return
-        velocities = here.ahead, here.starboard
-        currents = before or water or horizontal_plane.STILL_WATER
-        for axis, velocity, current in zip(
-            (self.surge, self.sway), velocities, currents, strict=True
-        ):
-            plant = axis.plant
-            force = plant.drag(velocity - current) - plant.drag(velocity)
+        currents = before or water or STILL_WATER
+        pairs = zip((here.ahead, here.starboard), currents, strict=True)
+        for axis, (velocity, current) in zip((self.surge, self.sway), pairs, strict=True):
+            force = axis.plant.drag(velocity - current) - axis.plant.drag(velocity)
             if water is None:
                 axis.take_over(force)
             else:
                 axis.give_up(force)
 
-    def _horizontal(
-        self, reference: Reference, state: VehicleState, dt: float
-    ) -> tuple[float, float]:
+    def _horizontal(self, reference: Reference, state: VehicleState, dt: float) -> Pair:
         """Surge and sway [N]: the pilot's force, and the position law's if it has a reference."""
         surge, sway = reference.surge_force, reference.sway_force
+        north, east = reference.north, reference.east
         if reference.surge is not None:
             surge += self.surge.feed_forward(reference.surge)
-        if reference.north is None or reference.east is None:
+        if north is None or east is None:
             return self.surge.forced(surge, dt), self.sway.forced(sway, dt)
-        here = horizontal_plane.measured(state)
+        here = measured(state)
         if here is None:
             self._count(events.INVALID_POSITION())
             psi = reference.heading.position
-            plane = horizontal_plane.seen_from_body(
-                reference.north, reference.east, psi, (0.0, 0.0)
-            )
-            surge = self.surge.blind(plane.surge, dt, surge)
-            return surge, self.sway.blind(plane.sway, dt, sway)
-        place = here.north, here.east
-        north, east = horizontal_plane.limited_error(
-            reference.north, reference.east, place, self._max_error
-        )
-        if (north, east) != (reference.north, reference.east):
+            ahead, aside = seen_from_body(north, east, psi, (0.0, 0.0))
+            return self.surge.blind(ahead, dt, surge), self.sway.blind(aside, dt, sway)
+        # The first anti-windup guard: the error is limited in its own direction.
+        place, most = (here.north, here.east), self._max_error
+        away = north.position - place[0], east.position - place[1]
+        if hypot(*away) > most:
             self._count(events.CLAMPED("control.place"))
-        plane = horizontal_plane.seen_from_body(north, east, here.heading, place)
-        return self._hold_place(plane, here, state, reference.heading, (surge, sway), dt)
+            share = most / hypot(*away)
+            north = replace(north, position=place[0] + share * away[0])
+            east = replace(east, position=place[1] + share * away[1])
+        ahead, aside = seen_from_body(north, east, here.heading, place)
+        along, across = known_water(state, here.heading) or STILL_WATER
+        through = ahead.velocity - along, aside.velocity - across
+        turn_x, turn_y = turning_force(self._inertia, through, reference.heading.velocity)
+        return (
+            self.surge.fed_back(ahead, 0.0, here.ahead, dt, water=along, extra=surge + turn_x),
+            self.sway.fed_back(aside, 0.0, here.starboard, dt, water=across, extra=sway + turn_y),
+        )
 
-    def _hold_place(
-        self,
-        plane: horizontal_plane.HorizontalSetpoint,
-        here: horizontal_plane.MeasuredMotion,
-        state: VehicleState,
-        heading: Motion,
-        extra: tuple[float, float],
-        dt: float,
-    ) -> tuple[float, float]:
-        water = horizontal_plane.water_velocity(state, here.heading)
-        through = plane.surge.velocity - water[0], plane.sway.velocity - water[1]
-        turning = horizontal_plane.turning_force(self._inertia, through, heading.velocity)
-        surge, sway = [
-            axis.fed_back(motion, 0.0, velocity, dt, water=current, extra=force + turn_force)
-            for axis, motion, velocity, current, force, turn_force in (
-                (self.surge, plane.surge, here.ahead, water[0], extra[0], turning[0]),
-                (self.sway, plane.sway, here.starboard, water[1], extra[1], turning[1]),
-            )
-        ]
-        return surge, sway
+
+# The horizontal plane: the reference in NED, resolved along the body axes.
+
+
+class MeasuredMotion(NamedTuple):
+    """Feedback of the horizontal law, all of it valid."""
+
+    heading: float  # [rad] clockwise from north
+    north: float  # [m] NED
+    east: float  # [m]
+    ahead: float  # [m/s] over the ground, horizontal, as the heading points
+    starboard: float  # [m/s] to the right of it
+
+
+def measured(state: VehicleState) -> MeasuredMotion | None:
+    """None when position, velocity or heading are not valid."""
+    heading = state.heading if state.heading_navigation is None else state.heading_navigation
+    north, east, level = state.north, state.east, level_velocity(state)
+    if north is None or east is None or level is None:
+        return None
+    if not (heading.valid and north.valid and east.valid):
+        return None
+    return MeasuredMotion(heading.value, north.value, east.value, *level)
+
+
+def known_water(state: VehicleState, heading: float) -> Pair | None:
+    """[m/s] Of the water over the ground along surge and sway; None: unknown."""
+    north, east = state.current_north, state.current_east
+    if north is None or east is None or not (north.valid and east.valid):
+        return None
+    return to_body(heading, north.value, east.value)
+
+
+def seen_from_body(
+    north: Motion, east: Motion, heading: float, place: Pair
+) -> tuple[Motion, Motion]:
+    """The reference along surge and sway: positions are errors, velocities over the ground.
+
+    Args:
+        heading: [rad] clockwise from north.
+        place: measured north and east [m].
+    """
+    error = to_body(heading, north.position - place[0], east.position - place[1])
+    velocity = to_body(heading, north.velocity, east.velocity)
+    acceleration = to_body(heading, north.acceleration, east.acceleration)
+    jerk = to_body(heading, north.jerk, east.jerk)
+    surge, sway = zip(error, velocity, acceleration, jerk, strict=True)
+    return Motion(*surge), Motion(*sway)
+
+
+def turning_force(inertia: Vec6, velocity: Pair, turn: float) -> Pair:
+    """[N] Surge and sway forces that a turning vehicle needs in addition to M times its
+    acceleration over the ground, because added mass differs between the axes.
+
+    In turning axes u' = a_x + r v, and M ν' + C(ν) ν = τ (Fossen 2011, eq. 3.46) leaves
+    X = m_x (a_x + r v) - m_y r v, and likewise in sway.
+
+    Args:
+        inertia: diagonal of M [kg, kg m²].
+        velocity: surge and sway relative to the water [m/s].
+        turn: r [rad/s].
+    """
+    difference = (inertia[0] - inertia[1]) * turn
+    return difference * velocity[1], difference * velocity[0]
+
+
+def to_body(heading: float, north: float, east: float) -> Pair:
+    """Surge and sway components of a horizontal NED vector of a level vehicle."""
+    return turned((north, east), -heading)
+
+
+# Heave and yaw of a vehicle that is not level.
 
 
 def along_body(heading: Motion, roll: Estimate, pitch: Estimate) -> Motion:

@@ -9,10 +9,10 @@ at any moment. What the drone does by itself when something fails is the failsaf
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeVar, cast
+from typing import cast
 
 import msgspec
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 
 from messages import events
 from messages.events import Outbox, sentence
@@ -24,8 +24,7 @@ from messages.vehicle import Activity, Failsafe, PlaceAhead, VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.sensor_time import SensorTime
 from services.reference.failsafe.machine import FailsafeMachine, Memory
-from services.reference.failsafe.table import table
-from services.reference.failsafe.watch import ConditionWatch
+from services.reference.failsafe.table import ConditionWatch, table
 from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
 from services.reference.guidance.axes import CentredSticks, centred
@@ -33,7 +32,6 @@ from services.reference.guidance.ground_motion import Home, HomePlace, whereabou
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking
 from services.reference.guidance.pilot_outputs import PilotOutputs
-from services.reference.guidance.requests import refusal
 from services.reference.settings import Settings as Settings
 from services.reference.trajectory.own_law import Law
 
@@ -56,13 +54,7 @@ class GuidanceCheckpoint(msgspec.Struct, frozen=True):
     home_lost: bool = False
 
 
-SHORT_OF_YAW = 0.01  # [-] of the yaw moment that is wanted; a smaller lack is rounding
 INITIAL = GuidanceCheckpoint()
-K = TypeVar("K")
-
-
-def _known(value: K | None) -> K | UnsetType:
-    return UNSET if value is None else value
 
 
 @dataclass(slots=True)
@@ -133,35 +125,29 @@ class ReferenceGenerator:
         Returns None until the first state has arrived.
         """
         guidance, failsafes, s = self._guidance, self._failsafes, self.settings.failsafe
+        newest, lease = self.conditions.newest, self.authority.lease
         self._silent = state is None
         if state is not None:
             self._running = state.phase == "running"
-        guidance.see(state, self._time.step(None if state is None else state.sensor_ns, now) / 1e9)
-        self._keep_home(state)
-        newest = self.conditions.newest
+        at = self._time.step(None if state is None else state.sensor_ns, now)
+        guidance.see(state, at / 1e9, armed=self.armed)
         guidance.bottom.see(newest.dvl, state, guidance.t, newest.altimeter)
         if guidance.state is None:
             self.outputs.step(command, now, armed=self.armed, free=False)
             return None
 
         # What the failsafe table says; a condition that begins to act ends the manoeuvre.
-        holding = self.conditions.holding(
-            state,
-            command,
-            guidance.unheld if self.armed else (),
+        seen = self.conditions
+        seen.state, seen.command, seen.now, seen.armed = state, command, now, self.armed
+        seen.unheld = guidance.unheld if self.armed else ()
+        seen.limited = self.armed and guidance.axes.limited
+        seen.above_floor = self.armed and guidance.near_floor
+        failsafes.step(
+            seen.holding(),
             now,
             armed=self.armed,
-            limited=self.armed and guidance.axes.limited,
-            above_floor=self.armed and guidance.near_floor,
-        )
-        at_surface = self._initialised and guidance.has_risen(s.surface_depth)
-        unknown = self.conditions.unknown
-        lease = self.authority.lease
-        failsafes.step(
-            *(holding, now),
-            armed=self.armed,
-            at_surface=at_surface,
-            unknown=unknown,
+            at_surface=self._initialised and guidance.has_risen(s.surface_depth),
+            unknown=seen.unknown,
             pilot=(lease.acting, lease.epoch),
         )
         if self._centring.step(command if failsafes.resumable else None, now):
@@ -183,63 +169,43 @@ class ReferenceGenerator:
         if self.armed and self._initialised:
             guidance.move_on(state)
             # A height that was given up by itself does not come back, not even by arming again.
-            lasts = self.requested != "altitude_hold"
-            self.requested = self.requested if lasts else guidance.flight_mode
+            if self.requested == "altitude_hold":
+                self.requested = guidance.flight_mode
         else:
             guidance.rest()
             self._initialised = True
-        self._aim(command)
-        self.outputs.step(command, now, armed=self.armed, free=self._obeys_sticks)
-
-        # The reference waits for a vehicle that cannot follow, sooner where the thrusters are at
-        # a limit and give less yaw than control asks for.
+        free = self.armed and not (self._acts or self.stopping)  # it obeys the sticks
+        self._aim(command if free else None)
+        self.outputs.step(command, now, armed=self.armed, free=free)
         if state is not None and self.armed:
-            turn_short, wrench = False, self.conditions.newest.wrench
-            if wrench is not None and wrench.saturated:
-                wanted, achieved = wrench.wanted[5], wrench.achieved[5]
-                turn_short = abs(wanted - achieved) > SHORT_OF_YAW * abs(wanted)
-            guidance.wait(state, turn_short=turn_short)
-        armed_ns = self._armed_ns if self.armed else None
-        return guidance.reference(
-            *(state, command, now),
-            armed_ns=armed_ns,
+            guidance.wait(state, newest.wrench)
+        return guidance.axes.reference(
+            *(guidance.held, guidance.t, state, command, now),
+            armed_ns=self._armed_ns if self.armed else None,
             epoch=lease.acting,
             gripper=self.outputs.gripper,
         )
 
-    def _keep_home(self, state: VehicleState | None) -> None:
-        guidance, home = self._guidance, self._guidance.home
-        was_lost = home.lost
-        home.see(state, guidance.ground, guidance.t, armed=self.armed)
-        if home.lost and not was_lost:
-            self.outbox.say("warning", home.missing)
-
-    @property
-    def _obeys_sticks(self) -> bool:
-        return self.armed and not (self._acts or self.stopping)
-
     def _aim(self, command: PilotCommand | None) -> None:
         """Set the axes' targets from the sticks; without sticks the target is rest."""
-        guidance, axes, manoeuvre = self._guidance, self._guidance.axes, self._guidance.manoeuvre
-        t = guidance.t
-        free = self._obeys_sticks
-        if manoeuvre.following is not None and manoeuvre.following.ends(t):
+        guidance = self._guidance
+        moves = command is not None and not centred(command)
+        if guidance.following is not None and guidance.following.ends(guidance.t):
             guidance.end_manoeuvre()
             self.outbox.say("info", "off the path" if self.stopping else "the end of the path")
-        elif manoeuvre.busy and command is not None and free and not centred(command):
+        elif guidance.busy and moves:
             guidance.end_manoeuvre()
-        manoeuvre.set_off(t)
-        moves = command is not None and free and not (manoeuvre.busy and centred(command))
+        guidance.set_off()
         if not self.stopping:  # a stop has limits of its own
-            stick = command if command is not None and moves else AT_REST
-            guidance.aim(stick)
-        axes.turn_camera(command.tilt if command is not None and free else 0.0, t)
+            sticks = None if guidance.busy and not moves else command
+            guidance.aim(sticks or AT_REST)
+        guidance.axes.turn_camera(0.0 if command is None else command.tilt, guidance.t)
 
     # Requests.
 
     def answer(self, request: PilotRequest, command: PilotCommand | None, now: Ns) -> PilotAnswer:
         """Grant or refuse a request."""
-        reason = self.authority.refusal(request, now) or refusal(
+        reason = self.authority.refusal(request, now) or requests.refusal(
             request,
             command,
             armed=self.armed,
@@ -248,11 +214,8 @@ class ReferenceGenerator:
             stopping=self.stopping,
             acting=self._failsafes.acting is not None,
         )
-        takes = request.kind in ("lease", "force")
-        if takes or request.kind in ("offer", "release"):
-            self._pass_control(request, reason, now)
-        else:
-            reason = reason or self._do(request, now)
+        reason = reason or self._do(request, now)
+        takes = request.kind in ("lease", "force") and not reason
         return PilotAnswer(
             stamp_ns=now,
             id=request.id,
@@ -260,7 +223,7 @@ class ReferenceGenerator:
             reason=reason,
             note=(not reason and self._note(request)) or UNSET,
             stop=self._stop if request.kind == "stop" else None,
-            epoch=self.authority.lease.epoch if takes and not reason else None,
+            epoch=self.authority.lease.epoch if takes else None,
             cause_ns=request.stamp_ns,
         )
 
@@ -269,10 +232,6 @@ class ReferenceGenerator:
         if request.kind == "mode" and self._mode_at_rest is not None:
             return "the drone is stopping; it changes when it is at rest"
         return requests.onto_the_bottom(self._guidance, request.depth)
-
-    def _pass_control(self, request: PilotRequest, reason: str, now: Ns) -> None:
-        if not reason and (announcement := self.authority.grant(request, now)):
-            self.outbox.say("info", announcement)
 
     def handed_on(self, request: PilotRequest, now: Ns) -> bool:
         """Do what control has already done and answered, while this service was silent. Returns
@@ -283,16 +242,15 @@ class ReferenceGenerator:
         self._do(request, now)
         return True
 
-    def _do(self, request: PilotRequest, now: Ns) -> str:
+    def _do(self, request: PilotRequest, now: Ns) -> str:  # noqa: C901 - one kind after the other
         """Execute a request. Returns the reason for a refusal, or nothing."""
-        guidance = self._guidance
+        guidance, asked_ns = self._guidance, min(request.stamp_ns, now)
         match request.kind:
             case "arm":
                 self._arm()
-                asked_ns = min(request.stamp_ns, now)
                 self._armed_ns = max(asked_ns, self._armed_ns, self._disarmed_ns + 1)
             case "disarm":
-                self._disarmed_ns = max(self._disarmed_ns, min(request.stamp_ns, now))
+                self._disarmed_ns = max(self._disarmed_ns, asked_ns)
                 self.armed = self.stopping = False
                 self._mode_at_rest = None
                 self._failsafes.disarm()
@@ -305,31 +263,21 @@ class ReferenceGenerator:
                 self._mode_at_rest = None
             case "light" | "output":
                 return self.outputs.set(request, now, armed=self.armed)
-            case "goto" | "follow" | "home" | "unwind" | "mode":
-                return self._move(request)
+            case "mode" if self.armed and self.stopping and request.flight_mode is not None:
+                self._mode_at_rest = request.flight_mode
+            case "mode":
+                return self._change(request.flight_mode)
+            case "goto" | "follow" | "home" | "unwind":
+                return requests.manoeuvre(guidance, request)
             case "lease" | "offer" | "release" | "force":
-                pass  # `_pass_control`
+                if announcement := self.authority.grant(request, now):
+                    self.outbox.say("info", announcement)
         return ""
 
-    def _move(self, request: PilotRequest) -> str:
-        """Begin a manoeuvre or change the mode. Returns the reason for a refusal, or nothing."""
-        guidance = self._guidance
-        match request.kind:
-            case "goto":
-                return requests.goto(guidance, request)
-            case "follow":
-                return requests.follow(guidance, request.course)
-            case "home":
-                return requests.home(guidance)
-            case "unwind":
-                return requests.unwind(guidance)
-            case _:
-                pass
-        if self.armed and self.stopping and request.flight_mode is not None:
-            self._mode_at_rest = request.flight_mode
-            return ""
-        reason = requests.mode(guidance, request.flight_mode, armed=self.armed)
-        self.requested = self.requested if reason else guidance.flight_mode
+    def _change(self, flight_mode: FlightMode | None) -> str:
+        """Change the mode, as the pilot has asked."""
+        reason = requests.mode(self._guidance, flight_mode, armed=self.armed)
+        self.requested = self.requested if reason else self._guidance.flight_mode
         return reason
 
     def _end_stop(self) -> None:
@@ -340,12 +288,8 @@ class ReferenceGenerator:
         if self.stopping or wanted is None:
             return
         self._mode_at_rest = None
-        reason = "a failsafe acts" if self._acts else ""
-        reason = reason or requests.mode(self._guidance, wanted, armed=self.armed)
-        if reason:
+        if reason := "a failsafe acts" if self._acts else self._change(wanted):
             self.outbox.tell(events.REFUSED("mode", detail=reason))
-        else:
-            self.requested = self._guidance.flight_mode
 
     def _arm(self) -> None:
         """Arm in the requested mode, if it is available; otherwise stabilised."""
@@ -370,17 +314,17 @@ class ReferenceGenerator:
         return self.activity, self.armed, self._guidance.flight_mode, holder, lit, *said
 
     def status(self, now: Ns) -> VehicleStatus:
-        failsafes = self._failsafes
-        row = failsafes.acting
-        where = whereabouts(None if self._silent else self._guidance.state)
-        held_back = self.armed and self._guidance.held_back
+        failsafes, guidance = self._failsafes, self._guidance
+        acting, height, goal = failsafes.acting, guidance.height.wanted, guidance.goal
+        depth, heading = whereabouts(None if self._silent else guidance.state)
+        held_back = self.armed and guidance.held_back
         clamped = events.CLAMPED_HORIZONTAL.sentence if held_back else ""
         return VehicleStatus(
             stamp_ns=now,
             activity=self.activity,
             armed=self.armed,
-            flight_mode=self._guidance.flight_mode,
-            failsafe="none" if row is None else cast(Failsafe, row.name),
+            flight_mode=guidance.flight_mode,
+            failsafe="none" if acting is None else cast(Failsafe, acting.name),
             reaction=failsafes.reaction,
             since_ns=failsafes.since_ns,
             next_ns=failsafes.next_ns,
@@ -393,21 +337,15 @@ class ReferenceGenerator:
             light=self.outputs.light,
             note="; ".join(filter(None, (self._not_ready, failsafes.notices, clamped))),
             stop=self._stop if self.stopping else None,
-            depth=where.depth,
-            heading=where.heading,
-            depth_moved=self._guidance.standstill.moved or UNSET,
+            depth=depth,
+            heading=heading,
+            depth_moved=guidance.standstill.moved or UNSET,
             outputs=self.outputs.all,
-            altitude=self._guidance.altitude,
-            altitude_wanted=_known(self._guidance.height.wanted),
-            goal=_known(self._guidance.manoeuvre.goal),
-            waypoints=self._ahead or UNSET,
+            altitude=guidance.altitude,
+            altitude_wanted=UNSET if height is None else height,
+            goal=UNSET if goal is None else goal,
+            waypoints=tuple(PlaceAhead(*place) for place in guidance.waypoints) or UNSET,
         )
-
-    @property
-    def _ahead(self) -> tuple[PlaceAhead, ...]:
-        """The next way-points of the path that is followed."""
-        found = self._guidance.manoeuvre.waypoints(self._guidance.t)
-        return tuple(PlaceAhead(north, east) for north, east in found)
 
     @property
     def _not_ready(self) -> str:
@@ -428,11 +366,11 @@ class ReferenceGenerator:
 
     @property
     def activity(self) -> Activity:
+        guidance = self._guidance
         if not self.armed:
             return "ready" if self._running else "starting"
         if self.stopping:
             return "stopping"
-        manoeuvre = self._guidance.manoeuvre
-        if manoeuvre.on_a_path and manoeuvre.goal is None:
+        if guidance.on_a_path and guidance.goal is None:
             return "follow"
-        return "goto" if manoeuvre.busy else "piloted"
+        return "goto" if guidance.busy else "piloted"

@@ -8,7 +8,7 @@ from messages.sensors import AltitudeSample, DvlSample
 from messages.state import VehicleState
 from services.marine.vehicle import Vehicle
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.requests import refused
 from services.reference.trajectory.own_law import Law
 from services.runtime.config.identity import identity_of
@@ -20,7 +20,9 @@ from services.vehicle.mounting import AltitudeAtOrigin
 SILENCE_S = 0.1  # [s] without a state: stop smoothly and hold
 
 
-def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
+def wire(  # noqa: C901 - one port after the other
+    node: Node, stack: Stack, law: Law | None = None
+) -> None:
     """
     Args:
         law: of the user's, by which depth and heading go to the velocity of the stick.
@@ -92,23 +94,16 @@ def wire(node: Node, stack: Stack, law: Law | None = None) -> None:
         published = generator.summary(now)
         status.put(generator.status(now))
 
-    node.trigger(topics.STATE, on_state, SILENCE_S)
-    node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
-    _take_over(node, generator, publish_status)
-    node.every(topics.STATUS.hz, publish_status)
-
-
-def _take_over(
-    node: Node, generator: ReferenceGenerator, publish_status: Callable[[int], None]
-) -> None:
-    """Do what control has done while this service was silent."""
-
     def take_over(request: PilotRequest, now: int) -> None:
+        """Do what control has done while this service was silent."""
         if generator.handed_on(request, now):
             node.log("warning", f"{request.kind}: was done by control, and is now done here")
             publish_status(now)
 
+    node.trigger(topics.STATE, on_state, SILENCE_S)
+    node.answers(topics.PILOT_REQUEST, topics.PILOT_ANSWER, decide, report)
     node.each(topics.HANDED_ON, take_over)
+    node.every(topics.STATUS.hz, publish_status)
 
 
 def _unfit(node: Node, stack: Stack) -> Callable[[PilotRequest, int], PilotAnswer | None]:

@@ -52,7 +52,7 @@ LAWS: dict[str, tuple[str, ...]] = {
         f"{REFERENCE}/guidance/test_guards.py",
     ),
     "services/reference/failsafe/machine.py": (f"{REFERENCE}/failsafe",),
-    "services/reference/failsafe/watch.py": (f"{REFERENCE}/failsafe",),
+    "services/reference/failsafe/table.py": (f"{REFERENCE}/failsafe",),
     "services/control/axis/axis.py": (f"{CONTROL}/axis", f"{CONTROL}/test_stability.py"),
     "services/control/axis/plant.py": (f"{CONTROL}/axis/test_disturbance_observer.py",),
     "services/control/allocation/allocation.py": (f"{CONTROL}/allocation",),

@@ -22,8 +22,8 @@ from lindy.api.messages import (
 from lindy.api.service import Node
 from lindy.api.vehicle import Allocation, Vehicle, system_inertia
 from messages.units import Ns
-from services.control import horizontal_plane
 from services.control.axis.plant import plant_of
+from services.control.laws import measured, seen_from_body, turning_force
 
 PERIOD_NS = 150_000_000  # [ns] 6.67 Hz
 K_P = (52.6, 83.8, 53.3, 69.2)  # [N/m], [N m/rad] surge, sway, heave, yaw
@@ -78,21 +78,19 @@ class PrintedLaw:
         )
 
     def _wrench(self, reference: Reference, state: VehicleState) -> Vec6:
-        here = horizontal_plane.measured(state)
+        here = measured(state)
         if here is None or reference.north is None or reference.east is None:
             return self._wanted
         place = here.north, here.east
-        plane = horizontal_plane.seen_from_body(
-            reference.north, reference.east, here.heading, place
-        )
-        turning = horizontal_plane.turning_force(
+        surge, sway = seen_from_body(reference.north, reference.east, here.heading, place)
+        turning = turning_force(
             system_inertia(self.vehicle),
-            (plane.surge.velocity, plane.sway.velocity),
+            (surge.velocity, sway.velocity),
             reference.heading.velocity,
         )
         errors = (
-            _errors(plane.surge, 0.0, here.ahead),
-            _errors(plane.sway, 0.0, here.starboard),
+            _errors(surge, 0.0, here.ahead),
+            _errors(sway, 0.0, here.starboard),
             _errors(reference.depth, state.depth.value, state.depth_rate.value),
             _errors(reference.heading, state.heading.value, state.yaw_rate.value),
         )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lindy.api.messages import Motion
 from lindy.api.references import BaselineReference
-from services.control.axis.axis import Axis, Effort, Gains
+from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import Plant
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,10 @@ class Law(Protocol):
 
     def learn(self, velocity: float, force: float, dt: float) -> None: ...
 
-    def step(self, reference: Motion, position: float, rate: float, dt: float) -> Effort: ...
+    @property
+    def standing(self) -> float: ...
+
+    def step(self, reference: Motion, position: float, rate: float, dt: float) -> float: ...
 
 
 class PlantWater(Protocol):
@@ -116,9 +119,8 @@ def follow(
         reference.aim(target, k * DT)
         wanted = reference.at(k * DT)
         by.learn(v, thrust, DT)
-        effort = by.step(Motion(*wanted), x, v, DT)
-        thrust = effort.total
-        rows.append((k * DT, target, *wanted, x, v, thrust, effort.standing))
+        thrust = by.step(Motion(*wanted), x, v, DT)
+        rows.append((k * DT, target, *wanted, x, v, thrust, by.standing))
         x, v = through.advance(x, v, thrust + force)
     table = np.array(rows)
     return PlantRun(table[:, 0], table[:, 1], table[:, 2:6], *table[:, 6:].T)

@@ -92,14 +92,6 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
 
 
-class Effort(msgspec.Struct, frozen=True, gc=False):
-    """The effort of one axis."""
-
-    total: float  # [N] or [N m]
-    standing: float  # compensation of lasting disturbances; part of the total
-    clamped: bool  # guard 1 or 2 was active
-
-
 @dataclass(slots=True)
 class GainBlend:
     """Two sets of gains, for holding still and for moving, and those in force. Begins with the
@@ -137,36 +129,6 @@ class GainBlend:
 
 
 @dataclass(slots=True)
-class BumplessTransfer:
-    """A change of an axis' mode without a step: the force of the old mode fades into that of the
-    new one."""
-
-    seconds: float  # [s] of the fade
-    _mode: str | None = None  # at the last step; None: not yet stepped
-    _total: float = 0.0  # [N] or [N m] output of the last step
-    _offset: float = 0.0  # [N] or [N m] old minus new at the change
-    _left: float = 0.0  # [-] of the offset
-
-    def step(self, mode: str, force: float, dt: float) -> float:
-        """The output [N] or [N m], for the `force` that `mode` requires.
-
-        At a mode change the output is that of the previous step; then the difference fades
-        linearly.
-        """
-        if self._mode not in (None, mode):
-            self._offset, self._left = self._total - force, 1.0
-        else:
-            self._left = max(0.0, self._left - dt / self.seconds)
-        self._mode = mode
-        self._total = force + self._left * self._offset
-        return self._total
-
-    def forget(self) -> None:
-        """End the fade; the next step has no transfer."""
-        self._mode, self._left = None, 0.0
-
-
-@dataclass(slots=True)
 class Axis:
     """How one axis is held, or driven by the pilot's force."""
 
@@ -178,21 +140,25 @@ class Axis:
     count: Callable[[Event], None] = lambda _: None  # called with what limits it, at every step
     fade: float = 0.3  # [s] from one mode to another
     own: bool = True  # it needs a lasting force to rest, as buoyancy does; False: none
-    transfer: BumplessTransfer = field(init=False)
-    _late: bool = False  # the rate, at the last step
-    _blind: bool = False  # the position has not been known since
     integral: float = 0.0  # [N] or [N m]
     _lasting: LastingValue = field(default_factory=LastingValue)  # of the integral, at rest
     _observer: DisturbanceObserver | None = field(init=False)
     _blend: GainBlend = field(init=False)
+    _feedback: FeedbackGains | None = None  # gains of the previous step
+    _late: bool = False  # the rate, at the last step
+    _blind: bool = False  # the position has not been known since
     _still: float = 0.0  # position units per second; a slower vehicle counts as not moving
+    _slow: float = 0.0  # [N/s] or [N m/s] fastest learning without motion
     _reference_rate: float = 0.0  # position units per second, of the newest reference
     _soon: float = 0.0  # position units per second, by which it is another when thrust follows
-    _slow: float = 0.0  # [N/s] or [N m/s] fastest learning without motion
-    _feedback: FeedbackGains | None = None  # gains of the previous step
+    # A change of the axis' mode makes no step: the force of the old one fades into the new one's.
+    _mode: str | None = None  # at the last step; None: not yet stepped
+    _total: float = 0.0  # [N] or [N m] output of the last step
+    _offset: float = 0.0  # [N] or [N m] old minus new at the change
+    _left: float = 0.0  # [-] of the offset
 
     def __post_init__(self) -> None:
-        g, self.transfer = self.gains, BumplessTransfer(self.fade)
+        g = self.gains
         self._observer = None
         if g.observer > 0.0:
             self._observer = DisturbanceObserver(
@@ -221,7 +187,7 @@ class Axis:
             damped = rate.value if rate.valid else None
             return self.blind(motion, dt, extra, rate=damped, upright=upright)
         if late and not self._late:
-            self.recall()
+            self._recall()
         self._late = late
         if late:
             self.count(events.LATE(f"state.{self.name}"))
@@ -243,10 +209,8 @@ class Axis:
     ) -> float:
         """As `held`, in a current `water` and with an additional force `extra`."""
         self._blind = False
-        effort = self.step(motion, position, rate, dt, water, late=late)
-        if effort.clamped:
-            self.count(events.CLAMPED(f"control.{self.name}"))
-        return self.transfer.step("held", (effort.total + extra) / upright, dt)
+        total = self.step(motion, position, rate, dt, water, late=late)
+        return self._transferred("held", (total + extra) / upright, dt)
 
     def blind(
         self,
@@ -263,24 +227,34 @@ class Axis:
         compensation fades to what was learnt before that and nothing more is learnt; where a
         vehicle at rest needs no force, as in yaw, it fades to zero.
         """
-        if not self._blind:
-            if self.own:
-                self.recall()
-            else:
-                self._forget_learnt()
+        if not self._blind and self.own:
+            self._recall()
+        elif not self._blind:
+            self._forget_learnt()
         self._blind, self._late = True, False
         moves = self._see(motion)
         kd = self._blend.step(moves, 0.0, self.period).kd
         damping = 0.0 if rate is None else kd * (motion.velocity - rate)
         total = (damping + self.feed_forward(motion) + self.standing + extra) / upright
-        return self.transfer.step("blind" if rate is None else "damped", total, dt)
+        return self._transferred("blind" if rate is None else "damped", total, dt)
 
     def forced(self, force: float, dt: float) -> float:
         """The pilot's force; the axis is not held, and there is no error to learn from."""
         self._blind = False
         self._reference_rate, self._soon = 0.0, 0.0
         self._slow, self._still = 0.0, self.gains.still
-        return self.transfer.step("forced", force, dt)
+        return self._transferred("forced", force, dt)
+
+    def _transferred(self, mode: str, force: float, dt: float) -> float:
+        """The output [N] or [N m], for the `force` that `mode` requires: at a mode change that of
+        the previous step; then the difference fades linearly."""
+        if self._mode not in (None, mode):
+            self._offset, self._left = self._total - force, 1.0
+        else:
+            self._left = max(0.0, self._left - dt / self.fade)
+        self._mode = mode
+        self._total = force + self._left * self._offset
+        return self._total
 
     # The law.
 
@@ -293,8 +267,8 @@ class Axis:
         water: float = 0.0,
         *,
         late: bool = False,
-    ) -> Effort:
-        """Effort for a reference and an estimate at the same instant.
+    ) -> float:
+        """Effort [N] or [N m] for a reference and an estimate at the same instant.
 
         Args:
             position, rate: estimate, same units as the reference.
@@ -318,11 +292,12 @@ class Axis:
                 self._still = inf
             if late and not moves:
                 self._observer.integrate(LATE_INTEGRAL * self.gains.ki * near * dt)
+        if near != error or at_limit:
+            self.count(events.CLAMPED(f"control.{self.name}"))
         spring, damper = (LATE_SPRING, LATE_DAMPER) if late else (1.0, 1.0)
         total = spring * feedback.spring(near)
         total += damper * feedback.kd * (reference.velocity - rate)
-        total += self.feed_forward(reference, water) + self.standing
-        return Effort(total, self.standing, clamped=near != error or at_limit)
+        return total + (self.feed_forward(reference, water) + self.standing)
 
     def feed_forward(self, reference: Motion, water: float = 0.0) -> float:
         """Force, held over the period, that moves the undisturbed plant from this reference to the
@@ -339,23 +314,22 @@ class Axis:
         drag = plant.linear * (v + ahead * a) + plant.quadratic * soon * abs(soon)
         return (g.acceleration_percent * inertia + g.drag_percent * drag) / 100
 
+    def _see(self, reference: Motion) -> bool:
+        """Take in the reference of this step. Does it move?"""
+        self._reference_rate = reference.velocity
+        self._soon = self.gains.drag_lead_percent / 100 * self.lag * reference.acceleration
+        return abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
+
+    # What it has learnt.
+
     @property
     def standing(self) -> float:
         """[N] or [N m] Compensation of lasting disturbances."""
-        return (
-            self.integral
-            if self._observer is None
-            else -self._observer.expected(self._reference_rate + self._soon)
-        )
+        if self._observer is None:
+            return self.integral
+        return -self._observer.expected(self._reference_rate + self._soon)
 
-    def learn(
-        self,
-        velocity: float | None,
-        force: float,
-        dt: float,
-        *,
-        short: float = 0.0,
-    ) -> None:
+    def learn(self, velocity: float | None, force: float, dt: float, *, short: float = 0.0) -> None:
         """Update the observer: velocity relative to the water now, and mean thruster force since
         the last call. Nothing is learnt from a step whose velocity, or position, is not known.
 
@@ -371,8 +345,7 @@ class Axis:
         if velocity is None or self._blind:
             self._observer.pause()
             return
-        slowly = abs(velocity) < self._still
-        most = self._slow * dt if slowly else inf
+        most = self._slow * dt if abs(velocity) < self._still else inf
         self._observer.learn(velocity, force, dt, most, self._reference_rate, short)
 
     def give_up(self, force: float) -> None:
@@ -387,36 +360,6 @@ class Axis:
         compensation."""
         self._set_standing(clamped(self.standing + force, self.gains.max_integral))
 
-    def pause(self) -> None:
-        """Learn nothing from this step."""
-        if self._observer is not None:
-            self._observer.pause()
-
-    def recall(self) -> None:
-        """The estimate is late or gone, and may have been wrong for a while: go back to what was
-        learnt before that."""
-        self.integral = self._lasting.trusted
-        if self._observer is not None:
-            self._observer.recall()
-
-    def forget(self) -> None:
-        """Begin anew, as after a disarm."""
-        self._blind = self._late = False
-        self._forget_learnt()
-        self.transfer.forget()
-
-    def _see(self, reference: Motion) -> bool:
-        """Take in the reference of this step. Does it move?"""
-        self._reference_rate = reference.velocity
-        self._soon = self.gains.drag_lead_percent / 100 * self.lag * reference.acceleration
-        return abs(reference.velocity) > MOVING or abs(reference.acceleration) > MOVING
-
-    def _forget_learnt(self) -> None:
-        self.integral = 0.0
-        self._lasting.forget()
-        if self._observer is not None:
-            self._observer.forget()
-
     def _set_standing(self, force: float) -> None:
         if self._observer is None:
             self.integral = force
@@ -425,6 +368,32 @@ class Axis:
                 self._reference_rate + self._soon
             )
             self._observer.pause()
+
+    def pause(self, *, stopped: bool = False) -> None:
+        """Learn nothing from this step. `stopped`: nor does the next one transfer a force."""
+        if self._observer is not None:
+            self._observer.pause()
+        if stopped:
+            self._mode, self._left = None, 0.0
+
+    def forget(self) -> None:
+        """Begin anew, as after a disarm."""
+        self._blind = self._late = False
+        self._forget_learnt()
+        self.pause(stopped=True)
+
+    def _recall(self) -> None:
+        """The estimate is late or gone, and may have been wrong for a while: go back to what was
+        learnt before that."""
+        self.integral = self._lasting.trusted
+        if self._observer is not None:
+            self._observer.recall()
+
+    def _forget_learnt(self) -> None:
+        self.integral = 0.0
+        self._lasting.forget()
+        if self._observer is not None:
+            self._observer.forget()
 
     def _integrate(self, error: float, feedback: FeedbackGains, moves: bool, dt: float) -> bool:
         """(5.28) to (5.31). Returns whether the integral is at its limit. Paused while the

@@ -20,7 +20,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from math import exp, expm1, inf
 from statistics import median
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from messages.units import Vec6
 from services.marine.hydrodynamics import system_inertia
@@ -34,7 +34,6 @@ BLOCK = 1.0  # [s] of learning, of which the mean is kept
 KEPT = 45  # blocks
 DOUBTED = 15  # newest blocks, not used if there are enough older ones: longer than any recognition
 SHARE = 3  # early in a dive, at most one block in so many is not used
-
 
 REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 Lags = tuple[float, ...]
@@ -83,27 +82,20 @@ class ActuatorModel:
         """Advance by `dt` [s]; returns the mean wrench [N, N m] over that time."""
         if dt <= 0.0:
             return self._now
-        means: list[float] = []
-        after: list[float] = []
+        means, after = list[float](), list[float]()
         for force, end, lag in zip(self._now, self.settles_at, self.lags, strict=True):
             left = exp(-dt / lag)
             means.append(end + (force - end) * (1 - left) * lag / dt)
             after.append(end + (force - end) * left)
-        a, b, c, d, e, f = after
-        self._now = a, b, c, d, e, f
-        a, b, c, d, e, f = means
-        return a, b, c, d, e, f
+        self._now = cast(Vec6, tuple(after))
+        return cast(Vec6, tuple(means))
 
 
 def lags_of(vehicle: Vehicle) -> Lags:
     """[s] Of each axis: the longest of the thrusters that act on it."""
-    columns = [wrench_per_newton(thruster) for thruster in vehicle.thruster]
-    slowest = max(thruster.time_constant for thruster in vehicle.thruster)
-    lags = [
-        [t.time_constant for t, column in zip(vehicle.thruster, columns, strict=True) if column[k]]
-        for k in range(6)
-    ]
-    return tuple(max(acting, default=slowest) for acting in lags)
+    slowest = max(t.time_constant for t in vehicle.thruster)
+    acts = [(wrench_per_newton(t), t.time_constant) for t in vehicle.thruster]
+    return tuple(max((lag for column, lag in acts if column[k]), default=slowest) for k in range(6))
 
 
 @dataclass(slots=True)

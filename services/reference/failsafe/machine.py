@@ -22,7 +22,6 @@ Pure: state × (conditions that hold, now).
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import msgspec
 from msgspec.structs import replace
@@ -30,7 +29,7 @@ from msgspec.structs import replace
 from messages.events import RESUMED_SHORT_LOSS, RETURN, UNMOVED, Outbox, short
 from messages.units import Ns
 from messages.vehicle import Reaction, Returns
-from services.reference.failsafe.table import ACTING, SEVERITY, SHORT_NS, FailsafeRow
+from services.reference.failsafe.table import ACTING, SEVERITY, SHORT_NS, FailsafeRow, Holding
 
 DOES: dict[Reaction, str] = {
     "stop": "the drone has stopped and holds",
@@ -38,15 +37,6 @@ DOES: dict[Reaction, str] = {
     "surface": "the drone stays at the surface",
 }
 CANNOT_MOVE = "nothing moves the drone: its board or control does not answer"
-
-
-class Holding(NamedTuple):
-    """A condition that holds now."""
-
-    level: int = 0  # [-] how bad; a greater one is worse
-    detail: str = ""  # which sensor, thruster, service …
-
-
 Conditions = Mapping[str, Holding]  # by the names of the table
 
 
@@ -71,7 +61,23 @@ class FailsafeMachine:
     memory: Mapping[str, Memory] = field(default_factory=dict[str, Memory])  # replaced, not changed
     armed: bool = False  # at the newest step
     surfaced: bool = False
+    # What follows from the memories.
+    acting: FailsafeRow | None = (
+        None  # of the gravest reaction, and holding before ended, the first
+    )
+    since_ns: Ns | None = None  # [ns] when the acting condition began
+    next_ns: Ns | None = (
+        None  # [ns] when the next stage of one that holds begins; None: there is none
+    )
+    resumable: bool = False  # something acts, and none of it holds
+    returns: Returns | None = None  # what gives the sticks back to the pilot; None: he has them
     _holding: Conditions = field(default_factory=dict[str, Holding])
+    _acting: list[tuple[FailsafeRow, Memory]] = field(
+        default_factory=list[tuple[FailsafeRow, Memory]]
+    )  # in the order of the table
+
+    def __post_init__(self) -> None:
+        self._remember(self.memory)
 
     def step(
         self,
@@ -90,23 +96,24 @@ class FailsafeMachine:
             unknown: names of conditions of which nothing is known yet: they go on as they were.
             pilot: authority epochs, the one that acts and the newest: another pilot, others.
         """
-        self._holding = holding
-        if holding or self.memory:
-            after: dict[str, Memory] = {}
-            for row in self.rows:
-                before = _aged(self.memory.get(row.name), pilot, now)
-                if row.name in holding:
-                    new = Memory(now, pilot=pilot)
-                    after[row.name] = self._held(
-                        row, before, new, holding[row.name], now, armed=armed
-                    )
-                elif before is not None and row.name in unknown:
-                    after[row.name] = before
-                elif before is not None and armed and _acts(row, before):
-                    after[row.name] = replace(before, holds=False) if before.holds else before
-            if after != self.memory:
-                self.memory = after
+        arms, self._holding, after = armed and not self.armed, holding, dict[str, Memory]()
+        if not (holding or self.memory):
+            self.armed, self.surfaced = armed, False
+            return
+        for row in self.rows:
+            memory, held = self.memory.get(row.name), holding.get(row.name)
+            if memory is not None and not memory.long:  # judged before it ends
+                lasted = memory.holds and now - memory.since_ns >= SHORT_NS
+                memory = replace(memory, long=lasted or pilot != memory.pilot)
+            if held is not None:
+                begun = Memory(now, pilot=pilot)
+                after[row.name] = self._held(row, memory, begun, held, arms=arms, armed=armed)
+            elif memory is not None and row.name in unknown:
+                after[row.name] = memory
+            elif memory is not None and armed and _acts(row, memory):
+                after[row.name] = replace(memory, holds=False)
         self.armed = armed
+        self._remember(after)
         rises = self.reaction in ("ascend", "surface")
         self.surfaced = rises and (self.surfaced or at_surface)
 
@@ -114,38 +121,55 @@ class FailsafeMachine:
         self,
         row: FailsafeRow,
         before: Memory | None,
-        new: Memory,
+        begun: Memory,
         held: Holding,
-        now: Ns,
         *,
+        arms: bool,
         armed: bool,
     ) -> Memory:
-        """Of a condition that holds.
-
-        Args:
-            new: the same, where it begins now.
-        """
-        is_new = before is None
-        after = new if before is None else before
-        if after.overruled is not None and held.level > after.overruled:
-            is_new, after = True, new
-        if not after.holds:
-            after = replace(after, since_ns=now, holds=True)
-        if armed and not self.armed:
-            after = replace(after, since_ns=now, stage=0)
+        """Of a condition that holds. `begun`: the same, where it begins now."""
+        now, after = begun.since_ns, before or begun
+        worse = after.overruled is not None and held.level > after.overruled
+        is_new = before is None or worse
+        after = begun if worse else after
+        if arms or not after.holds:
+            after = replace(after, since_ns=now, holds=True, stage=0 if arms else after.stage)
         acted = not is_new and self.armed and _acts(row, after)
+        stages = row.stages
         while (
             armed
-            and after.stage + 1 < len(row.stages)
-            and now - after.since_ns >= row.stages[after.stage + 1].after * 1e9
+            and after.stage + 1 < len(stages)
+            and now - after.since_ns >= stages[after.stage + 1].after * 1e9
         ):
             after = replace(after, stage=after.stage + 1)
         if armed and _acts(row, after) and not acted:
-            does = DOES[row.stages[after.stage].reaction]
-            self.outbox.tell(row.condition.acted(detail=does))
-        elif is_new and row.told and row.stages[0].reaction not in ACTING:
+            self.outbox.tell(row.condition.acted(detail=DOES[stages[after.stage].reaction]))
+        elif is_new and row.told and stages[0].reaction not in ACTING:
             self.outbox.tell(row.condition.noticed(detail=held.detail))
         return after
+
+    def _remember(self, memory: Mapping[str, Memory]) -> None:
+        """The memories from now on, and what follows from them."""
+        self.memory = memory
+        known = [(row, memory[row.name]) for row in self.rows if row.name in memory]
+        known = known if self.armed else []
+        self._acting = acting = [(row, m) for row, m in known if _acts(row, m)]
+        row, gravest = max(acting, key=_gravity, default=(None, None))
+        self.acting, self.since_ns = row, None if gravest is None else gravest.since_ns
+        self.next_ns = min(
+            (
+                m.since_ns + round(row.stages[m.stage + 1].after * 1e9)
+                for row, m in known
+                if m.holds and m.overruled is None and m.stage + 1 < len(row.stages)
+            ),
+            default=None,
+        )
+        self.resumable = bool(acting) and not any(m.holds for _, m in acting)
+        self.returns = None
+        if acting:
+            short = all(row.brief and m.stage == 0 and not m.long for row, m in acting)
+            free = all(row.overrule for row, m in acting if m.holds)
+            self.returns = "centre" if short else "resume" if free else "wait"
 
     # What the pilot does.
 
@@ -153,23 +177,23 @@ class FailsafeMachine:
         """End what acts; where nothing acts, overrule what is about to. Returns why it is refused,
         or nothing."""
         ended = self._acting or [  # what holds and will act, and may be overruled
-            row
+            (row, memory)
             for row in self.rows
             if row.acts and row.overrule and self.armed
             if (memory := self.memory.get(row.name)) is not None and memory.overruled is None
         ]
         if not ended:
             return "no failsafe acts: there is nothing to resume from"
-        for row in ended:
-            if self.memory[row.name].holds and not row.overrule:
-                return f"{row.condition.sentence}, still"
         after = dict(self.memory)
-        for row in ended:
-            memory = after.pop(row.name)
+        for row, memory in ended:
+            if memory.holds and not row.overrule:
+                return f"{row.condition.sentence}, still"
+            del after[row.name]
             if memory.holds:
-                held = self._holding.get(row.name)
-                after[row.name] = replace(memory, overruled=0 if held is None else held.level)
-        self.memory, self.surfaced = after, False
+                level = self._holding.get(row.name, Holding()).level
+                after[row.name] = replace(memory, overruled=level)
+        self.surfaced = False
+        self._remember(after)
         return ""
 
     def give_back(self) -> None:
@@ -180,122 +204,54 @@ class FailsafeMachine:
 
     def disarm(self) -> None:
         """Forget what has ended."""
-        self.memory = {name: memory for name, memory in self.memory.items() if memory.holds}
         self.armed = self.surfaced = False
+        self._remember({name: memory for name, memory in self.memory.items() if memory.holds})
 
     # What is said.
 
     @property
-    def acting(self) -> FailsafeRow | None:
-        """The row that acts: of those with the gravest reaction the first, and before those that
-        have ended one that holds."""
-        gravest, most = None, (-1, False)
-        for row in self._acting:
-            reaction = SEVERITY.index(self._reaction(row) or "notice")
-            if (reaction, self.memory[row.name].holds) > most:
-                gravest, most = row, (reaction, self.memory[row.name].holds)
-        return gravest
-
-    @property
     def reaction(self) -> Reaction | None:
         """What the drone does now."""
-        row = self.acting
-        reaction = None if row is None else self._reaction(row)
-        return "surface" if reaction == "ascend" and self.surfaced else reaction
-
-    @property
-    def resumable(self) -> bool:
-        """Something acts, and none of it holds."""
-        acting = self._acting
-        return bool(acting) and not any(self.memory[row.name].holds for row in acting)
-
-    @property
-    def returns(self) -> Returns | None:
-        """What gives the sticks back to the pilot; None: he has them."""
-        if not (acting := self._acting):
+        if self.acting is None:
             return None
-        memories = [self.memory[row.name] for row in acting]
-        short = all(not memory.long and memory.stage == 0 for memory in memories)
-        if short and all(row.brief for row in acting):
-            return "centre"
-        held = [row for row in acting if self.memory[row.name].holds]
-        return "resume" if all(row.overrule for row in held) else "wait"
+        reaction = self.acting.stages[self.memory[self.acting.name].stage].reaction
+        return "surface" if reaction == "ascend" and self.surfaced else reaction
 
     @property
     def holding(self) -> tuple[str, ...]:
         """Names of all conditions that hold, in the order of the table."""
-        if not self._holding:
-            return ()
-        return tuple(row.name for row in self.rows if row.name in self._holding)
-
-    @property
-    def since_ns(self) -> Ns | None:
-        """[ns] When the acting condition began."""
-        return None if self.acting is None else self.memory[self.acting.name].since_ns
-
-    @property
-    def next_ns(self) -> Ns | None:
-        """[ns] When the next stage of a condition that holds begins; None: there is none."""
-        if not self.memory or not self.armed:
-            return None
-        coming = [
-            memory.since_ns + round(row.stages[memory.stage + 1].after * 1e9)
-            for row in self.rows
-            if (memory := self.memory.get(row.name)) is not None
-            and memory.holds
-            and memory.overruled is None
-            and memory.stage + 1 < len(row.stages)
-        ]
-        return min(coming, default=None)
+        return tuple(self._holding)
 
     @property
     def words(self) -> str:
         """Everything that acts, what the drone does, and what ends it; empty: nothing acts."""
-        reaction = self.reaction
-        if reaction is None:
+        if (reaction := self.reaction) is None:
             return ""
-        acting = self._acting
-        held = [row for row in acting if self.memory[row.name].holds]
-        ended = [row for row in acting if row not in held]
-        causes = [
-            *map(self._sentence, held),
-            *(f"{short(row.condition.acted.name)} has ended" for row in ended),
+        held = [self._sentence(row) for row, memory in self._acting if memory.holds]
+        ended = [
+            f"{short(row.condition.acted.name)} has ended"
+            for row, memory in self._acting
+            if not memory.holds
         ]
         does = DOES[reaction] if UNMOVED.isdisjoint(self._holding) else CANNOT_MOVE
-        return "; ".join([*causes, does, RETURN[self.returns or "wait"]])
+        return "; ".join([*held, *ended, does, RETURN[self.returns or "wait"]])
 
     @property
     def notices(self) -> str:
         """Every condition that holds and does not act."""
-        said = [row for row in self.rows if row.name in self._holding]
-        return "; ".join(self._sentence(row) for row in said if self._reaction(row) not in ACTING)
-
-    @property
-    def _acting(self) -> list[FailsafeRow]:
-        """Rows that act, in the order of the table."""
-        if not self.memory:
-            return []
-        return [row for row in self.rows if self._reaction(row) in ACTING]
+        acting = [row for row, _ in self._acting]
+        said = [row for row in self.rows if row.name in self._holding and row not in acting]
+        return "; ".join(map(self._sentence, said))
 
     def _sentence(self, row: FailsafeRow) -> str:
         held, words = self._holding.get(row.name), row.condition.sentence
         return f"{words} ({held.detail})" if held is not None and held.detail else words
 
-    def _reaction(self, row: FailsafeRow) -> Reaction | None:
-        memory = self.memory.get(row.name)
-        if memory is None:
-            return None
-        reacts = self.armed and memory.overruled is None
-        return row.stages[memory.stage].reaction if reacts else "notice"
-
-
-def _aged(memory: Memory | None, pilot: tuple[int, int], now: Ns) -> Memory | None:
-    """Is it still a short one? Judged before it ends."""
-    if memory is None or memory.long:
-        return memory
-    lasted = memory.holds and now - memory.since_ns >= SHORT_NS
-    return replace(memory, long=True) if lasted or pilot != memory.pilot else memory
-
 
 def _acts(row: FailsafeRow, memory: Memory) -> bool:
     return memory.overruled is None and row.stages[memory.stage].reaction in ACTING
+
+
+def _gravity(acting: tuple[FailsafeRow, Memory]) -> tuple[int, bool]:
+    row, memory = acting
+    return SEVERITY.index(row.stages[memory.stage].reaction), memory.holds

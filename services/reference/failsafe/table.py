@@ -1,45 +1,218 @@
-"""The failsafe table: what makes the drone act by itself, in which stages, and what ends it.
+"""The failsafe table: what makes the drone act by itself, when it holds, in which stages it acts,
+and what ends it. And what is known of the vehicle and its services, by which that is judged.
 
 `docs/failsafes.md` is written from it (`make docs`).
 """
 
-from typing import NamedTuple, get_args
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, get_args
 
 from messages import events
-from messages.events import Condition
+from messages.control import Wrench
+from messages.events import Condition, sentence
+from messages.health import LATE_MS, Health
+from messages.pilot import TTL_MS, PilotCommand
+from messages.sensors import AltitudeSample, BatterySample, DvlSample, LeakSample, TemperatureSample
+from messages.state import VehicleState
+from messages.units import Ns
 from messages.vehicle import Reaction
 from services.reference.settings import FailsafeSettings
 
 SEVERITY: tuple[Reaction, ...] = get_args(Reaction)  # the mildest first
 ACTING: tuple[Reaction, ...] = ("stop", "ascend", "surface")  # they take the sticks from the pilot
 
-
 SHORT_NS = 2_000_000_000  # [ns] a loss that lasts so long is none that ends by itself
+LINK_PATIENCE_NS = 1_000_000_000  # [ns] without sticks and pings
+CONTROL_PATIENCE_NS = 500_000_000  # [ns] without a wrench
+HEALTH_PATIENCE_NS = 3_000_000_000  # [ns] without a health message, of one a second
+BOARD_PATIENCE_NS = 2_500_000_000  # [ns] without a count of a silent board, of one a second
+RECENT_NS = 10_000_000_000  # [ns] so long the pilot reads of an event that has no end
+TOO_DEEP = 0.5  # [m] below the limit: more than a reference at the limit is overshot
+WORSE = 0.04  # [-] of the battery's charge: so much less is worse
+# What a service of this role counts again as long as, or as often as, it happens.
+COUNTED = {
+    "motion": events.SILENT_BOARD, "recorder": events.DISK_ERROR, "clock": events.JUMPED_CLOCK,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class WatchedMessages:
+    """The newest message of each vehicle-side topic; None: none yet, or not fresh."""
+
+    wrench: Wrench | None = None
+    battery: BatterySample | None = None
+    leak: LeakSample | None = None
+    temperature: TemperatureSample | None = None
+    dvl: DvlSample | None = None
+    altimeter: AltitudeSample | None = None
+
+
+NO_MESSAGES = WatchedMessages()
+
+
+class Holding(NamedTuple):
+    """A condition that holds now."""
+
+    level: int = 0  # [-] how bad; a greater one is worse
+    detail: str = ""  # which sensor, thruster, service …
+
+
+# Whether a condition holds by what its source gives: True, or what is to be said of it.
+Predicate = Callable[[Any, "ConditionWatch"], Holding | str | bool]
+
+
+@dataclass(slots=True)
+class ConditionWatch:
+    """What the conditions are judged by, at one step."""
+
+    settings: FailsafeSettings
+    watched: Mapping[str, str] = field(default_factory=dict[str, str])  # service → its role
+    started_ns: Ns = 0  # [ns] now, when this was made
+    # Of this step.
+    newest: WatchedMessages = NO_MESSAGES
+    state: VehicleState | None = None  # the newest fresh one
+    command: PilotCommand | None = None  # the newest fresh one
+    now: Ns = 0
+    armed: bool = False
+    unheld: tuple[str, ...] = ()  # axes that the mode holds, but whose estimates are not valid
+    limited: bool = False  # the reference comes to rest at the depth limit
+    above_floor: bool = False  # it does above the bottom, although the stick points down
+    pinged_ns: Ns | None = None
+    _commanded: bool = False  # a command has arrived since the start
+    _heard: dict[str, tuple[Health, Ns]] = field(default_factory=dict[str, tuple[Health, Ns]])
+    _late_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])  # newest late report of each
+    _counted_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])  # event → newest count of it
+    _rows: "tuple[FailsafeRow, ...]" = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._rows = table(self.settings)
+
+    def ping(self, now: Ns) -> None:
+        """Something that is not from the pilot arrived from topside."""
+        self.pinged_ns = now
+
+    def health(self, health: Health, now: Ns) -> None:
+        name, role = health.service, self.watched.get(health.service)
+        if role is None:
+            return
+        before, self._heard[name] = self._heard.get(name), (health, now)
+        if before is None:
+            return  # the first second, in which it starts
+        if role == "motion" and (health.lateness_p99_ms or 0.0) > LATE_MS:
+            self._late_ns[name] = now
+        event = COUNTED.get(role)
+        if event and health.counts.get(event.name, 0) > before[0].counts.get(event.name, 0):
+            self._counted_ns[event.name] = now
+
+    def holding(self) -> dict[str, Holding]:
+        """The conditions that hold now, by their names, in the order of the table. A row is asked
+        where its source gives something."""
+        state, newest, now, s = self.state, self.newest, self.now, self.settings
+        running = state if state is not None and state.phase == "running" else None
+        # After a restart in mid-dive it is as if the last command had come just before.
+        self._commanded = self._commanded or self.command is not None
+        waits = not self._commanded and now - self.started_ns <= TTL_MS * 1e6
+        present = self.command is not None and self.command.pilot == "present"
+        sounder, battery = newest.altimeter or newest.dvl, newest.battery
+        silent, late = list[str](), list[str]()
+        for name, (_, at) in self._heard.items():
+            if now - at > HEALTH_PATIENCE_NS:
+                silent.append(name)
+        for name, at in self._late_ns.items():
+            if name not in silent and now - at < RECENT_NS:
+                late.append(name)
+        sources: dict[str, Any] = {
+            "leak": newest.leak,
+            "charge": None if battery is None else battery.charge,
+            "temperature": newest.temperature,
+            "altitude": None if sounder is None or self.above_floor else sounder.altitude,
+            "wrench": newest.wrench if self.armed else None,
+            "no state": True if state is None else None,
+            "state": running,
+            "troubles": None if running is None else running.troubles or None,
+            "no pilot": True if self.armed and not present and not waits else None,
+            "unheld": self.unheld or None,
+            "limited": f"{s.depth_limit:g} m" if self.limited else None,
+            "above floor": f"{s.floor_distance:g} m" if self.above_floor else None,
+            "silent": silent or None,
+            "late": late or None,
+            "counted": self._counted_ns or None,
+        }
+        found = dict[str, Holding]()
+        for row in self._rows:
+            if (given := sources[row.source]) is None:
+                continue
+            said = given if row.holds is None else row.holds(given, self)
+            if isinstance(said, Holding):
+                found[row.name] = said
+            elif said:
+                found[row.name] = Holding(detail="" if said is True else said)
+        return found
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Conditions of which nothing is known: their sensor has said nothing since the start."""
+        leak, battery = self.newest.leak, self.newest.battery
+        no_leak = (events.LEAK.name,) if leak is None or leak.wet is None else ()
+        return no_leak if battery else (*no_leak, events.BATTERY_CRITICAL.name)
+
+    def counted(self, event: events.Row, within: Ns) -> bool:
+        return self.now - self._counted_ns.get(event.name, -within) < within
+
+
+def _link_lost(_: bool, seen: ConditionWatch) -> bool:
+    pinged = seen.pinged_ns
+    return seen.command is None and pinged is not None and seen.now - pinged > LINK_PATIENCE_NS
+
+
+def _battery_critical(charge: float, seen: ConditionWatch) -> Holding | bool:
+    """More than empty counts as worse, but a driver may say anything: not without end."""
+    left, critical = max(-1.0, charge), seen.settings.battery_critical
+    if left > critical:
+        return False
+    return Holding(int((critical - left) / WORSE), f"{max(0.0, left):.0%} left")
+
+
+def _battery_low(charge: float, seen: ConditionWatch) -> str | bool:
+    low = seen.settings.battery_critical < charge <= seen.settings.battery_low
+    return low and f"{charge:.0%} left"
+
+
+def _too_deep(state: VehicleState, seen: ConditionWatch) -> str | bool:
+    limit, depth = seen.settings.depth_limit, state.depth
+    return depth.valid and depth.value > limit + TOO_DEEP and f"{limit:g} m"
+
+
+def _sensor_trouble(troubles: Sequence[str], seen: ConditionWatch) -> str:
+    """Of sensors for which no other row stands: not of an IMU that is lost, nor of a pressure
+    sensor without which the depth is lost."""
+    state, said = seen.state, list[str]()
+    for trouble in troubles:
+        sensor = trouble.partition(":")[2]
+        lost = state is not None and (
+            (sensor == "sensor/imu" and not state.roll.valid)
+            or (sensor == "sensor/pressure" and not state.depth.valid)
+        )
+        if not lost:
+            said.append(sentence(trouble))
+    return ", ".join(said)
+
+
+def _too_hot(sample: TemperatureSample, seen: ConditionWatch) -> str | bool:
+    return sample.temperature >= seen.settings.hot and f"{sample.temperature:.0f} °C"
+
+
+def _service_silent(names: Sequence[str], seen: ConditionWatch) -> str:
+    return ", ".join(n for n in names if seen.watched[n] in ("motion", "keeper"))
+
+
+# The table.
 
 
 class FailsafeStage(NamedTuple):
     after: float  # [s] since the condition began, without a break
     reaction: Reaction
-
-
-class FailsafeRow(NamedTuple):
-    """What one condition makes the drone do."""
-
-    condition: Condition
-    measured: str  # when it holds, and where that is measured; for the documentation
-    stages: tuple[FailsafeStage, ...]
-    overrule: bool = False  # `resume` is granted although the condition still holds
-    brief: bool = False  # after a short one, centred sticks are enough
-    told: bool = True  # its beginning is counted and logged here; False: by whoever measures it
-
-    @property
-    def name(self) -> str:
-        return self.condition.name
-
-    @property
-    def acts(self) -> bool:
-        """Can it take the sticks from the pilot?"""
-        return any(stage.reaction in ACTING for stage in self.stages)
 
 
 NOTICE, LIMIT, STOP = (
@@ -49,6 +222,30 @@ NOTICE, LIMIT, STOP = (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class FailsafeRow:
+    """What one condition makes the drone do."""
+
+    condition: Condition
+    measured: str  # when it holds, and where that is measured; for the documentation
+    source: str  # by which it is judged, of `ConditionWatch.holding`
+    holds: Predicate | None = None  # None: whenever the source gives something
+    stages: tuple[FailsafeStage, ...] = (NOTICE,)
+    overrule: bool = False  # `resume` is granted although the condition still holds
+    brief: bool = False  # after a short one, centred sticks are enough
+    told: bool = True  # its beginning is counted and logged here; False: by whoever measures it
+
+    name: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.condition.name)
+
+    @property
+    def acts(self) -> bool:
+        """Can it take the sticks from the pilot?"""
+        return any(stage.reaction in ACTING for stage in self.stages)
+
+
 def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
     """The rows, the gravest first: of equal reactions the first one is said to act."""
     rises_without_pilot = FailsafeStage(s.pilot_patience, "ascend")
@@ -56,126 +253,149 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
         FailsafeRow(
             events.LEAK,
             "`sensor/leak` is wet",
+            "leak",
+            lambda leak, _: bool(leak.wet),
             (NOTICE, FailsafeStage(s.leak_patience, "ascend")),
             overrule=True,
         ),
         FailsafeRow(
             events.BATTERY_CRITICAL,
             "`sensor/battery`: charge left at most `battery_critical`",
+            "charge",
+            _battery_critical,
             (NOTICE, FailsafeStage(s.battery_patience, "ascend")),
             overrule=True,
         ),
         FailsafeRow(
             events.STATE_LOST,
             "no `state` for 0.1 s",
-            (STOP,),
+            "no state",
+            stages=(STOP,),
             brief=True,
         ),
         FailsafeRow(
             events.IMU_LOST,
             "`state`: roll is not valid",
+            "state",
+            lambda state, _: not state.roll.valid,
             (STOP,),
             overrule=True,
         ),
         FailsafeRow(
             events.LINK_LOST,
             "neither sticks nor `clock/ping` for 1 s, after there were pings",
+            "no pilot",
+            _link_lost,
             (STOP, rises_without_pilot),
             brief=True,
         ),
         FailsafeRow(
             events.PILOT_LOST,
             "armed, and the newest `pilot/command` has expired (0.3 s), or its pad is lost",
-            (STOP, rises_without_pilot),
+            "no pilot",
+            stages=(STOP, rises_without_pilot),
             brief=True,
         ),
         FailsafeRow(
             events.DEPTH_LIMIT,
             "the reference comes to rest at `depth_limit`",
-            (LIMIT,),
+            "limited",
+            stages=(LIMIT,),
         ),
         FailsafeRow(
             events.TOO_DEEP,
             "`state`: depth more than 0.5 m below `depth_limit`",
-            (NOTICE,),
+            "state",
+            _too_deep,
         ),
         FailsafeRow(
             events.FLOOR_LIMIT,
             "the stick points down in a mode that holds the depth, and the reference comes to rest "
             "at `floor_distance`",
-            (LIMIT,),
+            "above floor",
+            stages=(LIMIT,),
         ),
         FailsafeRow(
             events.NEAR_FLOOR,
             "`sensor/dvl` or `sensor/altitude`: altitude less than `floor_distance`",
-            (NOTICE,),
+            "altitude",
+            lambda altitude, _: altitude < s.floor_distance and f"{altitude:.1f} m",
         ),
         FailsafeRow(
             events.DEPTH_LOST,
             "the mode holds the depth, and its estimate is not valid for 0.5 s",
-            (NOTICE,),
+            "unheld",
+            lambda unheld, _: "depth" in unheld,
             told=False,
         ),
         FailsafeRow(
             events.HEADING_LOST,
             "the mode holds the heading, and its estimate is not valid for 0.5 s",
-            (NOTICE,),
+            "unheld",
+            lambda unheld, _: "heading" in unheld,
             told=False,
         ),
         FailsafeRow(
             events.SENSOR_TROUBLE,
             "`state`: troubles, by estimation (silent, noisy, frozen, inconsistent, disturbed)",
-            (NOTICE,),
+            "troubles",
+            _sensor_trouble,
             told=False,
         ),
         FailsafeRow(
             events.CONTROL_SILENT,
             "armed, and no `control/wrench` for 0.5 s",
-            (NOTICE,),
+            "wrench",
+            lambda wrench, seen: seen.now - wrench.stamp_ns > CONTROL_PATIENCE_NS,
         ),
         FailsafeRow(
             events.BOARD_SILENT,
             "`health` of a driver such as ardusub: no heartbeat of the board for 3 s",
-            (NOTICE,),
+            "counted",
+            lambda _, seen: seen.counted(events.SILENT_BOARD, BOARD_PATIENCE_NS),
             told=False,
         ),
         FailsafeRow(
             events.SERVICE_SILENT,
             "no `health` of the vehicle side, estimation, control, a module of yours on board or, "
             "where it is another machine, its supervisor for 3 s, after there was some",
-            (NOTICE,),
+            "silent",
+            _service_silent,
         ),
         FailsafeRow(
             events.SERVICE_LATE,
             "`health` of the vehicle side, estimation, control or a module of yours on board: 1 % "
             "of its messages of a second handled over 40 ms late, in the last 10 s",
-            (NOTICE,),
+            "late",
+            lambda names, _: ", ".join(names),
         ),
         FailsafeRow(
             events.RECORDER_DOWN,
             "no `health` of the recorder for 3 s, after there was some",
-            (NOTICE,),
+            "silent",
+            lambda names, seen: any(seen.watched[name] == "recorder" for name in names),
         ),
         FailsafeRow(
             events.DISK_FULL,
             "`health` of the recorder: a disk error in the last 10 s",
-            (NOTICE,),
+            "counted",
+            lambda _, seen: seen.counted(events.DISK_ERROR, RECENT_NS),
             told=False,
         ),
         FailsafeRow(
             events.CLOCK_JUMP,
             "`health` of the link monitor: a jump in the last 10 s",
-            (NOTICE,),
+            "counted",
+            lambda _, seen: seen.counted(events.JUMPED_CLOCK, RECENT_NS),
             told=False,
         ),
         FailsafeRow(
             events.BATTERY_LOW,
             "`sensor/battery`: charge left at most `battery_low`, and more than `battery_critical`",
-            (NOTICE,),
+            "charge",
+            _battery_low,
         ),
         FailsafeRow(
-            events.TOO_HOT,
-            "`sensor/temperature`: at least `hot`",
-            (NOTICE,),
+            events.TOO_HOT, "`sensor/temperature`: at least `hot`", "temperature", _too_hot
         ),
     )

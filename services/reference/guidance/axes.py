@@ -1,13 +1,14 @@
-"""The piloted axes, and the reference generator of each."""
+"""The piloted axes, and the generator that moves each: a ramp to the velocity or the force of a
+stick, a move to a position, a path (`Ramp.ride`), or a plan to rest that follows the vehicle."""
 
 from dataclasses import dataclass, field
 from typing import Self
 
 from messages.events import Outbox
 from messages.pilot import PilotCommand
+from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns
-from services.reference.guidance.ground_motion import GroundMotion
 from services.reference.guidance.modes import HeldAxes
 from services.reference.guidance.station_keeping import StationKeeping
 from services.reference.settings import Settings, VelocityAxis
@@ -22,10 +23,6 @@ FADE = 1.0  # [m] above the limit in which a downward heave force fades out
 CENTRED = 0.05  # [-] a stick this close to the middle counts as centred
 
 
-def centred(command: PilotCommand) -> bool:
-    return max(map(abs, (command.surge, command.sway, command.heave, command.yaw))) < CENTRED
-
-
 @dataclass(slots=True)
 class Axes:
     """Times `t` in seconds, never decreasing."""
@@ -35,7 +32,7 @@ class Axes:
     yaw: Ramp  # [rad] accumulated
     place: StationKeeping  # [m] north and east
     tilt: Ramp  # [rad]
-    pace: Ramp  # [m] along the heading: ramps out the speed left over from a path
+    pace: Ramp  # [m] along a path in dead reckoning, and what is left of that speed afterwards
     force: VectorRamp  # [N] surge and sway, as a "velocity"
     heave_force: Ramp  # [N] as a "velocity"
     yaw_moment: Ramp  # [N m] as a "velocity"
@@ -78,10 +75,9 @@ class Axes:
         """All axes at rest here, no force, no station keeping. The camera tilt is unchanged."""
         self.heave.rest(depth, t)
         self.yaw.rest(heading, t)
-        self.pace.rest(0.0, t)
         self.force.rest(t)
-        self.heave_force.rest(0.0, t)
-        self.yaw_moment.rest(0.0, t)
+        for ramp in (self.pace, self.heave_force, self.yaw_moment):
+            ramp.rest(0.0, t)
         self.place.held = False
 
     def follow(self, state: VehicleState, held: HeldAxes, t: float) -> None:
@@ -99,11 +95,6 @@ class Axes:
         if not held.heading and heading.valid and turning.valid:
             self.yaw.take(Sample(heading.value, turning.value, 0.0, 0.0), t)
 
-    def hold_place(self, ground: GroundMotion, t: float) -> None:
-        """Begin station keeping: come to rest, then hold."""
-        self.place.take_measured(ground, t)
-        self.pace.rest(0.0, t)  # the measured motion includes any speed left over from a path
-
     def aim(
         self,
         stick: PilotCommand,
@@ -119,8 +110,12 @@ class Axes:
         sinks = stick.heave * s.heave.max_velocity if sink is None else sink
         self._aim_depth(sinks if held.depth else 0.0, t)
         self.yaw.aim(stick.yaw * s.yaw.max_velocity if held.heading else 0.0, t)
-        self._fades = False
-        self.heave_force.aim(0.0 if held.depth else self._heave_force(stick.heave, t), t)
+        # A downward force fades out above the depth limit.
+        room = s.failsafe.depth_limit - self.heave.at(t).position
+        self._fades = not held.depth and stick.heave > 0.0 and room < FADE
+        heave = stick.heave * s.heave_force.full
+        heave *= max(0.0, room / FADE) if self._fades else 1.0
+        self.heave_force.aim(0.0 if held.depth else heave, t)
         self.yaw_moment.aim(0.0 if held.heading else stick.yaw * s.yaw_moment.full, t)
         surge, sway = share * stick.surge, share * stick.sway
         if held.place:
@@ -164,13 +159,6 @@ class Axes:
         to_rest = solve(velocity, 0.0, 0.0, limits)
         return travelled((*up_to, *to_rest)) + velocity * LOOK_AHEAD_S >= room
 
-    def _heave_force(self, stick: float, t: float) -> float:
-        """[N] Of a stick, where the depth is not held; fades out above the depth limit."""
-        full = self.settings.heave_force.full
-        room = self.settings.failsafe.depth_limit - self.heave.at(t).position
-        self._fades = stick > 0.0 and room < FADE
-        return stick * full * (max(0.0, room / FADE) if self._fades else 1.0)
-
     def turn_camera(self, stick: float, t: float) -> None:
         """Tilt up or down, with a smooth stop at the end of the range."""
         tilt, s = self.tilt, self.settings.tilt
@@ -182,26 +170,72 @@ class Axes:
             go(tilt, end, s.limits, abs(stick) * s.max_velocity, t)
         self._tilting = stick
 
-    def brake(self, t: float) -> None:
-        """Bring depth, heading and position to rest."""
-        self._sinking = 0.0
-        self.heave.brake(t)
-        self.yaw.brake(t)
-        if self.place.held:
-            self.place.brake(t, self.settings.place.limits)
-
-    def stop(self, t: float) -> None:
-        """The same within the limits of an emergency stop."""
+    def brake(self, t: float, *, hard: bool = False) -> None:
+        """Bring depth, heading and position to rest; `hard`: within the limits of an emergency
+        stop."""
         s, self._sinking = self.settings, 0.0
-        self.heave.brake(t, s.heave.stop)
-        self.yaw.brake(t, s.yaw.stop)
+        heave, yaw, place = (
+            axis.stop if hard else axis.limits for axis in (s.heave, s.yaw, s.place)
+        )
+        self.heave.brake(t, heave)
+        self.yaw.brake(t, yaw)
         if self.place.held:
-            self.place.brake(t, s.place.stop)
+            self.place.brake(t, place)
 
     def settles(self) -> float:
         """[s] When depth, heading and a held position reach their targets."""
         place = self.place.settles() if self.place.held else 0.0
         return max(self.heave.settles(), self.yaw.settles(), place)
+
+    # The message.
+
+    def reference(
+        self,
+        held: HeldAxes,
+        t: float,
+        state: VehicleState | None,
+        command: PilotCommand | None,
+        now: Ns,
+        *,
+        armed_ns: Ns | None,
+        epoch: int,
+        gripper: float = 0.0,
+    ) -> Reference:
+        """All axes at this instant, with the stamps of the state and pilot command behind them.
+        `armed_ns` None: disarmed; `gripper` as it moves now."""
+        pace, place = _motion(self.pace, t), self.place.now if self.place.held else None
+        surge_force, sway_force = self.force.at(t)
+        return Reference(
+            stamp_ns=now,
+            sensor_ns=None if state is None else state.sensor_ns,
+            pilot_ns=None if command is None else command.stamp_ns,
+            epoch=epoch,
+            armed=armed_ns is not None,
+            armed_ns=armed_ns,
+            depth=_motion(self.heave, t, held=held.depth),
+            heading=_motion(self.yaw, t, held=held.heading),
+            surge_force=surge_force.velocity,
+            sway_force=sway_force.velocity,
+            heave_force=None if held.depth else self.heave_force.at(t).velocity,
+            yaw_moment=None if held.heading else self.yaw_moment.at(t).velocity,
+            surge=pace if place is None and (self.pace.rides or pace.velocity != 0.0) else None,
+            north=None if place is None else Motion(*place[0]),
+            east=None if place is None else Motion(*place[1]),
+            tilt=_motion(self.tilt, t),
+            gripper=gripper,
+        )
+
+
+def _motion(ramp: Ramp, t: float, *, held: bool = True) -> Motion:
+    """Of an axis; of one that follows the vehicle the jerk is unknown."""
+    here = ramp.at(t)
+    if not held:
+        return Motion(*here._replace(jerk=0.0))
+    return Motion(*here, jerk_limit=None if ramp.rides else ramp.in_force.jerk)
+
+
+def centred(command: PilotCommand) -> bool:
+    return max(map(abs, (command.surge, command.sway, command.heave, command.yaw))) < CENTRED
 
 
 CENTRED_NS = 300_000_000  # [ns]

@@ -31,18 +31,12 @@ def ground_of(state: VehicleState) -> GroundMotion | None:
     return GroundMotion((north.value, east.value), velocity, offset)
 
 
-class Whereabouts(NamedTuple):
-    """In the two numbers that whoever watches many drones is told of each."""
-
-    depth: float | UnsetType = UNSET  # [m] positive down; absent: not known
-    heading: float | UnsetType = UNSET  # [rad] clockwise from north, ±π; absent: not known
-
-
-def whereabouts(state: VehicleState | None) -> Whereabouts:
-    """Of the newest state; nothing where there is none."""
+def whereabouts(state: VehicleState | None) -> tuple[float | UnsetType, float | UnsetType]:
+    """Depth [m] and heading [rad] clockwise from north, ±π, as whoever watches many drones is told
+    of each; absent: not known."""
     if state is None:
-        return Whereabouts()
-    return Whereabouts(
+        return UNSET, UNSET
+    return (
         state.depth.value if state.depth.valid else UNSET,
         wrapped(state.heading.value + north_offset(state)) if state.heading.valid else UNSET,
     )

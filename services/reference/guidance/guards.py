@@ -68,13 +68,12 @@ class Standstill:
 
     most: float  # position units; furthest that what is held is moved
     moved: float = 0.0  # position units; by how much it was, at the newest stop
-    _stops: bool = False  # the reference has moved, and no standstill has followed yet
+    _way: float | None = None  # newest velocity of a reference that comes to rest; None: at rest
     _rests: float | None = None  # [s] since when the reference rests after that
-    _way: float = 0.0  # position units per second; newest velocity of the reference
 
     def cancel(self) -> None:
         """The end of this motion was asked for, or the vehicle is held back: leave it there."""
-        self._stops, self._rests = False, None
+        self._way = self._rests = None
 
     def step(
         self, error: float, rate: float, t: float, *, resting: bool, velocity: float = 0.0
@@ -89,12 +88,11 @@ class Standstill:
             velocity: position units per second; of the reference.
         """
         if not resting:
-            self._stops, self._rests, self._way = True, None, velocity or self._way
+            self._way, self._rests = velocity or self._way or 0.0, None
             return 0.0
-        if not self._stops:
+        if self._way is None:
             return 0.0
-        if self._rests is None:
-            self._rests = t
+        self._rests = t if self._rests is None else self._rests
         if rate * self._way > 0.0 and t - self._rests < PATIENCE_S:
             return 0.0
         self.cancel()
@@ -109,12 +107,6 @@ def tilt_of(state: VehicleState) -> float | None:
         return None
     level = cos(state.roll.value) * cos(state.pitch.value)
     return acos(max(-1.0, min(1.0, level)))
-
-
-def rate(tilt: float, most: float) -> float:
-    """[1/s] Of the share, by the tilt and its limit [rad]: none at the limit."""
-    room = 1.0 - tilt / most
-    return room / (RISE_S if room > 0.0 else FALL_S)
 
 
 @dataclass(slots=True)
@@ -139,7 +131,8 @@ class TiltLimit:
             mean = tilt if self._mean is None else self._mean
             self._mean = tilt + (mean - tilt) * exp(-dt / SMOOTH_S)
             soon = max(0.0, tilt + (tilt - self._mean) * AHEAD_S / SMOOTH_S)  # [rad] in `AHEAD_S`
-            by = dt * rate(soon, MOST_TILT)
+            room = 1.0 - soon / MOST_TILT
+            by = dt * (room / (RISE_S if room > 0.0 else FALL_S))
         self.share = max(0.0, min(1.0, self.share + by))
         return self.share
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from messages.pilot import FlightMode
 from messages.state import VehicleState
-from services.marine.attitude import level_velocity
+from services.reference.guidance.ground_motion import ground_of
 
 
 class HeldAxes(NamedTuple):
@@ -42,7 +42,7 @@ def lacking(
     requires them. `bottom`: its depth is known.
     """
     held = HELD_AXES[flight_mode]
-    if held.place and (state is None or not measures_place(state)):
+    if held.place and (state is None or ground_of(state) is None):
         return "this drone does not know its position and velocity over the ground"
     if held.height and not bottom:
         return "the drone does not measure its height above the bottom"
@@ -52,9 +52,3 @@ def lacking(
         if held.heading and not state.heading.valid:
             return "the drone does not know its heading"
     return ""
-
-
-def measures_place(state: VehicleState) -> bool:
-    """Whether north, east and the velocity over the ground are all known."""
-    known = all(part is not None and part.valid for part in (state.north, state.east))
-    return known and level_velocity(state) is not None

@@ -1,9 +1,8 @@
-"""Path following on board: turn to the first course, then follow the path.
+"""Path following on board: a path that the drone can follow, and the motion along it.
 
 With a measured position, north, east, depth and heading all come from the path. Without, this is
 dead reckoning: heading and depth follow the path, and the distance along it is the integral of the
-speed reference. The reference waits when the drone falls behind, and an emergency stop acts along
-the path.
+speed reference. The reference waits when the drone falls behind, and a stop acts along the path.
 """
 
 from bisect import bisect_right
@@ -31,7 +30,7 @@ WAITING = Limits(4.0, 2.0)  # of the clock's rate [1/s², 1/s]
 
 @dataclass(slots=True)
 class PathFollowing:
-    """One path, begun with the drone pointing along it. Times in seconds."""
+    """One path, begun with the drone pointing along it. Times `t` in seconds."""
 
     path: Path
     turns: float  # [rad] between the path's course and the accumulated heading
@@ -41,24 +40,27 @@ class PathFollowing:
     clock: WaitingClock
     corners: tuple[Pair, ...]  # [m] NED, of the way-points as given
     shift: Pair | None  # [m] NED, from the path as given to where it is run; None: dead reckoning
+    _newest: tuple[float, RoutePoint] | None = None  # the last one that was asked for, and its time
 
     def point(self, t: float) -> RoutePoint:
-        return point_on(self.path, self.along(t), t)
+        if self._newest is None or self._newest[0] != t:
+            self._newest = t, point_on(self.path, self.along(t), t)
+        return self._newest[1]
 
-    def heading(self, here: RoutePoint) -> Sample:
+    def heading(self, t: float) -> Sample:
+        here = self.point(t)
         return Sample(here.heading + self.turns, here.yaw_rate, here.yaw_acceleration, 0.0)
 
-    def depth(self, here: RoutePoint) -> Sample:
+    def depth(self, t: float) -> Sample:
+        here = self.point(t)
         return Sample(here.down, here.v_down, here.a_down, 0.0)
 
-    def place(self, here: RoutePoint) -> tuple[Sample, Sample] | None:
-        """North and east; None in dead reckoning."""
-        if self.shift is None:
-            return None
-        north, east = here.north + self.shift[0], here.east + self.shift[1]
+    def place(self, t: float) -> tuple[Sample, Sample]:
+        """North and east; not in dead reckoning."""
+        here, (north, east) = self.point(t), self.shift or (0.0, 0.0)
         return (
-            Sample(north, here.v_north, here.a_north, 0.0),
-            Sample(east, here.v_east, here.a_east, 0.0),
+            Sample(here.north + north, here.v_north, here.a_north, 0.0),
+            Sample(here.east + east, here.v_east, here.a_east, 0.0),
         )
 
     def ahead(self, t: float) -> tuple[Pair, ...]:
@@ -71,13 +73,11 @@ class PathFollowing:
 
     def watch(self, state: VehicleState, ground: GroundMotion | None, t: float) -> None:
         """Wait while the drone is too far behind. Unknown errors are ignored."""
-        here = self.point(t)
-        errors = [abs(self.heading(here).position - state.heading.value) / HEADING_TOLERANCE]
+        errors = [abs(self.heading(t).position - state.heading.value) / HEADING_TOLERANCE]
         if self.has_depth:
-            errors.append(abs(here.down - state.depth.value) / DEPTH_TOLERANCE)
-        place = self.place(here)
-        if place is not None and ground is not None:
-            pairs = zip(place, ground.position, strict=True)
+            errors.append(abs(self.depth(t).position - state.depth.value) / DEPTH_TOLERANCE)
+        if self.shift is not None and ground is not None:
+            pairs = zip(self.place(t), ground.position, strict=True)
             errors.append(hypot(*(wanted.position - x for wanted, x in pairs)) / PLACE_TOLERANCE)
         self.clock.watch(max(errors), t)
 
@@ -94,21 +94,21 @@ class PathFollowing:
         def ends(now: float) -> bool:
             return now >= end
 
-        return replace(self, along=along, ends=ends), end
+        return replace(self, along=along, ends=ends, _newest=None), end
 
 
 @dataclass(slots=True)
 class PlannedPath:
-    """A validated path, ready to be followed."""
+    """A path that can be followed.
+
+    Raises:
+        ValueError: the way-points make no path; says why.
+    """
 
     course: Course
     path: Path = field(init=False)
 
     def __post_init__(self) -> None:
-        """
-        Raises:
-            ValueError: the way-points make no path; says why.
-        """
         c = self.course
         # C2 in yaw: the drone's yaw reference then has a continuous acceleration.
         self.path = Path.through(c.waypoints, c.min_radius, c.kind)
@@ -116,12 +116,9 @@ class PlannedPath:
             raise ValueError("cruise, acceleration and jerk must be above 0")
 
     @property
-    def has_depth(self) -> bool:
-        return len(self.course.waypoints[0]) == 3
-
-    @property
-    def first_depth(self) -> float:
-        return self.path.at(0.0).down
+    def first_depth(self) -> float | None:
+        """[m] None: the path has no depths."""
+        return self.path.at(0.0).down if len(self.course.waypoints[0]) == 3 else None
 
     def first_heading(self, heading: float, offset: float) -> float:
         """[rad] The path's first course, by the shortest turn from an accumulated heading; `offset`
@@ -137,14 +134,14 @@ class PlannedPath:
 
         def along(now: float) -> Sample:
             at = clock.at(now)
-            return scaled_sample(profile.at(at.tau), at)
+            return scaled_sample(profile.at(at.position), at)
 
         return PathFollowing(
             self.path,
             heading - start.course,
-            self.has_depth,
+            self.first_depth is not None,
             along,
-            lambda now: clock.at(now).tau >= profile.duration,
+            lambda now: clock.at(now).position >= profile.duration,
             clock,
             tuple((north, east) for north, east, *_ in c.waypoints),
             None if place is None else (place[0] - start.north, place[1] - start.east),

@@ -6,8 +6,8 @@ from math import tau
 
 from messages import events
 from messages.pilot import MANOEUVRES, Course, FlightMode, PilotAnswer, PilotCommand, PilotRequest
-from messages.units import Finite, Ns
-from services.marine.attitude import north_offset, whole_turns
+from messages.units import Ns
+from services.marine.attitude import north_offset, whole_turns, wrapped
 from services.reference.guidance.axes import centred
 from services.reference.guidance.ground_motion import Pair
 from services.reference.guidance.guidance import Guidance
@@ -25,42 +25,29 @@ def mode(guidance: Guidance, flight_mode: FlightMode | None, *, armed: bool) -> 
     return ""
 
 
-def goto(guidance: Guidance, request: PilotRequest) -> str:
-    """Go to a depth, a heading, both, or a position."""
-    depth, heading = request.depth, request.heading
-    if depth is not None and depth < 0:
-        return f"{depth:g} m is above the surface"
-    if depth is not None and (reason := _too_deep(guidance, depth)):
-        return reason
-    if request.north is not None or request.east is not None:
-        return _to_place(guidance, request)
-    if depth is None and heading is None:
-        return "goto needs a depth or a heading"
-    _prepare(guidance, hold_place=guidance.held.place, moves_depth=depth is not None)
-    manoeuvre, t = guidance.manoeuvre, guidance.t
-    manoeuvre.go(depth, None if heading is None else manoeuvre.turn_to(heading, t), t)
-    return ""
-
-
-def home(guidance: Guidance) -> str:
-    """Go straight, at this depth or height, to where the drone was first armed."""
-    place = guidance.home.place
-    if place is None:
-        return guidance.home.missing
-    if guidance.ground is None:
-        return "this drone does not know its position"
-    here, there = guidance.ground.position, (place.north, place.east)
-    return _follow(guidance, Course(waypoints=(here, there)), there)
-
-
-def unwind(guidance: Guidance) -> str:
-    """Turn back the whole turns since the start, for the tether's sake."""
-    here = guidance.axes.yaw.at(guidance.t).position
-    if (turns := whole_turns(here)) == 0:
-        return "the tether has no whole turn in it"
-    _prepare(guidance, hold_place=guidance.held.place, moves_depth=False)
-    guidance.manoeuvre.go(None, here - tau * turns, guidance.t)
-    return ""
+def manoeuvre(guidance: Guidance, request: PilotRequest) -> str:
+    """Go to a depth, a heading, both, or a position; along a path; home; turn back."""
+    ground = guidance.ground
+    match request.kind:
+        case "goto":
+            return _goto(guidance, request)
+        case "follow":  # from where the drone is; blind if the position is not measured
+            course = request.course
+            return "follow needs a path" if course is None else _follow(guidance, course)
+        case "home":  # straight, at this depth or height, to where the drone was first armed
+            if (place := guidance.home.place) is None:
+                return guidance.home.missing
+            if ground is None:
+                return "this drone does not know its position"
+            there = place.north, place.east
+            return _follow(guidance, Course(waypoints=(ground.position, there)), there)
+        case _:  # unwind: the whole turns since the start, for the tether's sake
+            here = guidance.axes.yaw.at(guidance.t).position
+            if (turns := whole_turns(here)) == 0:
+                return "the tether has no whole turn in it"
+            _prepare(guidance, hold_place=guidance.held.place, moves_depth=False)
+            guidance.go(None, here - tau * turns)
+            return ""
 
 
 def onto_the_bottom(guidance: Guidance, depth: float | None) -> str:
@@ -69,53 +56,53 @@ def onto_the_bottom(guidance: Guidance, depth: float | None) -> str:
     bottom, floor = guidance.bottom, guidance.settings.failsafe.floor_distance
     if depth is None or not bottom.known:
         return ""
-    height = bottom.depth(guidance.t) - depth
-    if height <= 0.0:
-        return (
-            f"the bottom is at {bottom.depth(guidance.t):.1f} m here: the drone will land on it "
-            f"and press down"
-        )
+    there = bottom.depth(guidance.t)
+    if (height := there - depth) <= 0.0:
+        return f"the bottom is at {there:.1f} m here: the drone will land on it and press down"
     return f"the drone will come to rest {height:.1f} m above the bottom" if height < floor else ""
 
 
-def follow(guidance: Guidance, course: Course | None) -> str:
-    """Follow a path from where the drone is; by dead reckoning if the position is not measured."""
-    if course is None:
-        return "follow needs a path"
-    return _follow(guidance, course, None)
-
-
-def _to_place(guidance: Guidance, request: PilotRequest) -> str:
-    """Change heading and depth on the spot, then go straight and level."""
-    if request.north is None or request.east is None or request.heading is not None:
-        return "goto a place needs north and east, and turns there by itself"
-    if guidance.ground is None:
-        return "this drone does not know its position"
-    there = (request.north, request.east)
-    return _follow(
-        guidance, Course(waypoints=(guidance.ground.position, there)), there, request.depth
-    )
+def _goto(guidance: Guidance, request: PilotRequest) -> str:
+    depth, heading, north, east = request.depth, request.heading, request.north, request.east
+    if depth is not None and depth < 0:
+        return f"{depth:g} m is above the surface"
+    if depth is not None and (reason := _too_deep(guidance, depth)):
+        return reason
+    if north is not None or east is not None:  # turn on the spot, then go straight and level
+        if north is None or east is None or heading is not None:
+            return "goto a place needs north and east, and turns there by itself"
+        if guidance.ground is None:
+            return "this drone does not know its position"
+        way = Course(waypoints=(guidance.ground.position, (north, east)))
+        return _follow(guidance, way, (north, east), depth)
+    if depth is None and heading is None:
+        return "goto needs a depth or a heading"
+    _prepare(guidance, hold_place=guidance.held.place, moves_depth=depth is not None)
+    if heading is not None:  # the shortest turn
+        here = guidance.axes.yaw.at(guidance.t).position
+        heading = here + wrapped(heading - here)
+    guidance.go(depth, heading)
+    return ""
 
 
 def _follow(
-    guidance: Guidance, course: Course, goal: Pair | None, depth: Finite | None = None
+    guidance: Guidance, course: Course, goal: Pair | None = None, depth: float | None = None
 ) -> str:
     try:
         planned = PlannedPath(course)
     except ValueError as error:
         return f"this is no path: {error}"
-    if planned.has_depth and (reason := _too_deep(guidance, max(planned.path.depths))):
+    has_depth = planned.first_depth is not None
+    if has_depth and (reason := _too_deep(guidance, max(planned.path.depths))):
         return reason
     measured = guidance.ground is not None
     offset = 0.0 if guidance.state is None else north_offset(guidance.state)
-    moves_depth = planned.has_depth or depth is not None
-    _prepare(guidance, hold_place=measured, moves_depth=moves_depth)
+    _prepare(guidance, hold_place=measured, moves_depth=has_depth or depth is not None)
     if goal is not None and not guidance.held.height:
         guidance.flight_mode = "station_keeping"  # there it stays, whatever the current
-    guidance.manoeuvre.follow(planned, guidance.t, measured=measured, offset=offset, goal=goal)
+    guidance.plan(planned, measured=measured, offset=offset, goal=goal)
     if depth is not None:
-        guidance.manoeuvre.go(depth, None, guidance.t)
-        guidance.manoeuvre.going = False
+        guidance.axes.go_to_depth(depth, guidance.t)
     return ""
 
 
@@ -127,7 +114,7 @@ def _too_deep(guidance: Guidance, depth: float) -> str:
 def _prepare(guidance: Guidance, *, hold_place: bool, moves_depth: bool) -> None:
     """End the current manoeuvre, and hold depth and heading for the next; or the height, where
     that leaves the depth as it is."""
-    guidance.manoeuvre.end(guidance.t, hold_place=hold_place)
+    guidance.end_manoeuvre(hold_place=hold_place)
     if moves_depth or not guidance.held.height:
         guidance.flight_mode = safe(guidance.flight_mode)
 
@@ -151,6 +138,7 @@ def refusal(
         acting: a failsafe acts.
         board: the vehicle's board answers.
     """
+    moves = request.kind in MANOEUVRES
     if request.kind == "arm" and not board:
         return events.BOARD_SILENT.sentence
     if request.kind == "arm" and not armed:
@@ -160,7 +148,6 @@ def refusal(
             return "no pilot: no fresh stick positions arrive"
         if not centred(command):
             return "the sticks are not centred"
-    moves = request.kind in MANOEUVRES
     if moves and not armed:
         return "the drone is not armed"
     if (moves or request.kind == "mode") and armed and acting:
@@ -175,9 +162,5 @@ def refusal(
 def refused(request: PilotRequest, reason: str, now: Ns) -> PilotAnswer:
     """The answer to a request that is not carried out."""
     return PilotAnswer(
-        stamp_ns=now,
-        id=request.id,
-        accepted=False,
-        reason=reason,
-        cause_ns=request.stamp_ns,
+        stamp_ns=now, id=request.id, accepted=False, reason=reason, cause_ns=request.stamp_ns
     )

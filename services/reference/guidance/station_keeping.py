@@ -35,6 +35,7 @@ class StationKeeping:
     held: bool = False  # False: not in use
     offset: float = 0.0  # [rad] north heading minus control heading
     _initial: VectorRamp = field(init=False)  # [m/s] north, east: comes to rest
+    _path: Callable[[float], tuple[Sample, Sample]] | None = None  # in the place of all of these
     _stick: VectorRamp = field(init=False)  # [m/s] surge, sway
     _moved: Pair = STILL  # [m] north, east: moved by the stick and by `shift`
     _stepped: float = 0.0  # [s] of the newest step
@@ -47,6 +48,8 @@ class StationKeeping:
     @property
     def now(self) -> tuple[Sample, Sample]:
         """North and east at the newest step."""
+        if self._path is not None:
+            return self._path(self._stepped)
         return self._at(0), self._at(1)
 
     def take_measured(self, ground: GroundMotion, t: float) -> None:
@@ -58,10 +61,14 @@ class StationKeeping:
 
     def take(self, north: Sample, east: Sample, t: float) -> None:
         """Start from another generator's motion at `t` [s], and come to rest."""
+        self.ride(None, t)
         self._initial.take(north, east, t)
+
+    def ride(self, path: Callable[[float], tuple[Sample, Sample]] | None, t: float) -> None:
+        """From `t` [s] on, the motion of a path, at each time [s], until it is taken over from."""
+        self._path, self.held = path, True
         self._stick.rest(t)
         self._moved, self._stepped, self._by_stick = STILL, t, (AT_REST, AT_REST)
-        self.held = True
 
     def step(self, heading: Sample, offset: float, t: float) -> None:
         """Advance to `t` [s], where the heading reference is `heading`. A new north offset takes

@@ -76,7 +76,13 @@ def checked(waypoints: Sequence[Sequence[float]]) -> list[Waypoint]:
                 f"way-points {number} and {number + 1} are {distance(a, b):g} m apart in the"
                 f" horizontal plane, must be {APART:g} m to {FARTHEST:g} m"
             )
-    _require_no_reversal(points)
+    courses = [course(a, b) for a, b in pairwise(points)]
+    for number, (before, after) in enumerate(pairwise(courses), 2):
+        if abs(wrapped(after - before)) > pi - STRAIGHT:
+            raise ValueError(
+                f"way-point {number}: the path goes exactly back there; a turn needs a corner of"
+                " less than 180°, so add a way-point beside it"
+            )
     return points
 
 
@@ -88,16 +94,6 @@ def distance(a: Waypoint, b: Waypoint) -> float:
 def course(a: Waypoint, b: Waypoint) -> float:
     """[rad] From `a` to `b`, from north towards east; (88)."""
     return atan2(b.east - a.east, b.north - a.north)
-
-
-def _require_no_reversal(points: Sequence[Waypoint]) -> None:
-    courses = [course(a, b) for a, b in pairwise(points)]
-    for number, (before, after) in enumerate(pairwise(courses), 2):
-        if abs(wrapped(after - before)) > pi - STRAIGHT:
-            raise ValueError(
-                f"way-point {number}: the path goes exactly back there; a turn needs a corner of"
-                " less than 180°, so add a way-point beside it"
-            )
 
 
 class Knot(NamedTuple):
@@ -182,10 +178,10 @@ def _through(points: Sequence[Waypoint], at: Sequence[float | None], turn_of: Tu
         outline.courses.append(line)
         if leg.start is not None:
             reach = tangent(line - leg.start, turn_of)
-            outline.corners.append(_ahead(a, leg.start, reach))
+            outline.corners.append(ahead(a, leg.start, reach))
         if leg.end is not None:
             reach = tangent(leg.end - line, turn_of)
-            outline.corners.append(_ahead(b, leg.end, -reach))
+            outline.corners.append(ahead(b, leg.end, -reach))
             outline.courses.append(leg.end)
             outline.knots.append(Knot(len(outline.corners) - 1, reach))
     outline.corners.append(points[-1])
@@ -258,7 +254,8 @@ def _swing(angle: float, turn_of: TurnOf) -> float:
     return size if angle > 0 else -size
 
 
-def _ahead(point: Waypoint, heading: float, by: float) -> Waypoint:
+def ahead(point: Waypoint, heading: float, by: float) -> Waypoint:
+    """`by` [m] further, on this course [rad]."""
     return point._replace(
         north=point.north + by * cos(heading), east=point.east + by * sin(heading)
     )

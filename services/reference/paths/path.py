@@ -4,8 +4,7 @@ vehicle that points along its course.
 Source: Fernandes et al. 2015, section 3, (80) to (83) and (118) to (126). There, the speed along
 the path is multiplied by the sign of the distance, which makes it 0 for one sample at the start of
 a part; here it is the speed of the profile. The heading is the path's course, which has no jumps,
-so it need not be accumulated.
- `s` is the distance along the path in the horizontal
+so it need not be accumulated. `s` is the distance along the path in the horizontal
 plane: surge and yaw follow the plane curve (81), depth is a separate axis. The half-open intervals
 of (97) to (99) and (125) leave the end of a part without a value; here every part includes its end.
 """
@@ -24,7 +23,7 @@ from services.reference.paths.outline import (
     ROUNDING,
     Outline,
     TurnOf,
-    Waypoint,
+    ahead,
     approximating,
     checked,
     distance,
@@ -231,11 +230,11 @@ def _lay(outline: Outline, turn_of: TurnOf) -> tuple[list[Part], list[float]]:
     for i, (a, b) in enumerate(pairwise(corners)):
         line = distance(a, b) - cut[i] - cut[i + 1]
         if line > ROUNDING:
-            parts.append(Part("line", s, *_from(a, heading, cut[i]), heading, line))
+            parts.append(Part("line", s, *ahead(a, heading, cut[i])[:2], heading, line))
             s += line
         bend = bends[i] if i < len(bends) else None
         if bend is not None:
-            start = _from(b, heading, -cut[i + 1])
+            start = ahead(b, heading, -cut[i + 1])[:2]
             side = 1.0 if turns[i] > 0 else -1.0
             parts.append(Part(bend.name, s, *start, heading, bend.length, bend, side))
         spans.append((s, s := s + bend.length if bend else s))
@@ -245,7 +244,3 @@ def _lay(outline: Outline, turn_of: TurnOf) -> tuple[list[Part], list[float]]:
         for corner, beyond in knots
     ]
     return parts, passes
-
-
-def _from(point: Waypoint, heading: float, ahead: float) -> tuple[float, float]:
-    return point.north + ahead * cos(heading), point.east + ahead * sin(heading)

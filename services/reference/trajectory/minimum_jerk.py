@@ -187,6 +187,7 @@ class Ramp:
     since: float = 0.0  # [s] when the present plan began
     segments: tuple[Segment, ...] = ()
     in_force: Limits = field(init=False)  # what the present plan respects
+    rides: bool = False  # another generator's motion, whose limits are not known
     _read: Callable[[float], State] = field(init=False)
     _end: float = field(init=False)  # [s] of the present plan
 
@@ -207,6 +208,12 @@ class Ramp:
     def brake(self, t: float, limits: Limits | None = None) -> None:
         """From `t` [s] on, come to rest; within other limits if given."""
         self.take(self.at(t), t, limits=limits)
+
+    def ride(self, read: Callable[[float], State], end: float = inf) -> None:
+        """From now on, the motion of another generator, at each time [s], until it is taken over
+        from; at rest from `end` [s] on."""
+        self._begin(Sample(0.0, 0.0, 0.0, 0.0), (), 0.0, 0.0)
+        self._read, self._end, self.rides = read, end, True
 
     def run(self, segments: Sequence[Segment], t: float) -> None:
         """From `t` [s] on, follow these segments, then rest. They must begin with the velocity and
@@ -240,6 +247,6 @@ class Ramp:
 
     def _begin(self, here: Sample, segments: Sequence[Segment], target: float, t: float) -> None:
         self.position, self.segments = here.position, tuple(segments)
-        self.target, self.since, self.in_force = target, t, self.limits
+        self.target, self.since, self.in_force, self.rides = target, t, self.limits, False
         self._read = reader(self.segments, target)
         self._end = t + plain_sum(segment.duration for segment in self.segments)

@@ -111,24 +111,19 @@ class LawRamp(Ramp):
         if target == self.target:
             return
         here = self.at(t)
-        start = here._replace(position=0.0)
-        plan = self.law.plan(start, target)
+        plan = self.law.plan(here._replace(position=0.0), target)
         if plan is None:
             Ramp.aim(self, target, t)
             return
+        end = plan.at(plan.duration).position
+
+        def read(t: float) -> State:
+            if t < plan.duration:
+                return plan.at(t)
+            return end + target * (t - plan.duration), target, 0.0, 0.0
+
         self._begin(here, (), target, t)
-        self._read, self._end = _reader(plan, target), t + plan.duration
-
-
-def _reader(plan: AxisPlan, velocity: float) -> Callable[[float], State]:
-    duration, end = plan.duration, plan.at(plan.duration).position
-
-    def read(t: float) -> State:
-        if t < duration:
-            return plan.at(t)
-        return end + velocity * (t - duration), velocity, 0.0, 0.0
-
-    return read
+        self._read, self._end = read, t + plan.duration
 
 
 def _words(sample: Sample) -> str:

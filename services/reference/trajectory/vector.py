@@ -1,16 +1,14 @@
 """Velocity changes of two axes together, along a straight line in velocity space.
 
-Planned axis by axis, a simultaneous change of surge and sway curves, because the smaller change
-ends first. Here the limits apply to the norms of jerk and acceleration, and the result does not
-depend on the frame's orientation.
+Planned axis by axis, a change of surge and sway curves, because the smaller one ends first. Here
+the limits apply to the norms of jerk and acceleration, whatever the frame's orientation.
 
 The scalar law follows the line from the present velocity to the target. An acceleration across that
 line is brought to zero, and what it has gained is undone, by the same law at the same time; then
 each of the two gets the limits divided by √2, so that their norms keep them. An acceleration above
 the limit falls, and its norm never rises.
 
-Source: Andrén 2023 proposes a vector form in 7.2.4: one cubic, end jerk of norm J, with the faults
-of the scalar rule (the jerk may reach 3.9 J). This one is ours.
+This law is ours: the vector form of Andrén 2023, 7.2.4, has the faults of his scalar rule (3.9 J).
 """
 
 from dataclasses import dataclass, field
@@ -38,8 +36,7 @@ class VectorRamp:
     def __post_init__(self) -> None:
         self._along, self._across = Ramp(self.limits), Ramp(self.limits)
         (x, y), (v, w) = self.position, self.target
-        first, second = Sample(x, v, 0.0, 0.0), Sample(y, w, 0.0, 0.0)
-        self._begin(first, second, self.target, 0.0, self.limits)
+        self._begin(Sample(x, v, 0.0, 0.0), Sample(y, w, 0.0, 0.0), self.target, 0.0, self.limits)
 
     def at(self, t: float) -> tuple[Sample, Sample]:
         """The reference of each axis at `t` [s] ≥ the last change of target."""
@@ -64,15 +61,13 @@ class VectorRamp:
 
     def rest(self, t: float) -> None:
         """Rest at zero from `t` [s] on; discards the plan."""
-        still = Sample(0.0, 0.0, 0.0, 0.0)
-        self._begin(still, still, STILL, t, self.limits)
+        self.take(Sample(0.0, 0.0, 0.0, 0.0), Sample(0.0, 0.0, 0.0, 0.0), t)
 
     def settles(self) -> float:
         """[s] When the target velocity is reached."""
         return max(self._along.settles(), self._across.settles())
 
     def _begin(self, first: Sample, second: Sample, target: Pair, t: float, limits: Limits) -> None:
-        """Plan from these two axes at `t` [s]."""
         change = target[0] - first.velocity, target[1] - second.velocity
         size = hypot(*change)
         norm = hypot(first.acceleration, second.acceleration)

@@ -15,6 +15,7 @@ from messages.state import VehicleState
 from services.control.core import LONGEST_NS, Controller, Settings, at_sample
 from services.marine.vehicle import Vehicle
 from services.runtime.config.stack import Stack
+from tests.support import said
 from tests.support.said import state
 from tests.support.told import told
 
@@ -26,30 +27,18 @@ GAINS = Stack().section("control", Settings)
 def reference(at: int) -> Reference:
     t = at / 1e9
     swing = Motion(0.2 * sin(t), 0.2 * cos(t), -0.2 * sin(t), -0.2 * cos(t))
-    return Reference(
-        stamp_ns=at,
-        sensor_ns=at,
-        pilot_ns=None,
-        armed=True,
-        depth=msgspec.structs.replace(swing, position=2.0 + swing.position),
-        heading=swing,
-        surge_force=3.0,
-        sway_force=0.0,
-    )
+    depth = msgspec.structs.replace(swing, position=2.0 + swing.position)
+    return said.reference(at, depth=depth, heading=swing, surge_force=3.0)
 
 
 def late(at: int) -> VehicleState:
     """A vehicle that does what it should, a little late."""
     t = at / 1e9 - 0.1
-    rate = 0.2 * cos(t)
+    rate, angle = 0.2 * cos(t), 0.2 * sin(t)
     return state(
-        at,
-        depth=2.0 + 0.2 * sin(t),
-        depth_rate=rate,
-        depth_acceleration=-0.2 * sin(t),
-        heading=0.2 * sin(t),
+        at, depth=2.0 + angle, depth_rate=rate, depth_acceleration=-angle, heading=angle,
         yaw_rate=rate,
-    )
+    )  # fmt: skip
 
 
 def wrenches(steps: list[tuple[int, int]], *, delayed: bool) -> list[Wrench]:

@@ -5,19 +5,16 @@ from hypothesis import strategies as st
 
 from messages.events import Outbox
 from messages.pilot import PilotRequest, RequestKind
-from messages.reference import Motion, Reference
+from messages.reference import Reference
 from services.control.core import AGAIN_NS, PATIENCE_NS, DisarmFallback
 from services.vehicle.disarm_latch import DisarmLatch
+from tests.support import said
 
 MS = 1_000_000  # [ns]
-STILL = Motion(0.0, 0.0, 0.0, 0.0)
 
 
 def reference(now: int, armed_ns: int | None) -> Reference:
-    return Reference(
-        stamp_ns=now, sensor_ns=now, pilot_ns=None, armed=armed_ns is not None, armed_ns=armed_ns,
-        depth=STILL, heading=STILL, surge_force=0.0, sway_force=0.0,
-    )  # fmt: skip
+    return said.reference(now, armed=armed_ns is not None, armed_ns=armed_ns)
 
 
 class Control:

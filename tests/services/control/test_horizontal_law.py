@@ -17,14 +17,14 @@ from messages.units import Vec3, Vec6
 from services.control.axis.axis import Gains
 from services.control.core import Controller
 from services.control.heave_coupling import HeaveCoupling
-from services.control.horizontal_plane import to_body, turning_force
-from services.control.laws import along_body, of_heading
+from services.control.laws import along_body, of_heading, to_body, turning_force
 from services.control.settings import Settings
 from services.marine.attitude import down_in_body, from_euler
 from services.marine.attitude import to_body as rotated
 from services.marine.hydrodynamics import coriolis, damping, system_inertia
 from services.marine.vehicle import Vehicle
 from services.simulator.vessel import equations_of_motion
+from tests.support import said
 from tests.support.said import state
 from tests.support.told import told
 
@@ -44,41 +44,18 @@ def seen(
 ) -> VehicleState:
     flow = (None, None) if current is None else current
     return state(
-        depth=2.0,
-        heading=psi,
-        heading_navigation=psi,
-        surge_velocity=velocity[0],
-        sway_velocity=velocity[1],
-        north=place[0],
-        east=place[1],
-        current_north=flow[0],
-        current_east=flow[1],
-    )
+        depth=2.0, heading=psi, heading_navigation=psi, north=place[0], east=place[1],
+        surge_velocity=velocity[0], sway_velocity=velocity[1],
+        current_north=flow[0], current_east=flow[1],
+    )  # fmt: skip
 
 
 def asked(north: Motion, east: Motion, psi: Motion) -> Reference:
-    return Reference(
-        stamp_ns=0,
-        sensor_ns=0,
-        pilot_ns=None,
-        armed=True,
-        depth=Motion(2.0, 0.0, 0.0, 0.0),
-        heading=psi,
-        surge_force=0.0,
-        sway_force=0.0,
-        north=north,
-        east=east,
-    )
+    return said.reference(0, depth=at(2.0), heading=psi, north=north, east=east)
 
 
 def at(position: float) -> Motion:
     return Motion(position, 0.0, 0.0, 0.0)
-
-
-@given(heading, metres, metres)
-def test_the_rotation_is_that_of_the_shared_physics(psi: float, north: float, east: float) -> None:
-    expected = rotated(from_euler(0.0, 0.0, psi), (north, east, 0.0))
-    assert to_body(psi, north, east) == pytest.approx(expected[:2], abs=1e-12)
 
 
 @settings(max_examples=50, deadline=None)
@@ -202,17 +179,11 @@ def known(value: float, *, valid: bool = True) -> Estimate:
 def lying(
     roll: float, pitch: float, rate: float, yaw_rate: float, *, valid: bool = True
 ) -> VehicleState:
-    unknown = () if valid else ("roll", "pitch")
     return state(
-        invalid=unknown,
-        depth=DEEP,
-        depth_rate=rate,
-        attitude=from_euler(roll, pitch, 0.7),
-        roll=roll,
-        pitch=pitch,
-        heading=0.7,
+        invalid=() if valid else ("roll", "pitch"), depth=DEEP, depth_rate=rate,
+        attitude=from_euler(roll, pitch, 0.7), roll=roll, pitch=pitch, heading=0.7,
         yaw_rate=yaw_rate,
-    )
+    )  # fmt: skip
 
 
 def euler_rates(roll: float, pitch: float, turning: Vec3) -> tuple[float, float]:
@@ -315,19 +286,9 @@ def test_a_vehicle_on_its_reference_has_no_error_of_rate_at_any_tilt(
     assert np.isclose(wanted.velocity, measured.value, atol=1e-12)
 
 
-@given(TILTS, TILTS)
-def test_what_rests_rests_exactly(roll: float, pitch: float) -> None:
-    wanted = along_body(Motion(2.0, 0.0, 0.0, 0.0), known(roll), known(pitch))
-    assert wanted == Motion(2.0, 0.0, 0.0, 0.0)
-
-
 def test_level_and_unknown_tilt_change_nothing() -> None:
     motion, rate = Motion(1.0, 0.5, 0.2, 0.1), known(0.4)
     assert along_body(motion, known(0.0), known(0.0)) == motion
     assert along_body(motion, known(0.5), known(0.5, valid=False)) == motion
     assert of_heading(rate, known(0.0), 0.7) == rate
     assert of_heading(rate, known(0.5, valid=False), 0.7) == rate
-
-
-def test_a_rate_that_is_not_known_stays_unknown() -> None:
-    assert not of_heading(known(0.1, valid=False), known(0.2), 0.3).valid

@@ -47,7 +47,7 @@ class Sea:
             seen += (1.0 - exp(-DT / self.rate_lag) if self.rate_lag else 1.0) * (v - seen)
             if k:
                 self.law.learn(seen, mean, DT)
-            command = self.law.step(Motion(0.0, 0.0, 0.0, 0.0), x, seen, DT).total
+            command = self.law.step(Motion(0.0, 0.0, 0.0, 0.0), x, seen, DT)
             x, v, f, mean = (float(part) for part in move @ (x, v, f, coming))
             coming = command
             sizes.append(abs(x) + abs(v))

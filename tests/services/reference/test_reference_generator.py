@@ -11,97 +11,36 @@ from msgspec.structs import replace
 
 from messages.control import Wrench
 from messages.events import Outbox
-from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import Course, PilotRequest, RequestKind
 from messages.reference import Reference
 from messages.state import VehicleState
 from messages.vehicle import PlaceAhead
 from services.marine.attitude import wrapped
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
 from services.runtime.config.stack import Stack
-from tests.support import said
+from tests.services.reference.drone import DT, Drone
+from tests.support.said import state, sticks
 from tests.support.told import told
 
-DT = 10_000_000  # [ns]
 touch = st.sampled_from([-1.0, -0.4, 0.0, 0.02, 0.3, 1.0])
 GENERATE = [Phase.explicit, Phase.generate]  # a minute of flight is too long to be shrunk
 
 
-def state(
-    now: int,
-    depth: float = 1.0,
-    heading: float = 0.0,
-    phase: str = "running",
-    place: tuple[float, float] | None = None,
-) -> VehicleState:
-    north, east = (None, None) if place is None else place
-    still = None if place is None else 0.0
-    return said.state(
-        now, phase=phase, depth=depth, heading=heading,
-        north=north, east=east, surge_velocity=still, sway_velocity=still,
-        origin=UNSET if place is None else 1,
-    )  # fmt: skip
-
-
-def sticks(
-    now: int, heave: float = 0.0, yaw: float = 0.0, surge: float = 0.0, sway: float = 0.0
-) -> PilotCommand:
-    return PilotCommand(stamp_ns=now, surge=surge, sway=sway, heave=heave, yaw=yaw)
-
-
-class Flight:
-    """An ideal drone that is always where the reference wants it."""
-
-    def __init__(self, settings: Settings | None = None) -> None:
-        self.generator = ReferenceGenerator(settings or Settings(), Outbox())
-        self.now = 0
-        self.depth: float = 1.0
-        self.heading: float = 0.0
-        self.flown: list[Reference] = []
-        self.asked = 0
-        self.place: tuple[float, float] | None = None
-
-    def ask(self, kind: str, **more: object) -> str:
-        return self.request(kind, **more).reason
-
-    def request(self, kind: str, **more: object) -> PilotAnswer:
-        self.asked += 1
-        request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.generator.answer(request, sticks(self.now), self.now)
-
-    def fly(self, seconds: float, command: PilotCommand | None) -> Reference:
-        for _ in range(round(seconds * 100)):
-            self.now += DT
-            out = self.generator.step(
-                state(self.now, self.depth, self.heading, place=self.place), command, self.now
-            )
-            assert out is not None
-            if out.armed:
-                self.depth, self.heading = out.depth.position, out.heading.position
-            if out.north is not None and out.east is not None:
-                self.place = (out.north.position, out.east.position)
-            self.flown.append(out)
-        return self.flown[-1]
-
-
-def armed(settings: Settings | None = None) -> Flight:
-    guidance = Flight(settings)
-    guidance.fly(0.1, sticks(0))
-    assert guidance.ask("arm") == ""
-    guidance.fly(0.1, sticks(0))
-    return guidance
+def armed(settings: Settings | None = None) -> Drone:
+    return Drone(settings).armed()
 
 
 def test_it_does_not_arm_before_the_estimator_is_ready() -> None:
-    guidance = Flight()
+    guidance = Drone()
     guidance.generator.step(state(DT, phase="calibrating"), sticks(DT), DT)
     assert "does not know its depth" in guidance.ask("arm")
     assert guidance.generator.activity == "starting"
 
 
 def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
-    generator = Flight().generator
+    generator = Drone().generator
 
     def note(seen: VehicleState | None) -> str:
         generator.step(seen, None, DT)
@@ -117,8 +56,8 @@ def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
 
 
 def test_it_does_not_arm_with_a_deflected_stick() -> None:
-    guidance = Flight()
-    guidance.fly(0.1, sticks(0))
+    guidance = Drone()
+    guidance.fly(0.1)
     request = PilotRequest(stamp_ns=0, id="1", kind="arm")
     answer = guidance.generator.answer(request, sticks(0, heave=0.5), 0)
     assert not answer.accepted
@@ -126,44 +65,20 @@ def test_it_does_not_arm_with_a_deflected_stick() -> None:
     assert not guidance.generator.armed
 
 
-def test_disarmed_the_reference_follows_the_vehicle_so_that_arming_has_no_jump() -> None:
-    guidance = Flight()
-    guidance.depth = 3.0
-    assert guidance.fly(0.1, sticks(0, heave=1.0)).depth.position == 3.0
-    guidance.ask("arm")
-    assert guidance.fly(0.5, sticks(0)).depth.position == 3.0
-
-
-def test_a_released_stick_stops_where_the_closed_form_says() -> None:
-    guidance, heave = armed(), Settings().heave
-    guidance.fly(4.0, sticks(0, heave=1.0))
-    cruising = guidance.flown[-1].depth
-    end = guidance.fly(4.0, sticks(0)).depth
-    # From v at a = 0 with a_max: ramp, cruise and fade take v T / 2 (Andrén 2023, 5.2.5).
-    total = heave.max_velocity / heave.max_acceleration + 4 * heave.max_acceleration / (
-        3 * heave.jerk
-    )
-    assert cruising.velocity == heave.max_velocity
-    expected = cruising.position + heave.max_velocity * total / 2 + heave.max_velocity * DT * 1e-9
-    assert abs(end.position - expected) < 1e-9
-    assert end.velocity == end.acceleration == 0.0
-
-
 def test_an_unplugged_pad_is_a_lost_pilot_although_its_sticks_read_zero() -> None:
     guidance = armed()
-    lost = PilotCommand(stamp_ns=0, surge=0, sway=0, heave=0, yaw=0, pilot="lost")
-    guidance.fly(0.1, lost)
-    assert guidance.generator.status(0).failsafe == "pilot_lost"
+    guidance.fly(0.1, pilot="lost")
+    assert guidance.status.failsafe == "pilot_lost"
 
 
 def test_stop_ignores_the_sticks_until_they_were_centred() -> None:
     guidance = armed()
-    guidance.fly(2.0, sticks(0, heave=1.0))
+    guidance.fly(2.0, heave=1.0)
     guidance.ask("stop")
-    assert guidance.fly(4.0, sticks(0, heave=1.0)).depth.velocity == 0.0
+    assert guidance.fly(4.0, heave=1.0).depth.velocity == 0.0
     assert guidance.generator.activity == "stopping"
-    guidance.fly(0.1, sticks(0))
-    assert guidance.fly(3.0, sticks(0, heave=1.0)).depth.velocity == Settings().heave.max_velocity
+    guidance.fly(0.1)
+    assert guidance.fly(3.0, heave=1.0).depth.velocity == Settings().heave.max_velocity
 
 
 def test_a_disarm_that_control_hands_on_late_does_not_end_a_later_arming() -> None:
@@ -172,20 +87,20 @@ def test_a_disarm_that_control_hands_on_late_does_not_end_a_later_arming() -> No
     old = PilotRequest(stamp_ns=DT, id="old", kind="disarm")  # before the arming
     newest = PilotRequest(stamp_ns=guidance.now + 1, id="new", kind="disarm")
     assert not guidance.generator.handed_on(old, guidance.now + 2)
-    assert guidance.fly(0.1, sticks(0)).armed
+    assert guidance.fly(0.1).armed
     assert guidance.generator.handed_on(newest, guidance.now)
-    assert not guidance.fly(0.1, sticks(0)).armed
+    assert not guidance.fly(0.1).armed
 
 
 def test_a_home_that_was_lost_is_where_the_drone_is_armed_next() -> None:
-    guidance = Flight()
+    guidance = Drone()
     before = GuidanceCheckpoint(home_lost=True)
     guidance.generator = ReferenceGenerator(Settings(), Outbox(), before)
     guidance.place = (3.0, -2.0)
-    guidance.fly(0.2, sticks(0))
+    guidance.fly(0.2)
     assert guidance.generator.checkpoint.home is None
     assert guidance.ask("arm") == ""
-    guidance.fly(0.2, sticks(0))
+    guidance.fly(0.2)
     home = guidance.generator.checkpoint.home
     assert home is not None
     assert (home.north, home.east) == pytest.approx((3.0, -2.0))
@@ -193,40 +108,40 @@ def test_a_home_that_was_lost_is_where_the_drone_is_armed_next() -> None:
 
 def test_a_mode_asked_for_while_stopping_is_taken_up_at_rest() -> None:
     guidance = armed()
-    guidance.fly(2.0, sticks(0, heave=1.0))
+    guidance.fly(2.0, heave=1.0)
     guidance.ask("stop")
     answer = guidance.request("mode", flight_mode="heading_hold")
     assert (answer.accepted, answer.note) == (
         True,
         "the drone is stopping; it changes when it is at rest",
     )
-    guidance.fly(0.2, sticks(0))
+    guidance.fly(0.2)
     assert guidance.generator.activity == "stopping"
-    assert guidance.generator.status(0).flight_mode == "stabilised"
-    guidance.fly(4.0, sticks(0))
+    assert guidance.status.flight_mode == "stabilised"
+    guidance.fly(4.0)
     assert guidance.generator.activity == "piloted"
-    assert guidance.generator.status(0).flight_mode == "heading_hold"
+    assert guidance.status.flight_mode == "heading_hold"
 
 
 @pytest.mark.parametrize("last", ["stop", "disarm"])
-def test_a_later_stop_or_disarm_forgets_the_mode(last: str) -> None:
+def test_a_later_stop_or_disarm_forgets_the_mode(last: RequestKind) -> None:
     guidance = armed()
-    guidance.fly(2.0, sticks(0, heave=1.0))
+    guidance.fly(2.0, heave=1.0)
     guidance.ask("stop")
     guidance.ask("mode", flight_mode="heading_hold")
     guidance.ask(last)
-    guidance.fly(4.0, sticks(0))
-    assert guidance.generator.status(0).flight_mode == "stabilised"
+    guidance.fly(4.0)
+    assert guidance.status.flight_mode == "stabilised"
 
 
 def test_a_mode_that_is_not_to_be_had_at_rest_is_refused_then() -> None:
     guidance = armed()
-    guidance.fly(2.0, sticks(0, heave=1.0))
+    guidance.fly(2.0, heave=1.0)
     guidance.ask("stop")
     assert guidance.request("mode", flight_mode="station_keeping").accepted
-    guidance.fly(4.0, sticks(0))
+    guidance.fly(4.0)
     assert "refused:mode" in told(guidance.generator.outbox)
-    assert guidance.generator.status(0).flight_mode == "stabilised"
+    assert guidance.status.flight_mode == "stabilised"
 
 
 def test_held_back_by_the_floor_the_reference_waits() -> None:
@@ -270,7 +185,7 @@ def test_where_all_thrust_does_not_turn_it_fast_enough_the_heading_waits(
 
 def test_without_a_state_it_stops_smoothly_and_keeps_its_rate() -> None:
     guidance = armed()
-    guidance.fly(3.0, sticks(0, heave=1.0))
+    guidance.fly(3.0, heave=1.0)
     before = guidance.flown[-1].depth
     outs: list[Reference] = []
     for _ in range(500):
@@ -281,7 +196,7 @@ def test_without_a_state_it_stops_smoothly_and_keeps_its_rate() -> None:
     assert abs(outs[0].depth.velocity - before.velocity) < 0.01
     assert outs[-1].depth.velocity == 0.0
     assert outs[-1].sensor_ns is None
-    assert guidance.generator.status(0).failsafe == "state_lost"
+    assert guidance.status.failsafe == "state_lost"
 
 
 def continuous(flown: list[Reference]) -> None:
@@ -300,12 +215,12 @@ def continuous(flown: list[Reference]) -> None:
 
 def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
     guidance = armed()
-    guidance.fly(6.0, sticks(0, yaw=1.0))
-    guidance.fly(3.0, sticks(0))
+    guidance.fly(6.0, yaw=1.0)
+    guidance.fly(3.0)
     turned = guidance.heading
     assert guidance.ask("goto", depth=3.0, heading=0.5) == ""
     assert guidance.generator.activity == "goto"
-    end = guidance.fly(15.0, sticks(0))
+    end = guidance.fly(15.0)
     assert abs(end.depth.position - 3.0) < 1e-9
     assert abs(wrapped(end.heading.position - 0.5)) < 1e-9
     assert abs(end.heading.position - turned) <= pi
@@ -320,9 +235,9 @@ def test_the_pilot_takes_over_from_goto_at_any_moment_without_a_step(
 ) -> None:
     guidance = armed()
     guidance.ask("goto", depth=3.0, heading=2.5)
-    guidance.fly(when, sticks(0))
-    guidance.fly(2.0, sticks(0, heave=heave, yaw=yaw))
-    guidance.fly(3.0, sticks(0))
+    guidance.fly(when)
+    guidance.fly(2.0, heave=heave, yaw=yaw)
+    guidance.fly(3.0)
     continuous(guidance.flown)
 
 
@@ -336,7 +251,7 @@ def test_a_path_is_followed_to_its_end_in_heading_depth_and_pace() -> None:
     guidance = armed()
     assert guidance.ask("follow", course=course()) == ""
     assert guidance.generator.activity == "follow"
-    guidance.fly(130.0, sticks(0))
+    guidance.fly(130.0)
     end = guidance.flown[-1]
     assert guidance.generator.activity == "piloted"
     assert [text for _, text, _ in guidance.generator.outbox.said] == ["the end of the path"]
@@ -355,24 +270,14 @@ def test_the_pilot_or_a_stop_ends_a_path_at_any_moment_without_a_step(
 ) -> None:
     guidance = armed()
     guidance.ask("follow", course=course())
-    guidance.fly(when, sticks(0))
+    guidance.fly(when)
     if stop:
         guidance.ask("stop")
-    guidance.fly(3.0, sticks(0, heave=heave, yaw=yaw))
-    guidance.fly(3.0, sticks(0))
+    guidance.fly(3.0, heave=heave, yaw=yaw)
+    guidance.fly(3.0)
     continuous(guidance.flown)
     ended = stop or max(abs(heave), abs(yaw)) > 0.05
     assert ended == (guidance.flown[-1].surge is None)
-
-
-def test_a_lost_pilot_stops_on_the_path() -> None:
-    guidance = armed()
-    guidance.ask("follow", course=course())
-    guidance.fly(50.0, sticks(0))
-    end = guidance.fly(6.0, None)
-    assert end.surge is None
-    assert end.depth.velocity == 0.0
-    continuous(guidance.flown)
 
 
 @pytest.mark.slow
@@ -383,11 +288,11 @@ def test_a_path_ends_by_the_limits_of_the_place(vehicle: str, ending: str) -> No
     s = Stack(vehicle=vehicle).section("reference", Settings)
     guidance = armed(s)
     guidance.ask("follow", course=course(acceleration=0.05, jerk=0.05))
-    guidance.fly(30.0, sticks(0))
+    guidance.fly(30.0)
     begun = len(guidance.flown)
     if ending == "stop":
         guidance.ask("stop")
-    guidance.fly(8.0, None if ending == "pilot_lost" else sticks(0, heave=0.5))
+    guidance.fly(8.0, heave=0.5, there="nobody" if ending == "pilot_lost" else "pilot")
     limits = s.place.stop if ending == "stop" else s.place.limits
     paces = [r.surge for r in guidance.flown[begun:] if r.surge is not None]
     assert paces[0].velocity > 0.25
@@ -406,8 +311,8 @@ def test_a_path_that_cannot_be_is_refused_with_the_reason() -> None:
 
 
 def test_goto_and_follow_are_refused_when_they_make_no_sense() -> None:
-    guidance = Flight()
-    guidance.fly(0.1, sticks(0))
+    guidance = Drone()
+    guidance.fly(0.1)
     assert guidance.ask("goto", depth=2.0) == "the drone is not armed"
     guidance = armed()
     assert "needs a depth or a heading" in guidance.ask("goto")
@@ -419,24 +324,23 @@ def test_a_stop_on_a_path_that_slopes_says_how_far_down_it_goes(down: float) -> 
     guidance = armed()
     slope = Course(waypoints=((0.0, 0.0, 1.0), (12.0, 0.0, 1.0 + down)))
     assert guidance.ask("follow", course=slope) == ""
-    guidance.fly(12.0, sticks(0))
+    guidance.fly(12.0)
     before = guidance.flown[-1]
     stop = guidance.request("stop").stop
     assert stop is not None
-    guidance.fly(4.0, sticks(0))
+    guidance.fly(4.0)
     assert stop.depth * down > 0.0
     assert guidance.flown[-1].depth.position - before.depth.position == pytest.approx(stop.depth)
 
 
 def test_the_camera_stops_smoothly_at_the_end_of_its_range() -> None:
     guidance, s = armed(), Settings().tilt
-    up = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, tilt=1.0)
-    guidance.fly(0.3, up)
-    guidance.fly(1.0, sticks(0))
+    guidance.fly(0.3, tilt=1.0)
+    guidance.fly(1.0)
     between = guidance.flown[-1].tilt
     assert 0.0 < between.position < s.highest
     assert between.velocity == 0.0
-    guidance.fly(4.0, up)
+    guidance.fly(4.0, tilt=1.0)
     assert abs(guidance.flown[-1].tilt.position - s.highest) < 1e-9
     for before, after in pairwise(guidance.flown):
         step = abs(after.tilt.acceleration - before.tilt.acceleration)
@@ -453,16 +357,16 @@ def test_of_a_path_the_next_way_points_are_said_until_each_is_passed() -> None:
     """From where the drone is: the path is given from its own first way-point on."""
     guidance = armed()
     guidance.place = (20.0, -10.0)
-    guidance.fly(0.1, sticks(0))
+    guidance.fly(0.1)
     corners = ((0.0, 0.0), (30.0, 0.0), (30.0, 30.0), (60.0, 30.0))
     course = Course(waypoints=corners, min_radius=2.0, cruise=1.0)
     assert guidance.ask("follow", course=course) == ""
-    guidance.fly(5.0, sticks(0))
+    guidance.fly(5.0)
     there = [(n + 20.0, e - 10.0) for n, e in corners]
     seen = list[object]()
     for _ in range(80):
-        guidance.fly(2.0, sticks(0))
-        status = guidance.generator.status(0)
+        guidance.fly(2.0)
+        status = guidance.status
         assert status.goal is UNSET
         ahead = [] if status.waypoints is UNSET else places(status.waypoints)
         assert [*map(pytest.approx, ahead)] == there[len(there) - len(ahead) :]
@@ -477,11 +381,11 @@ def test_of_a_long_path_a_few_way_points_are_said_and_of_a_blind_one_none() -> N
     for place, number in ((0.0, 0.0), 8), (None, 0):
         guidance = armed()
         guidance.place = place
-        guidance.fly(0.1, sticks(0))
+        guidance.fly(0.1)
         assert guidance.ask("follow", course=Course(waypoints=corners)) == ""
-        guidance.fly(5.0, sticks(0))
+        guidance.fly(5.0)
         assert guidance.generator.activity == "follow"
-        ahead = guidance.generator.status(0).waypoints
+        ahead = guidance.status.waypoints
         assert (ahead is UNSET) == (number == 0)
         if ahead is not UNSET:
             assert [*map(pytest.approx, places(ahead))] == list(corners[1 : number + 1])
@@ -496,9 +400,9 @@ def test_goto_a_place_needs_a_drone_that_knows_where_it_is() -> None:
 def test_goto_a_place_turns_there_runs_the_distance_and_stops() -> None:
     guidance = armed()
     guidance.place = (2.0, 1.0)
-    guidance.fly(0.1, sticks(0))
+    guidance.fly(0.1)
     assert guidance.ask("goto", north=2.0, east=9.0, depth=2.0) == ""
-    end = guidance.fly(60.0, sticks(0))
+    end = guidance.fly(60.0)
     assert guidance.place is not None
     assert dist(guidance.place, (2.0, 9.0)) < 1e-6
     assert abs(end.heading.position - pi / 2) < 1e-9

@@ -120,15 +120,6 @@ def test_within_a_group_the_wrench_keeps_its_direction(vehicle: Vehicle, wanted:
 
 
 @many
-@given(wrench, st.integers(0, len(PRIORITY)))
-def test_a_higher_group_never_gets_less_by_a_lower_one(
-    vehicle: Vehicle, wanted: Vec6, served: int
-) -> None:
-    before, both = shares(Allocation(without_dead_band(vehicle)), wanted, PRIORITY, served)
-    assert all(b >= a - 1e-6 for a, b in zip(before, both, strict=True))
-
-
-@many
 @given(wrench, st.integers(1, 3))
 def test_attitude_comes_before_depth_depth_before_heading_and_heading_before_speed(
     slanted: Vehicle, heavy: Vehicle, wanted: Vec6, served: int

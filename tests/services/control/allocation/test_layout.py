@@ -107,11 +107,6 @@ def test_a_few_millimetres_of_lever_are_not_an_axis(pioneer: Vehicle) -> None:
     assert "pitch" not in drivable(effect_matrix(vehicle), strengths(vehicle))
 
 
-def test_both_vehicles_are_accepted(pioneer: Vehicle, heavy: Vehicle) -> None:
-    require_pilotable(pioneer)
-    require_pilotable(heavy)
-
-
 @pytest.mark.parametrize(
     ("names", "missing"),
     [
@@ -129,12 +124,6 @@ def test_a_refusal_names_the_axes(pioneer: Vehicle, names: list[str], missing: s
         return
     with pytest.raises(ValueError, match=f"cannot drive {missing} independently"):
         require_pilotable(vehicle)
-
-
-def test_sway_is_a_luxury(pioneer: Vehicle) -> None:
-    require_pilotable(
-        with_thrusters(pioneer, *[t for t in pioneer.thruster if t.name != "lateral"])
-    )
 
 
 def test_two_thrusters_on_the_same_line_do_not_give_yaw(pioneer: Vehicle) -> None:

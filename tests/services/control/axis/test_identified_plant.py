@@ -46,7 +46,7 @@ def flown(
     for k, motion in enumerate(motions):
         if k:
             law.learn(v, forces[-1], DT)
-        forces.append(law.step(motion, x, v, DT).total)
+        forces.append(law.step(motion, x, v, DT))
         position += (motion.position - x) ** 2
         w = sum(a * sin(tau * f * k * DT + phi) for a, f, phi in SINES) if disturbed else 0.0
         end = (forces[-1] + w) / DAMPING  # the velocity it would settle at

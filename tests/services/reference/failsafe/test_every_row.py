@@ -16,12 +16,12 @@ from messages.sensors import AltitudeSample, BatterySample, DvlSample, LeakSampl
 from messages.state import VehicleState
 from services.reference.core import ReferenceGenerator, Settings
 from services.reference.failsafe.machine import FailsafeMachine, Holding
-from services.reference.failsafe.table import table
-from services.reference.failsafe.watch import (
+from services.reference.failsafe.table import (
     HEALTH_PATIENCE_NS,
     RECENT_NS,
     ConditionWatch,
     WatchedMessages,
+    table,
 )
 from services.reference.guidance.requests import refusal
 from services.reference.settings import FailsafeSettings
@@ -60,10 +60,13 @@ class Now:
             watch.ping(round(self.pinged * S))
         for second, report in self.reports:
             watch.health(report, round(second * S))
-        return watch.holding(
-            self.state, self.command, self.unheld, self.at,
-            armed=self.armed, limited=self.limited, above_floor=self.above_floor,
+        watch.state, watch.command, watch.now, watch.armed = (
+            self.state, self.command, self.at, self.armed,
         )  # fmt: skip
+        watch.unheld, watch.limited, watch.above_floor = (
+            self.unheld, self.limited, self.above_floor,
+        )  # fmt: skip
+        return watch.holding()
 
 
 def newest(**sample: Any) -> WatchedMessages:
@@ -226,8 +229,8 @@ SERVICES = {
 
 
 def late(watch: ConditionWatch, now: int) -> bool:
-    conditions = watch.holding(None, None, (), now, armed=False, limited=False, above_floor=False)
-    return "service_late" in conditions
+    watch.now = now
+    return "service_late" in watch.holding()
 
 
 @given(st.lists(st.sampled_from([None, 0.0, LATE_MS, LATE_MS + 1.0, 500.0]), max_size=30))
@@ -256,7 +259,8 @@ def test_only_services_that_the_motion_depends_on_are_said_to_be_late(service: s
 def test_a_service_that_falls_silent_is_said_by_its_role(service: str, silence_ns: int) -> None:
     watch = ConditionWatch(FailsafeSettings(), SERVICES)
     watch.health(health(service, 0.0), 0)
-    found = watch.holding(None, None, (), silence_ns, armed=True, limited=False, above_floor=False)
+    watch.now, watch.armed = silence_ns, True
+    found = watch.holding()
     long, role = silence_ns > HEALTH_PATIENCE_NS, SERVICES.get(service)
     assert ("service_silent" in found) == (long and role in ("motion", "keeper"))
     assert ("recorder_down" in found) == (long and role == "recorder")
@@ -270,10 +274,8 @@ def test_a_silent_board_is_said_while_its_silence_is_counted() -> None:
     said: list[bool] = []
     for second, count in enumerate(counts):
         watch.health(health("ardusub", **{"silent:board": count}), second * S)
-        holding = watch.holding(
-            None, None, (), second * S, armed=False, limited=False, above_floor=False
-        )
-        said.append("board_silent" in holding)
+        watch.now = second * S
+        said.append("board_silent" in watch.holding())
     assert said == [False, False, True, True, True, True, True, False]
 
 

@@ -46,19 +46,6 @@ class Clocked:
         return self.machine.reaction
 
 
-@pytest.mark.parametrize("name", ["leak", "battery_critical"])
-def test_a_restart_that_has_heard_of_nothing_yet_ends_no_failsafe(name: str):
-    clocked = Clocked()
-    clocked.hold(name, seconds=20.0)
-    before = clocked.machine.memory
-    again = FailsafeMachine(TABLE, Outbox(), before, armed=True)
-    again.step({}, clocked.now + S, armed=True, at_surface=False, unknown=(name,))
-    assert again.memory == before
-    assert (again.reaction, again.resumable) == ("ascend", False)
-    again.step({}, clocked.now + 2 * S, armed=True, at_surface=False)
-    assert (again.reaction, again.resumable) == ("ascend", True)
-
-
 @given(st.lists(st.tuples(conditions, pauses), max_size=12))
 def test_a_reaction_never_ends_and_never_becomes_milder_without_an_act(
     course: list[tuple[set[str], float]],
@@ -154,13 +141,6 @@ def test_a_pilot_who_is_away_gets_a_stop_then_an_ascent_then_the_surface():
     assert clocked.machine.resumable
     assert clocked.machine.resume() == ""
     assert clocked.hold() is None
-
-
-def test_outages_do_not_add_up():
-    clocked = Clocked()
-    for _ in range(10):
-        assert clocked.hold("pilot_lost", seconds=50.0) == "stop"
-        clocked.hold(seconds=1.0)
 
 
 @pytest.mark.parametrize("unheard", ["board_silent", "control_silent"])

@@ -7,21 +7,16 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from messages.events import Outbox
-from messages.pilot import Course, PilotCommand, PilotRequest
+from messages.pilot import Course, PilotCommand
 from messages.reference import Reference
-from messages.sensors import LeakSample
 from messages.state import VehicleState
-from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.machine import FailsafeMachine, Holding
+from services.reference.core import Settings
 from services.reference.failsafe.table import SHORT_NS, table
-from services.reference.failsafe.watch import WatchedMessages
 from services.reference.guidance.axes import CENTRED_NS, CentredSticks, centred
 from services.reference.settings import FailsafeSettings
-from tests.support.said import state
+from tests.services.reference.drone import DT, Drone
 from tests.support.told import told
 
-DT = 10_000_000  # [ns]
 LIMIT, SURFACE = 6.0, 0.5  # [m]
 QUICK = FailsafeSettings(
     depth_limit=LIMIT, surface_depth=SURFACE, pilot_patience=3.0, leak_patience=2.0
@@ -33,47 +28,8 @@ there = st.sampled_from(["pilot", "pilot", "nobody", "no state", "leak"])
 GENERATE = [Phase.explicit, Phase.generate]  # a minute of flight is too long to be shrunk
 
 
-class Flight:
-    """An ideal drone that is always where the reference wants it; armed."""
-
-    def __init__(self, depth: float = 3.0, before: GuidanceCheckpoint | None = None) -> None:
-        self.generator = ReferenceGenerator(SETTINGS, Outbox(), before or GuidanceCheckpoint())
-        self.now, self.depth, self.heading, self.asked = 0, depth, 0.0, 0
-        self.flown: list[Reference] = []
-        if before is None:
-            self.fly(0.1, heave=0.0)
-            assert self.ask("arm") == ""
-
-    def ask(self, kind: str, **more: object) -> str:
-        self.asked += 1
-        request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.generator.answer(request, self.sticks(), self.now).reason
-
-    def sticks(self, heave: float = 0.0, yaw: float = 0.0) -> PilotCommand:
-        return PilotCommand(stamp_ns=self.now, surge=0.0, sway=0.0, heave=heave, yaw=yaw)
-
-    def state(self) -> VehicleState:
-        return state(self.now, depth=self.depth, heading=self.heading)
-
-    def fly(
-        self, seconds: float, *, heave: float = 0.0, yaw: float = 0.0, there: str = "pilot"
-    ) -> Reference:
-        leak = LeakSample(stamp_ns=0, wet=there == "leak")
-        self.generator.conditions.newest = WatchedMessages(leak=leak)
-        for _ in range(round(seconds * 100)):
-            self.now += DT
-            command = None if there == "nobody" else self.sticks(heave, yaw)
-            seen = None if there == "no state" else self.state()
-            out = self.generator.step(seen, command, self.now)
-            assert out is not None
-            if out.armed:
-                self.depth, self.heading = out.depth.position, out.heading.position
-            self.flown.append(out)
-        return self.flown[-1]
-
-    @property
-    def reaction(self) -> str | None:
-        return self.generator.status(self.now).reaction
+def flying(depth: float = 3.0) -> Drone:
+    return Drone(SETTINGS, depth=depth).armed()
 
 
 def smooth(flown: list[Reference], *, stops: bool = False) -> None:
@@ -102,7 +58,7 @@ def smooth(flown: list[Reference], *, stops: bool = False) -> None:
 def test_through_every_stage_the_reference_stays_smooth_and_above_its_limit(
     course: list[tuple[float, float, float, str, bool]],
 ):
-    flight = Flight()
+    flight = flying()
     for seconds, heave, yaw, who, resumes in course:
         flight.fly(seconds, heave=heave, yaw=yaw, there=who)
         if resumes:
@@ -110,30 +66,20 @@ def test_through_every_stage_the_reference_stays_smooth_and_above_its_limit(
     smooth(flight.flown)
 
 
-@pytest.mark.slow
-@settings(max_examples=40, deadline=None, phases=GENERATE)
-@given(st.lists(st.tuples(st.floats(0.05, 4.0), st.floats(-1.0, 1.0)), max_size=12))
-def test_any_heave_sticks_leave_the_reference_above_the_limit(course: list[tuple[float, float]]):
-    flight = Flight(depth=5.0)
-    for seconds, heave in course:
-        flight.fly(seconds, heave=heave)
-    smooth(flight.flown)
-
-
 def test_full_stick_comes_to_rest_at_the_limit_and_up_is_free():
-    flight = Flight()
+    flight = flying()
     end = flight.fly(20.0, heave=1.0)
     assert end.depth.position == pytest.approx(LIMIT, abs=1e-6)
     assert end.depth.velocity == pytest.approx(0.0, abs=1e-9)
-    assert "depth_limit" in flight.generator.status(flight.now).conditions
+    assert "depth_limit" in flight.status.conditions
     assert flight.generator.outbox.counts["notice:depth_limit"] == 1
     assert flight.fly(2.0, heave=-1.0).depth.velocity == -SETTINGS.heave.max_velocity
-    assert "depth_limit" not in flight.generator.status(flight.now).conditions
+    assert "depth_limit" not in flight.status.conditions
     smooth(flight.flown)
 
 
 def test_letting_go_just_above_the_limit_stops_there():
-    flight = Flight()
+    flight = flying()
     flight.fly(5.75, heave=1.0)
     assert 0.05 < LIMIT - flight.depth < 0.5
     here = flight.depth
@@ -143,7 +89,7 @@ def test_letting_go_just_above_the_limit_stops_there():
 
 
 def test_what_leads_below_the_limit_is_refused_in_words():
-    flight = Flight()
+    flight = flying()
     assert flight.ask("goto", depth=1e5) == "100000 m is deeper than the depth limit, 6 m"
     assert flight.ask("goto", depth=LIMIT) == ""
     path = Course(waypoints=((0.0, 0.0, 3.0), (20.0, 0.0, 7.0)))
@@ -151,34 +97,34 @@ def test_what_leads_below_the_limit_is_refused_in_words():
 
 
 def test_a_path_ends_at_rest_before_the_ascent_begins():
-    flight = Flight()
+    flight = flying()
     path = Course(waypoints=((0.0, 0.0, 3.0), (50.0, 0.0, 4.0)))
     assert flight.ask("follow", course=path) == ""
     flight.fly(10.0)
     flight.fly(40.0, there="leak")
-    assert flight.reaction == "surface"
+    assert flight.status.reaction == "surface"
     assert flight.depth == pytest.approx(SURFACE, abs=0.011)
     assert flight.flown[-1].surge is None
 
 
 def test_moving_sticks_do_nothing_until_the_pilot_resumes():
-    flight = Flight()
+    flight = flying()
     flight.fly(1.0, there="nobody")
     still = flight.fly(3.0, heave=1.0, yaw=1.0)
-    assert flight.reaction == "stop"
+    assert flight.status.reaction == "stop"
     assert (still.depth.velocity, still.heading.velocity) == (0.0, 0.0)
-    assert flight.generator.status(flight.now).resumable
+    assert flight.status.resumable
     assert flight.ask("resume") == ""
     moving = flight.fly(3.0, heave=-1.0)
-    assert flight.reaction is None
+    assert flight.status.reaction is None
     assert moving.depth.velocity == -SETTINGS.heave.max_velocity
     smooth(flight.flown)
 
 
 def test_resuming_during_the_ascent_stops_it_smoothly():
-    flight = Flight()
+    flight = flying()
     flight.fly(8.0, there="nobody")
-    assert flight.reaction == "ascend"
+    assert flight.status.reaction == "ascend"
     assert flight.fly(1.0).depth.velocity == pytest.approx(-QUICK.ascent_speed)
     assert flight.ask("resume") == ""
     assert flight.fly(3.0).depth.velocity == 0.0
@@ -187,47 +133,34 @@ def test_resuming_during_the_ascent_stops_it_smoothly():
 
 
 def test_a_drone_above_the_surface_depth_does_not_go_down_to_it():
-    flight = Flight(depth=0.2)
+    flight = flying(depth=0.2)
     flight.fly(10.0, there="nobody")
-    assert flight.reaction == "surface"
+    assert flight.status.reaction == "surface"
     assert flight.depth == pytest.approx(0.2)
 
 
 def test_without_a_state_the_ascent_waits():
-    flight = Flight()
+    flight = flying()
     flight.fly(5.0, there="nobody")
     assert flight.fly(3.0, there="no state").depth.velocity == 0.0
-    assert flight.reaction == "ascend"
+    assert flight.status.reaction == "ascend"
     flight.fly(40.0, there="nobody")
-    assert flight.reaction == "surface"
+    assert flight.status.reaction == "surface"
     smooth(flight.flown)
 
 
 def test_a_stop_request_during_the_ascent_does_not_end_it():
-    flight = Flight()
+    flight = flying()
     flight.fly(5.0, there="nobody")
     assert flight.ask("stop") == ""
     flight.fly(30.0, there="nobody")
-    assert flight.reaction == "surface"
+    assert flight.status.reaction == "surface"
     smooth(flight.flown, stops=True)
-
-
-def test_a_restart_of_the_service_goes_on_with_the_ascent():
-    first = Flight()
-    first.fly(5.0, there="nobody")
-    assert first.reaction == "ascend"
-    second = Flight(first.depth, first.generator.checkpoint)
-    second.now = first.now
-    second.fly(1.0)  # the pilot is back, and has not resumed
-    assert second.reaction == "ascend"
-    second.fly(30.0)
-    assert second.depth == pytest.approx(SURFACE, abs=0.011)
-    smooth(second.flown)
 
 
 @pytest.mark.parametrize("hold", ["manual", "heading_hold"])
 def test_where_the_depth_is_not_held_a_downward_force_fades_out_above_the_limit(hold: str):
-    flight = Flight(depth=LIMIT - 2.0)
+    flight = flying(depth=LIMIT - 2.0)
     assert flight.ask("mode", flight_mode=hold) == ""
     full = SETTINGS.heave_force.full
     assert flight.fly(2.0, heave=1.0).heave_force == pytest.approx(full)
@@ -236,16 +169,6 @@ def test_where_the_depth_is_not_held_a_downward_force_fades_out_above_the_limit(
     flight.depth = LIMIT + 1.0
     assert flight.fly(2.0, heave=1.0).heave_force == pytest.approx(0.0)
     assert flight.fly(2.0, heave=-1.0).heave_force == pytest.approx(-full)
-
-
-def test_a_leak_is_said_when_it_is_noticed_and_again_when_the_drone_rises():
-    flight = Flight()
-    flight.fly(1.0, there="leak")
-    assert flight.generator.outbox.counts["notice:leak"] == 1
-    assert "failsafe:leak" not in flight.generator.outbox.counts
-    flight.fly(SETTINGS.failsafe.leak_patience, there="leak")
-    said = [event for event in told(flight.generator.outbox) if event.endswith(":leak")]
-    assert said == ["notice:leak", "failsafe:leak"]
 
 
 S = 1_000_000_000  # [ns]
@@ -262,89 +185,70 @@ class Seen(NamedTuple):
     epoch: int  # granted last
 
 
-class Lost(Flight):
+class Lost(Drone):
     """The drone, with pilots who take control from each other, and a memory of each step."""
 
-    now: int
-
     def __init__(self) -> None:
-        self.epoch, self.seen = 0, list[Seen]()  # epoch of the pilot whose sticks arrive
-        super().__init__()
+        super().__init__(SETTINGS, depth=3.0)
+        self.seen = list[Seen]()
 
     def take(self, who: str) -> None:
         """The pilot of that name takes control by force; the next sticks are his."""
-        self.ask("force", source=who)
-        self.epoch = self.generator.authority.lease.epoch
+        self.ask("force", source=who, epoch=0)
 
-    def live(self, seconds: float, heave: float = 0.0, there: str = "pilot") -> None:
-        for _ in range(round(seconds * 100)):
-            self.now += DT
-            sticks = PilotCommand(
-                stamp_ns=self.now, surge=0.0, sway=0.0, heave=heave, yaw=0.0, epoch=self.epoch
-            )
-            self.step(None if there == "nobody" else sticks, there)
-
-    def step(self, command: PilotCommand | None, there: str = "pilot") -> None:
-        authority = self.generator.authority
-        if command is not None and authority.admits(command.epoch, self.now):
-            authority.heard(command.epoch, self.now)
-        else:
-            command = None
-        leak = LeakSample(stamp_ns=0, wet=there == "leak")
-        self.generator.conditions.newest = WatchedMessages(leak=leak)
-        state = None if there == "no state" else self.state()
-        out = self.generator.step(state, command, self.now)
-        assert out is not None
-        self.depth = out.depth.position
-        epoch = authority.lease.epoch
-        self.seen.append(Seen(state is not None, command, self.reaction, epoch))
+    def step(self, state: VehicleState | None, command: PilotCommand | None) -> None:
+        admits = self.generator.authority.admits
+        heard = command if command is not None and admits(command.epoch, self.now) else None
+        super().step(state, command)
+        epoch = self.generator.authority.lease.epoch
+        self.seen.append(Seen(state is not None, heard, self.status.reaction, epoch))
 
 
 @pytest.mark.parametrize("what", ["nobody", "no state"])
 @pytest.mark.parametrize("seconds", [0.5, 1.0, 1.9])
 def test_after_a_short_loss_centred_sticks_are_enough(what: str, seconds: float) -> None:
-    flight = Lost()
-    flight.live(1.0, heave=0.5)
-    flight.live(seconds, there=what)
-    assert flight.reaction == "stop"
-    flight.live(3.0, heave=1.0)
-    assert flight.reaction == "stop"  # a stick that is held moves nothing
-    assert flight.generator.status(flight.now).words.endswith("; centre the sticks to continue")
-    flight.live(CENTRED_NS / S)
-    assert flight.reaction == "stop"
-    flight.live(0.02)
-    assert flight.reaction is None
+    flight = Lost().armed()
+    flight.fly(1.0, heave=0.5)
+    flight.fly(seconds, there=what)
+    assert flight.status.reaction == "stop"
+    flight.fly(3.0, heave=1.0)
+    assert flight.status.reaction == "stop"  # a stick that is held moves nothing
+    assert flight.status.words.endswith("; centre the sticks to continue")
+    flight.fly(CENTRED_NS / S)
+    assert flight.status.reaction == "stop"
+    flight.fly(0.02)
+    assert flight.status.reaction is None
     assert "resumed:short_loss" in told(flight.generator.outbox)
     depth = flight.depth
-    flight.live(2.0, heave=1.0)
+    flight.fly(2.0, heave=1.0)
     assert flight.depth > depth + 0.2
 
 
 @pytest.mark.parametrize("what", ["nobody", "no state"])
 def test_a_long_loss_asks_for_resume(what: str) -> None:
-    flight = Lost()
-    flight.live(2.1, there=what)
-    flight.live(5.0)
-    assert flight.reaction == "stop"
-    assert flight.generator.status(flight.now).words.endswith("; press resume to continue")
+    flight = Lost().armed()
+    flight.fly(2.1, there=what)
+    flight.fly(5.0)
+    assert flight.status.reaction == "stop"
+    assert flight.status.words.endswith("; press resume to continue")
     assert flight.ask("resume") == ""
-    assert flight.reaction is None
+    assert flight.status.reaction is None
 
 
 @pytest.mark.parametrize("back", ["ann", "bob"])
 @pytest.mark.parametrize("lost_first", [True, False])
 def test_a_change_of_pilot_is_no_short_loss(back: str, lost_first: bool) -> None:
-    flight = Lost()
+    flight = Lost().armed()
     flight.take("ann")
     ann = flight.epoch
-    flight.live(1.0)
-    flight.live(0.4 if lost_first else 0.0, there="nobody")
+    flight.fly(1.0)
+    flight.fly(0.4 if lost_first else 0.0, there="nobody")
     flight.take("bob")
-    flight.live(0.5, there="nobody")
+    flight.fly(0.5, there="nobody")
     flight.epoch = ann if back == "ann" else flight.epoch  # she may act on for two seconds
-    flight.live(0.9)
+    flight.fly(0.9)
     was_bob = not lost_first and back == "ann"  # nothing has changed since she was lost
-    assert flight.reaction == (None if was_bob else "stop")
+    assert flight.status.reaction == (None if was_bob else "stop")
 
 
 @settings(max_examples=100, deadline=None, phases=GENERATE)
@@ -363,13 +267,13 @@ def test_a_change_of_pilot_is_no_short_loss(back: str, lost_first: bool) -> None
 def test_a_failsafe_ends_by_itself_only_after_short_losses_and_by_the_same_centred_pilot(
     course: list[tuple[float, float, str, str]],
 ) -> None:
-    flight = Lost()
+    flight = Lost().armed()
     flight.take("ann")
-    flight.live(0.1)
+    flight.fly(0.1)
     for seconds, heave, there, who in course:
         if who:
             flight.take(who)
-        flight.live(seconds, heave=heave, there=there)
+        flight.fly(seconds, heave=heave, there=there)
     began = None
     for number, now in enumerate(flight.seen):
         acted = number > 0 and flight.seen[number - 1].reaction is not None
@@ -399,15 +303,15 @@ def stretches(seen: list[Seen]) -> list[list[Seen]]:
 
 @given(st.floats(0.1, 1.9))
 def test_one_old_command_that_stays_fresh_gives_nothing_back(seconds: float) -> None:
-    flight = Lost()
-    flight.live(seconds, there="nobody")
+    flight = Lost().armed()
+    flight.fly(seconds, there="nobody")
     for _ in range(5):  # each arrives alone, and is the newest for as long as it may act
         old = flight.sticks()
         for _ in range(CENTRED_NS // DT + 1):
             flight.now += DT
-            flight.step(old)
-        flight.live(0.05, there="nobody")
-    assert flight.reaction == "stop"
+            flight.step(flight.state(), old)
+        flight.fly(0.05, there="nobody")
+    assert flight.status.reaction == "stop"
 
 
 @given(st.integers(1, 60))
@@ -416,34 +320,3 @@ def test_many_held_up_commands_that_arrive_at_once_give_nothing_back(count: int)
     for number in range(count):
         at_once = PilotCommand(stamp_ns=number * 2 * DT, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
         assert not watch.step(at_once, S + number)
-
-
-@given(
-    st.lists(
-        st.tuples(
-            st.sets(st.sampled_from([*BRIEF, "imu_lost", "leak"])),
-            st.floats(0.01, 2.5),
-            st.sampled_from([(1, 1), (1, 1), (1, 1), (1, 2)]),
-        ),
-        max_size=10,
-    )
-)
-def test_what_gives_the_sticks_back_is_said_and_done(
-    course: list[tuple[set[str], float, tuple[int, int]]],
-) -> None:
-    machine, now = FailsafeMachine(TABLE, Outbox(), armed=True), 0
-    for names, seconds, pilot in course:
-        holding = {name: Holding() for name in names}
-        for part in (0.0, seconds):
-            now += round(part * S)
-            machine.step(holding, now, armed=True, at_surface=False, pilot=pilot)
-            assert (machine.returns is None) == (machine.reaction is None)
-            acting = {name for name in machine.memory if name in BRIEF}
-            long = [machine.memory[name].long for name in acting]
-            assert machine.returns != "centre" or not any(long)
-        before = machine.memory
-        gives = machine.returns == "centre" and machine.resumable
-        again = FailsafeMachine(TABLE, Outbox(), before, armed=True)
-        again.step(holding, now, armed=True, at_surface=False, pilot=pilot)
-        again.give_back()
-        assert (again.reaction is None) == (gives or machine.reaction is None)

@@ -10,21 +10,20 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
+from msgspec.structs import replace
 
 from messages.events import Outbox
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
-from messages.reference import Reference
+from messages.reference import Motion, Reference
 from messages.sensors import DvlSample
 from messages.state import VehicleState
-from messages.vehicle import VehicleStatus
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.bottom import BAND, PATIENCE_S
 from services.reference.settings import FailsafeSettings, VelocityAxis
+from tests.services.reference.drone import DT, Drone
 from tests.support.said import state, sticks
 from tests.support.told import told
 
-DT_NS = 10_000_000
 LATENCY_NS = 100_000_000  # [ns] of an altitude
 NOISE = 0.05  # [m]
 FLOOR = 0.5  # [m] floor_distance
@@ -32,10 +31,11 @@ SLOWER = VelocityAxis(0.2, 0.1, 0.15, 0.3, 0.15, 0.5)  # Minerva's
 # [m] nearer than `floor_distance` at 0.5 m/s, where a slope of 20° down becomes one of 20° up.
 NEARER, NEARER_SLOWER = 0.45, 0.9
 SMALL = 1e-9
+STILL = Motion(0.0, 0.0, 0.0, 0.0)
 BottomAt = Callable[[float], float]  # [m] depth at a way [m]
 
 
-class Dive:
+class Dive(Drone):
     """A vehicle that is where the reference wants it, over a bottom."""
 
     def __init__(
@@ -50,79 +50,55 @@ class Dive:
         altimeter: bool = True,
         floor: float = FLOOR,
     ) -> None:
-        failsafe = FailsafeSettings(floor_distance=floor)
-        self.settings = Settings(failsafe=failsafe)
+        self.settings = Settings(failsafe=FailsafeSettings(floor_distance=floor))
         if heave is not None:
-            self.settings = Settings(heave=heave, failsafe=failsafe)
-        memory = before or GuidanceCheckpoint()
-        self.generator = ReferenceGenerator(self.settings, Outbox(), memory)
-        self.bottom, self.random = bottom, random.Random(seed)
-        self.ns, self.noise = 0, noise
-        self.way, self.depth, self.rate, self.acceleration = 0.0, bottom(0.0) - height, 0.0, 0.0
+            self.settings = replace(self.settings, heave=heave)
+        super().__init__(self.settings, before, depth=bottom(0.0) - height)
+        self.bottom, self.random, self.noise = bottom, random.Random(seed), noise
         self.altimeter, self.fish = altimeter, 0.0  # [m] too near, of the next altitude
-        self.speed = 0.0  # [m/s] along the way
-        self.path: list[tuple[int, float, float]] = []  # [ns], depth [m], height [m]
-        self.seen: list[Reference] = []
+        self.way, self.speed = 0.0, 0.0  # [m], [m/s] along it
+        self.heights = list[float]()  # [m] at each step
         self.fly(3.0)
         assert self.ask("arm") == ""
         self.fly(1.0)
 
-    def ask(self, kind: str, **more: object) -> str:
-        return self.answer(kind, **more).reason
-
-    def answer(self, kind: str, **more: object) -> PilotAnswer:
-        request = PilotRequest(stamp_ns=self.ns, id=str(self.ns), kind=kind, **more)  # type: ignore[arg-type]
-        return self.generator.answer(request, self.sticks(0.0), self.ns)
-
     def hold_height(self) -> str:
         return self.ask("mode", flight_mode="altitude_hold")
 
-    def sticks(self, heave: float) -> PilotCommand:
-        return PilotCommand(stamp_ns=self.ns, surge=0.0, sway=0.0, heave=heave, yaw=0.0)
-
-    def fly(self, seconds: float, heave: float = 0.0) -> Reference:
-        for _ in range(round(seconds * 1e9 / DT_NS)):
-            self.ns += DT_NS
-            self.way += self.speed * DT_NS / 1e9
-            self.path.append((self.ns, self.depth, self.height))
-            if self.ns % 1_000_000_000 == 0:
-                self.generator.conditions.newest = WatchedMessages(dvl=self.sample())
-            out = self.generator.step(self.state(), self.sticks(heave), self.ns)
-            assert out is not None
-            if out.armed:
-                d = out.depth
-                self.depth, self.rate, self.acceleration = d.position, d.velocity, d.acceleration
-            self.seen.append(out)
-        return self.seen[-1]
+    def measured(self) -> WatchedMessages:
+        """Once a second an altitude."""
+        self.way += self.speed * DT / 1e9
+        self.heights.append(self.height)
+        newest = self.generator.conditions.newest
+        return newest if self.now % 1_000_000_000 else WatchedMessages(dvl=self.sample())
 
     def sample(self) -> DvlSample | None:
         if not self.altimeter:
             return None
-        stamp_ns, _, height = self.path[-1 - LATENCY_NS // DT_NS]
-        found = height + self.random.gauss(0.0, self.noise) - self.fish
+        steps = LATENCY_NS // DT
+        found = self.heights[-1 - steps] + self.random.gauss(0.0, self.noise) - self.fish
         self.fish = 0.0
-        velocity = (self.speed, 0.0, 0.0)
-        return DvlSample(stamp_ns=stamp_ns, velocity=velocity, std=0.01, altitude=max(0.0, found))
+        return DvlSample(
+            stamp_ns=self.now - steps * DT, velocity=(self.speed, 0.0, 0.0), std=0.01,
+            altitude=max(0.0, found),
+        )  # fmt: skip
 
     def state(self) -> VehicleState:
-        rate, acceleration = self.rate, self.acceleration
-        return state(self.ns, depth=self.depth, depth_rate=rate, depth_acceleration=acceleration)
+        moves = self.flown[-1].depth if self.flown and self.flown[-1].armed else STILL
+        rate, acceleration = moves.velocity, moves.acceleration
+        return state(self.now, depth=self.depth, depth_rate=rate, depth_acceleration=acceleration)
 
     @property
     def height(self) -> float:
         return self.bottom(self.way) - self.depth
 
     @property
-    def status(self) -> VehicleStatus:
-        return self.generator.status(self.ns)
-
-    @property
     def nearest(self) -> float:
-        return min(height for _, _, height in self.path)
+        return min(self.heights)
 
     @property
     def moved(self) -> float:
-        depths = [reference.depth.position for reference in self.seen]
+        depths = [reference.depth.position for reference in self.flown]
         return sum(abs(b - a) for a, b in pairwise(depths))
 
 
@@ -145,8 +121,8 @@ def hills(slopes: list[float], length: float, start: float) -> BottomAt:
 
 def is_continuous(dive: Dive) -> bool:
     """No step, and never more jerk and acceleration than in depth hold."""
-    axis, dt = dive.settings.heave, DT_NS / 1e9
-    for a, b in pairwise(reference.depth for reference in dive.seen):
+    axis, dt = dive.settings.heave, DT / 1e9
+    for a, b in pairwise(reference.depth for reference in dive.flown):
         mean = (a.velocity + b.velocity) / 2
         if abs(b.position - a.position - mean * dt) > axis.jerk * dt**3 + SMALL:
             return False
@@ -235,22 +211,12 @@ def test_over_flat_ground_the_stick_is_that_of_depth_hold(
         dive = Dive(flat, 6.0, seed=seed, noise=noise)
         assert dive.ask("mode", flight_mode=hold) == ""
         dive.fly(0.5)
-        dive.fly(seconds, heave)
+        dive.fly(seconds, heave=heave)
         dive.fly(5.0)
-        ends.append(dive.seen[-1])
+        ends.append(dive.flown[-1])
     assert ends[1].depth.velocity == 0.0 == ends[1].depth.acceleration
     assert ends[1].depth.position == pytest.approx(ends[0].depth.position, abs=1e-9)
     assert ends[2].depth.position == pytest.approx(ends[0].depth.position, abs=2 * NOISE)
-
-
-@pytest.mark.slow
-def test_over_flat_ground_it_hardly_ever_moves() -> None:
-    for seed in range(4):
-        dive = Dive(flat, 2.0, seed=seed)
-        assert dive.hold_height() == ""
-        dive.fly(300.0)
-        assert dive.moved < 0.5
-        assert dive.height == pytest.approx(2.0, abs=0.15)
 
 
 @settings(max_examples=20, deadline=None)
@@ -306,16 +272,6 @@ def test_a_bottom_that_is_not_seen_is_not_followed_down() -> None:
     assert is_continuous(dive)
 
 
-def test_the_stick_does_not_lead_below_the_least_height() -> None:
-    dive = Dive(flat, 3.0)
-    assert dive.hold_height() == ""
-    dive.fly(30.0, heave=1.0)
-    assert dive.nearest >= FLOOR - 3 * NOISE
-    dive.fly(10.0)
-    assert dive.height == pytest.approx(FLOOR + BAND, abs=0.2)
-    assert is_continuous(dive)
-
-
 def test_a_vehicle_that_sinks_does_not_move_the_bottom() -> None:
     """An altitude belongs to the depth at its own time."""
     dive = Dive(flat, 6.0, noise=0.0)
@@ -329,10 +285,13 @@ def test_what_the_drone_does_by_itself_goes_on_at_a_depth(deed: str) -> None:
     dive = Dive(flat, 3.0)
     assert dive.hold_height() == ""
     dive.fly(2.0)
-    if deed == "lost":
-        dive.generator.step(dive.state(), None, dive.ns + 500_000_000)
-    else:
-        assert dive.ask(deed, **({"depth": 5.0} if deed == "goto" else {})) == ""
+    match deed:
+        case "stop":
+            assert dive.ask("stop") == ""
+        case "goto":
+            assert dive.ask("goto", depth=5.0) == ""
+        case _:
+            dive.generator.step(dive.state(), None, dive.now + 500_000_000)
     assert dive.status.flight_mode == "stabilised"
 
 
@@ -395,32 +354,8 @@ def test_where_a_depth_is_held_no_stick_leads_into_the_bottom(
     dive.fly(25.0, heave=1.0)
     assert dive.nearest >= FLOOR + BAND - 3 * NOISE
     assert dive.height == pytest.approx(FLOOR + BAND, abs=3 * NOISE)
-    assert dive.seen[-1].depth.velocity == pytest.approx(0.0, abs=2 * NOISE)
+    assert dive.flown[-1].depth.velocity == pytest.approx(0.0, abs=2 * NOISE)
     assert is_continuous(dive)
-
-
-@pytest.mark.slow
-@settings(max_examples=20, deadline=None)
-@given(slopes, st.floats(0.1, 0.5), st.integers(0, 1000))
-def test_a_stick_held_down_over_slopes_never_moves_the_depth_up(
-    slopes: list[float], speed: float, seed: int
-) -> None:
-    dive = Dive(hills(slopes, 6.0, 30.0), 3.0, seed=seed)
-    dive.speed = speed
-    dive.fly(6.0 * len(slopes) / speed, heave=1.0)
-    assert min(reference.depth.velocity for reference in dive.seen) >= -SMALL
-    assert is_continuous(dive)
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.floats(-1.0, 1.0), st.floats(0.5, 3.0))
-def test_far_above_the_bottom_it_is_the_stick_alone(heave: float, seconds: float) -> None:
-    ends: list[Reference] = []
-    for altimeter in (False, True):
-        dive = held_at(8.0, altimeter=altimeter)
-        dive.fly(seconds, heave=heave)
-        ends.append(dive.fly(5.0))
-    assert ends[0].depth == ends[1].depth
 
 
 def test_the_pilot_is_told_once_and_up_is_free() -> None:
@@ -462,25 +397,25 @@ def test_what_was_released_or_typed_or_set_goes_to_the_bottom() -> None:
     assert "near_floor" in typed.status.conditions
     free = held_at(2.0, floor=0.0)
     free.fly(3.0, heave=1.0)
-    assert free.seen[-1].depth.velocity == free.settings.heave.max_velocity
+    assert free.flown[-1].depth.velocity == free.settings.heave.max_velocity
 
 
 def test_the_answer_to_a_depth_at_the_bottom_says_what_comes_of_it() -> None:
     dive = Dive(flat, 4.0, noise=0.0)
-    below = dive.answer("goto", depth=30.0)
+    below = dive.request("goto", depth=30.0)
     assert below.accepted
     land = "the bottom is at 12.0 m here: the drone will land on it and press down"
     assert below.note == land
-    near = dive.answer("goto", depth=flat(0.0) - 0.3)
+    near = dive.request("goto", depth=flat(0.0) - 0.3)
     assert near.note == "the drone will come to rest 0.3 m above the bottom"
-    assert dive.answer("goto", depth=flat(0.0) - FLOOR - 0.1).note is UNSET
-    assert dive.answer("goto", heading=1.0).note is UNSET
-    refused = dive.answer("goto", depth=1e4)
+    assert dive.request("goto", depth=flat(0.0) - FLOOR - 0.1).note is UNSET
+    assert dive.request("goto", heading=1.0).note is UNSET
+    refused = dive.request("goto", depth=1e4)
     assert "deeper than the depth limit" in refused.reason
     assert refused.note is UNSET
     dive.altimeter = False
     dive.fly(PATIENCE_S + 1.0)
-    assert dive.answer("goto", depth=30.0).note is UNSET
+    assert dive.request("goto", depth=30.0).note is UNSET
 
 
 def test_without_a_fresh_altitude_it_is_the_stick_alone() -> None:

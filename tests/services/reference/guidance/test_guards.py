@@ -8,43 +8,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from messages.events import Outbox
-from messages.pilot import FlightMode, PilotCommand, PilotRequest
+from messages.pilot import FlightMode
 from messages.reference import Reference
 from messages.state import VehicleState
-from services.reference.core import ReferenceGenerator, Settings
+from services.reference.core import Settings
 from services.reference.guidance.guards import (
     AHEAD_S,
     FALL_S,
     MOST_TILT,
     PATIENCE_S,
     RETURN_S,
-    RISE_S,
     SMOOTH_S,
     WORTH,
     ReferenceGovernor,
     Standstill,
     TiltLimit,
     is_released,
-    rate,
     tilt_of,
 )
 from services.reference.trajectory.minimum_jerk import Sample
+from tests.services.reference.drone import Drone
 from tests.support.said import state
 
 size = st.floats(0.0, 1e6)
 most = st.floats(1e-3, 1e3)
-
-
-@given(most, st.lists(st.tuples(size, st.floats(0.0, 1.0), st.booleans())))
-def test_never_more_than_the_most_remains_and_never_more_than_there_was(
-    most: float, steps: list[tuple[float, float, bool]]
-) -> None:
-    guard = ReferenceGovernor(most)
-    for error, dt, released in steps:
-        share = guard.keep(error, dt, released=released)
-        assert 0.0 <= share <= 1.0
-        assert share * error <= most * (1 + 1e-12)
 
 
 @given(most, st.lists(st.floats(0.0, 1.0)))
@@ -87,18 +74,6 @@ def test_once_released_the_error_falls_to_a_third_every_half_second(
         error *= guard.keep(error, 0.001, released=True)
     expected = max(begin * exp(-seconds / 0.5), 0.1)
     assert error == pytest.approx(expected * most, rel=0.01)
-
-
-@given(most, st.floats(0.11, 1.0), st.floats(0.0, 5.0), st.floats(0.0, 5.0))
-def test_a_longer_tick_leaves_less_and_the_longest_nothing(
-    most: float, share: float, one: float, other: float
-) -> None:
-    short, long = (
-        ReferenceGovernor(most, blocked=True).keep(share * most, dt, released=True)
-        for dt in sorted((one, other))
-    )
-    assert 1.0 >= short >= long >= 0.0
-    assert (long == 0.0) == (max(one, other) >= 0.5)
 
 
 speed = st.floats(0.01, 2.0)
@@ -203,42 +178,28 @@ def level(now: int, roll: float = 0.0, pitch: float = 0.0, *, valid: bool = True
     return state(now, invalid=unknown, depth=3.0, roll=roll, pitch=pitch)
 
 
-class Flight:
-    """Armed, at full surge and half sway."""
+class Tilting(Drone):
+    """At full surge and half sway."""
 
-    def __init__(self, hold: FlightMode = "stabilised") -> None:
-        self.generator, self.now = ReferenceGenerator(Settings(), Outbox()), 0
-        self.fly(0.1)
-        for kind, wish in (("arm", None), ("mode", hold)):
-            ask = PilotRequest(stamp_ns=self.now, id=kind, kind=kind, flight_mode=wish)  # type: ignore[arg-type]
-            hands_off = PilotCommand(stamp_ns=self.now, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
-            assert self.generator.answer(ask, hands_off, self.now).accepted
+    pitch = 0.0  # [rad]
 
-    def fly(
-        self, seconds: float, pitch: float = 0.0, *, surge: float = 1.0, valid: bool = True
-    ) -> list[Reference]:
-        seen: list[Reference] = []
-        for _ in range(round(seconds / DT)):
-            self.now += round(1e9 * DT)
-            state = level(self.now, pitch=pitch, valid=valid)
-            stick = PilotCommand(stamp_ns=self.now, surge=surge, sway=surge / 2, heave=0.0, yaw=0.0)
-            out = self.generator.step(state, stick, self.now)
-            assert out is not None
-            seen.append(out)
-        return seen
+    def state(self) -> VehicleState:
+        return level(self.now, pitch=self.pitch)
+
+    def at(self, seconds: float, pitch: float = 0.0, *, surge: float = 1.0) -> list[Reference]:
+        self.pitch, before = pitch, len(self.flown)
+        self.fly(seconds, surge=surge, sway=surge / 2)
+        return self.flown[before:]
 
     @property
     def told(self) -> int:
         return self.generator.outbox.counts["clamped:reference.horizontal"]
 
 
-@given(tilt, tilt)
-def test_more_tilt_takes_more_without_a_step(a: float, b: float) -> None:
-    low, high = sorted((a, b))
-    first, then = rate(low, MOST), rate(high, MOST)
-    assert then <= first <= 1.0 / RISE_S
-    assert first - then <= (high - low) / MOST / FALL_S + 1e-12
-    assert rate(MOST, MOST) == 0.0
+def flight(hold: FlightMode = "stabilised") -> Tilting:
+    drone = Tilting().armed()
+    assert drone.ask("mode", flight_mode=hold) == ""
+    return drone
 
 
 @given(st.lists(maybe, max_size=200))
@@ -316,49 +277,35 @@ def test_the_tilt_is_that_of_the_vertical(roll: float, pitch: float) -> None:
 
 
 def test_surge_and_sway_shrink_together_within_their_limits_and_come_back() -> None:
-    flight, s = Flight(), Settings().horizontal
-    full = flight.fly(3.0)[-1]
+    drone, s = flight(), Settings().horizontal
+    full = drone.at(3.0)[-1]
     assert (full.surge_force, full.sway_force) == (s.max_surge, s.max_sway / 2)
-    assert flight.told == 0
-    less = flight.fly(2.0, 1.2 * MOST)
-    again = flight.fly(12.0)
+    assert drone.told == 0
+    less = drone.at(2.0, 1.2 * MOST)
+    again = drone.at(12.0)
     assert 0.0 <= less[-1].surge_force < 0.5 * s.max_surge
     assert (again[-1].surge_force, again[-1].sway_force) == (s.max_surge, s.max_sway / 2)
     for a, b in pairwise([full, *less, *again]):
         assert b.sway_force * s.max_surge == pytest.approx(b.surge_force * s.max_sway / 2)
         step = hypot(b.surge_force - a.surge_force, b.sway_force - a.sway_force)
         assert step <= s.max_rate * DT + 1e-9
-    assert flight.told == 1
-    flight.fly(1.0, 1.2 * MOST)
-    assert flight.told == 2
+    assert drone.told == 1
+    drone.at(1.0, 1.2 * MOST)
+    assert drone.told == 2
 
 
 def test_it_is_said_only_where_something_is_taken_away() -> None:
-    flight = Flight()
-    flight.fly(2.0, 2.0 * MOST, surge=0.0)
-    assert flight.told == 0
-    assert "tilts" not in flight.generator.status(flight.now).note
-    flight.fly(1.0, 2.0 * MOST)
-    assert flight.told == 1
-    assert "tilts" in flight.generator.status(flight.now).note
+    drone = flight()
+    drone.at(2.0, 2.0 * MOST, surge=0.0)
+    assert drone.told == 0
+    assert "tilts" not in drone.status.note
+    drone.at(1.0, 2.0 * MOST)
+    assert drone.told == 1
+    assert "tilts" in drone.status.note
 
 
 @pytest.mark.parametrize("hold", ["manual", "heading_hold"])
 def test_where_the_depth_is_not_held_nothing_is_taken_away(hold: FlightMode) -> None:
-    flight = Flight(hold)
-    assert flight.fly(3.0, 2.0 * MOST)[-1].surge_force == Settings().horizontal.max_surge
-    assert flight.told == 0
-
-
-def test_a_failsafe_comes_to_rest_as_ever() -> None:
-    """Also while a share is taken away: the force ends at zero, and is not held back."""
-    flight = Flight()
-    flight.fly(2.0, 1.2 * MOST)
-    now = flight.now
-    gone = PilotCommand(stamp_ns=now, surge=1.0, sway=0.0, heave=0.0, yaw=0.0, pilot="lost")
-    out = None
-    for _ in range(300):
-        now += round(1e9 * DT)
-        out = flight.generator.step(level(now, pitch=1.2 * MOST), gone, now)
-    assert out is not None
-    assert out.surge_force == 0.0
+    drone = flight(hold)
+    assert drone.at(3.0, 2.0 * MOST)[-1].surge_force == Settings().horizontal.max_surge
+    assert drone.told == 0

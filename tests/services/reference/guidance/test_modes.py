@@ -2,24 +2,25 @@
 
 from itertools import pairwise
 from math import dist, hypot, isfinite, pi, radians
-from typing import cast, get_args
+from typing import Any, cast, get_args
 
 import msgspec
 import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
+from msgspec.structs import replace
 
-from messages.events import Outbox
-from messages.pilot import Course, FlightMode, PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import Course, FlightMode, PilotAnswer, PilotCommand, RequestKind
 from messages.reference import Motion, Reference
 from messages.sensors import DvlSample
 from messages.state import VehicleState
 from services.marine.attitude import turned, wrapped
-from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.failsafe.watch import WatchedMessages
+from services.reference.core import GuidanceCheckpoint, Settings
+from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.modes import HELD_AXES
 from services.reference.settings import StickForce
+from tests.services.reference.drone import Drone
 from tests.support import said
 from tests.support.told import told
 
@@ -32,13 +33,15 @@ MASS, DRAG = (14.0, 28.0, 20.0, 0.4), (25.0, 45.0, 25.0, 1.5)  # surge, sway, he
 WAY = Course(waypoints=((0.0, 0.0), (6.0, 0.0), (6.0, 6.0)), min_radius=1.5)
 
 
-def sticks(
-    surge: float = 0.0, sway: float = 0.0, heave: float = 0.0, yaw: float = 0.0
-) -> PilotCommand:
-    return PilotCommand(stamp_ns=0, surge=surge, sway=sway, heave=heave, yaw=yaw)
+def sticks(surge: float = 0.0, sway: float = 0.0, **more: Any) -> PilotCommand:
+    return said.sticks(0, surge=surge, sway=sway, **more)
 
 
-class Sea:
+def deflected(surge: float, sway: float, heave: float = 0.0, yaw: float = 0.0) -> PilotCommand:
+    return sticks(surge, sway, heave=heave, yaw=yaw)
+
+
+class Sea(Drone):
     """A vehicle that is where the reference wants it on the axes that are held, and that drifts
     with its forces on the others."""
 
@@ -49,8 +52,7 @@ class Sea:
         offset: float = 0.0,
         before: GuidanceCheckpoint | None = None,
     ) -> None:
-        self.generator = ReferenceGenerator(SETTINGS, Outbox(), before or GuidanceCheckpoint())
-        self.ns = 0
+        super().__init__(SETTINGS, before)
         self.measures, self.knows_place = measures, True
         self.slope, self.sees_bottom = 0.0, True  # [-] falling away to the north
         self.dvl: DvlSample | None = None
@@ -62,14 +64,13 @@ class Sea:
         self.stuck = False  # in its place
         self.behind = 0.0  # [m] south of where it is wanted
         self.seen: list[tuple[Reference, VehicleState | None]] = []
-        self.asked = 0
 
     def state(self) -> VehicleState:
         names = ("north", "east", "surge_velocity", "sway_velocity")
         over_ground = zip(names, (*self.at[:2], *self.v[:2]), strict=True)
         unknown = () if self.knows_depth else ("depth", "depth_rate")
         return said.state(
-            self.ns,
+            self.now,
             invalid=unknown if self.knows_place else (*unknown, *names),
             depth=self.at[2],
             depth_rate=self.v[2],
@@ -82,40 +83,36 @@ class Sea:
 
     def look_down(self) -> None:
         """Once a second an altitude, above a bottom that is 20 m deep where north is 0."""
-        soon = self.dvl is not None and self.ns % 1_000_000_000 > round(DT * 1e9)
+        soon = self.dvl is not None and self.now % 1_000_000_000 > round(DT * 1e9)
         if soon or not self.measures:
             return
         altitude = max(0.0, 20.0 + self.slope * self.at[0] - self.at[2])
         velocity = (self.v[0], self.v[1], self.v[2])
         self.dvl = DvlSample(
-            stamp_ns=self.ns,
+            stamp_ns=self.now,
             velocity=velocity,
             std=0.01,
             altitude=altitude if self.sees_bottom else None,
         )
         self.generator.conditions.newest = WatchedMessages(dvl=self.dvl)
 
-    def ask(self, kind: str, command: PilotCommand | None = None, **more: object) -> str:
-        return self.request(kind, command or sticks(), **more).reason
+    def request(
+        self, kind: RequestKind, command: PilotCommand | None = None, **more: Any
+    ) -> PilotAnswer:
+        return super().request(kind, command or sticks(epoch=self.epoch), **more)
 
-    def request(self, kind: str, command: PilotCommand, **more: object) -> PilotAnswer:
-        self.asked += 1
-        request = PilotRequest(stamp_ns=self.ns, id=f"{self.asked}", kind=kind, **more)  # type: ignore[arg-type]
-        return self.generator.answer(request, command, self.ns)
-
-    def fly(
+    def sail(
         self, seconds: float, command: PilotCommand | None = None, *, lost: str = ""
     ) -> Reference:
         """Some time with these sticks, without a `pilot` or without a `state`."""
-        heard = None if lost == "pilot" else command or sticks()
         for _ in range(max(1, round(seconds / DT))):
-            self.ns += round(DT * 1e9)
+            self.now += round(DT * 1e9)
             state = None if lost == "state" else self.state()
             self.look_down()
-            reference = self.generator.step(state, heard, self.ns)
-            assert reference is not None
-            self.seen.append((reference, state))
-            self._move(reference)
+            heard = replace(command or sticks(), epoch=self.epoch)
+            self.step(state, None if lost == "pilot" else heard)
+            self.seen.append((self.flown[-1], state))
+            self._move(self.flown[-1])
         return self.seen[-1][0]
 
     def _move(self, r: Reference) -> None:
@@ -148,10 +145,10 @@ class Sea:
 
 def armed(hold: FlightMode = "stabilised", **sea: object) -> Sea:
     drone = Sea(**sea)  # type: ignore[arg-type]
-    drone.fly(0.05)
+    drone.sail(0.05)
     assert drone.ask("mode", flight_mode=hold) == ""
     assert drone.ask("arm") == ""
-    drone.fly(0.05)
+    drone.sail(0.05)
     return drone
 
 
@@ -249,6 +246,7 @@ deeds = st.one_of(
     st.tuples(st.just("goto"), st.floats(0.5, 6.0), st.floats(-3.0, 3.0)),
     st.tuples(st.just("there"), place, place),
     st.tuples(st.just("follow")),
+    st.tuples(st.just("take"), st.sampled_from(["ann", "bob"])),
     st.tuples(st.just("disarm")),
     st.tuples(st.just("arm")),
 )
@@ -259,11 +257,11 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:  # noqa: C901 - one line eac
         case ("mode", str(hold)):
             sea.ask("mode", flight_mode=hold)
         case ("sticks", deflection, float(time)):
-            sea.fly(time, sticks(*cast(tuple[float, ...], deflection)))
+            sea.sail(time, deflected(*cast(tuple[float, ...], deflection)))
         case ("wait", float(time)):
-            sea.fly(time)
+            sea.sail(time)
         case ("lost", str(who), float(time)):
-            sea.fly(time, lost=who)
+            sea.sail(time, lost=who)
         case ("place", bool(known)):
             sea.knows_place = known
         case ("bottom", bool(seen), float(slope)):
@@ -272,10 +270,12 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:  # noqa: C901 - one line eac
             sea.ask("goto", depth=depth, heading=heading)
         case ("there", north, east):
             sea.ask("goto", north=north, east=east, depth=2.0)
+        case ("take", str(who)):
+            sea.ask("force", source=who, epoch=0)
         case ("follow",):
             sea.ask("follow", course=WAY)
         case (str(kind),):
-            sea.ask(kind)
+            sea.ask(cast(RequestKind, kind))
         case _:
             raise AssertionError(deed)
 
@@ -318,7 +318,7 @@ def test_whatever_happens_there_is_never_a_step(
     sea = armed(offset=offset, measures=measures)
     for deed in done:
         do(sea, deed)
-    sea.fly(0.5)
+    sea.sail(0.5)
     check(sea)
 
 
@@ -329,7 +329,7 @@ def test_whatever_happens_there_is_never_a_step(
 def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: FlightMode) -> None:
     sea, held = armed(hold), HELD_AXES[hold]
     all_sticks = sticks(surge=1.0, sway=1.0, heave=1.0, yaw=1.0)
-    reference = sea.fly(3.0, all_sticks)
+    reference = sea.sail(3.0, all_sticks)
     s = SETTINGS
     assert reference.heave_force == (None if held.depth else s.heave_force.full)
     assert reference.yaw_moment == (None if held.heading else s.yaw_moment.full)
@@ -338,15 +338,15 @@ def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: FlightMode) 
         assert reference.depth.velocity == s.heave.max_velocity
     if held.heading:
         assert reference.heading.velocity == s.yaw.max_velocity
-    assert sea.generator.status(0).flight_mode == hold
+    assert sea.status.flight_mode == hold
     check(sea)
 
 
 def test_disarmed_no_force_is_left_from_before() -> None:
     sea = armed("manual")
-    sea.fly(2.0, sticks(heave=1.0, yaw=1.0, surge=1.0))
+    sea.sail(2.0, sticks(heave=1.0, yaw=1.0, surge=1.0))
     sea.ask("disarm")
-    reference = sea.fly(0.02)
+    reference = sea.sail(0.02)
     assert reference.heave_force == reference.yaw_moment == reference.surge_force == 0.0
 
 
@@ -361,11 +361,11 @@ def test_holding_begins_as_the_vehicle_moves_and_ends_at_rest(
     deflection: tuple[float, float, float, float], hold: FlightMode, when: float, offset: float
 ) -> None:
     sea = armed("manual", offset=offset)
-    moved = sticks(*deflection)
-    sea.fly(when, moved)
+    moved = deflected(*deflection)
+    sea.sail(when, moved)
     before, heading = list(sea.v), sea.at[3]
     sea.ask("mode", moved, flight_mode=hold)
-    first = sea.fly(DT)
+    first = sea.sail(DT)
     if first.heave_force is None:
         assert abs(first.depth.velocity - before[2]) < 0.02
     if first.yaw_moment is None:
@@ -373,7 +373,7 @@ def test_holding_begins_as_the_vehicle_moves_and_ends_at_rest(
     if first.north is not None and first.east is not None:
         over_ground = turned((before[0], before[1]), heading + offset)
         assert dist((first.north.velocity, first.east.velocity), over_ground) < 0.02
-    end = sea.fly(6.0)
+    end = sea.sail(6.0)
     for motion, free in ((end.depth, end.heave_force), (end.heading, end.yaw_moment)):
         assert free is not None or motion.velocity == motion.acceleration == 0.0
     assert end.north is None or end.north.velocity == end.north.acceleration == 0.0
@@ -384,17 +384,17 @@ def test_holding_begins_as_the_vehicle_moves_and_ends_at_rest(
 @given(st.floats(0.5, 3.0), st.sampled_from(HOLD_NAMES))
 def test_a_lost_pilot_means_rest_and_hold_in_every_mode(when: float, hold: FlightMode) -> None:
     sea = armed(hold)
-    sea.fly(when, sticks(surge=1.0, heave=1.0, yaw=-1.0))
-    end, later = sea.fly(6.0, lost="pilot"), sea.fly(1.0, lost="pilot")
+    sea.sail(when, sticks(surge=1.0, heave=1.0, yaw=-1.0))
+    end, later = sea.sail(6.0, lost="pilot"), sea.sail(1.0, lost="pilot")
     assert end.heave_force is end.yaw_moment is None
     assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
     assert later.depth.position == end.depth.position
     assert later.heading.position == end.heading.position
     assert told(sea.generator.outbox) == ["failsafe:pilot_lost"]
     safe = "station_keeping" if hold == "station_keeping" else "stabilised"
-    assert sea.generator.status(0).flight_mode == safe
-    sea.fly(0.1)  # the pilot is back, and nothing is let go
-    assert sea.generator.status(0).flight_mode == safe
+    assert sea.status.flight_mode == safe
+    sea.sail(0.1)  # the pilot is back, and nothing is let go
+    assert sea.status.flight_mode == safe
     check(sea)
 
 
@@ -403,12 +403,12 @@ def test_a_lost_pilot_means_rest_and_hold_in_every_mode(when: float, hold: Fligh
 def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: FlightMode) -> None:
     sea = armed(hold)
     moved = sticks(surge=0.7, sway=-1.0, heave=1.0, yaw=-1.0)
-    sea.fly(when, moved)
+    sea.sail(when, moved)
     before = sea.seen[-1][0]
     stop = sea.request("stop", moved).stop
     assert stop is not None
-    sea.fly(stop.seconds + 2 * DT, moved)
-    end = sea.fly(1.0, moved)
+    sea.sail(stop.seconds + 2 * DT, moved)
+    end = sea.sail(1.0, moved)
     assert abs(end.depth.position - before.depth.position - stop.depth) < 1e-9
     assert abs(end.heading.position - before.heading.position - stop.heading) < 1e-9
     assert end.depth.velocity == end.heading.velocity == end.surge_force == 0.0
@@ -422,7 +422,7 @@ def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: Fligh
         assert isinstance(stop.over_ground, float)
         assert abs(hypot(*went) - stop.over_ground) < 1e-4
     assert sea.generator.activity == "stopping"
-    sea.fly(0.1)
+    sea.sail(0.1)
     assert sea.generator.activity == "piloted"
     check(sea)
 
@@ -435,61 +435,61 @@ def test_station_keeping_is_refused_without_a_measured_place() -> None:
     assert "does not know its position" in sea.ask("mode", flight_mode="station_keeping")
     sea = armed()
     sea.knows_place = False
-    sea.fly(0.02)
+    sea.sail(0.02)
     assert "does not know its position" in sea.ask("mode", flight_mode="station_keeping")
-    assert sea.generator.status(0).flight_mode == "stabilised"
+    assert sea.status.flight_mode == "stabilised"
     assert "what to hold" in sea.ask("mode")
 
 
 def test_depth_is_not_held_while_it_is_not_known() -> None:
     sea = armed("manual")
     sea.knows_depth = False
-    sea.fly(0.02)
+    sea.sail(0.02)
     assert "does not know its depth" in sea.ask("mode", flight_mode="depth_hold")
     assert sea.ask("mode", flight_mode="heading_hold") == ""
 
 
 def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
     sea = armed("station_keeping")
-    sea.fly(1.0, sticks(surge=1.0))
+    sea.sail(1.0, sticks(surge=1.0))
     sea.knows_place = False
-    assert sea.fly(PLACE_PATIENCE_S - 0.05, sticks(surge=1.0)).north is not None
-    assert sea.fly(0.2, sticks(surge=1.0)).north is None
+    assert sea.sail(PLACE_PATIENCE_S - 0.05, sticks(surge=1.0)).north is not None
+    assert sea.sail(0.2, sticks(surge=1.0)).north is None
     assert [event for _, _, event in sea.generator.outbox.said] == ["lost:place"]
     assert sea.generator.outbox.counts == {"lost:place": 1}
-    assert sea.generator.status(0).flight_mode == "stabilised"
+    assert sea.status.flight_mode == "stabilised"
     sea.knows_place = True
-    assert sea.fly(3.0).north is None  # not before it is asked for again
+    assert sea.sail(3.0).north is None  # not before it is asked for again
     assert sea.ask("mode", flight_mode="station_keeping") == ""
-    assert sea.fly(0.1).north is not None
+    assert sea.sail(0.1).north is not None
     check(sea)
 
 
 def test_a_manoeuvre_is_refused_while_the_drone_stops() -> None:
     sea = armed()
-    sea.fly(1.0, sticks(heave=1.0))
+    sea.sail(1.0, sticks(heave=1.0))
     sea.ask("stop")
     assert "ask again when it is at rest" in sea.ask("goto", depth=1.0)
 
 
 def test_arming_brings_back_the_mode_that_was_asked_for() -> None:
     sea = armed("manual")
-    sea.fly(0.1, lost="pilot")
-    sea.fly(0.1)
-    assert sea.generator.status(0).flight_mode == "stabilised"
+    sea.sail(0.1, lost="pilot")
+    sea.sail(0.1)
+    assert sea.status.flight_mode == "stabilised"
     sea.ask("disarm")
-    assert sea.generator.status(0).flight_mode == "manual"
+    assert sea.status.flight_mode == "manual"
     assert sea.ask("arm") == ""
-    assert sea.generator.status(0).flight_mode == "manual"
+    assert sea.status.flight_mode == "manual"
 
 
 def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
     sea = armed("station_keeping")
     sea.ask("disarm")
     sea.knows_place = False
-    sea.fly(0.1)
+    sea.sail(0.1)
     assert sea.ask("arm") == ""
-    assert sea.generator.status(0).flight_mode == "stabilised"
+    assert sea.status.flight_mode == "stabilised"
     assert told(sea.generator.outbox) == ["refused:station_keeping"]
 
 
@@ -498,10 +498,10 @@ def test_a_restart_in_mid_dive_goes_on_in_the_same_mode(hold: FlightMode) -> Non
     kept = armed(hold).generator.checkpoint
     assert kept.armed
     sea = Sea(before=msgspec.json.decode(msgspec.json.encode(kept), type=GuidanceCheckpoint))
-    reference = sea.fly(0.1)
+    reference = sea.sail(0.1)
     assert (reference.heave_force is None, reference.yaw_moment is None) == HELD_AXES[hold][:2]
     assert (reference.north is not None) == HELD_AXES[hold].place
-    assert sea.generator.status(0).flight_mode == hold
+    assert sea.status.flight_mode == hold
 
 
 # A place that is held.
@@ -509,16 +509,16 @@ def test_a_restart_in_mid_dive_goes_on_in_the_same_mode(hold: FlightMode) -> Non
 
 def test_held_back_the_place_waits_and_let_go_it_gives_in() -> None:
     sea = armed("station_keeping")
-    sea.fly(0.1)
+    sea.sail(0.1)
     sea.stuck = True
     most = SETTINGS.place.max_error
     for _ in range(100):
-        out = sea.fly(0.1, sticks(surge=1.0, sway=0.5))
+        out = sea.sail(0.1, sticks(surge=1.0, sway=0.5))
         assert out.north is not None
         assert out.east is not None
         assert dist((out.north.position, out.east.position), sea.at[:2]) <= most + 1e-9
     assert told(sea.generator.outbox) == ["clamped:reference.place"]
-    out = sea.fly(6.0)
+    out = sea.sail(6.0)
     assert out.north is not None
     assert out.east is not None
     assert dist((out.north.position, out.east.position), sea.at[:2]) <= most / 10
@@ -530,7 +530,7 @@ def test_sticks_move_the_place_along_the_body_whatever_north_is(
     offset: float, deflection: tuple[float, float]
 ) -> None:
     sea = armed("station_keeping", offset=offset)
-    sea.fly(3.0, sticks(*deflection))
+    sea.sail(3.0, deflected(*deflection))
     fastest = SETTINGS.place.max_velocity
     assert dist(sea.v[:2], [x * fastest for x in deflection]) < 1e-6
 
@@ -556,14 +556,14 @@ def test_a_path_begins_where_the_drone_is_and_is_run_in_four_degrees(
     assert sea.ask("follow", course=WAY) == ""
     seen = len(sea.seen)
     while sea.generator.activity == "follow":
-        sea.fly(1.0)
+        sea.sail(1.0)
     flown = [r for r, _ in sea.seen[seen:]]
     assert dist(last_place(sea), (begin[0] + 6.0, begin[1] + 6.0)) < 1e-6
     assert abs(wrapped(sea.at[3] + offset - pi / 2)) < 0.011
     assert all(r.surge is None for r in flown)
     speed = max(hypot(r.north.velocity, r.east.velocity) for r in flown if r.north and r.east)
     assert speed == pytest.approx(WAY.cruise)
-    assert (sea.fly(2.0).north is not None) == (hold == "station_keeping")
+    assert (sea.sail(2.0).north is not None) == (hold == "station_keeping")
     check(sea)
 
 
@@ -574,10 +574,10 @@ def test_goto_a_place_ends_there_however_it_drifted_before(
     north: float, east: float, drift: float, surge: float, offset: float
 ) -> None:
     sea = armed(offset=offset)
-    sea.fly(drift, sticks(surge=surge))  # still moving when it is asked
+    sea.sail(drift, sticks(surge=surge))  # still moving when it is asked
     assert sea.ask("goto", north=north, east=east) == ""
     for _ in range(120):
-        sea.fly(1.0)
+        sea.sail(1.0)
         if sea.generator.activity == "piloted":
             break
     assert sea.generator.activity == "piloted"
@@ -588,14 +588,14 @@ def test_goto_a_place_ends_there_however_it_drifted_before(
 def test_the_path_waits_for_a_drone_that_is_held_back_in_its_place() -> None:
     sea = armed()
     sea.ask("follow", course=WAY)
-    sea.fly(12.0)
+    sea.sail(12.0)
     sea.stuck = True
-    end = sea.fly(12.0)
+    end = sea.sail(12.0)
     assert end.north is not None
     assert end.north.velocity == 0.0
     assert dist(last_place(sea), sea.at[:2]) < 1.3  # the tolerance, and the way to stand still
     sea.stuck = False
-    sea.fly(60.0)
+    sea.sail(60.0)
     assert [text for _, text, _ in sea.generator.outbox.said] == ["the end of the path"]
 
 
@@ -604,12 +604,12 @@ def test_the_path_waits_for_a_drone_that_is_held_back_in_its_place() -> None:
 def test_a_new_path_on_the_way_along_one_begins_from_the_reference(when: float) -> None:
     sea = armed()
     sea.ask("follow", course=WAY)
-    sea.fly(when)
+    sea.sail(when)
     sea.behind = 0.2
-    sea.fly(0.5)
+    sea.sail(0.5)
     begun = len(sea.seen)
     sea.ask("goto", north=0.0, east=0.0)
-    sea.fly(3.0)
+    sea.sail(3.0)
     north = [r.north.position for r, _ in sea.seen[begun - 1 :] if r.north]
     assert len(north) == len(sea.seen) - begun + 1
     assert all(abs(b - a) < 0.005 for a, b in pairwise(north))
@@ -618,10 +618,10 @@ def test_a_new_path_on_the_way_along_one_begins_from_the_reference(when: float) 
 def test_a_path_whose_place_is_lost_goes_on_blind_at_the_same_pace() -> None:
     sea = armed()
     sea.ask("follow", course=WAY)
-    sea.fly(15.0)
+    sea.sail(15.0)
     sea.knows_place = False
-    last = sea.fly(PLACE_PATIENCE_S - 0.05)
-    blind = sea.fly(0.2)
+    last = sea.sail(PLACE_PATIENCE_S - 0.05)
+    blind = sea.sail(0.2)
     assert last.north is not None
     assert last.surge is None
     assert blind.north is None
@@ -639,9 +639,9 @@ def test_a_stick_takes_over_from_a_measured_path_without_a_step(
 ) -> None:
     sea = armed("station_keeping" if keeps else "stabilised", offset=0.7)
     sea.ask("follow", course=WAY)
-    sea.fly(when)
+    sea.sail(when)
     before = sea.seen[-1][0]
-    after = sea.fly(DT, sticks(**{axis: 1.0}))
+    after = sea.sail(DT, sticks(**{axis: 1.0}))
     assert sea.generator.activity == "piloted"
     if before.north is not None and before.east is not None:
         speed = hypot(before.north.velocity, before.east.velocity)
@@ -650,5 +650,5 @@ def test_a_stick_takes_over_from_a_measured_path_without_a_step(
         else:  # the rest of the speed is ramped out along the heading
             ramped = 0.0 if after.surge is None else after.surge.velocity
             assert abs(ramped - speed) < 0.02
-    sea.fly(3.0)
+    sea.sail(3.0)
     check(sea)

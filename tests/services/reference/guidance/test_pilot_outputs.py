@@ -9,6 +9,7 @@ from messages.pilot import PilotCommand, PilotRequest
 from services.marine.outputs import Output
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
 from services.reference.guidance.pilot_outputs import PilotOutputs
+from tests.support.said import sticks
 
 S = 1_000_000_000  # [ns]
 STEP = 10_000_000  # [ns]
@@ -20,10 +21,7 @@ OUTPUTS = (
 
 
 def command(now: int, gripper: float, *, present: bool = True) -> PilotCommand:
-    pilot = "present" if present else "lost"
-    return PilotCommand(
-        stamp_ns=now, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, gripper=gripper, pilot=pilot
-    )
+    return sticks(now, gripper=gripper, pilot="present" if present else "lost")
 
 
 def asked(name: str, value: float | None, stamp_ns: int = 0) -> PilotRequest:

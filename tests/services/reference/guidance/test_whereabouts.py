@@ -16,7 +16,6 @@ from services.reference.guidance.ground_motion import (
     MOST_GAP_S,
     Home,
     HomePlace,
-    Whereabouts,
     ground_of,
     whereabouts,
 )
@@ -36,7 +35,7 @@ def test_the_heading_is_that_of_the_compass_however_often_the_drone_has_turned(
         heading=Estimate(control, 0.01),
         heading_navigation=None if compass is None else Estimate(compass, 0.1),
     )
-    said = whereabouts(seen).heading
+    said = whereabouts(seen)[1]
     assert isinstance(said, float)
     assert -pi <= said <= pi
     wanted = control if compass is None else compass
@@ -45,9 +44,9 @@ def test_the_heading_is_that_of_the_compass_however_often_the_drone_has_turned(
 
 def test_what_is_not_known_is_not_said() -> None:
     unknown = Estimate(2.5, 0.01, valid=False)
-    assert whereabouts(None) == Whereabouts(UNSET, UNSET)
-    assert whereabouts(replace(STATE, depth=unknown)).depth is UNSET
-    assert whereabouts(replace(STATE, heading=unknown)).heading is UNSET
+    assert whereabouts(None) == (UNSET, UNSET)
+    assert whereabouts(replace(STATE, depth=unknown))[0] is UNSET
+    assert whereabouts(replace(STATE, heading=unknown))[1] is UNSET
 
 
 def test_a_status_says_where_the_drone_is_only_while_there_is_a_state() -> None:

@@ -5,16 +5,13 @@ from itertools import pairwise
 from math import atan2, cos, hypot, inf, nan, pi, sin
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.marine.attitude import wrapped
 from services.reference.paths.path import Kind, Path, PathPoint
 from services.reference.paths.turn import SmoothTurn
 from tools.generators.clothoid import TwinClothoids
-from tools.generators.route import furthest
 
 
 def through(
@@ -93,25 +90,6 @@ def test_s_is_the_distance_and_every_rate_is_a_derivative(
         assert rate("curvature") == pytest.approx(here.curvature_rate, abs=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
-@given(paths())
-def test_the_length_is_the_integral_of_the_steps(case: tuple[Points, Path]) -> None:
-    _, path = case
-    count = 4000
-    places = [path.at(path.length * i / count) for i in range(count + 1)]
-    walked = sum(hypot(b.north - a.north, b.east - a.east) for a, b in pairwise(places))
-    assert walked == pytest.approx(path.length, rel=2e-4)
-    assert walked <= path.length * (1 + 1e-12)
-    assert sum(part.length for part in path.parts) == pytest.approx(path.length, rel=1e-12)
-
-
-@settings(max_examples=80, deadline=None)
-@given(paths(), st.floats(0, 1))
-def test_the_curvature_never_exceeds_the_limit(case: tuple[Points, Path], fraction: float) -> None:
-    _, path = case
-    assert abs(path.at(fraction * path.length).curvature) <= path.max_curvature * (1 + 1e-14)
-
-
 @settings(max_examples=80, deadline=None)
 @given(polylines(), st.floats(0.5, 4), KINDS, st.booleans())
 def test_every_turn_reaches_the_smallest_radius_and_no_less(
@@ -123,14 +101,6 @@ def test_every_turn_reaches_the_smallest_radius_and_no_less(
     ]
     assert sharpest == pytest.approx([1 / radius] * len(sharpest))
     assert path.max_curvature == (1 / radius if sharpest else 0.0)
-
-
-@settings(max_examples=80, deadline=None)
-@given(paths())
-def test_a_path_begins_and_ends_on_its_way_points(case: tuple[Points, Path]) -> None:
-    points, path = case
-    for point, s in ((points[0], 0.0), (points[-1], path.length)):
-        assert path.at(s)[:3] == pytest.approx(tuple(point), abs=1e-9)
 
 
 @settings(max_examples=100, deadline=None)
@@ -160,60 +130,6 @@ def test_depth_is_level_at_every_way_point_and_never_overshoots(
         for i in range(11):
             down = path.at(from_s + (to_s - from_s) * i / 10).down
             assert min(a[2], b[2]) - 1e-9 <= down <= max(a[2], b[2]) + 1e-9
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    polylines(),
-    KINDS,
-    st.booleans(),
-    st.sampled_from([1.0, -1.0]),
-    st.floats(-3, 3),
-    st.floats(-100, 100),
-    st.floats(0, 1),
-)
-def test_a_moved_turned_or_mirrored_polyline_gives_the_moved_turned_or_mirrored_path(
-    points: Points,
-    kind: Kind,
-    smooth: bool,
-    mirror: float,
-    turned: float,
-    moved: float,
-    fraction: float,
-) -> None:
-    def image(n: float, e: float) -> tuple[float, float]:
-        e *= mirror
-        return (
-            moved + n * cos(turned) - e * sin(turned),
-            -moved + n * sin(turned) + e * cos(turned),
-        )
-
-    path = through(points, 3.0, kind, smooth=smooth)
-    images = [[*image(n, e), d] for n, e, d in points]
-    other = through(images, 3.0, kind, smooth=smooth)
-    a, b = path.at(fraction * path.length), other.at(fraction * other.length)
-    assert path.length == pytest.approx(other.length, abs=1e-7)
-    assert (b.north, b.east) == pytest.approx(image(a.north, a.east), abs=1e-6)
-    assert wrapped(b.course - mirror * a.course - turned) == pytest.approx(0.0, abs=1e-6)
-    assert b.curvature == pytest.approx(mirror * a.curvature, abs=1e-6)
-
-
-@settings(max_examples=60, deadline=None)
-@given(paths())
-def test_the_course_is_the_accumulated_heading(case: tuple[Points, Path]) -> None:
-    _, path = case
-    courses = [path.at(path.length * i / 500).course for i in range(501)]
-    turns = courses[0] - wrapped(courses[0])  # a path may begin at -π, which is also π
-    continuous = np.unwrap([wrapped(course) for course in courses]) + turns
-    assert continuous == pytest.approx(courses, abs=1e-9)
-
-
-@given(st.floats(-1e6, 1e6))
-def test_a_wrapped_angle_is_the_same_direction(angle: float) -> None:
-    assert -pi < wrapped(angle) <= pi
-    assert cos(wrapped(angle)) == pytest.approx(cos(angle), abs=1e-9)
-    assert sin(wrapped(angle)) == pytest.approx(sin(angle), abs=1e-9)
-    assert wrapped(-pi) == pi
 
 
 def test_the_papers_path_has_the_papers_lengths() -> None:
@@ -290,17 +206,6 @@ def test_beyond_its_ends_a_path_stays_on_its_ends() -> None:
             path.at(s)
 
 
-def test_the_price_of_smooth_turns_is_the_distance_between_the_two_apexes() -> None:
-    """On one symmetric corner the two turns are furthest apart in their middles."""
-    corner = [[0.0, 0.0], [60.0, 0.0], [60.0, 60.0]]
-    twin, smooth = through(corner, 5.0), through(corner, 5.0, smooth=True)
-    a, b = twin.at(twin.length / 2), smooth.at(smooth.length / 2)
-    apart = hypot(a.north - b.north, a.east - b.east)
-    assert furthest(smooth, twin) == pytest.approx(apart, rel=1e-3)
-    assert furthest(twin, twin) == pytest.approx(0.0, abs=1e-12)
-    assert 0.1 < apart < 0.5
-
-
 def kinks(path: Path) -> list[tuple[PathPoint, PathPoint]]:
     return [(path.at(part.begin - E), path.at(part.begin + E)) for part in path.parts[1:]]
 
@@ -340,12 +245,6 @@ def test_a_path_that_cannot_be_is_refused_with_the_reason(
 ) -> None:
     with pytest.raises(ValueError, match=says):
         through(points, radius, kind)
-
-
-def test_a_tangent_that_just_fits_leaves_no_line() -> None:
-    tangent = TwinClothoids(pi / 2, 5.0).tangent
-    path = through([[0, 0], [tangent, 0], [tangent, tangent]], 5.0)
-    assert [part.kind for part in path.parts] == ["clothoids"]
 
 
 @pytest.mark.parametrize("kind", ["approximating", "interpolating"])

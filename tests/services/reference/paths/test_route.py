@@ -146,15 +146,6 @@ def test_the_papers_route_takes_the_papers_time() -> None:
     assert 50 + way.duration == pytest.approx(731.5, abs=1.0)
 
 
-def test_a_pair_to_the_end_of_the_path_is_a_profile_too() -> None:
-    path = through(POINTS, 5.0)
-    by_pair = Route(path, pair(path.length, LIMITS, 0.4))
-    by_stretch = ROUTES["mjvr", "approximating", False, False]
-    assert by_pair.duration == pytest.approx(by_stretch.duration, abs=1e-9)
-    for t in (1.0, 100.0, by_pair.duration - 1.0):
-        assert by_pair.at(t) == pytest.approx(by_stretch.at(t), abs=1e-9)
-
-
 @settings(max_examples=80, deadline=None)
 @given(st.floats(0.01, 100), st.floats(0.05, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 1))
 def test_a_stretch_covers_its_length_between_its_speeds_within_its_limits(

@@ -32,29 +32,24 @@ def ramp_from(v: float, a: float, target: float, lim: Limits) -> Ramp:
 
 @many
 @given(velocity, acceleration, velocity, limits)
-def test_every_transition_arrives_at_rest_on_the_target(
-    v: float, a: float, target: float, lim: Limits
-) -> None:
-    segments = solve(v, a, target, lim)
-    assume(segments)
-    end = segments[-1].at(segments[-1].duration)
-    assert end.velocity == pytest.approx(target, abs=1e-9)
-    assert end.acceleration == pytest.approx(0.0, abs=1e-6)
-    assert len(segments) <= 4
-
-
-@many
-@given(velocity, acceleration, velocity, limits)
-def test_velocity_and_acceleration_are_continuous(
+def test_every_transition_is_continuous_within_its_limits_and_arrives_at_rest(
     v: float, a: float, target: float, lim: Limits
 ) -> None:
     here_v, here_a = v, a
-    for segment in solve(v, a, target, lim):
+    segments = solve(v, a, target, lim)
+    for segment in segments:
         assert segment.duration > 0
         assert segment.v0 == pytest.approx(here_v, abs=1e-9)
         assert segment.a0 == pytest.approx(here_a, abs=1e-6)
-        end = segment.at(segment.duration)
-        here_v, here_a = end.velocity, end.acceleration
+        for k in range(11):  # never above the limit, or where it started
+            now = segment.at(segment.duration * k / 10)
+            assert abs(now.acceleration) <= max(lim.acceleration, abs(a)) * (1 + 1e-9) + 1e-9
+        _, here_v, here_a, _ = segment.at(segment.duration)
+    assert len(segments) <= 4
+    if segments:
+        assert (here_v, here_a) == (
+            pytest.approx(target, abs=1e-9), pytest.approx(0.0, abs=1e-6)
+        )  # fmt: skip
 
 
 @many
@@ -64,17 +59,6 @@ def test_jerk_never_exceeds_its_limit(v: float, a: float, target: float, lim: Li
     for segment in solve(v, a, target, lim):
         for t in (0.0, segment.duration):
             assert abs(segment.at(t).jerk) <= lim.jerk * (1 + 1e-9)
-
-
-@many
-@given(velocity, acceleration, velocity, limits)
-def test_acceleration_never_exceeds_its_limit_or_where_it_started(
-    v: float, a: float, target: float, lim: Limits
-) -> None:
-    for segment in solve(v, a, target, lim):
-        for k in range(11):
-            here = segment.at(segment.duration * k / 10)
-            assert abs(here.acceleration) <= max(lim.acceleration, abs(a)) * (1 + 1e-9) + 1e-9
 
 
 @many
@@ -101,15 +85,6 @@ def test_the_duration_is_continuous_in_the_state(
     step = 1e-9
     near = duration(solve(v + step, a, target, lim))
     assert near == pytest.approx(duration(solve(v, a, target, lim)), abs=1e-3)
-
-
-@many
-@given(velocity, acceleration, velocity, limits)
-def test_mirroring_the_state_mirrors_the_plan(
-    v: float, a: float, target: float, lim: Limits
-) -> None:
-    here, there = solve(v, a, target, lim), solve(-v, -a, -target, lim)
-    assert duration(here) == pytest.approx(duration(there), abs=1e-9)
 
 
 @given(st.floats(0.01, 3.0), st.floats(0.1, 20.0))
@@ -284,15 +259,3 @@ def test_segments_from_elsewhere_are_run_from_where_it_is_and_end_at_rest(
     x, v, a, _ = along(segments, later, 0.0)
     assert ramp.at(when + later)[:3] == pytest.approx((here.position + x, v, a), abs=1e-6)
     assert ramp.at(ramp.settles() + 1.0).velocity == 0.0
-
-
-def test_a_lower_limit_in_mid_transition_is_reached_without_a_step() -> None:
-    ramp = Ramp(Limits(1.0, 0.5))
-    ramp.aim(2.0, 0.0)
-    before = ramp.at(2.0)
-    ramp.take(before, 2.0, ramp.target, Limits(1.0, 0.2))
-    after = ramp.at(2.0)
-    assert before.acceleration == pytest.approx(0.5)
-    assert after.acceleration == pytest.approx(before.acceleration)
-    assert after.velocity == pytest.approx(before.velocity)
-    assert ramp.at(2.31).acceleration == pytest.approx(0.2)

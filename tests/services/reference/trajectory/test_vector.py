@@ -140,17 +140,6 @@ def test_other_limits_count_from_when_they_are_given(
 
 
 @many
-@given(pair, limits, st.floats(0.0, 2.0), st.floats(0.0, 10.0))
-def test_put_to_rest_it_stands_still_whatever_was_before(
-    target: Pair, lim: Limits, when: float, later: float
-) -> None:
-    ramp = VectorRamp(lim)
-    ramp.aim(target, 0.0)
-    ramp.rest(when)
-    assert ramp.at(when + later) == (Sample(0.0, 0.0, 0.0, 0.0),) * 2
-
-
-@many
 @given(pair, pair, pair, limits, st.floats(0.0, 5.0), st.floats(1e-3, 0.05))
 def test_position_is_what_the_velocity_adds_up_to(
     v: Pair, a: Pair, to: Pair, lim: Limits, later: float, dt: float

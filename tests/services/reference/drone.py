@@ -1,0 +1,100 @@
+"""A drone with its reference generator, as the tests of this room fly it."""
+
+from typing import Any, Self
+
+from msgspec import UNSET
+
+from messages.events import Outbox
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
+from messages.reference import Reference
+from messages.sensors import LeakSample
+from messages.state import VehicleState
+from messages.vehicle import VehicleStatus
+from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
+from services.reference.failsafe.table import WatchedMessages
+from tests.support import said
+
+DT = 10_000_000  # [ns] of a step
+
+
+class Drone:
+    """It is always where the reference wants it. Its commands pass the lease, as in the service."""
+
+    def __init__(
+        self,
+        settings: Settings | None = None,
+        before: GuidanceCheckpoint | None = None,
+        *,
+        depth: float = 1.0,
+        place: tuple[float, float] | None = None,
+    ) -> None:
+        memory = before or GuidanceCheckpoint()
+        self.generator = ReferenceGenerator(settings or Settings(), Outbox(), memory)
+        self.now: int = 0  # [ns]
+        self.asked, self.epoch = 0, 0
+        self.depth, self.heading, self.place = depth, 0.0, place
+        self.flown: list[Reference] = []
+        self.leaks = False
+
+    def armed(self) -> Self:
+        self.fly(0.1)
+        assert self.ask("arm") == ""
+        self.fly(0.1)
+        return self
+
+    def ask(self, kind: RequestKind, command: PilotCommand | None = None, **more: Any) -> str:
+        """Why a request is refused; empty: it is granted."""
+        return self.request(kind, command, **more).reason
+
+    def request(
+        self, kind: RequestKind, command: PilotCommand | None = None, **more: Any
+    ) -> PilotAnswer:
+        self.asked += 1
+        sent: dict[str, Any] = {"epoch": self.epoch} | more
+        request = PilotRequest(stamp_ns=self.now, id=f"{self.asked}", kind=kind, **sent)
+        answer = self.generator.answer(request, command or self.sticks(), self.now)
+        self.epoch = self.epoch if answer.epoch is None else answer.epoch
+        return answer
+
+    def sticks(self, **axes: Any) -> PilotCommand:
+        return said.sticks(self.now, epoch=self.epoch, **axes)
+
+    def state(self) -> VehicleState | None:
+        north, east = self.place or (None, None)
+        still = None if self.place is None else 0.0
+        return said.state(
+            self.now, depth=self.depth, heading=self.heading, north=north, east=east,
+            surge_velocity=still, sway_velocity=still, origin=UNSET if self.place is None else 1,
+        )  # fmt: skip
+
+    def measured(self) -> WatchedMessages:
+        """What its other sensors say at this step."""
+        return WatchedMessages(leak=LeakSample(stamp_ns=0, wet=self.leaks))
+
+    def fly(self, seconds: float, *, there: str = "pilot", **axes: Any) -> Reference:
+        """With these sticks. `there`: pilot, nobody, no state, or leak beside the pilot."""
+        self.leaks = there == "leak"
+        for _ in range(round(seconds * 1e9 / DT)):
+            self.now += DT
+            self.generator.conditions.newest = self.measured()
+            command = None if there == "nobody" else self.sticks(**axes)
+            self.step(None if there == "no state" else self.state(), command)
+        return self.flown[-1]
+
+    def step(self, state: VehicleState | None, command: PilotCommand | None) -> None:
+        authority = self.generator.authority
+        if command is not None and not authority.admits(command.epoch, self.now):
+            command = None
+        if command is not None:
+            authority.heard(command.epoch, self.now)
+        out = self.generator.step(state, command, self.now)
+        assert out is not None
+        self.flown.append(out)
+        if out.armed:
+            self.depth, self.heading = out.depth.position, out.heading.position
+        if out.north is not None and out.east is not None:
+            self.place = out.north.position, out.east.position
+
+    @property
+    def status(self) -> VehicleStatus:
+        return self.generator.status(self.now)
