@@ -35,8 +35,8 @@ from tests.support.ardusub_double.wire import (
     Wire,
     board_process,
 )
+from tests.support.doors import free_port
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_port
 from tools.recordings.recording import open_recording
 from tools.report import read_dive
 

@@ -26,8 +26,8 @@ from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_endpoint
 from tools.recordings.recording import open_recording
 
 pytestmark = pytest.mark.system

@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
+from tests.support.doors import free_port
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_port
 
 pytestmark = pytest.mark.system
 

@@ -20,8 +20,8 @@ from messages.health import LogLine
 from messages.link import Clock
 from messages.vehicle import VehicleStatus
 from services.runtime.config.running import RUNNING, Running
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_endpoint
 from tools.__main__ import main
 from tools.fleet.names import own_name
 from tools.recordings.recording import is_whole, open_recording

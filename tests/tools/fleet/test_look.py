@@ -20,8 +20,8 @@ from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
 from services.runtime.bus.zenoh_bus import announce_here, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_endpoint
 from tools.__main__ import main
 from tools.fleet import drones, meeting
 from tools.fleet import look as looking
