@@ -39,23 +39,28 @@ class Started:
     """One command that goes on, until the end of a `with` at the latest."""
 
     def __init__(
-        self, out: Path, *words: str, script: str = "", before: Sequence[str] = (), **options: Any
+        self,
+        out: Path,
+        *words: str,
+        script: str = "",
+        before: Sequence[str] = (),
+        screen: Path | None = None,
     ) -> None:
         """
         Args:
             out: folder of its dive; what it says and its script are in files beside it.
             script: that its pilot flies, where it has one.
             before: words before those of the command.
-            options: of its process.
+            screen: file for what it says.
         """
-        self.out, self._screen = out, out.with_suffix(".txt")
+        self.out, self._screen = out, screen or out.with_suffix(".txt")
         if script:
             out.with_suffix(".csv").write_text(script)
             words = (*words, "--pilot", f"script:{out.with_suffix('.csv')}")
-        with self._screen.open("w") as screen:
+        with self._screen.open("w") as said:
             self.process = subprocess.Popen(
                 [*before, *LINDY, *words, *QUICK, "--out", str(out)],
-                stdin=subprocess.DEVNULL, stdout=screen, stderr=subprocess.STDOUT, **options,
+                stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT,
             )  # fmt: skip
 
     @property
