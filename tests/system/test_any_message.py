@@ -3,13 +3,11 @@ their limits and absurd."""
 
 import math
 from collections import Counter
-from typing import Any
 
 import msgspec
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from msgspec import inspect
 
 from messages import topics
 from messages.events import Event, Outbox
@@ -25,6 +23,7 @@ from services.runtime.node.gate import Gate
 from services.runtime.node.loop_stats import LoopStats
 from services.runtime.node.ports import Inbox
 from tests.support.dive import Dive
+from tests.support.messages import any_of
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.watch import Watch
 
@@ -32,63 +31,17 @@ SECOND = 1_000_000_000
 every_topic = st.sampled_from(topics.ALL)
 
 
-def values(kind: inspect.Type) -> st.SearchStrategy[Any]:  # noqa: C901 - one case for each type
-    """Values of a message's field, the ends of its range often among them."""
-    match kind:
-        case inspect.Metadata():
-            return values(kind.type)
-        case inspect.IntType(ge=int(least), le=int(most)):
-            return st.sampled_from([least, most, max(least, 0)]) | st.integers(least, most)
-        case inspect.FloatType():
-            assert not {kind.ge, kind.le} & {None}, "without limits, which refuse what is no number"
-            return st.floats(kind.ge, kind.le)
-        case inspect.StrType():
-            assert kind.max_length is not None, "without limits"
-            return st.text(max_size=min(kind.max_length, 200))
-        case inspect.BytesType():
-            assert kind.max_length is not None, "without limits"
-            return st.binary(max_size=min(kind.max_length, 200))
-        case inspect.LiteralType():
-            return st.sampled_from(kind.values)
-        case inspect.BoolType():
-            return st.booleans()
-        case inspect.NoneType():
-            return st.none()
-        case inspect.UnionType():
-            return st.one_of([values(each) for each in kind.types])
-        case inspect.StructType():
-            return whole(kind.cls)
-        case inspect.TupleType():
-            return st.tuples(*[values(each) for each in kind.item_types])
-        case inspect.VarTupleType() | inspect.ListType():
-            assert kind.max_length is not None, "without limits"
-            most = min(kind.max_length, 12)
-            items = st.lists(values(kind.item_type), min_size=kind.min_length or 0, max_size=most)
-            return items.map(tuple)
-        case inspect.DictType():
-            assert kind.max_length is not None, "without limits"
-            return st.dictionaries(values(kind.key_type), values(kind.value_type), max_size=8)
-        case _:
-            raise AssertionError(f"no limits are known for {kind}")
-
-
-def whole(cls: type) -> st.SearchStrategy[Any]:
-    info = inspect.type_info(cls)
-    assert isinstance(info, inspect.StructType)
-    return st.builds(cls, **{field.name: values(field.type) for field in info.fields})
-
-
 @st.composite
 def said(draw: st.DrawFn) -> tuple[AnyTopic, Message]:
     topic = draw(every_topic)
     if topic.is_family:
         topic = topic.of(draw(st.sampled_from(["control", "supervisor", "z"])))
-    return topic, draw(whole(topic.message))
+    return topic, draw(any_of(topic.message))
 
 
 def test_every_field_of_every_message_has_limits() -> None:
     for topic in topics.ALL:
-        whole(topic.message)
+        any_of(topic.message)
 
 
 @st.composite

@@ -7,7 +7,7 @@ import pytest
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Truth, VehicleStatus
 from services.reference.guidance.authority import SILENT_NS
 from tests.support.dive import ON_BOARD, Dive
@@ -111,15 +111,6 @@ def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_n
     assert {s.failsafe for s in statuses} == {"none"}
 
 
-WISHES: dict[str, dict[str, Any]] = {
-    "arm": {},
-    "goto": {"depth": 2.0},
-    "follow": {"course": Course(waypoints=((0.0, 0.0), (30.0, 0.0)))},
-    "mode": {"flight_mode": "depth_hold"},
-    "light": {"value": 1.0},
-}
-
-
 Scene = tuple[HinderedHost, list[VehicleStatus], Rival, Rival]
 
 
@@ -140,27 +131,6 @@ def hand_over(dive: RivalsDive) -> Scene:
     return dive.host, dive.statuses, dive.first, dive.second
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", WISHES)
-def test_an_ousted_pilot_is_told_that_another_one_has_control(hand_over: Scene, kind: str) -> None:
-    host, statuses, first, second = hand_over
-    if kind == "arm":
-        second.ask("disarm", host.now)
-        host.run(host.now + SECOND // 5)
-    before = statuses[-1]
-    first.ask(kind, host.now, **WISHES[kind])
-    host.run(host.now + SECOND // 2)
-    assert not first.answers[-1].accepted
-    assert first.answers[-1].reason.startswith("second has control since ")
-    after = statuses[-1]
-    assert (after.activity, after.armed, after.flight_mode, after.light) == (
-        (before.activity, before.armed, before.flight_mode, before.light)
-    )
-    second.ask(kind, host.now, **WISHES[kind])
-    host.run(host.now + SECOND // 5)
-    assert second.answers[-1].accepted
-
-
 def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_control(
     hand_over: Scene,
 ) -> None:
@@ -179,26 +149,6 @@ def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_c
     assert asked(host, first, "light", value=1.0) == "nobody has control; take it first"
     assert asked(host, first, "disarm") == ""
     assert not statuses[-1].armed
-
-
-@pytest.mark.slow
-def test_a_silent_pilot_goes_on_unless_another_one_has_taken_control(hand_over: Scene) -> None:
-    host, statuses, first, second = hand_over
-    second.speaks = False
-    host.run(host.now + 2 * SILENT_NS)
-    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("", "pilot_lost")
-    second.speaks = True
-    host.run(host.now + SECOND)
-    assert asked(host, first, "resume").startswith("second has control")
-    assert asked(host, second, "resume") == ""
-    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("second", "none")
-    second.speaks = False
-    host.run(host.now + 2 * SILENT_NS)
-    assert asked(host, first, "lease") == ""
-    second.speaks = True
-    host.run(host.now + SECOND)
-    assert asked(host, first, "resume") == ""
-    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
 
 
 # Memory lost, and numbers that nobody gave.
