@@ -140,7 +140,9 @@ class Sortie(Dive):
         count = len(self.commands[0].thrust)
         thrust = [at(self.commands, [m.thrust[k] for m in self.commands]) for k in range(count)]
         return SortieColumns(
-            *(at(self.truth, [m.position[k] for m in self.truth]) for k in range(3)),
+            at(self.truth, [m.position[0] for m in self.truth]),
+            at(self.truth, [m.position[1] for m in self.truth]),
+            at(self.truth, [m.position[2] for m in self.truth]),
             at(self.truth, [m.heading for m in self.truth]),
             at(self.references, [m.depth.position for m in self.references]),
             at(self.references, [m.heading.position for m in self.references]),

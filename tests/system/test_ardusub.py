@@ -41,7 +41,7 @@ class Flight(Dive):
     def __init__(
         self, version: str = "4.8", script: str = SCRIPT, overrides: Sequence[str] = (), **more: Any
     ) -> None:
-        self._board = {"version": version, **more}
+        self._board: dict[str, Any] = {"version": version, **more}
         super().__init__(
             script, CHAIN, stack="ardusub", overrides=overrides, wires={"ardusub": self._wire},
             vehicle="bluerov2_heavy",

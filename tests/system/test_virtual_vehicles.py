@@ -86,7 +86,8 @@ def test_modes_change_without_a_bump(vehicle: str) -> None:
     """How far an axis that is held afterwards is from what it was at the change, two seconds
     long."""
     modes: list[FlightMode] = ["manual", "depth_hold", "heading_hold", "stabilised"]
-    modes += ["station_keeping"] if vehicle == "minerva" else []
+    if vehicle == "minerva":
+        modes.append("station_keeping")
     down = 5.0 / FULL[vehicle]  # [s]
     rows = [DOWN, (1.0 + down, HANDS_OFF)]
     sortie = Sortie(rows, vehicle=vehicle, overrides=(NEAR_FLOOR,)).until(9.0 + down)

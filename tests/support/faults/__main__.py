@@ -28,10 +28,10 @@ def main(words: Sequence[str]) -> int:
     load = os.getloadavg()[2]
     # Real processes start late on a busy computer.
     conditions = f"{system.cores()} cores, with {load:.0f} processes at work on average."
+    began = time.monotonic()
     if args.read:
         rows = [row for path in args.read for row in read_rows(path)]
     else:
-        began = time.monotonic()
         rows = flown(args.world, args.cells, args.rows)
     conditions = f"{(time.monotonic() - began) / 60.0:.0f} minutes, {conditions}"
     print(summary(rows))

@@ -16,7 +16,9 @@ from tests.support.jitter import Jitter
 
 World = Literal["virtual", "real"]
 Deed = Callable[[Any], object]  # to a dive of such a world
-VIRTUAL, REAL, BOTH = ("virtual",), ("real",), ("virtual", "real")
+VIRTUAL: tuple[World, ...] = ("virtual",)
+REAL: tuple[World, ...] = ("real",)
+BOTH: tuple[World, ...] = ("virtual", "real")
 HANGS = "process hangs"  # a cause
 HANGS_S = 3.0  # [s]
 ON_BOARD = ("simulator", "estimation", "reference", "control")
