@@ -3,8 +3,10 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any, Self
+from weakref import finalize
 
 from messages import topics
 from messages.topic import M, Side, Topic
@@ -47,8 +49,8 @@ class Dive:
             clocks: of sides that are machines of their own.
             choices: of the stack.
         """
-        self._place = TemporaryDirectory(prefix="lindy-dive-")
-        self.folder = Path(self._place.name)
+        self.folder = Path(mkdtemp(prefix="lindy-dive-"))
+        finalize(self, rmtree, self.folder, ignore_errors=True)
         if script:
             path = self.folder / "script.csv"
             head = "" if script.startswith("t,") else "t,surge,sway,heave,yaw\n"
