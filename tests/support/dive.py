@@ -14,7 +14,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import Skew
 from services.runtime.node.node import Node
-from tests.support.hindered_host import HinderedHost, Lateness
+from tests.support.hindered_host import HinderedHost
+from tests.support.jitter import Lateness
 
 SECOND = 1_000_000_000  # [ns]
 ON_BOARD = ("simulator", "estimation", "reference", "control")

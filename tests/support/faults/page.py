@@ -240,11 +240,3 @@ def _worst(found: Iterable[Cell], figure: str) -> str:
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [list(heads), ["---"] * len(heads), *rows]
     return [f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines]
-
-
-def main() -> None:
-    PAGE.write_text(page(), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
