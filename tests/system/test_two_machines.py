@@ -131,8 +131,10 @@ def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, S
         topside = up(cable.topside, "topside", "--connect", endpoint, *way, script=HANDS)
         topside.until(lambda: topside.pid("gamepad"))
         port = OnBoard(drone.running)
-        exits.callback(lambda: port.session.close())
-        yield cable, port, drone, topside
+        try:
+            yield cable, port, drone, topside
+        finally:
+            port.session.close()
 
 
 @pytest.mark.slow
