@@ -67,7 +67,7 @@ class Dive:
         self.host = HinderedHost(clocks, lateness)
         self._wires = wires or {}
         self._ears: dict[Side, Node] = {}
-        for name in services:
+        for name in self.rows if clocks else services:
             self.start(name)
         self.statuses = self.heard(topics.STATUS)
 
