@@ -47,10 +47,7 @@ real: $(READY) ## the estimator over real dives on record, which LINDY_REAL= is 
 	LINDY_REAL="$(LINDY_REAL)" $(BIN)/python -m lindy_research.bench.reality_real
 
 docs: $(READY) ## pages and pictures written from the code
-	$(BIN)/python -m tests.support.docs.topics_page
-	$(BIN)/python -m tests.support.docs.failsafes_page
-	$(BIN)/python -m tests.support.docs.report_page
-	$(BIN)/python -m tests.support.faults.page
+	$(BIN)/python -m tests.support.docs.written
 
 release: $(READY) ## wheel, sdist and SBOM in dist/, notes, checked and flown; `uv publish` would upload the first two
 	@tag=$$(git tag --points-at HEAD); test -n "$$tag" || echo "this commit has no tag: v$(VERSION) is to be its tag"; \

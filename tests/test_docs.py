@@ -12,9 +12,7 @@ import pytest
 
 from services.marine.mounting import Mounting
 from services.marine.outputs import Output, checked
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.dive import Dive
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -104,20 +102,11 @@ def test_the_tree_shows_every_room() -> None:
     assert sorted(shown) == sorted(rooms)
 
 
-def called(folder: Path, ms: int) -> list[str]:
+def called(ms: int) -> list[str]:
     """The files of all functions that are called in `ms` while the sticks move, in order."""
     rows = [f"{k / 10},0.{k % 7},0.{k % 3},0.{k % 5},0.{k % 2}" for k in range(100)]
-    (folder / "sticks.csv").write_text("\n".join(["t,surge,sway,heave,yaw", *rows]))
-    stack = Stack(
-        pilot=f"script:{folder / 'sticks.csv'}",
-        out=str(folder),
-        virtual=True,
-        overrides=["estimation.calibration.still_time=1"],
-    )
-    host, services = VirtualHost(), Registry.read()
-    chain = ("simulator", "estimation", "reference", "control", "tether", "gamepad")
-    host.add_all(services.only({name: services[name] for name in chain}), stack)
-    host.run(8_000_000_000)
+    dive = Dive("\n".join(rows), still_s=1.0, virtual=True)
+    dive.run(8.0)
     files: list[str] = []
 
     def note(frame: FrameType, event: str, _: object) -> None:
@@ -127,15 +116,15 @@ def called(folder: Path, ms: int) -> list[str]:
 
     sys.setprofile(note)
     try:
-        host.run(host.now + ms * 1_000_000)
+        dive.run(ms / 1000)
     finally:
         sys.setprofile(None)
     return files
 
 
 @pytest.mark.parametrize(("way", "ms"), WAYS_MS.items())
-def test_files_of_a_way_are_called_in_its_order(way: str, ms: int, tmp_path: Path) -> None:
+def test_files_of_a_way_are_called_in_its_order(way: str, ms: int) -> None:
     steps = [file for file in files_of(way) if file not in NOT_IN_A_SCRIPT]
-    rest = iter(called(tmp_path, ms))
+    rest = iter(called(ms))
     assert len(steps) > 20
     assert [step for step in steps if step not in rest] == []

@@ -145,14 +145,6 @@ def test_an_own_law_and_an_own_estimator_fly_the_whole_stack(
     assert report["depth_error_rms_m"] < most
 
 
-def test_a_mistyped_gain_of_an_own_controller_is_one_sentence(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert main(["simulate", *PD, "--set", "pd_control.depht=[80, 70]"]) == 1
-    said = "lindy: --set pd_control.depht=[80, 70]: unknown key; did you mean 'depth'?"
-    assert capsys.readouterr().err == f"{said} known: depth, heading\n"
-
-
 @pytest.mark.slow
 def test_a_virtual_dive_holds_its_depth() -> None:
     done = run("virtual_dive.py", "3")

@@ -237,21 +237,29 @@ def recording(data: bytes, folder: Path) -> None:
     assert isinstance(opened.damage, list)
 
 
-def verb(*words: str, out: str = "") -> Callable[[bytes, Path], None]:
+def command(
+    name: str, *words: str, out: str = "", statuses: tuple[int, ...] = (0, 1, 3)
+) -> Callable[[bytes, Path], None]:
+    """A command over FILE, which is called so."""
+
     def run(data: bytes, folder: Path) -> None:
-        path = folder / "dive.mcap"
+        path = folder / name
         path.write_bytes(data)
         more = ["--out", str(folder / out)] if out else []
-        said = StringIO()
-        with redirect_stdout(said), redirect_stderr(said):
-            status = main([word.replace("FILE", str(path)) for word in (*words, *more)])
-        text = said.getvalue()
-        assert status in (0, 1, 3), status
-        assert "in Lindy itself" not in text, text
+        status, text = said([word.replace("FILE", str(path)) for word in (*words, *more)])
+        assert status in statuses, status
         assert not any(ord(c) < 32 and c not in "\n\t" for c in text), text
         assert path.read_bytes() == data
 
     return run
+
+
+def said(words: list[str]) -> tuple[int, str]:
+    printed = StringIO()
+    with redirect_stdout(printed), redirect_stderr(printed):
+        status = main(words)
+    assert "in Lindy itself" not in printed.getvalue(), printed.getvalue()
+    return status, printed.getvalue()
 
 
 def recordings() -> dict[str, bytes]:
@@ -273,22 +281,6 @@ def recordings() -> dict[str, bytes]:
 
 
 # Logs of other programs.
-
-
-def foreign(name: str) -> Callable[[bytes, Path], None]:
-    def run(data: bytes, folder: Path) -> None:
-        path = folder / name
-        path.write_bytes(data)
-        said = StringIO()
-        with redirect_stdout(said), redirect_stderr(said):
-            status = main(["import", str(path), "--out", str(folder / "dive")])
-        text = said.getvalue()
-        assert status in (0, 1), status
-        assert "in Lindy itself" not in text, text
-        assert not any(ord(c) < 32 and c not in "\n\t" for c in text), text
-        assert path.read_bytes() == data
-
-    return run
 
 
 def made(name: str) -> dict[str, bytes]:
@@ -322,8 +314,8 @@ def text(read: Callable[[Path], object], suffix: str = ".toml") -> Callable[[byt
         # Files are remembered by their paths, and each input is to be another file.
         path = folder / f"f{folder.name[-8:]}{suffix}".lower()
         path.write_bytes(data)
-        said = refusal(lambda: read(path))
-        assert not said or path.name in said, said  # where it is wrong
+        refused = refusal(lambda: read(path))
+        assert not refused or path.name in refused, refused  # where it is wrong
 
     return run
 
@@ -355,15 +347,12 @@ def stack(path: Path) -> None:
 
 
 def path_file(path: Path) -> None:
-    printed = StringIO()
-    with redirect_stdout(printed), redirect_stderr(printed):
-        main(["path", str(path)])
-        main(["path", str(path), "--dt", "1"])
-    assert "in Lindy itself" not in printed.getvalue(), printed.getvalue()
+    said(["path", str(path)])
+    said(["path", str(path), "--dt", "1"])
     script = path.with_suffix(".csv")
     script.write_text(f"t,surge,sway,heave,yaw,event\n0,0,0,0,0,follow {path}\n9,0,0,0,0,\n")
-    said = refusal(lambda: pilot_of(f"script:{script}"))
-    assert not said or script.name in said, said
+    refused = refusal(lambda: pilot_of(f"script:{script}"))
+    assert not refused or script.name in refused, refused
 
 
 def script(path: Path) -> None:
@@ -404,33 +393,34 @@ EXTRA: dict[str, Callable[[], dict[str, bytes]]] = {
     "recording": recordings,
     **{name: partial(made, name) for name in FOREIGN},
 }
+# Verbs over a recording: their names, words, and what they write.
+VERBS: dict[str, tuple[str, str]] = {
+    "log info": ("log info FILE", ""),
+    "log check": ("log check FILE", ""),
+    "log csv": ("log export --as csv FILE", "tables"),
+    "log rosbag": ("log export --as rosbag FILE", "bag"),
+    "log cut": ("log cut FILE --from 0.1", "cut.mcap"),
+    "log recover": ("log recover FILE", "whole.mcap"),
+    "log compare": (f"log compare FILE {CORPUS / 'recording' / MESSAGES}", ""),
+    "log sticks": ("log export --as sticks FILE", "sticks.csv"),
+    "calibrate noise": ("calibrate noise FILE", ""),
+    "log snapshots": ("log snapshots FILE", "pictures"),
+    "link trace": ("log export --as trace FILE", "trace.csv"),
+    "review": ("review FILE", "page.html"),
+    "replay": ("replay FILE --through control --diff", ""),
+    "identify": ("identify FILE", ""),
+    "calibrate": ("calibrate gyroscope FILE", ""),
+}
 TARGETS: dict[str, Target] = {
     "gate": Target("gate", gate),
     "ground station": Target("mavlink", ground_station),
     "board": Target("mavlink", board),
     "page": Target("page", page),
     "recording": Target("recording", recording),
-    "log info": Target("recording", verb("log", "info", "FILE")),
-    "log check": Target("recording", verb("log", "check", "FILE")),
-    "log csv": Target("recording", verb("log", "export", "--as", "csv", "FILE", out="tables")),
-    "log rosbag": Target("recording", verb("log", "export", "--as", "rosbag", "FILE", out="bag")),
-    "log cut": Target("recording", verb("log", "cut", "FILE", "--from", "0.1", out="cut.mcap")),
-    "log recover": Target("recording", verb("log", "recover", "FILE", out="whole.mcap")),
-    "log compare": Target(
-        "recording", verb("log", "compare", "FILE", str(CORPUS / "recording" / MESSAGES))
-    ),
-    "log sticks": Target(
-        "recording", verb("log", "export", "--as", "sticks", "FILE", out="sticks.csv")
-    ),
-    "calibrate noise": Target("recording", verb("calibrate", "noise", "FILE")),
-    "log snapshots": Target("recording", verb("log", "snapshots", "FILE", out="pictures")),
-    "link trace": Target(
-        "recording", verb("log", "export", "--as", "trace", "FILE", out="trace.csv")
-    ),
-    "review": Target("recording", verb("review", "FILE", out="page.html")),
-    "replay": Target("recording", verb("replay", "FILE", "--through", "control", "--diff")),
-    "identify": Target("recording", verb("identify", "FILE")),
-    "calibrate": Target("recording", verb("calibrate", "gyroscope", "FILE")),
+    **{
+        name: Target("recording", command("dive.mcap", *words.split(), out=out))
+        for name, (words, out) in VERBS.items()
+    },
     "vehicle": Target("vehicle", text(vehicle), "vehicles"),
     "stack": Target("stack", text(stack), "stacks"),
     "link": Target("link", text(lambda path: named(str(path))), "links"),
@@ -442,5 +432,8 @@ TARGETS: dict[str, Target] = {
     "trace": Target("trace", text(read_trace, ".csv")),
     "admitted": Target("admitted", admitted),
     "certificate": Target("certificate", certificate),
-    **{f"import {name}": Target(name, foreign(name)) for name in FOREIGN},
+    **{
+        f"import {name}": Target(name, command(name, "import", "FILE", out="dive", statuses=(0, 1)))
+        for name in FOREIGN
+    },
 }

@@ -5,6 +5,7 @@ rounded to `DIGITS`, and what the three publish on that, thinned to every `KEPT`
 topics. It is a recording like any other, which `lindy replay` plays.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
@@ -64,27 +65,35 @@ def make(vehicle: str, path: Path) -> None:
     """Fly the dive with today's code, and write its golden file."""
     with TemporaryDirectory() as place:
         folder = Path(place)
-        stack = _flown(vehicle, folder)
+        stack = flown(vehicle, folder)
         inputs = [_rounded(raw) for raw in open_source(folder).raw() if _is_needed(raw.key)]
         _write(folder / "inputs.mcap", stack, inputs)
         rows = sorted([*inputs, *_outputs(folder / "inputs.mcap")], key=lambda raw: raw.log_ns)
         _write(path, stack, rows)
 
 
-def _flown(vehicle: str, folder: Path) -> Stack:
+def flown(
+    vehicle: str,
+    folder: Path,
+    names: Sequence[str] = SERVICES,
+    seed: int = 0,
+    seconds: float = SECONDS,
+) -> Stack:
+    """Fly the script, recorded into a folder."""
     (folder / "script.csv").write_text(SCRIPT)
     stack = Stack(
         vehicle=vehicle,
         link="tether",  # with a delay: no answer of the pilot comes at the instant of its cause
         pilot=f"script:{folder / 'script.csv'}",
         out=str(folder),
+        seed=seed,
         virtual=True,
         overrides=OVERRIDES,
     )
     services = Registry.read()
     host = VirtualHost()
-    host.add_all(services.only({name: services[name] for name in SERVICES}), stack)
-    host.run(round(SECONDS * 1e9))
+    host.add_all(services.only({name: services[name] for name in names}), stack)
+    host.run(round(seconds * 1e9))
     host.close()
     return stack
 

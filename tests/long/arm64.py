@@ -3,8 +3,8 @@ downloads and emulation.
 
 A Debian tree for arm64 (debootstrap, whose packages are unpacked and not configured), the core's
 wheels for arm64, and qemu-user, which runs them: one dive on virtual time, whose `log_hash` is
-compared with that of this computer with the same Python and the same libraries; the operations that
-give other bits; and a short dive of real processes.
+compared with that of this computer with the same Python and the same libraries, and a short dive of
+real processes.
 """
 
 import json
@@ -39,9 +39,6 @@ def main() -> int:
     if not prepared():
         print("not run on arm64: Debian's packages or the wheels cannot be had here")
         return 0
-    there, here = operations(str(EMULATED)), operations(*NATIVE)
-    other = [name for name in here if here[name] != there[name]]
-    print(f"other bits: {', '.join(other) or 'none'}; the same: {len(here) - len(other)} more")
     hashes = {"arm64": simulated("arm64", str(EMULATED)), "here": simulated("here", *NATIVE)}
     same = len({*hashes.values()}) == 1
     print(f"log_hash of 60 s: {'the same' if same else 'NOT the same'}, {hashes}")
@@ -92,11 +89,6 @@ def install(site: Path, platform: tuple[str, ...]) -> None:
     command = [*uv, "pip", "install", "--quiet", "--target", str(site), *platform]
     command += ["--python-version", PYTHON, "--python", NEEDED[-1], "--only-binary", ":all:"]
     subprocess.run([*command, "-r", "-"], input=wanted, check=True)
-
-
-def operations(*python: str) -> dict[str, str]:
-    program = str(Path(__file__).with_name("operations.py"))
-    return json.loads(subprocess.run([*python, program], check=True, capture_output=True).stdout)
 
 
 def simulated(name: str, *python: str) -> str:

@@ -13,13 +13,14 @@ import argparse
 import ast
 import compileall
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -233,41 +234,46 @@ class Copy:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         for part in PARTS:
-            ignored = shutil.ignore_patterns("__pycache__")
+            ignored = shutil.ignore_patterns("__pycache__", "node_modules")
             if Path(part).is_dir():
                 shutil.copytree(part, folder / part, ignore=ignored)
             else:
                 shutil.copy2(part, folder / part)
         compileall.compile_dir(folder / "services", quiet=1)
 
-    def outcome(self, law: str, patience: float | None) -> Outcome:
-        """Of all the tests of a law; they may take this long [s]."""
+    def outcome(
+        self, tests: Sequence[str], marks: str = "not system", patience: float | None = None
+    ) -> Outcome:
+        """Of these tests; they may take this long [s]."""
         # As a module, so that the folder it runs in comes before the installed code.
         run = f'ulimit -v {MEMORY}; exec "{sys.executable}" -m pytest -x -n 0 -q '
-        run += f'{" ".join(LAWS[law])} -p no:cacheprovider -m "not system" '
-        run += "--hypothesis-profile verdict"
+        run += f'{shlex.join(tests)} -p no:cacheprovider -m "{marks}" --hypothesis-profile verdict'
         # What was compiled without a fault is used, nothing is added.
         environment = os.environ | {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1"}
         try:
             done = subprocess.run(
-                ["sh", "-c", run],
-                cwd=self.folder,
-                env=environment,
-                timeout=patience,
-                capture_output=True,
-                check=False,
-            )
+                ["sh", "-c", run], cwd=self.folder, env=environment, timeout=patience,
+                capture_output=True, check=False,
+            )  # fmt: skip
         except subprocess.TimeoutExpired:
             return "no end"
         return "failed" if done.returncode else "passed"
 
-    def outcome_with(self, fault: Fault, patience: float) -> Outcome:
-        path = self.folder / fault.law
-        path.write_text(fault.source, encoding="utf-8")
+    def outcome_with(
+        self,
+        file: str,
+        fault: str,
+        tests: Sequence[str],
+        marks: str = "not system",
+        patience: float | None = None,
+    ) -> Outcome:
+        """… with another text in a file."""
+        path = self.folder / file
+        path.write_text(fault, encoding="utf-8")
         try:
-            return self.outcome(fault.law, patience)
+            return self.outcome(tests, marks, patience)
         finally:
-            shutil.copy2(fault.law, path)
+            shutil.copy2(file, path)
 
 
 def main(tried: dict[str, list[Fault]]) -> int:
@@ -293,12 +299,12 @@ def _outcomes(
     def ended(fault: Fault) -> Outcome:
         copy = copies.get()
         try:
-            return copy.outcome_with(fault, patience)
+            return copy.outcome_with(law, fault.source, LAWS[law], patience=patience)
         finally:
             copies.put(copy)
 
     copy, began = copies.get(), time.monotonic()
-    if copy.outcome(law, None) != "passed":
+    if copy.outcome(LAWS[law]) != "passed":
         raise SystemExit(f"the tests of {law} fail without a fault: {' '.join(LAWS[law])}")
     copies.put(copy)
     patience = max(LEAST_PATIENCE, PATIENCE * (time.monotonic() - began))

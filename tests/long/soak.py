@@ -1,288 +1,235 @@
-"""A long dive in which processes are killed and stopped and the link is cut at random: does
-anything grow? Run it as a script: `python tests/long/soak.py [MINUTES] [SEED]`.
+"""Hours of dives with one random fault after another: is the pilot in control again after each, was
+each said, and does anything grow? `python -m tests.long.soak WORLD HOURS FAULTS SEED`.
 
-Real processes in real time, `lindy dive --grouped --headless` with random sticks. Prints how the
-memory, the descriptors and the threads of every process change over its life, and the lateness of
-every service in each minute; fails where one of them grows faster than `BOUNDS` says.
+WORLD is `virtual` (one dive for each core, in one process each) or `real` (one dive of processes).
+The dives and faults are those of the fault matrix (tests/support/faults), with random sticks, modes
+and depths. Prints every miss with what repeats it, then a table by the cause of the faults, and
+what grew.
 """
 
+import argparse
 import os
 import random
-import signal
-import subprocess
 import sys
-import time
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from functools import partial
 from pathlib import Path
-from statistics import median
-from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from statistics import linear_regression, median
+from typing import Any, NamedTuple
 
-import msgspec
-import numpy as np
+from services.runtime.os import system
+from tests.support.faults.catalogue import NONE, FaultCase, World, of
+from tests.support.faults.cells import in_copies
+from tests.support.faults.figures import Figures, figures
+from tests.support.faults.goals import JERK
+from tests.support.faults.modes import FlownMode
+from tests.support.faults.observed import FaultDive
+from tests.support.faults.real_dive import RealFaultDive, real_dive
+from tests.support.faults.virtual_dive import SECOND, VirtualDive
 
-from messages.health import Health
-from services.runtime.config.running import RUNNING, Running
-from tests.support.patience import PATIENCE_S, until
-from tools.recordings.recording import open_recording
-
-MINUTES, SEED = 30, 1
-EVERY_S = 2.0  # [s] between two samples
-PAUSE_S = 30.0  # [s] between two faults, on average
-LONGEST_STOP_S, LONGEST_OUTAGE_S = 3.0, 8.0
-YOUNG_S = 30.0  # [s] a process may grow after its start
-LEAST_S = 90.0  # [s] of a process' life that tell whether it grows
-LEAST_MINUTES = 5  # that tell whether a service becomes later and later
-HAS_STICKS = "has the sticks"  # what is said when the drone is armed
+MODES = ("manual", "depth_hold", "stabilised")
+STICKS_S, DEPTH_S, MODE_S = 3, 60, 600  # [s] between two stick positions, depths, modes
+CENTRED_S = 12  # [s] between two times with centred sticks, without which nothing arms
+LOOK_S = 0.5  # [s] between two looks for who is in control, and for which he must be
+LONGEST_BACK_S = 60.0  # [s] after the end of a fault, for the pilot to be in control again
+ARM_S = 1.0  # [s] between two requests to arm, of a drone that a fault has disarmed
+YOUNG, LEAST_H = 1 / 3, 0.05  # share of a process' life in which it fills; [h] of it that tell
+MOST_COUNTS = 500  # names that a service may count
+SETTINGS = ("simulator.battery_capacity=100000",)  # [Wh] the battery is empty when a fault says so
 PAGE = os.sysconf("SC_PAGE_SIZE")  # [B]
+WHAT = ("memory [MB]", "descriptors", "threads")
+PER_HOUR = {"virtual": (8.0, 6.0, 6.0), "real": (15.0, 6.0, 6.0)}  # that a process may grow
+WHOLE = 3.0  # a growth below it is none: it may be chance
+OF_VIEWER = 45.0, 8.0  # [MB/h] Rerun's writer keeps some 27, and takes 5 MB in its first minutes
 
 
-class Bound(NamedTuple):
-    """What may grow how fast. A growth below `least` is none: it may be chance."""
+class Judged(NamedTuple):
+    """What came of one fault."""
 
-    per_hour: float
-    least: float
-
-
-BOUNDS = {
-    # A router that lived 2 to 12 minutes grew by up to 2.4 MB, one that lived 30 by 1.9 MB.
-    "memory [MB]": Bound(15.0, 3.0),
-    "descriptors": Bound(6.0, 3.0),
-    "threads": Bound(6.0, 3.0),
-    "lateness [ms]": Bound(10.0, 2.0),
-}
-BOUNDS_OF = {
-    # Rerun's writer keeps some 27 MB an hour, and takes 5 MB in its first minutes.
-    ("visualizer", "memory [MB]"): Bound(45.0, 8.0),
-    # It starts processes meanwhile, and flies nothing.
-    ("supervisor", "lateness [ms]"): Bound(100.0, 30.0),
-}
+    name: str
+    cause: str
+    misses: tuple[str, ...]
+    said: bool
+    back_s: float | None  # [s] after its end until the pilot was in control; None: he was not
 
 
-class Growth(NamedTuple):
-    """Of one quantity of one process or service, by its regression line."""
+class Soaked(NamedTuple):
+    """One dive."""
 
-    who: str
-    what: str
-    per_hour: float
-    whole: float  # over the time that was looked at
-
-    @property
-    def too_fast(self) -> bool:
-        bound = BOUNDS_OF.get((self.who, self.what), BOUNDS[self.what])
-        return self.per_hour > bound.per_hour and self.whole > bound.least
+    seed: int
+    judged: list[Judged]
+    hours: float
+    grown: list[str]  # too fast
+    restarts: int
 
 
-def growth(who: str, what: str, times_s: Sequence[float], values: Sequence[float]) -> Growth:
-    """How a quantity grows.
-
-    Args:
-        times_s: [s] of each value; two different ones at least.
-    """
-    times = np.asarray(times_s) - np.mean(times_s)
-    per_s = float(np.sum(times * (np.asarray(values) - np.mean(values))) / np.sum(times**2))
-    return Growth(who, what, per_s * 3600.0, per_s * (max(times_s) - min(times_s)))
-
-
-class Sample(NamedTuple):
-    """Of a process."""
-
-    at_s: float
-    rss_mb: float
-    descriptors: int
-    threads: int
+def sticks(seconds: float, chance: random.Random) -> Iterator[str]:
+    """Rows of a stick log: other sticks every few seconds, another depth or mode at times."""
+    yield "0,0,0,0,0,,"
+    yield "0.5,0,0,1,0,,"
+    for second in range(5, round(seconds), STICKS_S):
+        surge, sway, yaw = (chance.choice([0.0, chance.uniform(-1, 1)]) for _ in range(3))
+        event = ""
+        if second % CENTRED_S < STICKS_S:
+            surge = sway = yaw = 0.0
+        if second % MODE_S < STICKS_S:
+            event = f"mode {chance.choice(MODES)}"
+        elif second % DEPTH_S < STICKS_S:
+            event = f"goto depth={chance.uniform(1.0, 4.0):.1f}"
+        yield f"{second},{surge:.2f},{sway:.2f},0,{yaw:.2f},,{event}"
 
 
-def sample(pid: int, at_s: float) -> Sample | None:
-    """None: it has just ended."""
+def fly(world: World, hours: float, number: int, seed: int) -> Soaked:
+    """One dive with so many faults, one after the other, at equal intervals where they allow it."""
+    chance = random.Random(seed)
+    lasts = 3600.0 * (2.0 * hours + 1.0)  # they may take longer than that
+    rows = tuple(sticks(lasts, chance))
+    mode = FlownMode("soak", "pioneer", rows, 10.0, holds_depth=False, lasts=lasts)
+    if world == "virtual":
+        with closing(VirtualDive(mode, seed, SETTINGS)) as dive:
+            return _soaked(dive, world, hours, number, seed, chance)
+    more = (word for each in SETTINGS for word in ("--set", each))
+    with real_dive(mode, *more) as dive:
+        return _soaked(dive, world, hours, number, seed, chance)
+
+
+def _soaked(
+    dive: FaultDive, world: World, hours: float, number: int, seed: int, chance: random.Random
+) -> Soaked:
+    faults = [fault for fault in of(world) if fault is not NONE and not fault.alone]
+    judged: list[Judged] = []
+    seen: defaultdict[tuple[str, int], list[tuple[float, ...]]] = defaultdict(list)
+    start, most = dive.now, 0
+    for done in range(number):
+        dive.run(max(1.0, 3600.0 * hours / number * done - (dive.now - start) / SECOND))
+        at_s = (dive.now - start) / SECOND
+        judged.append(one := judge(dive, chance.choice(faults)))
+        for miss in one.misses:
+            print(f"seed {seed}, fault {done} at {at_s:.0f} s, {one.name}: {miss}", flush=True)
+        dive.seen.forget()
+        if isinstance(dive, VirtualDive):
+            most = max(most, *(len(node.counts) for node in dive.host.nodes.values()))
+        for who, pid in _processes(dive).items():
+            if (found := sample(pid)) is not None:
+                seen[who, pid].append(((dive.now - start) / SECOND / 3600.0, *found))
+    grown = [words for (who, _), each in seen.items() for words in growths(world, who, each)]
+    if most > MOST_COUNTS:
+        grown.append(f"{most} names are counted")
+    restarts = sum(dive.restarts.values()) if isinstance(dive, VirtualDive) else 0
+    return Soaked(seed, judged, (dive.now - start) / SECOND / 3600.0, grown, restarts)
+
+
+def _processes(dive: FaultDive) -> dict[str, int]:
+    if not isinstance(dive, RealFaultDive):
+        return {"dive": os.getpid()}
+    running = dive.lindy.running
+    return {**running.pids, "supervisor": running.supervisor}
+
+
+def sample(pid: int) -> tuple[float, ...] | None:
+    """Of a process, by WHAT; None: it has just ended."""
     folder = Path(f"/proc/{pid}")
     try:
         rss_mb = int((folder / "statm").read_text().split()[1]) * PAGE / 1e6
-        counts = (sum(1 for _ in (folder / kind).iterdir()) for kind in ("fd", "task"))
-        return Sample(at_s, rss_mb, *counts)
+        return (
+            rss_mb,
+            *(float(sum(1 for _ in (folder / kind).iterdir())) for kind in ("fd", "task")),
+        )
     except OSError:
         return None
 
 
-class Life(NamedTuple):
-    """One process, from its start to its end."""
-
-    name: str
-    pid: int
-
-
-def growths(lives: Mapping[Life, Sequence[Sample]]) -> Iterator[Growth]:
-    """Of every process that lived long enough."""
-    for life, samples in lives.items():
-        grown = [one for one in samples if one.at_s - samples[0].at_s >= YOUNG_S]
-        if not grown or grown[-1].at_s - grown[0].at_s < LEAST_S:
-            continue
-        times = [one.at_s for one in grown]
-        yield growth(life.name, "memory [MB]", times, [one.rss_mb for one in grown])
-        yield growth(life.name, "descriptors", times, [one.descriptors for one in grown])
-        yield growth(life.name, "threads", times, [one.threads for one in grown])
+def growths(world: World, who: str, seen: Sequence[tuple[float, ...]]) -> Iterator[str]:
+    """What of a process grew too fast, by its regression line over the later part of its life."""
+    later = seen[round(YOUNG * len(seen)) :]
+    hours = later[-1][0] - later[0][0]
+    if len(later) < 3 or hours < LEAST_H:
+        return
+    at, *values = zip(*later, strict=True)
+    for what, most, each in zip(WHAT, PER_HOUR[world], values, strict=True):
+        viewer = who == "visualizer" and what == WHAT[0]
+        per_hour, whole = OF_VIEWER if viewer else (most, WHOLE)
+        slope, _ = linear_regression(at, each)
+        if slope > per_hour and slope * hours > whole:
+            yield f"{who}: {what} {slope:+.1f} per hour, {slope * hours:+.1f} in all"
 
 
-def lateness(folder: Path) -> dict[str, dict[int, float]]:
-    """[ms] In each minute of a recording, the median of what each service says every second of the
-    99th percentile; by service."""
-    said: defaultdict[str, defaultdict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
-    began_ns: int | None = None
-    for entry in open_recording(folder):
-        began_ns = entry.log_ns if began_ns is None else began_ns
-        if isinstance(entry.message, Health) and entry.message.lateness_p99_ms is not None:
-            minute = (entry.log_ns - began_ns) // 60_000_000_000
-            said[entry.message.service][minute].append(entry.message.lateness_p99_ms)
-    return {
-        service: {minute: median(values) for minute, values in minutes.items()}
-        for service, minutes in sorted(said.items())
-    }
+def judge(dive: FaultDive, fault: FaultCase) -> Judged:
+    """Let a fault happen, and wait until the pilot is in control again."""
+    begin = dive.now
+    fault.begin(dive)
+    dive.run(fault.flown)
+    fault.end(dive)
+    found, back_s = until_back(dive, begin, dive.now)
+    misses = tuple(missed(fault, found, back_s))
+    return Judged(fault.name, fault.cause, misses, found.announced is not None, back_s)
 
 
-class Soak:
-    """A dive that is going on."""
-
-    def __init__(self, folder: Path, minutes: float, seed: int) -> None:
-        self.lives: defaultdict[Life, list[Sample]] = defaultdict(list)
-        self.faults: defaultdict[str, int] = defaultdict(int)
-        self._random, self._minutes = random.Random(seed), minutes
-        self._out, self._said = folder / "dive", folder / "said.txt"
-        script = folder / "sticks.csv"
-        script.write_text("\n".join(self._sticks(60.0 * minutes + PATIENCE_S)) + "\n")
-        self._lindy = [sys.executable, "-P", "-m", "tools"]
-        words = ("dive", "--grouped", "--headless", "--seed", str(seed))
-        words = (*words, "--pilot", f"script:{script}", "--out", str(self._out))
-        with self._said.open("w") as said:
-            self._process = subprocess.Popen(
-                [*self._lindy, *words],
-                stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=subprocess.STDOUT,
-            )
-
-    def run(self) -> Path:
-        """Returns the folder of the dive.
-
-        Raises:
-            SystemExit: the dive ended by itself, or not at all.
-        """
-        try:
-            until(
-                lambda: HAS_STICKS in self._said.read_text(), self._last_line, self._require_running
-            )
-            began = time.monotonic()
-            next_fault = began + self._random.expovariate(1.0 / PAUSE_S)
-            while (now := time.monotonic()) - began < 60.0 * self._minutes:
-                self._require_running()
-                self._look(now - began)
-                if now >= next_fault:
-                    self._fault()
-                    next_fault = time.monotonic() + self._random.expovariate(1.0 / PAUSE_S)
-                time.sleep(EVERY_S)
-        finally:
-            if self._process.poll() is None:
-                self._process.terminate()
-        status = self._process.wait(PATIENCE_S)
-        if status not in (0, 3):
-            raise SystemExit(f"the dive ended with status {status}: {self._last_line()}")
-        return self._out
-
-    def _look(self, at_s: float) -> None:
-        running = self._running()
-        by_pid = {pid: name for name, pid in running.pids.items()} if running else {}
-        if running:
-            by_pid[running.supervisor] = "supervisor"
-        for pid, name in by_pid.items():
-            if (one := sample(pid, at_s)) is not None:
-                self.lives[Life(name, pid)].append(one)
-
-    def _fault(self) -> None:
-        running, kind = self._running(), self._random.choice(["kill", "stop", "outage"])
-        if running is None:
-            return
-        self.faults[kind] += 1
-        if kind == "outage":
-            self._link("down")
-            time.sleep(self._random.uniform(0.5, LONGEST_OUTAGE_S))
-            self._link("up")
-            return
-        pid = self._random.choice(sorted(set(running.pids.values())))
-        with suppress(ProcessLookupError):
-            if kind == "kill":
-                os.kill(pid, signal.SIGKILL)
-                return
-            os.kill(pid, signal.SIGSTOP)
-            time.sleep(self._random.uniform(0.2, LONGEST_STOP_S))
-            os.kill(pid, signal.SIGCONT)
-
-    def _link(self, verb: str) -> None:
-        subprocess.run(
-            [*self._lindy, "link", "set", verb, "--dive", str(self._out)],
-            check=False,
-            capture_output=True,
-        )
-
-    def _running(self) -> Running | None:
-        try:
-            return msgspec.json.decode((self._out / RUNNING).read_bytes(), type=Running)
-        except (OSError, msgspec.DecodeError):
-            return None
-
-    def _sticks(self, seconds: float) -> Iterator[str]:
-        """A stick log with another position every three seconds."""
-        yield "t,surge,sway,heave,yaw"
-        yield "0,0,0,0,0"
-        yield "2,0,0,0.8,0"
-        for second in range(8, round(seconds), 3):
-            sticks = (self._random.choice([0.0, self._random.uniform(-1, 1)]) for _ in range(4))
-            yield ",".join([str(second), *(f"{stick:.2f}" for stick in sticks)])
-
-    def _require_running(self) -> None:
-        if self._process.poll() is not None:
-            raise SystemExit(f"the dive ended by itself: {self._last_line()}")
-
-    def _last_line(self) -> str:
-        return (self._said.read_text().strip().splitlines() or ["it printed nothing"])[-1]
+def until_back(dive: FaultDive, begin: int, ended: int) -> tuple[Figures, float | None]:
+    """What was seen until the pilot was in control for `LOOK_S`, and how long that took."""
+    asked = ended
+    while True:
+        dive.run(LOOK_S)
+        found, now = figures(dive.seen, begin, dive.now, holds_depth=False), dive.now
+        since = None if found.recovered is None else begin + round(found.recovered * SECOND)
+        if since is not None and now - since >= LOOK_S * SECOND:
+            return found, max(0.0, (since - ended) / SECOND)
+        if now - ended > LONGEST_BACK_S * SECOND:
+            return found, None
+        if not found.still_armed and now - asked > ARM_S * SECOND:
+            asked = now
+            dive.ask(kind="arm")
 
 
-def show(growths: Iterable[Growth]) -> bool:
-    """Print them. Returns whether one is too fast."""
-    failed = False
-    for one in growths:
-        failed = failed or one.too_fast
-        print(
-            f"{one.who:20s} {one.what:14s} {one.per_hour:+8.1f} per hour, {one.whole:+6.1f} in all"
-            + ("  TOO FAST" if one.too_fast else "")
-        )
-    return failed
+def missed(fault: FaultCase, found: Figures, back_s: float | None) -> Iterator[str]:
+    """What must not be. A fault that nobody reads is harmless where the pilot kept control."""
+    if back_s is None:
+        yield f"not in control after {LONGEST_BACK_S:.0f} s: {'; '.join(found.texts[-3:])}"
+    if found.announced is None and found.recovered != 0.0:
+        yield "not said, and control was lost"
+    if found.stale:
+        yield f"{found.stale} actuations of expired commands"
+    if found.jerk_ratio is not None and found.jerk_ratio > JERK:
+        yield f"jerk {found.jerk_ratio:.3f} of its limit"
+    others = [name for name in found.restarted if name not in fault.name]
+    if others and "memory lost" not in fault.name:  # all that it kills are started again
+        yield f"started again: {', '.join(others)}"
 
 
-def show_lateness(minutes: Mapping[str, Mapping[int, float]]) -> bool:
-    """Print it, a column a minute. Returns whether one grows too fast."""
-    print("lateness, 99th percentile [ms], minute by minute")
-    for service, by_minute in minutes.items():
-        print(f"{service:20s}", *(f"{by_minute[minute]:6.1f}" for minute in sorted(by_minute)))
-    # The first minute has the start of the dive in it, the last one its end.
-    inner = {name: sorted(by_minute.items())[1:-1] for name, by_minute in minutes.items()}
-    return show(
-        growth(name, "lateness [ms]", [60.0 * at for at, _ in kept], [value for _, value in kept])
-        for name, kept in inner.items()
-        if len(kept) >= LEAST_MINUTES
-    )
+def show(dives: Sequence[Soaked]) -> bool:
+    """Print the table. Returns whether all is well."""
+    judged = [one for dive in dives for one in dive.judged]
+    print(f"\n{sum(d.hours for d in dives):.1f} hours of dives, {len(judged)} faults\n")
+    print(f"{'cause':16} {'faults':>6} {'said':>5} {'harmless':>8} {'missed':>6} {'back [s]':>14}")
+    for cause in dict.fromkeys(one.cause for one in judged):
+        ones = [one for one in judged if one.cause == cause]
+        back = [one.back_s for one in ones if one.back_s is not None]
+        took = f"{median(back):.1f}, max {max(back):.1f}" if back else "–"
+        said, bad = sum(one.said for one in ones), sum(bool(one.misses) for one in ones)
+        print(f"{cause:16} {len(ones):6} {said:5} {len(ones) - said:8} {bad:6} {took:>14}")
+    kinds = Counter(f"{one.name}: {miss}" for one in judged for miss in one.misses)
+    for words, times in kinds.most_common():
+        print(f"{times} × {words}")
+    for dive in dives:
+        print(f"seed {dive.seed}: {'; '.join(dive.grown) or 'nothing grew'}")
+    return not kinds and not any(dive.grown for dive in dives)
 
 
-def main(minutes: float, seed: int) -> int:
-    with TemporaryDirectory(prefix="lindy-soak-") as folder:
-        soak = Soak(Path(folder), minutes, seed)
-        dive = soak.run()
-        print(f"{minutes:g} minutes, seed {seed}; faults: {dict(soak.faults)}")
-        grown = show(growths(soak.lives))
-        late = show_lateness(lateness(dive))
-    return int(grown or late)
+def main(words: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(prog="soak", description=__doc__)
+    parser.add_argument("world", choices=("virtual", "real"))
+    parser.add_argument("hours", type=float)
+    parser.add_argument("faults", type=int)
+    parser.add_argument("seed", type=int)
+    args = parser.parse_args(words)
+    many = system.cores() if args.world == "virtual" else 1
+    share = args.world, args.hours / many, args.faults // many
+    jobs = ((seed, partial(fly, *share, seed)) for seed in range(args.seed, args.seed + many))
+    dives: list[Any] = [found for _, found in in_copies(jobs, many)]
+    return 0 if show(dives) else 1
 
 
 if __name__ == "__main__":
-    given = sys.argv[1:]
-    sys.exit(main(float(given[0]) if given else MINUTES, int(given[1]) if given[1:] else SEED))
+    sys.exit(main(sys.argv[1:]))

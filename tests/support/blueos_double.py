@@ -18,38 +18,10 @@ KNOWN = (
     *NEEDED, "route", "new_page", "extra_query", "avoid_iframes", "sanitized_name",
     "works_in_relative_paths", "extras",
 )  # fmt: skip
-TAKEN = {
-    22,
-    80,
-    81,
-    2748,
-    2770,
-    5201,
-    5555,
-    5777,
-    6020,
-    6021,
-    6030,
-    6040,
-    7000,
-    7777,
-    8000,
-    8081,
-    8088,
-    8554,
-    9000,
-    9002,
-    9090,
-    9100,
-    9101,
-    9110,
-    9111,
-    9120,
-    9134,
-    9150,
-    9152,
-    27353,
-}  # fmt: skip - ports of BlueOS itself
+TAKEN = {  # ports of BlueOS itself
+    22, 80, 81, 2748, 2770, 5201, 5555, 5777, 6020, 6021, 6030, 6040, 7000, 7777, 8000, 8081, 8088,
+    8554, 9000, 9002, 9090, 9100, 9101, 9110, 9111, 9120, 9134, 9150, 9152, 27353,
+}  # fmt: skip
 
 
 def labels(dockerfile: Path) -> dict[str, str]:

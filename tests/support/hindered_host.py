@@ -2,22 +2,12 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Protocol
 
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.node import Node
-
-
-class Lateness(Protocol):
-    """When one node is stepped. [ns]"""
-
-    def arrived(self, now: int) -> None: ...
-
-    def next_step(self, deadline: int) -> int: ...
-
-    def stepped(self) -> None: ...
+from tests.support.jitter import Lateness
 
 
 class HinderedBus(MemoryBus):

@@ -2,9 +2,10 @@
 random delay, and sometimes the process stalls."""
 
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from numpy.random import Generator
+from numpy.random import Generator, default_rng
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +59,48 @@ class Lateness:
             self._drawn_ns = self._stalls[-1] + stall
         before = bisect_right(self._stalls, at)
         return at if before == 0 else max(at, self._stalls[before - 1] + stall)
+
+
+FOR_EVER = 10**18  # [ns]
+
+
+class Hindrance(Lateness):
+    """Of one service: it is stopped, slow, or has too little of a busy processor. Without any it is
+    stepped at the instant it is woken."""
+
+    def __init__(self, clock: Callable[[], int], seed: int = 0) -> None:
+        """
+        Args:
+            clock: [ns] virtual time.
+            seed: [-] of the delays of a busy processor.
+        """
+        super().__init__(Jitter(), default_rng(seed))
+        self._clock = clock
+        self._free_ns = 0  # [ns] not stepped before
+        self._pause_ns = 0  # [ns] taken by every step
+
+    def stop(self, until: int = FOR_EVER) -> None:
+        """As SIGSTOP does, up to `until` [ns]; arrivals wait in the ports."""
+        self._free_ns = until
+
+    def go_on(self) -> None:
+        """As SIGCONT does, and as a new process begins."""
+        self._free_ns = self._pause_ns = 0
+        self.share(Jitter())
+
+    def slow(self, pause_s: float) -> None:
+        """Every step takes so long [s]: what it publishes comes at its beginning, but nothing else
+        is handled until its end."""
+        self._pause_ns = round(1e9 * pause_s)
+
+    def share(self, jitter: Jitter) -> None:
+        """Delays and stalls from now on."""
+        self._jitter = jitter
+
+    def stepped(self) -> None:
+        super().stepped()
+        if self._pause_ns:
+            self._free_ns = self._clock() + self._pause_ns
+
+    def next_step(self, deadline: int) -> int:
+        return max(super().next_step(deadline), self._free_ns)

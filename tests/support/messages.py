@@ -60,34 +60,45 @@ def _plain(kind: inspect.Type, name: str, now: int, full: bool) -> Any:
             return empty.get(type(kind), ())
 
 
-def values(kind: inspect.Type) -> st.SearchStrategy[Any]:
-    """Any value of a field, within its limits, as plain data."""
+def values(kind: inspect.Type) -> st.SearchStrategy[Any]:  # noqa: C901 - one case for each type
+    """Any value of a field, within its limits, as plain data; the ends of its range often among
+    them."""
     match kind:
         case inspect.Metadata():
             return values(kind.type)
         case inspect.FloatType():
+            assert not {kind.ge, kind.le} & {None}, "without limits, which refuse what is no number"
             return st.floats(kind.ge, kind.le)
-        case inspect.IntType():
-            return st.integers(kind.ge, kind.le)
+        case inspect.IntType(ge=int(least), le=int(most)):
+            return st.sampled_from([least, most, max(least, 0)]) | st.integers(least, most)
+        case inspect.StrType(max_length=int(most)):
+            return st.text(max_size=min(most, 200))
+        case inspect.BytesType(max_length=int(most)):
+            return st.binary(max_size=min(most, 200))
+        case inspect.BoolType():
+            return st.booleans()
+        case inspect.NoneType():
+            return st.none()
         case inspect.LiteralType():
             return st.sampled_from(kind.values)
         case inspect.UnionType():
             return st.one_of([values(each) for each in kind.types])
         case inspect.TupleType():
             return st.tuples(*map(values, kind.item_types)).map(list)
-        case inspect.VarTupleType() | inspect.ListType():
-            least, most = kind.min_length or 0, min(kind.max_length or 3, 3)
-            return st.lists(values(kind.item_type), min_size=least, max_size=most)
-        case inspect.DictType():
-            return st.dictionaries(st.text(max_size=3), values(kind.value_type), max_size=2)
+        case inspect.VarTupleType(max_length=int(most)) | inspect.ListType(max_length=int(most)):
+            least = kind.min_length or 0
+            return st.lists(values(kind.item_type), min_size=least, max_size=min(most, 12))
+        case inspect.DictType(max_length=int()):
+            return st.dictionaries(values(kind.key_type), values(kind.value_type), max_size=8)
         case inspect.StructType():
             return st.fixed_dictionaries(
                 {f.encode_name: values(f.type) for f in kind.fields if f.required},
                 optional={f.encode_name: values(f.type) for f in kind.fields if not f.required},
             )
         case _:
-            plain: dict[type[inspect.Type], st.SearchStrategy[Any]] = {
-                inspect.BytesType: st.binary(max_size=8), inspect.NoneType: st.none(),
-                inspect.BoolType: st.booleans(), inspect.StrType: st.text(max_size=3),
-            }  # fmt: skip
-            return plain[type(kind)]
+            raise AssertionError(f"no limits are known for {kind}")
+
+
+def any_of(kind: type[M]) -> st.SearchStrategy[M]:
+    """Any message of a kind."""
+    return values(inspect.type_info(kind)).map(lambda said: msgspec.convert(said, kind))

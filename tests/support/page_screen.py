@@ -2,7 +2,6 @@
 is picture, what can be read, and what can be pressed. For any browser."""
 
 import json
-import socket
 import threading
 import time
 from contextlib import ExitStack
@@ -17,6 +16,7 @@ from services.cockpit.io.server import PageServer
 from services.cockpit.page_messages import PageAbsence, PageOpened, PageSaid, PageSticks, PageWish
 from services.cockpit.page_view import AGES_MS
 from tests.support.docs.chromium import Size
+from tests.support.doors import free_port
 
 
 class Looked(Protocol):
@@ -209,8 +209,7 @@ class Served:
     """The page's server, and a drone in the state that a test gives it."""
 
     def __init__(self, exits: ExitStack) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            settings = Settings(port=free.getsockname()[1])
+        settings = Settings(port=free_port())
         self.url = f"http://127.0.0.1:{settings.port}/"
         self.you, self.view, self.wishes = dict(PILOT), dict[str, Any](FLOWN), list[PageWish]()
         self.sticks, self.absences = list[PageSticks](), list[str]()

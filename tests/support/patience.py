@@ -13,7 +13,7 @@ Happened = TypeVar("Happened")
 
 
 def until(
-    happens: Callable[[], Happened],
+    happens: Callable[[], Happened | None],
     what: Callable[[], object] | None = None,
     meanwhile: Callable[[], object] | None = None,
 ) -> Happened:

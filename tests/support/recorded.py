@@ -9,11 +9,8 @@ from mcap.reader import make_reader
 from mcap.records import Attachment, Channel
 
 from services.runtime.config.settings import DEPLOY
-from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
-from tests.golden.dives import OVERRIDES
-from tests.golden.dives import SCRIPT as MOVES
+from tests.golden.dives import flown
 from tools.choices import Choices
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import StoredMessage, records
@@ -99,21 +96,7 @@ def fly_filmed_dive(folder: Path) -> None:
 
 def fly_whole_dive(folder: Path) -> None:
     """Twelve seconds from power-on: calibration, all axes, and a stop; Minerva has every sensor."""
-    (folder / "script.csv").write_text(MOVES)
-    stack = Stack(
-        vehicle="minerva",
-        link="tether",
-        pilot=f"script:{folder / 'script.csv'}",
-        out=str(folder),
-        seed=5,
-        virtual=True,
-        overrides=OVERRIDES,
-    )
-    services = Registry.read()
-    host = VirtualHost()
-    host.add_all(services.only({name: services[name] for name in without_viewer()}), stack)
-    host.run(12_000_000_000)
-    host.close()
+    flown("minerva", folder, without_viewer(), seed=5, seconds=12.0)
 
 
 def fly_severe_dive(folder: Path) -> None:

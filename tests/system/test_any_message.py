@@ -3,14 +3,11 @@ their limits and absurd."""
 
 import math
 from collections import Counter
-from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from msgspec import inspect
 
 from messages import topics
 from messages.events import Event, Outbox
@@ -18,15 +15,15 @@ from messages.health import LogLine
 from messages.message import Message
 from messages.payload import LONGEST, PayloadDecoder
 from messages.topic import AnyTopic
-from messages.vehicle import Actuation
 from services.recorder.core import Intake
 from services.runtime.bus.envelope import Envelope
-from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.gate import Gate
 from services.runtime.node.loop_stats import LoopStats
 from services.runtime.node.ports import Inbox
+from tests.support.dive import Dive
+from tests.support.messages import any_of
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.watch import Watch
 
@@ -34,66 +31,17 @@ SECOND = 1_000_000_000
 every_topic = st.sampled_from(topics.ALL)
 
 
-def values(kind: inspect.Type) -> st.SearchStrategy[Any]:  # noqa: C901 - one case for each type
-    """Values of a message's field, the ends of its range often among them."""
-    match kind:
-        case inspect.Metadata():
-            return values(kind.type)
-        case inspect.IntType(ge=int(least), le=int(most)):
-            return st.sampled_from([least, most, max(least, 0)]) | st.integers(least, most)
-        case inspect.FloatType():
-            least = kind.gt if kind.ge is None else kind.ge
-            most = kind.lt if kind.le is None else kind.le
-            assert not {least, most} & {None}, "without limits"
-            open_below, open_above = kind.ge is None, kind.le is None
-            return st.floats(least, most, exclude_min=open_below, exclude_max=open_above)
-        case inspect.StrType():
-            assert kind.max_length is not None, "without limits"
-            return st.text(max_size=min(kind.max_length, 200))
-        case inspect.BytesType():
-            assert kind.max_length is not None, "without limits"
-            return st.binary(max_size=min(kind.max_length, 200))
-        case inspect.LiteralType():
-            return st.sampled_from(kind.values)
-        case inspect.BoolType():
-            return st.booleans()
-        case inspect.NoneType():
-            return st.none()
-        case inspect.UnionType():
-            return st.one_of([values(each) for each in kind.types])
-        case inspect.StructType():
-            return whole(kind.cls)
-        case inspect.TupleType():
-            return st.tuples(*[values(each) for each in kind.item_types])
-        case inspect.VarTupleType() | inspect.ListType():
-            assert kind.max_length is not None, "without limits"
-            most = min(kind.max_length, 12)
-            items = st.lists(values(kind.item_type), min_size=kind.min_length or 0, max_size=most)
-            return items.map(tuple)
-        case inspect.DictType():
-            assert kind.max_length is not None, "without limits"
-            return st.dictionaries(values(kind.key_type), values(kind.value_type), max_size=8)
-        case _:
-            raise AssertionError(f"no limits are known for {kind}")
-
-
-def whole(cls: type) -> st.SearchStrategy[Any]:
-    info = inspect.type_info(cls)
-    assert isinstance(info, inspect.StructType)
-    return st.builds(cls, **{field.name: values(field.type) for field in info.fields})
-
-
 @st.composite
 def said(draw: st.DrawFn) -> tuple[AnyTopic, Message]:
     topic = draw(every_topic)
     if topic.is_family:
         topic = topic.of(draw(st.sampled_from(["control", "supervisor", "z"])))
-    return topic, draw(whole(topic.message))
+    return topic, draw(any_of(topic.message))
 
 
 def test_every_field_of_every_message_has_limits() -> None:
     for topic in topics.ALL:
-        whole(topic.message)
+        any_of(topic.message)
 
 
 @st.composite
@@ -162,31 +110,18 @@ def test_whatever_a_service_counts_or_logs_is_within_the_limits(
     assert len(heard) == 2
 
 
-class Flown:
+class StrangersDive(Dive):
     """A dive that is never restarted, with a stranger on both sides of the tether."""
 
-    def __init__(self, folder: Path) -> None:
-        script = folder / "script.csv"
-        script.write_text("t,surge,sway,heave,yaw\n0,0.3,0,0.2,0\n3,0,0,0,0\n600,0,0,0,0\n")
+    def __init__(self) -> None:
         every = Registry.read()
-        still = "estimation.calibration.still_time=3"  # [s] less to wait for
-        stack = Stack(pilot=f"script:{script}", out=str(folder), overrides=[still])
-        self.host = VirtualHost()
-        for name, spec in every.items():
-            if name not in ("recorder", "visualizer"):
-                self.host.add(name, spec, stack)
+        script = "0,0.3,0,0.2,0\n3,0,0,0,0\n600,0,0,0,0\n"
+        super().__init__(script, [n for n in every if n not in ("recorder", "visualizer")])
         self.strangers = [self.host.side("topside"), self.host.side("drone")]
         self.screen = self.host.node("screen", ["topside"])
         self.watch = Watch(self.screen, list(every), DiveTimeline(None), lambda _line, _at: None)
-        self.armed = False
-        self.actuated: list[Actuation] = []
-        observer = self.host.node("observer", ["drone"])
-        observer.each(topics.ACTUATION, lambda message, _: self.actuated.append(message))
-        observer.each(topics.STATUS, lambda status, _: self.see(status.armed))
-        self.host.run(30 * SECOND, done=lambda: self.armed)
-
-    def see(self, armed: bool) -> None:
-        self.armed = self.armed or armed
+        self.actuated = self.heard(topics.ACTUATION)
+        self.until_armed()
 
     def say(self, topic: AnyTopic, message: Message) -> None:
         """A message of now, or it would not even be looked at."""
@@ -202,16 +137,14 @@ class Flown:
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
-    flown = Flown(tmp_path_factory.mktemp("flown"))
-    assert flown.armed
-    return flown
+def flown() -> StrangersDive:
+    return StrangersDive()
 
 
 @given(messages=st.lists(said(), min_size=20, max_size=40))
 @settings(max_examples=40)
 def test_no_message_ends_a_service_or_reaches_a_thruster_as_no_number(
-    flown: Flown, messages: list[tuple[AnyTopic, Message]]
+    flown: StrangersDive, messages: list[tuple[AnyTopic, Message]]
 ) -> None:
     for topic, message in messages:
         flown.say(topic, message)

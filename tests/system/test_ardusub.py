@@ -2,88 +2,63 @@
 of tests/support/ardusub_double, on virtual time, over a link that encodes and decodes every
 frame."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from random import Random
 from statistics import fmean
-from typing import Any
+from typing import Any, Self
 
 import pytest
 
 from messages import topics
-from messages.control import ThrusterCommand
-from messages.health import LogLine
-from messages.state import VehicleState
-from messages.vehicle import Actuation, Truth, VehicleStatus
+from messages.vehicle import Truth
 from services.ardusub.service import wire_to
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.io.links import Received
 from services.mavlink_io.packet import MavlinkPacket, command
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
+from services.runtime.node.node import Node
 from services.simulator.core import Settings
 from tests.support.ardusub_double.board import BoardDouble
 from tests.support.ardusub_double.memory import BoardOnHost
+from tests.support.dive import Dive
 from tools.driver.bench import Bench, alone, on_virtual_time
 from tools.driver.rules import RULES, Rule
 
-S = 1_000_000_000  # [ns]
 CHAIN = ("ardusub", "estimation", "reference", "control", "tether", "gamepad")
 BOTH = pytest.mark.parametrize("version", ["4.5", "4.8"])
 # At the surface the verticals are half in the air: down first.
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n4,0,0,0,0\n99,0,0,0,0\n"
 
 
-class Flight:
+class Flight(Dive):
     """The chain on a board, with a pilot's script, and an observer on board."""
 
+    board: BoardOnHost
+
     def __init__(
-        self,
-        folder: Path,
-        version: str = "4.8",
-        script: str = SCRIPT,
-        overrides: tuple[str, ...] = (),
-        **board: Any,
+        self, version: str = "4.8", script: str = SCRIPT, overrides: Sequence[str] = (), **more: Any
     ) -> None:
-        path = folder / "script.csv"
-        path.write_text(script)
-        self.stack = Stack(
+        self._board: dict[str, Any] = {"version": version, **more}
+        super().__init__(
+            script, CHAIN, stack="ardusub", overrides=overrides, wires={"ardusub": self._wire},
             vehicle="bluerov2_heavy",
-            pilot=f"script:{path}",
-            out=str(folder),
-            overrides=["estimation.calibration.still_time=3", *overrides],
-        )
-        self.host, self.rows = VirtualHost(), Registry.read("ardusub")
-        vehicle = self.stack.section("vehicle", Vehicle)
-        settings = self.stack.section("simulator", Settings)
-        self.double = BoardDouble(vehicle, settings, version=version, **board)
-        self.board = BoardOnHost(self.host, self.double)
-        self.lines: list[LogLine] = []
-        self.states: list[VehicleState] = []
-        self.statuses: list[VehicleStatus] = []
-        self.commands: list[ThrusterCommand] = []
-        self.reports: list[Actuation] = []
-        observer = self.host.node("observer", ["drone"])
-        observer.each(topics.LOG, lambda m, _: self.lines.append(m))
-        observer.each(topics.STATE, lambda m, _: self.states.append(m))
-        observer.each(topics.STATUS, lambda m, _: self.statuses.append(m))
-        observer.each(topics.THRUSTERS, lambda m, _: self.commands.append(m))
-        observer.each(topics.ACTUATION, lambda m, _: self.reports.append(m))
-        for name in CHAIN:
-            self.start(name)
+        )  # fmt: skip
+        self.lines = self.heard(topics.LOG)
+        self.states, self.reports = self.heard(topics.STATE), self.heard(topics.ACTUATION)
 
-    def start(self, name: str) -> None:
-        wire = partial(wire_to, self.board.link) if name == "ardusub" else None
-        self.host.add(name, self.rows[name], self.stack, wire)
+    def _wire(self, node: Node, stack: Stack) -> None:
+        """To the board, which is there before the service and after it."""
+        if not hasattr(self, "board"):
+            vehicle, place = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
+            self.double = BoardDouble(vehicle, place, **self._board)
+            self.board = BoardOnHost(self.host, self.double)
+        wire_to(self.board.link, node, stack)
 
-    def run(self, seconds: float) -> "Flight":
-        self.host.run(self.host.now + round(seconds * S))
-        return self
-
-    def until_armed(self) -> "Flight":
-        self.host.run(self.host.now + 60 * S, done=lambda: self.double.armed)
+    def until_armed(self) -> Self:
+        self.host.run(self.host.now + 60_000_000_000, done=lambda: self.double.armed)
         assert self.double.armed, [line.text for line in self.lines]
         return self
 
@@ -99,18 +74,14 @@ class Flight:
         return self.double.hull.simulator.truth().position[2]
 
     @property
-    def counts(self) -> Mapping[str, int]:
-        return self.host.nodes["ardusub"].counts
-
-    @property
     def sticks(self) -> list[MavlinkPacket]:
         return [p for p in self.board.heard if p.name == "RC_CHANNELS_OVERRIDE"]
 
 
 @pytest.mark.slow
 @BOTH
-def test_it_dives_and_holds_its_depth(tmp_path: Path, version: str) -> None:
-    flight = Flight(tmp_path, version).until_armed().run(9.0)
+def test_it_dives_and_holds_its_depth(version: str) -> None:
+    flight = Flight(version).until_armed().run(9.0)
     depth = flight.depth
     assert depth > 0.6
     depths = list[float]()
@@ -139,9 +110,7 @@ def beyond_rest(found: Sequence[float]) -> float:
 
 
 @pytest.mark.slow
-def test_a_drone_that_pitches_in_surge_keeps_its_depth_when_surge_is_let_go(
-    tmp_path: Path,
-) -> None:
+def test_a_drone_that_pitches_in_surge_keeps_its_depth_when_surge_is_let_go() -> None:
     """Its bow is heavy, so that it lies pitched and its surge thrust pushes it down; and the flow
     lifts its hull no more than that of ArduSub's own simulator."""
     hull = (
@@ -150,34 +119,27 @@ def test_a_drone_that_pitches_in_surge_keeps_its_depth_when_surge_is_let_go(
         "simulator.wake_share=0.0",
     )
     script, off = RELEASES.format(surge=1, yaw=0), list[float]()
-    for n, more in enumerate(((), ("control.coupling.heave=false",))):
-        flight = Flight(_new(tmp_path / f"{n}"), script=script, overrides=(*hull, *more))
+    for more in ((), ("control.coupling.heave=false",)):
+        flight = Flight(script=script, overrides=(*hull, *more))
         off.append(beyond_rest([truth.position[2] for truth in after_the_release(flight)]))
     assert off[0] < 0.05 < 0.7 * off[1], off
 
 
 @pytest.mark.slow
-def test_a_turn_of_a_hull_with_more_drag_than_its_file_ends_where_it_should(
-    tmp_path: Path,
-) -> None:
+def test_a_turn_of_a_hull_with_more_drag_than_its_file_ends_where_it_should() -> None:
     """The drag that was learnt in the turn ends with it."""
     script = RELEASES.format(surge=0, yaw=0.9)
     drag = "simulator.hull.quadratic_damping=[141.0, 217.0, 190.0, 1.19, 0.47, 8.0]"
     beyond = list[float]()
-    for n, more in enumerate(((), ("control.heading.drag_speed=0.0",))):
-        flight = Flight(_new(tmp_path / f"{n}"), script=script, overrides=(drag, *more))
+    for more in ((), ("control.heading.drag_speed=0.0",)):
+        flight = Flight(script=script, overrides=(drag, *more))
         headings = [truth.heading for truth in after_the_release(flight)]
         beyond.append(max(headings) - fmean(headings[-20:]))
     assert beyond[0] < 0.03 < 0.8 * beyond[1], beyond
 
 
-def _new(folder: Path) -> Path:
-    folder.mkdir()
-    return folder
-
-
-def test_silence_makes_neutral_at_once_and_disarms_after_a_while(tmp_path: Path) -> None:
-    flight = Flight(tmp_path).until_armed().run(3.0)
+def test_silence_makes_neutral_at_once_and_disarms_after_a_while() -> None:
+    flight = Flight().until_armed().run(3.0)
     assert flight.double.servo[4] > 1550
     flight.host.kill("control")
     flight.run(0.35)
@@ -186,14 +148,14 @@ def test_silence_makes_neutral_at_once_and_disarms_after_a_while(tmp_path: Path)
     flight.run(2.5)
     assert not flight.double.armed
     assert flight.double.texts[-1] == "Disarming motors"  # not by a failsafe of the board
-    assert flight.counts["stale:control/thrusters"] == 1
+    assert flight.host.nodes["ardusub"].counts["stale:control/thrusters"] == 1
     flight.start("control")
     flight.run(3.0)
     assert flight.double.armed, "the pilot still wants it armed"
 
 
-def test_when_the_service_dies_the_boards_own_failsafe_acts(tmp_path: Path) -> None:
-    flight = Flight(tmp_path).until_armed().run(2.0)
+def test_when_the_service_dies_the_boards_own_failsafe_acts() -> None:
+    flight = Flight().until_armed().run(2.0)
     assert flight.double.servo[4] > 1550
     flight.host.kill("ardusub")
     flight.run(3.2)
@@ -203,8 +165,8 @@ def test_when_the_service_dies_the_boards_own_failsafe_acts(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("number", ["disarm", pytest.param("mode", marks=pytest.mark.slow)])
-def test_another_ground_station_is_obeyed_without_a_fight(tmp_path: Path, number: str) -> None:
-    flight = Flight(tmp_path).until_armed().run(2.0)
+def test_another_ground_station_is_obeyed_without_a_fight(number: str) -> None:
+    flight = Flight().until_armed().run(2.0)
     flight.another(*((400, 0) if number == "disarm" else (176, 1, 2)))
     flight.run(1.1)  # a change of mode is seen with the next heartbeat
     sent = len(flight.sticks)
@@ -214,11 +176,11 @@ def test_another_ground_station_is_obeyed_without_a_fight(tmp_path: Path, number
     assert flight.double.armed == (number == "mode")
     assert flight.double.mode == (2 if number == "mode" else 19)
     assert len(flight.said("somebody else has the vehicle")) == 1
-    assert flight.counts["outdone:ardusub"] == 1
+    assert flight.host.nodes["ardusub"].counts["outdone:ardusub"] == 1
 
 
-def test_a_wrong_parameter_is_named_and_nothing_starts(tmp_path: Path) -> None:
-    flight = Flight(tmp_path, params={"FS_PILOT_INPUT": 0.0})
+def test_a_wrong_parameter_is_named_and_nothing_starts() -> None:
+    flight = Flight(params={"FS_PILOT_INPUT": 0.0})
     flight.run(20.0)
     assert not flight.double.armed
     assert not flight.states
@@ -228,11 +190,9 @@ def test_a_wrong_parameter_is_named_and_nothing_starts(tmp_path: Path) -> None:
     flight.until_armed()
 
 
-def test_a_packet_that_arrives_while_the_service_is_held_up_is_no_jump_of_the_clock(
-    tmp_path: Path,
-) -> None:
+def test_a_packet_that_arrives_while_the_service_is_held_up_is_no_jump_of_the_clock() -> None:
     """A busy computer stops the service between its timer and its look at the link."""
-    flight = Flight(tmp_path)
+    flight = Flight()
     for name in CHAIN[1:]:
         flight.host.kill(name)
     link, host = flight.board.link, flight.host
@@ -248,16 +208,14 @@ def test_a_packet_that_arrives_while_the_service_is_held_up_is_no_jump_of_the_cl
 
     link.receive = held_up
     flight.run(10.0)
-    assert flight.counts["jumped:board_clock"] == 0
+    assert flight.host.nodes["ardusub"].counts["jumped:board_clock"] == 0
     assert not flight.said("jumped")
 
 
 @pytest.mark.slow
-def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_depth(
-    tmp_path: Path,
-) -> None:
+def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_depth() -> None:
     """On the cable itself, between the frames of the board."""
-    flight = Flight(tmp_path).until_armed().run(9.0)
+    flight = Flight().until_armed().run(9.0)
     depth, draw, receive = flight.depth, Random(1), flight.board.link.receive
 
     def noisy() -> list[Received]:
@@ -272,15 +230,15 @@ def test_a_flood_of_garbage_in_mid_dive_is_counted_and_the_vehicle_holds_its_dep
     flight.run(5.0)
     assert flight.double.armed
     assert abs(flight.depth - depth) < 0.15
-    assert flight.counts["malformed:mavlink"] > 400
-    assert flight.counts["jumped:board_clock"] == 0
+    assert flight.host.nodes["ardusub"].counts["malformed:mavlink"] > 400
+    assert flight.host.nodes["ardusub"].counts["jumped:board_clock"] == 0
 
 
 @pytest.mark.slow
-def test_an_imu_quieter_than_its_steps_is_believed_until_the_thrust_changes(tmp_path: Path) -> None:
+def test_an_imu_quieter_than_its_steps_is_believed_until_the_thrust_changes() -> None:
     """4.5 sends whole mg and mrad/s; what repeats itself is at rest, or frozen."""
     quiet = ("simulator.gyro_noise=0", "simulator.gyro_drift=0", "simulator.accelerometer_noise=0")
-    flight = Flight(tmp_path, "4.5", overrides=quiet).until_armed().run(12.0)
+    flight = Flight("4.5", overrides=quiet).until_armed().run(12.0)
     said = flight.host.nodes["estimation"].counts
     assert not [name for name in said if name.startswith("frozen")], said
     assert flight.depth > 0.6

@@ -8,8 +8,6 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -35,13 +33,19 @@ from tests.support.ardusub_double.wire import (
     Wire,
     board_process,
 )
-from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_port
+from tests.support.doors import free_port
+from tests.support.patience import until
+from tests.support.started import Started
 from tools.recordings.recording import open_recording
 from tools.report import read_dive
 
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n5,0,0,0,0\n9,0,0,0,0\n"
 THRUSTER = "[[vehicle.thruster]]"
+ON_A_BOARD = ("dive", "--stack", "ardusub", "--headless", "--vehicle")
+
+
+def url(port: int) -> str:
+    return f"ardusub.url=udpin:127.0.0.1:{port}"
 
 
 @pytest.fixture
@@ -84,16 +88,10 @@ def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> N
 
 def dive(folder: Path, port: int, vehicle: str, *overrides: str) -> Path:
     """The folder of a dive that ended in order."""
-    script, out = folder / "script.csv", folder / "out"
-    script.write_text(SCRIPT)
-    command = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
-    command += ["--vehicle", vehicle, "--pilot", f"script:{script}", "--out", str(out)]
-    told = (f"ardusub.url=udpin:127.0.0.1:{port}", "estimation.calibration.still_time=3")
-    for assignment in (*told, *overrides):
-        command += ["--set", assignment]
-    said = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-    assert said.returncode == 0, said.stdout + said.stderr
-    return out
+    sets = (word for each in (url(port), *overrides) for word in ("--set", each))
+    with Started(folder / "out", *ON_A_BOARD, vehicle, *sets, script=SCRIPT) as flown:
+        flown.report()
+    return flown.out
 
 
 @pytest.mark.slow
@@ -188,20 +186,16 @@ def test_when_all_of_lindy_is_killed_the_board_is_neutral_after_its_timeout(
     tmp_path: Path, kind: str, port: int
 ) -> None:
     second = free_port(socket.SOCK_DGRAM)
-    script = tmp_path / "script.csv"
-    script.write_text("t,surge,sway,heave,yaw\n0,0,0,1,0\n60,0,0,0,0\n")
-    words = [sys.executable, "-P", "-m", "tools", "dive", "--stack", "ardusub", "--headless"]
-    words += ["--vehicle", "bluerov2_heavy", "--pilot", f"script:{script}"]
-    words += ["--set", f"ardusub.url=udpin:127.0.0.1:{port}", "--out", str(tmp_path / "out")]
-    words += ["--set", "estimation.calibration.still_time=3"]
+    script = "t,surge,sway,heave,yaw\n0,0,0,1,0\n60,0,0,0,0\n"
     beside = Beside(second)
     with board_process(kind, port, tmp_path, beside=second):
-        dive = subprocess.Popen(words, start_new_session=True, stdout=subprocess.DEVNULL)
+        words = (*ON_A_BOARD, "bluerov2_heavy", "--set", url(port))
+        dive = Started(tmp_path / "out", *words, script=script, before=("setsid",))
         try:
             beside.until(lambda: max(beside.servo, default=0) > 1600)
         finally:
-            os.killpg(dive.pid, signal.SIGKILL)  # as when its computer dies
-            dive.wait()
+            os.killpg(dive.process.pid, signal.SIGKILL)  # as when its computer dies
+            dive.process.wait()
         killed = beside.at
         beside.until(lambda: beside.servo == NEUTRAL)
         assert beside.at - killed < 1.0 + 0.1, "FS_PILOT_TIMEOUT is 1 s"

@@ -1,32 +1,19 @@
 """Who has control: commands of another authority epoch never move the drone."""
 
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.events import Outbox
-from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
-from messages.reference import Reference
+from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Truth, VehicleStatus
-from services.gamepad.service import Connected
-from services.piloting.pilot import Pilot, Progress
-from services.piloting.sticks import StickReading, Sticks
 from services.reference.guidance.authority import SILENT_NS
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.node.node import Node
+from tests.support.dive import ON_BOARD, Dive
 from tests.support.hindered_host import HinderedHost
 
 SECOND = 1_000_000_000
-ON_BOARD = ("simulator", "estimation", "reference", "control")
 
 
 class Rival:
@@ -63,17 +50,15 @@ class Rival:
             )  # fmt: skip
 
 
-def on_board(folder: Path) -> tuple[HinderedHost, list[Reference], list[VehicleStatus]]:
-    host, rows = HinderedHost(), Registry.read()
-    stack = Stack(out=str(folder), overrides=["estimation.calibration.still_time=3"])
-    for name in ON_BOARD:
-        host.add(name, rows[name], stack)
-    references: list[Reference] = []
-    statuses: list[VehicleStatus] = []
-    port = host.node("ear", ["drone"])
-    port.each(topics.REFERENCE, lambda m, _: references.append(m))
-    port.each(topics.STATUS, lambda m, _: statuses.append(m))
-    return host, references, statuses
+class RivalsDive(Dive):
+    """The drone, and two pilots of whom the second one is silent."""
+
+    def __init__(self) -> None:
+        super().__init__(services=ON_BOARD)
+        self.references = self.heard(topics.REFERENCE)
+        self.first, self.second = Rival(self.host, "first", 0.0), Rival(self.host, "second", 0.0)
+        self.second.speaks = False
+        self.run(6.0)
 
 
 def asked(host: HinderedHost, pilot: Rival, kind: str, **more: Any) -> str:
@@ -85,13 +70,12 @@ def asked(host: HinderedHost, pilot: Rival, kind: str, **more: Any) -> str:
     return answer.reason
 
 
-def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_nothing_more(
-    tmp_path: Path,
-) -> None:
-    host, references, statuses = on_board(tmp_path)
-    first, second = Rival(host, "first", 0.0), Rival(host, "second", 0.0)
-    second.speaks = False
-    host.run(6 * SECOND)
+def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_nothing_more() -> (
+    None
+):
+    dive = RivalsDive()
+    host, references, statuses = dive.host, dive.references, dive.statuses
+    first, second = dive.first, dive.second
     assert asked(host, first, "lease") == ""
     assert (first.epoch, statuses[-1].pilot) == (1, "first")
     assert asked(host, first, "arm") == ""
@@ -127,77 +111,24 @@ def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_n
     assert {s.failsafe for s in statuses} == {"none"}
 
 
-@pytest.mark.slow
-@settings(
-    max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(epochs=st.lists(st.integers(-5, 50).filter(lambda e: e != 1), min_size=1, max_size=5))
-def test_no_epoch_that_was_not_given_is_ever_obeyed(tmp_path: Path, epochs: list[int]) -> None:
-    host, references, _ = on_board(tmp_path)
-    first, thief = Rival(host, "first", 0.0), Rival(host, "thief", 1.0)
-    thief.speaks = False
-    host.run(6 * SECOND)
-    first.ask("lease", host.now)
-    host.run(6 * SECOND + SECOND // 5)
-    first.ask("arm", host.now)
-    host.run(7 * SECOND)
-    thief.speaks = True
-    for epoch in epochs:
-        thief.epoch = epoch
-        host.run(host.now + SECOND // 2)
-    assert all(r.depth.velocity == 0.0 for r in references)
-
-
-WISHES: dict[str, dict[str, Any]] = {
-    "arm": {},
-    "goto": {"depth": 2.0},
-    "follow": {"course": Course(waypoints=((0.0, 0.0), (30.0, 0.0)))},
-    "mode": {"flight_mode": "depth_hold"},
-    "light": {"value": 1.0},
-}
-
-
-@pytest.fixture
-def hand_over(tmp_path: Path) -> tuple[HinderedHost, list[VehicleStatus], Rival, Rival]:
-    """The first pilot has armed, the second one has taken control by force; both still talk."""
-    host, _, statuses = on_board(tmp_path)
-    first, second = Rival(host, "first", 0.0), Rival(host, "second", 0.0)
-    second.speaks = False
-    for pilot, kind in ((first, "lease"), (second, "force")):
-        host.run(max(host.now, 6 * SECOND))
-        pilot.ask(kind, host.now)
-        host.run(host.now + SECOND // 5)
-        pilot.speaks = True
-        pilot.ask("arm", host.now)
-        host.run(host.now + SECOND)
-    assert [len(first.answers), len(second.answers)] == [2, 2]
-    assert all(answer.accepted for answer in first.answers + second.answers)
-    assert statuses[-1].epoch == 2
-    return host, statuses, first, second
-
-
 Scene = tuple[HinderedHost, list[VehicleStatus], Rival, Rival]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", WISHES)
-def test_an_ousted_pilot_is_told_that_another_one_has_control(hand_over: Scene, kind: str) -> None:
-    host, statuses, first, second = hand_over
-    if kind == "arm":
-        second.ask("disarm", host.now)
-        host.run(host.now + SECOND // 5)
-    before = statuses[-1]
-    first.ask(kind, host.now, **WISHES[kind])
-    host.run(host.now + SECOND // 2)
-    assert not first.answers[-1].accepted
-    assert first.answers[-1].reason.startswith("second has control since ")
-    after = statuses[-1]
-    assert (after.activity, after.armed, after.flight_mode, after.light) == (
-        (before.activity, before.armed, before.flight_mode, before.light)
-    )
-    second.ask(kind, host.now, **WISHES[kind])
-    host.run(host.now + SECOND // 5)
-    assert second.answers[-1].accepted
+@pytest.fixture
+def dive() -> RivalsDive:
+    return RivalsDive()
+
+
+@pytest.fixture
+def hand_over(dive: RivalsDive) -> Scene:
+    """The first pilot has armed, the second one has taken control by force; both still talk."""
+    for pilot, kind in ((dive.first, "lease"), (dive.second, "force")):
+        assert asked(dive.host, pilot, kind) == ""
+        pilot.speaks = True
+        assert asked(dive.host, pilot, "arm") == ""
+        dive.run(1.0)
+    assert dive.statuses[-1].epoch == 2
+    return dive.host, dive.statuses, dive.first, dive.second
 
 
 def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_control(
@@ -220,108 +151,12 @@ def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_c
     assert not statuses[-1].armed
 
 
-@pytest.mark.slow
-def test_a_silent_pilot_goes_on_unless_another_one_has_taken_control(hand_over: Scene) -> None:
-    host, statuses, first, second = hand_over
-    second.speaks = False
-    host.run(host.now + 2 * SILENT_NS)
-    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("", "pilot_lost")
-    second.speaks = True
-    host.run(host.now + SECOND)
-    assert asked(host, first, "resume").startswith("second has control")
-    assert asked(host, second, "resume") == ""
-    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("second", "none")
-    second.speaks = False
-    host.run(host.now + 2 * SILENT_NS)
-    assert asked(host, first, "lease") == ""
-    second.speaks = True
-    host.run(host.now + SECOND)
-    assert asked(host, first, "resume") == ""
-    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
-
-
-@pytest.mark.slow
-def test_who_has_released_control_moves_nothing_and_the_next_one_gets_it_at_once(
-    hand_over: Scene,
-) -> None:
-    host, statuses, first, second = hand_over
-    assert asked(host, second, "release") == ""
-    host.run(host.now + SECOND)
-    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("", "pilot_lost")
-    assert asked(host, first, "lease") == ""
-    host.run(host.now + SECOND)
-    assert asked(host, first, "resume") == ""
-    assert (statuses[-1].pilot, statuses[-1].failsafe) == ("first", "none")
-
-
-@pytest.mark.slow
-def test_an_epoch_that_was_never_given_opens_no_door(hand_over: Scene) -> None:
-    host, _, first, _ = hand_over
-    first.epoch = 7
-    assert asked(host, first, "light", value=1.0).startswith("second has control since ")
-
-
-# Real gamepads.
-
-
-class Hands:
-    """A device with a stick out."""
-
-    played = 0
-
-    def __init__(self, name: str, heave: float) -> None:
-        self.name, self.sticks = name, Sticks(heave=heave)
-
-    def read(self, now: int, began: int | None) -> StickReading:  # noqa: ARG002
-        return StickReading(self.sticks, at_rest=self.sticks.at_rest)
-
-    def next_ns(self, now: int, began: int) -> int | None:  # noqa: ARG002
-        return None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("heave", [0.0, 0.7])
-@pytest.mark.parametrize("count", [2, 5])
-def test_of_many_gamepads_one_has_control_and_the_others_do_not_storm_for_it(
-    tmp_path: Path, count: int, heave: float
-) -> None:
-    host, _, statuses = on_board(tmp_path)
-    requests: list[PilotRequest] = []
-    host.node("request ear", ["drone"]).each(topics.PILOT_REQUEST, lambda m, _: requests.append(m))
-    names = [f"pilot {k}" for k in range(count)]
-    for k, name in enumerate(names):
-        hands = Hands(name, heave if k else 0.0)  # the first one arms
-
-        def wire(node: Node, _: Stack, hands: Hands = hands) -> None:
-            Connected(node, hands, Pilot(Progress(), Outbox(), arms=True))
-
-        host.add(name, ServiceSpec(sides=["drone"]), Stack(), wire)
-    host.run(20 * SECOND)
-    assert (statuses[-1].pilot, statuses[-1].armed) == (names[0], True)
-    for name in names:
-        leases = [r.stamp_ns for r in requests if r.source == name and r.kind == "lease"]
-        assert len(leases) <= 1
-
-    begin = len(requests)
-    host.kill(names[0])
-    host.run(40 * SECOND)
-    assert statuses[-1].pilot in names[1:]
-    for name in names:
-        at = [r.stamp_ns for r in requests[begin:] if r.source == name]
-        assert all(after - before >= SECOND for before, after in pairwise(at))
-    assert len({s.pilot for s in statuses} - {""}) == 2, "one after the other"
-
-
 # Memory lost, and numbers that nobody gave.
-
-
-def add_reference(host: HinderedHost, folder: Path) -> None:
-    host.add("reference", Registry.read()["reference"], Stack(out=str(folder)))
 
 
 @pytest.mark.parametrize("forgets", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_after_three_leases_a_reference_may_lose_its_memory_and_the_drone_is_flown_on(
-    hand_over: Scene, tmp_path: Path, forgets: bool
+    hand_over: Scene, dive: RivalsDive, forgets: bool
 ) -> None:
     host, statuses, first, second = hand_over
     assert asked(host, first, "force") == ""
@@ -332,7 +167,7 @@ def test_after_three_leases_a_reference_may_lose_its_memory_and_the_drone_is_flo
     if forgets:
         host.forget("reference")
     host.run(host.now + SECOND // 2)
-    add_reference(host, tmp_path)
+    dive.start("reference")
     host.run(host.now + SECOND)
     assert statuses[-1].armed is not forgets
     for kind in ("lease", "arm"):

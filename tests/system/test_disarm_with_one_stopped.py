@@ -1,67 +1,39 @@
 """With any one process of the chain stopped the pilot can disarm, and it stays disarmed when that
 process wakes again. On virtual time; a stopped process handles nothing and keeps what arrives."""
 
-from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from messages import topics
-from messages.control import ThrusterCommand
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import Actuation
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
 from services.vehicle_view import words
 from services.vehicle_view.io.ports import VehiclePorts
 from services.vehicle_view.view import VehicleView, vehicle_view
-from tests.support.hindered_host import HinderedHost
-from tests.support.jitter import Jitter, Lateness
+from tests.support.dive import ON_BOARD, Dive
+from tests.support.jitter import Hindrance
 
-S, MS = 10**9, 10**6  # [ns]
-ON_BOARD = ("simulator", "estimation", "reference", "control")
-FOR_EVER = 10**18  # [ns]
+S = 10**9  # [ns]
 
 
-class Stoppable(Lateness):
-    """Punctual, but for the time in which it is stopped."""
-
-    def __init__(self) -> None:
-        super().__init__(Jitter(), np.random.default_rng(0))
-        self.until = 0  # [ns]
-
-    def arrived(self, now: int) -> None:
-        super().arrived(max(now, self.until))
-
-    def next_step(self, deadline: int) -> int:
-        return max(super().next_step(deadline), self.until)
-
-
-class Dive:
+class StoppedDive(Dive):
     """The drone, armed and diving, and a pilot."""
 
-    def __init__(self, folder: Path) -> None:
-        self.processes = {name: Stoppable() for name in ON_BOARD}
-        self.host, rows = HinderedHost(lateness=self.processes), Registry.read()
-        stack = Stack(out=str(folder), overrides=["estimation.calibration.still_time=3"])
-        for name in ON_BOARD:
-            self.host.add(name, rows[name], stack)
+    def __init__(self) -> None:
+        self.processes = {name: Hindrance(lambda: self.host.now) for name in ON_BOARD}
+        super().__init__(services=ON_BOARD, lateness=self.processes)
+        self.actuations = self.heard(topics.ACTUATION)
+        self.commands = self.heard(topics.THRUSTERS)
         node = self.host.node("pilot", ["drone"])
         self.answers: list[PilotAnswer] = []
-        self.actuations: list[Actuation] = []
-        self.commands: list[ThrusterCommand] = []
         self.reference: Reference | None = None
         self.heave, self.asked = 0.0, 0
-        self._sticks, self._ask = (
-            node.publisher(topics.PILOT_COMMAND),
-            node.publisher(topics.PILOT_REQUEST),
-        )
+        self._sticks = node.publisher(topics.PILOT_COMMAND)
+        self._ask = node.publisher(topics.PILOT_REQUEST)
         node.each(topics.PILOT_ANSWER, lambda m, _: self.answers.append(m))
-        node.each(topics.ACTUATION, lambda m, _: self.actuations.append(m))
-        node.each(topics.THRUSTERS, lambda m, _: self.commands.append(m))
         node.each(topics.REFERENCE, self._see)
         node.every(topics.PILOT_COMMAND.hz, self._steer)
         self._ports = VehiclePorts(self.host.node("screen", ["drone"]))
@@ -72,9 +44,6 @@ class Dive:
     def _steer(self, now: int) -> None:
         self._sticks.put(PilotCommand(stamp_ns=now, surge=0, sway=0, heave=self.heave, yaw=0))
 
-    def run(self, seconds: float) -> None:
-        self.host.run(self.host.now + round(seconds * S))
-
     def ask(self, kind: Any, name: str = "", **more: Any) -> str:
         self.asked += 1
         name = name or f"{kind}-{self.asked}"
@@ -82,7 +51,7 @@ class Dive:
         self._ask.put(replace(request, **more))
         return name
 
-    def arm_and_dive(self) -> "Dive":
+    def arm_and_dive(self) -> Self:
         self.run(6.0)
         self.ask("arm")
         self.run(0.2)
@@ -102,7 +71,7 @@ class Dive:
         return vehicle_view(self._ports.newest(self.host.now), self.host.now)
 
     def stop(self, name: str, seconds: float) -> None:
-        self.processes[name].until = self.host.now + round(seconds * S)
+        self.processes[name].stop(self.host.now + round(seconds * S))
 
     def answered(self, name: str) -> list[PilotAnswer]:
         return [answer for answer in self.answers if answer.id == name]
@@ -117,8 +86,8 @@ def turns(actuation: Actuation) -> bool:
 
 
 @pytest.fixture
-def dive(tmp_path: Path) -> Dive:
-    return Dive(tmp_path).arm_and_dive()
+def dive() -> StoppedDive:
+    return StoppedDive().arm_and_dive()
 
 
 ELSE = pytest.param("reference", marks=pytest.mark.slow)
@@ -127,7 +96,9 @@ ELSE = pytest.param("reference", marks=pytest.mark.slow)
 @pytest.mark.parametrize(
     "stopped", ["control", ELSE, pytest.param("estimation", marks=pytest.mark.slow)]
 )
-def test_a_disarm_stops_the_thrusters_and_they_stay_stopped(dive: Dive, stopped: str) -> None:
+def test_a_disarm_stops_the_thrusters_and_they_stay_stopped(
+    dive: StoppedDive, stopped: str
+) -> None:
     dive.stop(stopped, 3.0)
     dive.run(0.15)
     asked, name = dive.host.now, dive.ask("disarm")
@@ -143,7 +114,7 @@ def test_a_disarm_stops_the_thrusters_and_they_stay_stopped(dive: Dive, stopped:
 
 
 @pytest.mark.parametrize("stopped", ["control", ELSE])
-def test_an_arm_after_the_disarm_arms_again(dive: Dive, stopped: str) -> None:
+def test_an_arm_after_the_disarm_arms_again(dive: StoppedDive, stopped: str) -> None:
     dive.heave = 0.0
     dive.stop(stopped, 1.0)
     dive.run(0.3)
@@ -159,7 +130,7 @@ def test_an_arm_after_the_disarm_arms_again(dive: Dive, stopped: str) -> None:
 
 
 @pytest.mark.parametrize("stopped", ["reference", pytest.param("control", marks=pytest.mark.slow)])
-def test_a_disarm_and_a_later_arm_in_one_silence(dive: Dive, stopped: str) -> None:
+def test_a_disarm_and_a_later_arm_in_one_silence(dive: StoppedDive, stopped: str) -> None:
     dive.heave = 0.0
     dive.stop(stopped, 1.0)
     dive.run(0.05)
@@ -173,7 +144,7 @@ def test_a_disarm_and_a_later_arm_in_one_silence(dive: Dive, stopped: str) -> No
 
 
 @pytest.mark.slow
-def test_screens_say_disarmed_while_the_reference_that_says_armed_hangs(dive: Dive) -> None:
+def test_screens_say_disarmed_while_the_reference_that_says_armed_hangs(dive: StoppedDive) -> None:
     assert dive.shown.armed
     dive.stop("reference", 3.0)
     dive.run(0.15)
@@ -187,16 +158,7 @@ def test_screens_say_disarmed_while_the_reference_that_says_armed_hangs(dive: Di
     assert not dive.shown.last_known
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("stopped", ["control", ELSE])
-def test_what_hangs_without_a_disarm_is_shown_as_armed(dive: Dive, stopped: str) -> None:
-    dive.stop(stopped, 1.0)
-    for _ in range(20):
-        dive.run(0.1)
-        assert dive.shown.armed
-
-
-def test_a_reference_that_lost_the_request_is_told_of_it(dive: Dive) -> None:
+def test_a_reference_that_lost_the_request_is_told_of_it(dive: StoppedDive) -> None:
     """Killed while it was silent, it starts again with its checkpoint: armed."""
     dive.host.kill("reference")
     dive.run(0.15)
@@ -204,7 +166,7 @@ def test_a_reference_that_lost_the_request_is_told_of_it(dive: Dive) -> None:
     dive.run(0.3)
     assert [answer.accepted for answer in dive.answered(name)] == [True]
     woken = dive.host.now
-    dive.host.add("reference", Registry.read()["reference"], Stack())
+    dive.start("reference")
     dive.run(1.0)
     assert dive.reference is not None
     assert dive.reference.stamp_ns > woken
@@ -214,16 +176,7 @@ def test_a_reference_that_lost_the_request_is_told_of_it(dive: Dive) -> None:
     assert not dive.turning
 
 
-@pytest.mark.slow
-def test_one_answer_while_nobody_is_stopped(dive: Dive) -> None:
-    name = dive.ask("disarm")
-    dive.run(1.0)
-    assert len(dive.answered(name)) == 1
-    assert dive.host.nodes["control"].counts["silent:reference"] == 0
-    assert dive.host.nodes["control"].counts["overruled:reference"] == 0
-
-
-def test_another_epoch_disarms_nothing(dive: Dive) -> None:
+def test_another_epoch_disarms_nothing(dive: StoppedDive) -> None:
     dive.stop("reference", 2.0)
     dive.run(0.15)
     name = dive.ask("disarm", epoch=99)
@@ -234,7 +187,9 @@ def test_another_epoch_disarms_nothing(dive: Dive) -> None:
     assert dive.host.nodes["simulator"].counts["wrong_epoch:pilot/request"] == 1
 
 
-def test_a_stop_is_answered_while_reference_is_silent_and_done_when_it_wakes(dive: Dive) -> None:
+def test_a_stop_is_answered_while_reference_is_silent_and_done_when_it_wakes(
+    dive: StoppedDive,
+) -> None:
     dive.heave = 0.0
     dive.run(3.0)
     dive.ask("goto", depth=8.0)
@@ -245,7 +200,7 @@ def test_a_stop_is_answered_while_reference_is_silent_and_done_when_it_wakes(div
     dive.run(0.3)
     assert [answer.accepted for answer in dive.answered(name)] == [True]
     dive.stop("reference", 0.0)
-    dive.host.add("reference", Registry.read()["reference"], Stack())
+    dive.start("reference")
     dive.run(5.0)
     assert dive.reference is not None
     assert dive.reference.armed

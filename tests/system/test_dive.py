@@ -1,15 +1,9 @@
 """Real dives: separate processes over Zenoh on this machine, on wall time."""
 
-import json
 import math
-import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -25,14 +19,14 @@ from messages.topic import M
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import connected
-from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.running import Running
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_endpoint
+from tests.support.started import Started, exists, lindy
 from tools.recordings.recording import open_recording
 
 pytestmark = pytest.mark.system
 
-QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
 SCRIPT = """t,surge,sway,heave,yaw
 0,0,0,0,0
 0.5,0,0,0.8,0
@@ -61,80 +55,11 @@ SERVICES = {
 }  # fmt: skip
 
 
-class Dive:
-    """`lindy dive` as a user starts it."""
-
-    def __init__(self, folder: Path, *options: str, flies: str = SCRIPT) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        script = folder / "script.csv"
-        script.write_text(flies)
-        self.out = folder / "out"
-        self._log = folder / "screen.txt"
-        command = [sys.executable, "-P", "-m", "tools", "dive", "--pilot", f"script:{script}"]
-        with self._log.open("w") as log:
-            self.process = subprocess.Popen(
-                [*command, *QUICK, "--headless", "--out", str(self.out), *options],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
-
-    @property
-    def said(self) -> str:
-        return self._log.read_text()
-
-    @property
-    def running(self) -> Running | None:
-        try:
-            return msgspec.json.decode((self.out / RUNNING).read_bytes(), type=Running)
-        except (FileNotFoundError, msgspec.DecodeError):
-            return None
-
-    def until(self, events: Callable[[], bool]) -> None:
-        """Wait for what must happen while the dive goes on."""
-        until(events, lambda: self.said, self._require_running)
-
-    def _require_running(self) -> None:
-        assert self.process.poll() is None, self.said
-
-    def until_armed(self) -> Running:
-        self.until(lambda: "has the sticks" in self.said)
-        running = self.running
-        assert running is not None
-        return running
-
-    def ask(self, kind: str) -> int:
-        """`lindy ask`. Returns its exit status."""
-        command = [sys.executable, "-P", "-m", "tools", "ask", kind, "--dive", str(self.out)]
-        return subprocess.run(command, capture_output=True, check=False).returncode
-
-    def end(self, status: int = 0) -> dict[str, Any]:
-        """Wait for the end and read the report."""
-        assert self.process.wait(PATIENCE_S) == status, self.said
-        return json.loads((self.out / "report.json").read_text())
+def dive(folder: Path, *options: str, flies: str = SCRIPT) -> Started:
+    return Started(folder / "out", "dive", "--headless", *options, script=flies)
 
 
-@contextmanager
-def dive(folder: Path, *options: str, flies: str = SCRIPT) -> Generator[Dive]:
-    started = Dive(folder, *options, flies=flies)
-    try:
-        yield started
-    finally:
-        if started.process.poll() is None:
-            started.process.terminate()
-            started.process.wait(PATIENCE_S)
-
-
-def exists(pid: int) -> bool:
-    """A zombie that nobody collects does not exist any more."""
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text()
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-    return stat.rsplit(")", 1)[1].split()[0] != "Z"
-
-
-def must_have_all(flown: Dive, running: Running, report: dict[str, Any]) -> None:
+def must_have_all(flown: Started, running: Running, report: dict[str, Any]) -> None:
     """What every dive that ends cleanly leaves behind, and nothing else."""
     assert set(running.pids) == SERVICES | {"hub_topside", "hub_drone"}
     assert not [name for name, pid in running.pids.items() if exists(pid)]
@@ -157,7 +82,7 @@ def test_a_dive_ends_cleanly_with_all_its_files_and_leaves_no_process_behind(
 ):
     with dive(tmp_path, *["--grouped"] * grouped) as flown:
         running = flown.until_armed()
-        report = flown.end()
+        report = flown.report()
     must_have_all(flown, running, report)
     assert (len(set(running.pids.values())) < len(running.pids)) == grouped
     assert not any(service["restarts"] for service in report["services"].values())
@@ -182,9 +107,9 @@ def test_a_killed_process_is_started_again_and_the_dive_goes_on(
         kept = [flown.out / f"checkpoints/{name}.json" for name in ("estimation", "reference")]
         flown.until(lambda: all(path.is_file() for path in kept))
         killed_ns = time.monotonic_ns()
-        os.kill(running.pids["control"], signal.SIGKILL)
-        flown.until(lambda: f"{who} is started again" in flown.said)
-        report = flown.end(status=3)
+        flown.signal("control", signal.SIGKILL)
+        flown.until_said(f"{who} is started again")
+        report = flown.report(3)
     assert f"{same.pop() if len(same) == 1 else 'onboard'} started again once" in flown.said
     must_have_all(flown, running, report)
     restarts = {name: service["restarts"] for name, service in report["services"].items()}
@@ -209,11 +134,11 @@ def open_messages(folder: Path, kind: type[M]) -> list[M]:
 @pytest.mark.slow
 def test_a_dive_whose_hub_and_recorder_die_goes_on_and_says_that_data_was_lost(tmp_path: Path):
     with dive(tmp_path) as flown:
-        running = flown.until_armed()
-        os.kill(running.pids["hub_drone"], signal.SIGKILL)
-        flown.until(lambda: "hub_drone is started again" in flown.said)
-        os.kill(running.pids["recorder"], signal.SIGKILL)
-        report = flown.end(status=3)
+        flown.until_armed()
+        flown.signal("hub_drone", signal.SIGKILL)
+        flown.until_said("hub_drone is started again")
+        flown.signal("recorder", signal.SIGKILL)
+        report = flown.report(3)
     restarts = {name: service["restarts"] for name, service in report["services"].items()}
     assert (restarts["hub_drone"], restarts["recorder"]) == (1, 1)
     assert report["exit"] == "clean"
@@ -224,14 +149,14 @@ def test_a_dive_whose_hub_and_recorder_die_goes_on_and_says_that_data_was_lost(t
 @pytest.mark.slow
 def test_a_recorder_that_hangs_is_named_and_the_gap_in_its_file_is_said(tmp_path: Path):
     with dive(tmp_path) as flown:
-        running = flown.until_armed()
-        os.kill(running.pids["recorder"], signal.SIGSTOP)
+        flown.until_armed()
+        flown.signal("recorder", signal.SIGSTOP)
         enough = time.monotonic() + 3.0  # [s] a gap that nobody overlooks
-        flown.until(lambda: "recorder does not answer any more" in flown.said)
+        flown.until_said("recorder does not answer any more")
         flown.until(lambda: time.monotonic() > enough)
-        os.kill(running.pids["recorder"], signal.SIGCONT)
-        flown.until(lambda: "recorder answers again" in flown.said)
-        report = flown.end(status=3)
+        flown.signal("recorder", signal.SIGCONT)
+        flown.until_said("recorder answers again")
+        report = flown.report(3)
     assert report["exit"] == "clean"
     assert report["losses"]["hung:recorder"] == 1
     assert {"recorder did not answer once", "the recording has a gap"} <= set(report["troubles"])
@@ -240,19 +165,22 @@ def test_a_recorder_that_hangs_is_named_and_the_gap_in_its_file_is_said(tmp_path
     assert "nothing was recorded from " in flown.said
 
 
+def ask(flown: Started, kind: str) -> int:
+    """`lindy ask`. Returns its exit status."""
+    return lindy("ask", kind, "--dive", str(flown.out)).returncode
+
+
 @pytest.mark.slow
 def test_with_any_process_stopped_the_drone_can_be_disarmed(tmp_path: Path):
     with dive(tmp_path, flies="t,surge,sway,heave,yaw\n0,0,0,0,0\n600,0,0,0,0\n") as flown:
         flown.until_armed()
         for name in ("control", "tether", "hub_topside", "hub_drone"):
-            running = flown.running
-            assert running is not None
-            os.kill(running.pids[name], signal.SIGSTOP)
-            assert flown.ask("disarm") == 0, name
-            flown.until(lambda name=name: f"{name} is started again" in flown.said)
-            flown.until(lambda: flown.ask("arm") == 0)
+            flown.signal(name, signal.SIGSTOP)
+            assert ask(flown, "disarm") == 0, name
+            flown.until_said(f"{name} is started again")
+            flown.until(lambda: ask(flown, "arm") == 0)
         flown.process.send_signal(signal.SIGINT)
-        report = flown.end(status=3)
+        report = flown.report(3)
     hung = {name for name in report["losses"] if name.startswith("hung:")}
     assert hung >= {
         "hung:control",
@@ -263,9 +191,19 @@ def test_with_any_process_stopped_the_drone_can_be_disarmed(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_two_dives_side_by_side_do_not_notice_each_other(tmp_path: Path):
-    with dive(tmp_path / "one", "--grouped") as one, dive(tmp_path / "two", "--grouped") as two:
-        reports = [one.end(), two.end()]
+def test_two_dives_do_not_notice_each_other_and_a_port_is_of_one_alone(tmp_path: Path):
+    words, endpoint = ("dive", "--headless", "--grouped"), free_endpoint()
+    with (
+        Started(tmp_path / "one", *words, "--listen", endpoint, script=SCRIPT) as one,
+        Started(tmp_path / "two", *words, script=SCRIPT) as two,
+    ):
+        one.until(lambda: one.pid("reference"))
+        third = Started(tmp_path / "third", *words, "--listen", endpoint)
+        assert third.process.wait(PATIENCE_S) == 1
+        sentence = third.said.strip().splitlines()[-1]
+        assert sentence.startswith(f"lindy: endpoint {endpoint} is already in use")
+        assert "Traceback" not in third.said
+        reports = [one.report(), two.report()]
     for report in reports:
         assert report["exit"] == "clean"
         # Two dives starve a small computer: a pilot who is lost for a moment is one stop more.
@@ -279,7 +217,7 @@ def test_garbage_nan_and_wrong_types_on_our_keys_are_counted_and_disturb_nobody(
     with dive(tmp_path, "--grouped") as flown:
         running = flown.until_armed()
         spoil(running)
-        report = flown.end()
+        report = flown.report()
     losses = report["losses"]
     for name in (
         "malformed:pilot/command", "wrong_type:pilot/command", "malformed:control/thrusters",
@@ -337,7 +275,7 @@ def test_ctrl_c_disarms_and_ends_the_dive_with_a_summary(tmp_path: Path):
         flown.until_armed()
         flown.process.send_signal(signal.SIGINT)
         flown.process.send_signal(signal.SIGTERM)  # an impatient second one costs nothing
-        report = flown.end()
+        report = flown.report()
     assert report["exit"] == "clean"
     # On a busy computer so short a dive is over before its viewer is up, which is told.
     assert set(report["troubles"]) <= {"visualizer not alive at the end"}
@@ -346,15 +284,3 @@ def test_ctrl_c_disarms_and_ends_the_dive_with_a_summary(tmp_path: Path):
     armed = [status.armed for status in open_messages(flown.out, VehicleStatus)]
     assert True in armed
     assert armed[-1] is False
-
-
-@pytest.mark.slow
-def test_a_taken_port_is_one_sentence(tmp_path: Path):
-    endpoint = free_endpoint()
-    with dive(tmp_path / "first", "--grouped", "--listen", endpoint) as first:
-        first.until(lambda: first.running is not None)
-        second = Dive(tmp_path / "second", "--grouped", "--listen", endpoint)
-        assert second.process.wait(PATIENCE_S) == 1
-        sentence = second.said.strip().splitlines()[-1]
-        assert sentence.startswith(f"lindy: endpoint {endpoint} is already in use")
-        assert "Traceback" not in second.said

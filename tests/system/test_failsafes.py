@@ -1,46 +1,27 @@
 """Failsafes in the whole chain on virtual time: what the drone does, and what gives it back."""
 
 from itertools import pairwise
-from pathlib import Path
+from typing import Self
 
 import pytest
 
 from messages import topics
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
-from messages.reference import Reference
-from messages.simulator import FaultKind, FaultRequest
-from messages.vehicle import Truth, VehicleStatus
+from messages.vehicle import VehicleStatus
 from services.reference.settings import Settings
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.dive import ON_BOARD, Dive
 
 SECOND = 1_000_000_000
-CHAIN = ("simulator", "estimation", "reference", "control", "tether", "link_monitor")
-QUICK = (
-    "estimation.calibration.still_time=3",
-    "reference.failsafe.depth_limit=4",
-    "reference.failsafe.pilot_patience=20",
-)
+LIMITS = ("reference.failsafe.depth_limit=4", "reference.failsafe.pilot_patience=20")
 
 
-class Dive:
+class PersonsDive(Dive):
     """The chain, and a person topside who arms, moves the sticks and asks."""
 
-    def __init__(self, folder: Path, *more: str) -> None:
-        self.host = VirtualHost()
-        self.stack = Stack(out=str(folder), overrides=[*QUICK, *more])
+    def __init__(self) -> None:
+        super().__init__(services=(*ON_BOARD, "tether", "link_monitor"), overrides=LIMITS)
         self.limits = self.stack.section("reference", Settings)
-        for name in CHAIN:
-            self.host.add(name, Registry.read()[name], self.stack)
-        self.truth: list[Truth] = []
-        self.references: list[Reference] = []
-        self.statuses: list[tuple[int, VehicleStatus]] = []
-        aboard = self.host.node("observer", ["drone"])
-        aboard.each(topics.TRUTH, lambda m, _: self.truth.append(m))
-        aboard.each(topics.REFERENCE, lambda m, _: self.references.append(m))
-        aboard.each(topics.STATUS, lambda m, now: self.statuses.append((now, m)))
-        self._faults = aboard.publisher(topics.FAULT_REQUEST)
+        self.truth, self.references = self.heard(topics.TRUTH), self.heard(topics.REFERENCE)
         pilot = self.host.node("gamepad", ["topside"])
         self.heave, self.yaw, self.there = 0.0, 0.0, True
         self._asked, self._answers = 0, dict[str, PilotAnswer]()
@@ -49,19 +30,15 @@ class Dive:
         pilot.each(topics.PILOT_ANSWER, self._hear)
         pilot.every(topics.PILOT_COMMAND.hz, self._speak)
 
-    def armed(self) -> "Dive":
+    def ready(self) -> Self:
         self.run(6.0)
         assert self.ask("arm") == ""
         return self
 
-    def armed_at(self, depth: float) -> "Dive":
-        self.armed()
+    def armed_at(self, depth: float) -> Self:
+        self.ready()
         assert self.ask("goto", depth=depth) == ""
         return self.run(15.0)
-
-    def run(self, seconds: float) -> "Dive":
-        self.host.run(self.host.now + round(seconds * SECOND))
-        return self
 
     def ask(self, kind: str, **more: float) -> str:
         """Why the drone refuses; empty: it does not."""
@@ -71,20 +48,16 @@ class Dive:
         self.run(0.3)
         return self._answers[request.id].reason
 
-    def break_(self, part: str, fault: FaultKind) -> None:
-        now = self.host.now
-        self._faults.put(FaultRequest(stamp_ns=now, id=f"{part}-{now}", part=part, fault=fault))
-
     def seconds_until(self, reaction: str | None, since: int, patience: float = 120.0) -> float:
         self.host.run(
             self.host.now + round(patience * SECOND), done=lambda: self.status.reaction == reaction
         )
         assert self.status.reaction == reaction, self.status
-        return (self.statuses[-1][0] - since) / SECOND
+        return (self.host.now - since) / SECOND
 
     @property
     def status(self) -> VehicleStatus:
-        return self.statuses[-1][1]
+        return self.statuses[-1]
 
     @property
     def depth(self) -> float:
@@ -110,8 +83,8 @@ class Dive:
 
 
 @pytest.mark.slow
-def test_without_a_pilot_it_stops_holds_rises_and_stays_at_the_surface(tmp_path: Path) -> None:
-    dive = Dive(tmp_path).armed_at(3.0)
+def test_without_a_pilot_it_stops_holds_rises_and_stays_at_the_surface() -> None:
+    dive = PersonsDive().armed_at(3.0)
     dive.heave = 0.5
     dive.run(1.5)
     dive.there, gone = False, dive.host.now
@@ -131,8 +104,8 @@ def test_without_a_pilot_it_stops_holds_rises_and_stays_at_the_surface(tmp_path:
 
 
 @pytest.mark.slow
-def test_moving_sticks_do_nothing_and_resume_hands_back(tmp_path: Path) -> None:
-    dive = Dive(tmp_path).armed_at(2.0)
+def test_moving_sticks_do_nothing_and_resume_hands_back() -> None:
+    dive = PersonsDive().armed_at(2.0)
     dive.there = False
     dive.run(3.0)
     assert dive.ask("resume") == "pilot lost: no stick positions arrive, still"
@@ -150,8 +123,8 @@ def test_moving_sticks_do_nothing_and_resume_hands_back(tmp_path: Path) -> None:
     dive.check()
 
 
-def test_a_link_that_is_cut_is_told_from_a_pilot_who_is_silent(tmp_path: Path) -> None:
-    dive = Dive(tmp_path).armed()
+def test_a_link_that_is_cut_is_told_from_a_pilot_who_is_silent() -> None:
+    dive = PersonsDive().ready()
     dive.host.kill("tether")
     dive.run(0.6)
     assert dive.status.conditions == ("pilot_lost",)
@@ -159,30 +132,8 @@ def test_a_link_that_is_cut_is_told_from_a_pilot_who_is_silent(tmp_path: Path) -
     assert dive.status.conditions == ("link_lost", "pilot_lost")
     assert dive.status.failsafe == "link_lost"
     dive.there = False
-    dive.host.add("tether", Registry.read()["tether"], dive.stack)
+    dive.start("tether")
     dive.run(1.0)
     assert dive.status.conditions == ("pilot_lost",)
     assert dive.status.failsafe == "pilot_lost"  # the link is there again, he is not
     assert dive.ask("resume") == "pilot lost: no stick positions arrive, still"
-
-
-@pytest.mark.slow
-def test_a_leak_is_said_at_once_and_acts_after_its_time(tmp_path: Path) -> None:
-    dive = Dive(tmp_path).armed_at(2.0)
-    dive.break_("leak", "wet")
-    wet = dive.host.now
-    dive.run(1.2)
-    assert dive.status.failsafe == "none"
-    assert dive.status.note == "water in the enclosure"
-    assert 10.0 <= dive.seconds_until("ascend", wet) <= 11.5
-    dive.heave = 1.0
-    dive.seconds_until("surface", wet)
-    assert dive.ask("resume") == ""  # who wants to go on may
-    dive.run(3.0)
-    assert dive.depth > 1.0
-    assert dive.status.note == "water in the enclosure"
-    dive.break_("leak", "none")
-    dive.run(2.0)
-    dive.break_("leak", "wet")
-    dive.seconds_until("ascend", dive.host.now)
-    dive.check()

@@ -1,6 +1,5 @@
-"""Two drones on one router: control is granted by each for itself, and a pilot of one is a stranger
-to the other. The drones' own `reference` on real sessions, in this process.
-"""
+"""Two drones of one name on one router: neither arms. The drones' own `reference` on real sessions,
+in this process."""
 
 import json
 import time
@@ -13,9 +12,8 @@ import pytest
 import zenoh
 
 from messages import topics
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest, RequestKind
-from messages.topic import M, Side, Topic
-from messages.vehicle import VehicleStatus
+from messages.pilot import PilotAnswer, PilotRequest
+from messages.topic import Side
 from services.reference.service import wire
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.spaces import namespace
@@ -24,8 +22,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_endpoint
 from tests.support.router_file import router_tree
 
 
@@ -70,87 +68,27 @@ class Drone:
         world.nodes.append(self.node)
 
 
-class Desk:
-    """A pilot's program."""
-
-    def __init__(self, world: World, name: str, pilot: str) -> None:
-        self._world, self.pilot, self._asked = world, pilot, 0
-        self._bus = world.joined("topside", name, f"desk-{pilot}")
-        self.statuses: list[VehicleStatus] = []
-        self.answers: list[PilotAnswer] = []
-        self._listen(topics.STATUS, self.statuses)
-        self._listen(topics.PILOT_ANSWER, self.answers)
-
-    def _listen(self, topic: Topic[M], into: list[M]) -> None:
-        decoder = msgspec.msgpack.Decoder(topic.message)
-        self._bus.hear(topic.key, lambda e: into.append(decoder.decode(e.payload)))
-
-    def ask(self, kind: RequestKind, epoch: int = 0) -> PilotAnswer:
-        """Repeated until it is answered, as every pilot does."""
-        self._asked += 1
-        say = self._bus.say(topics.PILOT_REQUEST)
-        name = f"{self.pilot}-{self._asked}"
-
-        def answered() -> bool:
-            request = PilotRequest(
-                id=name, kind=kind, source=self.pilot, epoch=epoch, stamp_ns=time.monotonic_ns()
-            )
-            say(msgspec.msgpack.encode(request))
-            return any(answer.id == name for answer in self.answers)
-
-        self._world.until(answered)
-        return next(answer for answer in self.answers if answer.id == name)
-
-    def command(self, epoch: int) -> None:
-        command = PilotCommand(
-            stamp_ns=time.monotonic_ns(), surge=1.0, sway=0.0, heave=0.0, yaw=0.0,
-            source=self.pilot, epoch=epoch,
-        )  # fmt: skip
-        self._bus.say(topics.PILOT_COMMAND)(msgspec.msgpack.encode(command))
-
-
 @pytest.fixture
 def world(tmp_path: Path) -> Generator[World]:
     with ExitStack() as exits:
         yield World(tmp_path, exits)
 
 
-def test_each_drone_has_a_pilot_of_its_own_and_hears_nothing_of_the_others(world: World) -> None:
-    a, b = Drone(world, "a", 1), Drone(world, "b", 2)
-    ann, bob = Desk(world, "a", "ann"), Desk(world, "b", "bob")
-    granted = ann.ask("lease")
-    assert granted.accepted, granted.reason
-    assert granted.epoch is not None
-    world.until(lambda: bool(ann.statuses) and ann.statuses[-1].pilot == "ann")
-    for _ in range(20):
-        ann.command(granted.epoch)
-    assert not ann.ask("offer", granted.epoch + 1).accepted  # behind the commands
-    world.until(lambda: bool(bob.statuses))
-    assert {status.pilot for status in bob.statuses} == {""}
-    assert b.arrived == []
-    assert {topics.PILOT_COMMAND.key, topics.PILOT_REQUEST.key} == {*a.arrived}
-    taken = bob.ask("lease")
-    assert taken.accepted, taken.reason  # nobody has b, whoever has a
-    world.until(lambda: bob.statuses[-1].pilot == "bob")
-    begin = len(ann.statuses)
-    world.until(lambda: len(ann.statuses) > begin + 2)
-    assert {status.pilot for status in ann.statuses[begin:]} == {"ann"}
-    assert ann.ask("release", granted.epoch).accepted
-    world.until(lambda: ann.statuses[-1].pilot == "")
-    assert bob.statuses[-1].pilot == "bob"
-
-
 @pytest.mark.slow
 def test_of_two_drones_of_one_name_that_meet_later_none_arms(world: World) -> None:
     """A router that was away when the second one started could not be asked."""
     first, second = Drone(world, "a", 1), Drone(world, "a", 2)
-    ann = Desk(world, "a", "ann")
-    world.until(lambda: bool(ann.statuses))
+    desk, reasons = world.joined("topside", "a", "desk-ann"), list[str]()
+    decode = msgspec.msgpack.Decoder(PilotAnswer).decode
+    desk.hear(topics.PILOT_ANSWER.key, lambda e: reasons.append(decode(e.payload).reason))
+    say = desk.say(topics.PILOT_REQUEST)
 
     def both_refuse() -> bool:
-        ann.ask("arm")
-        said = [answer.reason for answer in ann.answers if not answer.accepted]
-        return sum("two services call themselves reference" in reason for reason in said) >= 2
+        now = time.monotonic_ns()
+        request = PilotRequest(id=f"ann-{now}", kind="arm", source="ann", stamp_ns=now)
+        say(msgspec.msgpack.encode(request))
+        return sum("two services call themselves reference" in said for said in reasons) >= 2
 
     world.until(both_refuse)
+    assert "" not in reasons
     assert set(first.arrived) == set(second.arrived) == {topics.PILOT_REQUEST.key}

@@ -57,7 +57,7 @@ def test_home_is_lost_with_the_position_and_that_is_said_at_once() -> None:
     sortie.until(10.0 + LOST_AFTER)
     sortie.set_faults("sensor/dvl", "none")
     sortie.until(15.0 + LOST_AFTER)
-    assert any("home is not known any more" in line for line in sortie.said)
+    assert any("home is not known any more" in line.text for line in sortie.said)
     sortie.ask("home")
     sortie.until(16.0 + LOST_AFTER)
     assert "home is not known any more" in sortie.refused()[0]

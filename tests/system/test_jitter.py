@@ -3,27 +3,20 @@ is worth."""
 
 from collections import defaultdict
 from math import pi, radians, remainder
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from messages import topics
-from messages.reference import Reference
-from messages.state import VehicleState
 from messages.vehicle import Truth
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from tests.support.hindered_host import HinderedHost
+from tests.support.dive import Dive
 from tests.support.jitter import Jitter, Lateness
 
 pytestmark = pytest.mark.slow
 
-S = 1_000_000_000  # [ns]
 # The simulator is not among them: it plays the sensors and the thrusters, whose clockwork does
 # not hang on a busy computer.
 BUSY = ("estimation", "reference", "control", "tether", "gamepad")
-CHAIN = ("simulator", *BUSY)
 JITTER = Jitter(delay=0.02, stall=0.1, stall_every=3.5)
 SEEDS = 2
 MOST = 1.5  # times the error of the punctual dives
@@ -42,43 +35,22 @@ SCRIPT = """t,surge,sway,heave,yaw
 FLOWN = 40.0  # [s]
 
 
-class Dive:
+class BusyDive(Dive):
     """The chain on virtual time, and an observer on board."""
 
-    def __init__(self, folder: Path, seed: int, jitter: Jitter | None) -> None:
+    def __init__(self, seed: int, jitter: Jitter | None) -> None:
         """None: on the host without jitter."""
-        script = folder / "script.csv"
-        script.write_text(SCRIPT)
-        stack = Stack(
-            pilot=f"script:{script}",
-            out=str(folder),
-            link="tether",
-            seed=seed,
-            overrides=["simulator.floor_depth=20", "estimation.calibration.still_time=3"],
-        )
         late = {
             name: Lateness(jitter, np.random.default_rng([seed, k]))
             for k, name in enumerate(BUSY)
             if jitter is not None
         }
-        self.host, rows = HinderedHost(lateness=late), Registry.read()
-        for name in CHAIN:
-            self.host.add(name, rows[name], stack)
+        place = ["simulator.floor_depth=20"]
+        super().__init__(SCRIPT, seed=seed, lateness=late, link="tether", overrides=place)
         self.truth: dict[int, Truth] = {}
-        self.states: list[VehicleState] = []
-        self.references: list[Reference] = []
-        port = self.host.node("observer", ["drone"])
-        port.each(topics.TRUTH, lambda m, _: self.truth.update({m.stamp_ns: m}))
-        port.each(topics.STATE, lambda m, _: self.states.append(m))
-        port.each(topics.REFERENCE, lambda m, _: self.references.append(m))
-
-    def fly(self) -> "Dive":
-        self.host.run(60 * S, done=lambda: bool(self.references) and self.references[-1].armed)
-        self.host.run(self.host.now + round(FLOWN * S))
-        return self
-
-    def counted(self, what: str) -> int:
-        return sum(node.counts[what] for node in self.host.nodes.values())
+        self.ears().each(topics.TRUTH, lambda m, _: self.truth.update({m.stamp_ns: m}))
+        self.states, self.references = self.heard(topics.STATE), self.heard(topics.REFERENCE)
+        self.until_armed().run(FLOWN)
 
     def errors(self) -> dict[str, list[float]]:
         """[m] and [rad] Estimates against the truth, and the truth against the reference while it
@@ -110,17 +82,17 @@ def _rms(errors: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def test_a_busy_computer_costs_little(tmp_path: Path) -> None:
+def test_a_busy_computer_costs_little() -> None:
     """Pooled over the seeds. At rest the heading stands wherever in the thrusters' dead-band it
     came to, with or without jitter, so there it has a bound and no comparison."""
     punctual, busy = defaultdict[str, list[float]](list), defaultdict[str, list[float]](list)
     for seed in range(SEEDS):
         for found, jitter in ((punctual, None), (busy, JITTER)):
-            dive = Dive(tmp_path, seed, jitter).fly()
+            dive = BusyDive(seed, jitter)
             for name, errors in dive.errors().items():
                 found[name] += errors
-            assert (dive.counted("skipped:state") > 0) == (jitter is not None)
-            assert dive.counted("unusable:sensor/imu") == 0
+            assert (dive.counts["skipped:state"] > 0) == (jitter is not None)
+            assert dive.counts["unusable:sensor/imu"] == 0
     for found in (punctual, busy):
         assert max(map(abs, found.pop("heading at rest"))) <= STANDING
     ratios = {name: _rms(busy[name]) / _rms(punctual[name]) for name in punctual}

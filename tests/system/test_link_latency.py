@@ -8,45 +8,30 @@ import numpy as np
 import pytest
 
 from messages import topics
-from messages.link import LatencyBudget, LinkRequest, LinkStatus, Shown
+from messages.link import LatencyBudget, LinkRequest, Shown
 from messages.pilot import PilotCommand
 from messages.state import VehicleState
-from messages.vehicle import Actuation, VehicleStatus
+from messages.vehicle import Actuation
 from services.runtime.config.settings import DEPLOY
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.dive import CHAIN, Dive
 
 MS, S = 1_000_000, 1_000_000_000  # [ns]
-SERVICES = (
-    "simulator", "estimation", "reference", "control", "tether", "gamepad", "link_monitor",
-)  # fmt: skip
+SCRIPT = "0,0.3,0,0.3,0.2\n4,0,0,-0.3,0\n100,0,0,0,0\n"
 SCREEN_MS = 12.0  # [ms] what the screen of these tests takes
 DRAWN_HZ = 4.3  # [1/s] pictures, out of step with the drone
 
 
-class Flight:
+class Flight(Dive):
     """The chain with a link monitor and a screen, armed; ears in both realms."""
 
-    def __init__(self, folder: Path, link: str) -> None:
-        script = folder / "script.csv"
-        script.write_text("t,surge,sway,heave,yaw\n0,0.3,0,0.3,0.2\n4,0,0,-0.3,0\n100,0,0,0,0\n")
-        stack = Stack(
-            pilot=f"script:{script}",
-            out=str(folder),
-            link=link,
-            overrides=["estimation.calibration.still_time=1.5"],  # [s] less to wait for
-        )
-        self.host, rows = VirtualHost(), Registry.read()
-        for name in SERVICES:
-            self.host.add(name, rows[name], stack)
+    def __init__(self, link: str) -> None:
+        super().__init__(SCRIPT, (*CHAIN, "link_monitor"), still_s=1.5, link=link)
         self.said: list[tuple[int, LatencyBudget]] = []
-        self.links: list[LinkStatus] = []
+        self.links = self.heard(topics.LINK, "topside")
         self.arrivals: dict[str, list[tuple[int, float]]] = {}  # ([ns], age [ms]) by topic
         self.downward_ms: list[float] = []  # of commands, truly
         self.upward_ms: list[float] = []  # of what the screen shows, truly
-        statuses: list[VehicleStatus] = []
-        pilot, drone = self.host.node("ears", ["topside"]), self.host.node("eyes", ["drone"])
+        pilot, drone = self.ears("topside"), self.ears("drone")
         self._requests = self.host.node("hand", ["topside"]).publisher(topics.LINK_REQUEST)
         self._shown = pilot.publisher(topics.SHOWN.of("screen"))
         self._newest: VehicleState | None = None
@@ -54,26 +39,17 @@ class Flight:
         self._drawn = pilot.alarm(self._show)
         self._drawing: VehicleState | None = None
         pilot.each(topics.LATENCY, lambda m, now: self.said.append((now, m)))
-        pilot.each(topics.LINK, lambda m, _: self.links.append(m))
         pilot.each(topics.STATE, self._on_state)
         pilot.each(topics.THRUSTERS, lambda m, now: self._arrived("thrusters", m.stamp_ns, now))
         pilot.every(DRAWN_HZ, self._draw)
         drone.each(topics.PILOT_COMMAND, self._on_command, onlooker=True)
         drone.each(topics.ACTUATION, self._on_actuation)
-        drone.each(topics.STATUS, lambda m, _: statuses.append(m))
-        self.host.run(20 * S, done=lambda: bool(statuses) and statuses[-1].armed)
-        assert statuses[-1].armed
-
-    def run(self, seconds: float) -> None:
-        self.host.run(self.host.now + round(seconds * S))
+        self.until_armed()
 
     def ask(self, request: LinkRequest) -> int:
         """Returns when [ns] the link has changed."""
         self._requests.put(request)
         return self.host.now
-
-    def adjust(self, *settings: str) -> int:
-        return self.ask(LinkRequest(stamp_ns=self.host.now, id="", kind="set", settings=settings))
 
     def give(self, profile: str) -> int:
         now = self.host.now
@@ -119,8 +95,8 @@ class Flight:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("link", ["tether", "wifi_buoy", "remote"])
-def test_the_stages_add_up_to_what_truly_passes(tmp_path: Path, link: str) -> None:
-    flight = Flight(tmp_path, link)
+def test_the_stages_add_up_to_what_truly_passes(link: str) -> None:
+    flight = Flight(link)
     flight.run(3.0)  # until the budget's two seconds are all flight
     flight.downward_ms.clear()
     flight.upward_ms.clear()
@@ -144,34 +120,8 @@ def test_the_stages_add_up_to_what_truly_passes(tmp_path: Path, link: str) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("settings", "added_ms"),
-    [
-        (("down.delay_ms=300",), 300),
-        (("up.delay_ms=300",), 300),
-        (("down.delay_ms=300", "up.delay_ms=300"), 600),
-    ],
-)
-def test_a_delay_that_grows_is_told_within_a_second(
-    tmp_path: Path, settings: tuple[str, ...], added_ms: int
-) -> None:
-    flight = Flight(tmp_path, "tether")
-    flight.run(4.0)
-    assert not any(budget.alarm for _, budget in flight.said)
-    changed = flight.adjust(*settings)
-    flight.run(5.0)
-    assert flight.first_alarm(changed) <= S + added_ms * MS
-    assert flight.said[-1][1].alarm.startswith("round trip has risen from ")
-    for budget in flight.since(changed + 3 * S):
-        if "down.delay_ms=300" in settings:  # no stick arrives within its life
-            assert (budget.down, budget.stick_to_thruster_ms) == (None, None)
-        if "up.delay_ms=300" in settings:
-            assert (budget.sensor_to_screen_ms or 0.0) >= 300.0
-
-
-@pytest.mark.slow
-def test_a_link_that_is_gone_is_told_within_a_second_and_leaves_no_number(tmp_path: Path) -> None:
-    flight = Flight(tmp_path, "wifi_buoy")
+def test_a_link_that_is_gone_is_told_within_a_second_and_leaves_no_number() -> None:
+    flight = Flight("wifi_buoy")
     flight.run(4.0)
     cut = flight.ask(LinkRequest(stamp_ns=flight.host.now, id="1", kind="down"))
     flight.run(6.0)
@@ -205,7 +155,7 @@ def test_thinning_out_keeps_what_matters_fast_and_ends_with_the_cause(tmp_path: 
     full = tmp_path / "full.toml"
     full.write_text(text.replace("[down]", "thin = false\n[down]", 1))
     p99: dict[str, dict[str, float]] = {}
-    thinned, in_full = Flight(tmp_path, "tether"), Flight(tmp_path, "tether")
+    thinned, in_full = Flight("tether"), Flight("tether")
     for flight, link in ((thinned, "congested"), (in_full, str(full))):
         begin = flight.give(link) + 5 * S
         flight.run(15.0)

@@ -1,7 +1,5 @@
 """A dive in real processes whose link is bad, gets worse, goes away and comes back."""
 
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +12,8 @@ from messages.message import Message
 from messages.pilot import TTL_MS
 from messages.reference import Reference
 from messages.vehicle import Actuation, VehicleStatus
-from tests.support.patience import PATIENCE_S, until
+from tests.support.patience import PATIENCE_S
+from tests.support.started import Started
 from tools import link
 from tools.recordings.recording import open_recording
 
@@ -32,30 +31,12 @@ def fly(folder: Path, meanwhile: Callable[[Path], None]) -> list[Message]:
     Returns:
         What the drone recorded, in order.
     """
-    folder.mkdir(exist_ok=True)
-    script, out, screen = folder / "script.csv", folder / "out", folder / "screen.txt"
-    script.write_text(SCRIPT + "9,0,0,0,0\n")
-    command = [
-        sys.executable, "-P", "-m", "tools", "dive", "--pilot", f"script:{script}", "--headless",
-        "--link", "severe", "--out", str(out), "--set", "estimation.calibration.still_time=3",
-    ]  # fmt: skip
-    with screen.open("w") as log:
-        process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
-        )
-    try:
-
-        def require_running() -> None:
-            assert process.poll() is None, screen.read_text()
-
-        until(lambda: "has the sticks" in screen.read_text(), screen.read_text, require_running)
-        meanwhile(out)
-        assert process.wait(PATIENCE_S) in (0, 3), screen.read_text()  # 3: data were lost
-    finally:
-        if process.poll() is None:
-            process.terminate()
-            process.wait(PATIENCE_S)
-    return [entry.message for entry in open_recording(out)]
+    words = ("dive", "--headless", "--link", "severe")
+    with Started(folder / "out", *words, script=f"{SCRIPT}9,0,0,0,0\n") as dive:
+        dive.until_armed()
+        meanwhile(dive.out)
+        assert dive.process.wait(PATIENCE_S) in (0, 3), dive.said  # 3: data were lost
+    return [entry.message for entry in open_recording(dive.out)]
 
 
 def worse_away_and_back(out: Path) -> None:

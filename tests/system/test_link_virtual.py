@@ -2,10 +2,8 @@
 the pilot's commands, on board only those act that are whole, in order and within their life."""
 
 from collections import Counter
-from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import msgspec
 import pytest
@@ -14,29 +12,26 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.link import LinkAnswer, LinkRequest
+from messages.link import LinkRequest
 from messages.pilot import TTL_MS, PilotCommand
 from messages.reference import Reference
 from messages.topic import M, Topic
-from messages.vehicle import Actuation, VehicleStatus
+from messages.vehicle import Actuation
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import wire_of
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node
 from services.tether.service import NEVER_USED
+from tests.support.dive import CHAIN, Dive
 
 Kind = Literal["profile", "set", "down", "up"]
 MS, S = 1_000_000, 1_000_000_000  # [ns]
 TTL = round(TTL_MS * MS)  # [ns]
 AGED = MS // 10  # [ns] what two crystals may gain since the link monitor's newest word came through
-SERVICES = (
-    "simulator", "estimation", "reference", "control", "tether", "gamepad", "link_monitor",
-)  # fmt: skip
 COMMAND = topics.PILOT_COMMAND.key
 REASONS = ("malformed", "expired", "duplicated", "reordered")
 
@@ -112,52 +107,35 @@ class Watched(Gate[M]):
         return message
 
 
-@dataclass
-class Flight:
+class Flight(Dive):
     """The chain with a pilot who never rests, and observers in both realms."""
 
-    folder: Path
-    moves: list[tuple[float, float, float, float]]
-    clock: Skew | None = None  # of the drone, where it is a machine of its own
-    judged: list[Judged] = field(default_factory=list[Judged])
-    sent: dict[int, PilotCommand] = field(default_factory=dict[int, PilotCommand])  # by seq
-    acted: list[Acted] = field(default_factory=list[Acted])
-    thrust: list[tuple[int, ThrusterCommand]] = field(
-        default_factory=list[tuple[int, ThrusterCommand]]
-    )
-    moving: list[tuple[int, Actuation]] = field(default_factory=list[tuple[int, Actuation]])
-    answers: list[LinkAnswer] = field(default_factory=list[LinkAnswer])
-    statuses: list[VehicleStatus] = field(default_factory=list[VehicleStatus])
-
-    def __post_init__(self) -> None:
-        apart = self.clock is not None
-        self.host = VirtualHost({"drone": self.clock} if self.clock else None)
-        self.rows = Registry.read()
-        rows = self.rows.only({name: self.rows[name] for name in SERVICES})
-        self.stack = Stack(
-            pilot=f"script:{self._script()}",
-            out=str(self.folder),
-            apart=apart,
-            overrides=["estimation.calibration.still_time=1.5"],  # [s] less to wait for
-        )
-        for name, row in (rows.apart() if apart else rows).items():
-            wire = self._wire_watched if name == "reference" else None
-            self.host.add(name, row, self.stack, wire)
-        pilot, drone = self.host.node("ears", ["topside"]), self.host.node("eyes", ["drone"])
-        pilot.each(topics.LINK_ANSWER, lambda m, _: self.answers.append(m))
+    def __init__(
+        self, moves: list[tuple[float, float, float, float]], clock: Skew | None = None
+    ) -> None:
+        """
+        Args:
+            clock: of the drone, where it is a machine of its own.
+        """
+        self.clock = clock
+        self.judged: list[Judged] = []
+        self.sent: dict[int, PilotCommand] = {}  # by seq
+        self.acted: list[Acted] = []
+        self.thrust: list[tuple[int, ThrusterCommand]] = []
+        self.moving: list[tuple[int, Actuation]] = []
+        rows = [moves[k % len(moves)] for k in range(40)]
+        lines = [f"{k * 0.3:.1f},{','.join(map(str, row))}" for k, row in enumerate(rows)]
+        super().__init__(
+            "\n".join([*lines, "100,0,0,0,0"]), (*CHAIN, "link_monitor"), still_s=1.5,
+            wires={"reference": self._wire_watched}, clocks={"drone": clock} if clock else None,
+        )  # fmt: skip
+        pilot, drone = self.ears("topside"), self.ears("drone")
+        self.answers = self.heard(topics.LINK_ANSWER, "topside")
         pilot.each(topics.PILOT_COMMAND, lambda m, _: self.sent.update({m.seq: m}))
         drone.each(topics.REFERENCE, lambda m, _: self.acted.append(Acted(self.host.now, m)))
         drone.each(topics.THRUSTERS, lambda m, _: self.thrust.append((self.host.now, m)))
         drone.each(topics.ACTUATION, lambda m, _: self.moving.append((self.host.now, m)))
-        drone.each(topics.STATUS, lambda m, _: self.statuses.append(m))
         self._requests = self.host.node("hand", ["topside"]).publisher(topics.LINK_REQUEST)
-
-    def _script(self) -> Path:
-        path = self.folder / "script.csv"
-        rows = [self.moves[k % len(self.moves)] for k in range(40)]
-        lines = [f"{k * 0.3:.1f},{','.join(map(str, row))}" for k, row in enumerate(rows)]
-        path.write_text("t,surge,sway,heave,yaw\n" + "\n".join(lines) + "\n100,0,0,0,0\n")
-        return path
 
     def _wire_watched(self, node: Node, stack: Stack) -> None:
         def gate(topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
@@ -167,14 +145,6 @@ class Flight:
 
         node.gate = gate
         wire_of("reference")(node, stack)
-
-    def until_armed(self) -> "Flight":
-        self.host.run(20 * S, done=lambda: bool(self.statuses) and self.statuses[-1].armed)
-        assert self.statuses[-1].armed
-        return self
-
-    def run(self, seconds: float) -> None:
-        self.host.run(self.host.now + round(seconds * S))
 
     def ask(self, kind: Kind, *settings: str, profile: str | None = None) -> None:
         now, id_ = self.host.now, f"{self.host.now} {kind}"
@@ -188,7 +158,7 @@ class Flight:
         path.write_text(profile)
         self.ask("profile", profile=str(path))
 
-    def through(self, first: str, then: tuple[Kind, *tuple[str, ...]], second: str) -> "Flight":
+    def through(self, first: str, then: tuple[Kind, *tuple[str, ...]], second: str) -> Self:
         """Fly over one link, change it twice; at the end control dies for most of a second."""
         self.until_armed()
         self.run(0.5)
@@ -203,17 +173,13 @@ class Flight:
         assert [answer.accepted for answer in self.answers] == [True] * 4
         self.host.kill("control")
         self.run(0.7)
-        self.host.add("control", self.rows["control"], self.stack)
+        self.start("control")
         self.run(0.3)
         return self
 
     @property
     def slack(self) -> int:
         return 0 if self.clock is None else AGED
-
-    @property
-    def counts(self) -> Counter[str]:
-        return self.host.nodes["reference"].counts
 
 
 def raw(payload: bytes) -> PilotCommand | None:
@@ -260,7 +226,7 @@ def check_the_door(flight: Flight) -> None:
     for reason in REASONS:
         event(f"{reason}: {reasons[reason] > 0}")
         if flight.clock is None:
-            assert flight.counts[f"{reason}:{COMMAND}"] == reasons[reason]
+            assert flight.host.nodes["reference"].counts[f"{reason}:{COMMAND}"] == reasons[reason]
 
 
 def check_what_acts(flight: Flight) -> None:
@@ -331,25 +297,25 @@ flights = settings(
     deadline=None,
     derandomize=True,
     phases=[Phase.generate],  # a flight takes two seconds: a failing one is not made smaller
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    suppress_health_check=[HealthCheck.too_slow],
 )
+
+
+def check(flight: Flight, first: str, then: Any, second: str) -> None:
+    flight.through(first, then, second)
+    check_the_door(flight)
+    check_what_acts(flight)
+    check_the_motion(flight)
+    check_the_thrusters(flight)
 
 
 @pytest.mark.slow
 @flights
 @given(moves=sticks, first=profiles, then=changes, second=profiles)
 def test_only_fresh_whole_commands_in_order_move_anything(
-    tmp_path: Path,
-    moves: list[tuple[float, float, float, float]],
-    first: str,
-    then: tuple[Kind, *tuple[str, ...]],
-    second: str,
+    moves: list[tuple[float, float, float, float]], first: str, then: Any, second: str
 ) -> None:
-    flight = Flight(tmp_path, moves).through(first, then, second)
-    check_the_door(flight)
-    check_what_acts(flight)
-    check_the_motion(flight)
-    check_the_thrusters(flight)
+    check(Flight(moves), first, then, second)
 
 
 @pytest.mark.slow
@@ -363,16 +329,11 @@ def test_only_fresh_whole_commands_in_order_move_anything(
     drift=st.sampled_from([-5e-5, 0.0, 5e-5]),
 )
 def test_so_it_is_when_each_machine_has_its_own_clock(
-    tmp_path: Path,
     moves: list[tuple[float, float, float, float]],
     first: str,
-    then: tuple[Kind, *tuple[str, ...]],
+    then: Any,
     second: str,
     ahead: int,
     drift: float,
 ) -> None:
-    flight = Flight(tmp_path, moves, Skew(ahead, drift)).through(first, then, second)
-    check_the_door(flight)
-    check_what_acts(flight)
-    check_the_motion(flight)
-    check_the_thrusters(flight)
+    check(Flight(moves, Skew(ahead, drift)), first, then, second)

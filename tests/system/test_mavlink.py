@@ -6,7 +6,6 @@ import re
 import shutil
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -15,8 +14,9 @@ from typing import Any
 
 import pytest
 
+from tests.support.doors import free_port
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_port
+from tests.support.started import Started
 
 pytestmark = pytest.mark.system
 
@@ -26,35 +26,20 @@ AGAIN_S = 5.0  # [s] until a person at a ground station asks again
 MAVPROXY = os.environ.get("LINDY_MAVPROXY") or shutil.which("mavproxy.py")
 
 
-class Dive:
+class LinkedDive(Started):
     """`lindy dive --stack mavlink`, with links of its own."""
 
     def __init__(self, folder: Path) -> None:
         self.udp, self.tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
         links = f'["udpout:127.0.0.1:{self.udp}", "tcpin:127.0.0.1:{self.tcp}"]'
-        self._screen = folder / "screen.txt"
-        words = ("dive", "--stack", "mavlink", "--headless", "--out", str(folder / "dive"))
-        quick = "estimation.calibration.still_time=3"  # [s] less to wait for
-        command = [sys.executable, "-P", "-m", "tools", *words]
-        with self._screen.open("w") as screen:
-            self.process = subprocess.Popen(
-                [*command, "--set", quick, "--set", f"mavlink.links={links}"],
-                stdin=subprocess.DEVNULL,
-                stdout=screen,
-                stderr=subprocess.STDOUT,
-            )
-
-    @property
-    def said(self) -> str:
-        return self._screen.read_text()
+        words = ("dive", "--stack", "mavlink", "--headless", "--set", f"mavlink.links={links}")
+        super().__init__(folder / "dive", *words)
 
 
 @pytest.fixture(scope="module")
-def dive(tmp_path_factory: pytest.TempPathFactory) -> Generator[Dive]:
-    dive = Dive(tmp_path_factory.mktemp("mavlink"))
-    yield dive
-    dive.process.terminate()
-    dive.process.wait(PATIENCE_S)
+def dive(tmp_path_factory: pytest.TempPathFactory) -> Generator[LinkedDive]:
+    with LinkedDive(tmp_path_factory.mktemp("mavlink")) as dive:
+        yield dive
 
 
 class Script:
@@ -140,7 +125,7 @@ def parameters(vehicle: Any) -> dict[str, float]:
 
 
 @pytest.mark.slow
-def test_a_pymavlink_script_flies_over_udp(dive: Dive) -> None:
+def test_a_pymavlink_script_flies_over_udp(dive: LinkedDive) -> None:
     script = Script(f"udpin:127.0.0.1:{dive.udp}")
     vehicle = script.vehicle
     assert vehicle.wait_heartbeat(timeout=PATIENCE_S) is not None, dive.said
@@ -233,7 +218,7 @@ def mavproxy(folder: Path, port: int) -> Generator[MavProxy]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(MAVPROXY is None, reason="no MAVProxy: set LINDY_MAVPROXY to mavproxy.py")
-def test_mavproxy_flies_over_tcp(dive: Dive, tmp_path: Path) -> None:
+def test_mavproxy_flies_over_tcp(dive: LinkedDive, tmp_path: Path) -> None:
     with mavproxy(tmp_path, dive.tcp) as proxy:
         proxy.until(r"Received \d+ parameters")
         proxy.tell("arm throttle")

@@ -4,8 +4,6 @@ and drivers that cannot start."""
 import json
 import os
 import shutil
-import subprocess
-import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -16,7 +14,7 @@ from messages import topics
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.patience import PATIENCE_S
+from tests.support.started import lindy
 from tools.__main__ import main
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
@@ -45,11 +43,6 @@ def stack_with(folder: Path, name: str, code: str) -> tuple[str, str]:
     path = folder / "stack.toml"
     path.write_text(stack.replace('module = "driver"', f'module = "{name}"'))
     return "--stack", str(path)
-
-
-def lindy(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-P", "-m", "tools", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
 
 @pytest.mark.slow

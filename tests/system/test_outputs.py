@@ -1,21 +1,14 @@
 """Gripper, lasers and lights in dives on virtual time: what the vehicle does when the link is cut,
 a service hangs or the pilot disarms."""
 
-from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
 
 from messages import topics
 from messages.control import THRUST_TTL_MS
-from messages.pilot import TTL_MS, PilotCommand
-from messages.vehicle import Actuation, VehicleStatus
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
-from tests.support.sortie import CHAIN, DEEP
+from messages.pilot import TTL_MS
+from tests.support.dive import DEEP, Dive
 
 S, MS = 1_000_000_000, 1_000_000  # [ns]
 OUTPUTS = (
@@ -26,35 +19,17 @@ HEAD = "t,surge,sway,heave,yaw,gripper,event\n"
 GRIPS = 2 * S  # [ns] after the hand-over: from then on the pilot opens the gripper
 
 
-class ToolDive:
+class ToolDive(Dive):
     """A script flown to its end or to `seconds` after arming."""
 
     def __init__(self, script: str, seconds: float, kill: dict[float, str] | None = None) -> None:
-        self.driven: list[Actuation] = []
-        self.commands: list[PilotCommand] = []
-        self.statuses: list[VehicleStatus] = []
-        host, rows = VirtualHost(), Registry.read()
-        with TemporaryDirectory() as folder:
-            log = Path(folder, "script.csv")
-            log.write_text(HEAD + script)
-            stack = Stack(
-                pilot=f"script:{log}",
-                out=folder,
-                overrides=[OUTPUTS, DEEP, "estimation.calibration.still_time=3"],
-            )
-            for name in CHAIN:
-                host.add(name, rows[name], stack)
-        drone, pilot = host.node("observer", ["drone"]), host.node("voice", ["topside"])
-        drone.each(topics.ACTUATION, lambda m, _: self.driven.append(m))
-        drone.each(topics.STATUS, lambda m, _: self.statuses.append(m))
-        pilot.each(topics.PILOT_COMMAND, lambda m, _: self.commands.append(m))
-        host.run(60 * S, done=lambda: bool(self.statuses) and self.statuses[-1].armed)
-        assert self.statuses[-1].armed
-        self.began_ns = host.now
+        super().__init__(HEAD + script, overrides=[OUTPUTS, DEEP])
+        self.driven = self.heard(topics.ACTUATION)
+        self.commands = self.heard(topics.PILOT_COMMAND, "topside")
+        self.began_ns = self.until_armed().host.now
         for at, name in (kill or {}).items():
-            host.run(self.began_ns + round(at * S))
-            host.kill(name)
-        host.run(self.began_ns + round(seconds * S))
+            self.run(at).host.kill(name)
+        self.host.run(self.began_ns + round(seconds * S))
 
     def driven_at(self, t: float) -> dict[str, float]:
         """[-] By name, `t` [s] after arming."""
@@ -132,12 +107,8 @@ def test_a_disarm_turns_lasers_off_and_ends_the_gripper_at_once() -> None:
         assert 2.9 * S < moved[-1] <= 3 * S + 150 * MS, name
 
 
-def status_values(dive: ToolDive, name: str) -> Sequence[float]:
-    return [m.outputs[name] for m in dive.statuses]
-
-
 def test_the_status_says_every_output() -> None:
-    dive = cut()
-    assert set(status_values(dive, "gripper")) == {0.0, 1.0, -1.0}
-    assert set(status_values(dive, "lasers")) == {0.0, 1.0}
-    assert dive.statuses[-1].light == 0.5
+    said = [m.outputs for m in cut().statuses]
+    assert {each["gripper"] for each in said} == {0.0, 1.0, -1.0}
+    assert {each["lasers"] for each in said} == {0.0, 1.0}
+    assert cut().statuses[-1].light == 0.5

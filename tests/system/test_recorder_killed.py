@@ -8,7 +8,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager, suppress
@@ -24,7 +23,9 @@ from services.recorder.io.parts import FIRST
 from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
+from tests.support.doors import free_port
 from tests.support.patience import PATIENCE_S, until
+from tests.support.started import LINDY
 from tools.recordings.recording import is_whole, merge_parts, open_recording
 
 pytestmark = pytest.mark.system
@@ -36,7 +37,7 @@ SPEAKS_S = 0.005  # [s] between two messages
 
 @contextmanager
 def lindy(*words: str) -> Generator[subprocess.Popen[bytes]]:
-    process = subprocess.Popen([sys.executable, "-P", "-m", "tools", *words])
+    process = subprocess.Popen([*LINDY, *words])
     try:
         yield process
     finally:
@@ -47,8 +48,7 @@ def lindy(*words: str) -> Generator[subprocess.Popen[bytes]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(KILLS))
 def test_at_most_a_quarter_of_a_second_is_lost(tmp_path: Path, seed: int):
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        address = free.getsockname()
+    address = ("127.0.0.1", free_port())
     endpoint = f"tcp/127.0.0.1:{address[1]}"
     where = ("--name", "pioneer", "--connect", f"drone={endpoint}", "--out", str(tmp_path))
     recorder = ("run", "recorder", *where)

@@ -6,7 +6,8 @@ from math import degrees
 import numpy as np
 import pytest
 
-from tests.support.sortie import DEEP, HANDS_OFF, Sortie, SortieRow
+from tests.support.dive import DEEP
+from tests.support.sortie import HANDS_OFF, Sortie, SortieRow
 
 CLEAN = (  # not zero: a sensor without any noise counts as frozen
     "simulator.pressure_std=10",

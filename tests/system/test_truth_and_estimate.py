@@ -1,8 +1,8 @@
 """Truth beside estimate in whole dives on virtual time: the errors are as small as they should be,
 and no larger than the state itself says."""
 
+from functools import cache
 from math import cos, degrees, hypot, pi, radians, remainder, sin
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,14 +12,10 @@ from messages import events, topics
 from messages.message import Estimate
 from messages.state import VehicleState
 from messages.vehicle import Truth
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.dive import Dive
 
 S = 1_000_000_000  # [ns]
-CHAIN = ("simulator", "estimation", "reference", "control", "tether", "gamepad")
 CALIBRATED, FLOWN = 10.1, 34.0  # [s]
-FLOWN_BEFORE: dict[tuple[int | str, ...], dict[str, "Errors"]] = {}  # no dive is flown twice
 # Down, turn, ahead in a curve, up, turn back, down again: no axis is spared.
 SCRIPT = """t,surge,sway,heave,yaw
 1,0,0,0.8,0
@@ -49,38 +45,25 @@ class Errors(NamedTuple):
         return float(np.mean(np.abs(self.error) <= 4.0 * self.std))
 
 
-def flown(folder: Path, seed: int, *settings: str) -> dict[str, Errors]:
+@cache
+def flown(seed: int, *settings: str) -> dict[str, Errors]:
     """A dive from power-on with the default calibration; what the estimates were worth."""
-    key = (seed, *settings)
-    if key not in FLOWN_BEFORE:
-        FLOWN_BEFORE[key] = compared(*sailed(folder, seed, *settings))
-    return FLOWN_BEFORE[key]
+    return compared(*sailed(seed, *settings))
 
 
 def sailed(
-    folder: Path, seed: int, *settings: str, vehicle: str = "pioneer"
+    seed: int, *settings: str, vehicle: str = "pioneer"
 ) -> tuple[list[VehicleState], dict[int, Truth]]:
     """The states of such a dive from the end of calibration on, and the truth by its stamp."""
-    script = folder / "script.csv"
-    script.write_text(SCRIPT)
-    stack = Stack(
-        vehicle=vehicle,
-        pilot=f"script:{script}",
-        out=str(folder),
-        link="perfect",
-        seed=seed,
+    dive = Dive(
+        SCRIPT, still_s=10.0, vehicle=vehicle, link="perfect", seed=seed,
         overrides=["simulator.floor_depth=20", *settings],
-    )
-    host, rows = VirtualHost(), Registry.read()
-    for name in CHAIN:
-        host.add(name, rows[name], stack)
+    )  # fmt: skip
     truth: dict[int, Truth] = {}
-    states: list[VehicleState] = []
-    port = host.node("observer", ["drone"])
-    port.each(topics.TRUTH, lambda m, _: truth.update({m.stamp_ns: m}))
-    port.each(topics.STATE, lambda m, _: states.append(m))
-    host.run(round((CALIBRATED + FLOWN) * S))
-    assert events.INCONSISTENT_IMU.name not in host.nodes["estimation"].counts
+    dive.ears().each(topics.TRUTH, lambda m, _: truth.update({m.stamp_ns: m}))
+    states = dive.heard(topics.STATE)
+    dive.run(CALIBRATED + FLOWN)
+    assert events.INCONSISTENT_IMU.name not in dive.counts
     running = [state for state in states if state.phase == "running" and state.sensor_ns in truth]
     assert len(running) > 0.99 * FLOWN * topics.IMU.hz
     return running, truth
@@ -112,8 +95,8 @@ def compared(states: list[VehicleState], truth: dict[int, Truth]) -> dict[str, E
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
-def test_errors_are_small_and_no_larger_than_the_state_says(tmp_path: Path, seed: int) -> None:
-    found = flown(tmp_path, seed)
+def test_errors_are_small_and_no_larger_than_the_state_says(seed: int) -> None:
+    found = flown(seed)
     for name, errors in found.items():
         assert errors.within_four >= 0.99, name
     # Pressure of σ 5 cm, a typical MEMS unit: 10 mg, 0.6 °/s, 0.2 µT of iron.
@@ -134,10 +117,9 @@ def rolled_and_pitched(roll: float, pitch: float) -> list[list[float]]:
 
 
 @pytest.mark.slow
-def test_a_mounted_imu_is_as_good_as_one_at_the_origin(tmp_path: Path) -> None:
-    at_origin = flown(tmp_path, 0)
+def test_a_mounted_imu_is_as_good_as_one_at_the_origin() -> None:
+    at_origin = flown(0)
     mounted = flown(
-        tmp_path,
         0,
         f"vehicle.mounting.imu.rotation={rolled_and_pitched(radians(5.0), radians(3.0))}",
         "vehicle.mounting.imu.position=[0.2, 0.05, 0.1]",
@@ -157,10 +139,10 @@ ARMS = (
 
 
 @pytest.mark.slow
-def test_the_other_sensors_may_be_mounted_as_well(tmp_path: Path) -> None:
+def test_the_other_sensors_may_be_mounted_as_well() -> None:
     """Unsaid, these mountings put the position 1.5 m and the velocity 0.2 m/s off."""
     states, truth = sailed(
-        tmp_path, 1, "vehicle.mounting.imu.position=[0.2, 0.05, 0.1]", *ARMS, vehicle="minerva"
+        1, "vehicle.mounting.imu.position=[0.2, 0.05, 0.1]", *ARMS, vehicle="minerva"
     )
     errors: list[tuple[float, float, float]] = []
     for state in states:

@@ -3,12 +3,10 @@ by a cable (veth) that is pulled and put back; over TLS, each with keys that `li
 
 import os
 import shutil
-import signal
 import subprocess
-import sys
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import msgspec
@@ -20,8 +18,9 @@ from messages.reference import Reference
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import connected
-from services.runtime.config.running import RUNNING, Running
-from tests.support.patience import PATIENCE_S, until
+from services.runtime.config.running import Running
+from tests.support.patience import until
+from tests.support.started import Started
 from tools.__main__ import main
 
 pytestmark = [
@@ -34,7 +33,6 @@ pytestmark = [
 
 CUT_S = 3.0  # [s] longer than Zenoh's lease of 1 s and every time-to-live
 TTL_S = 0.3  # [s] of a pilot command
-QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
 HANDS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.3,0\n120,0,0,0,0\n"
 
 
@@ -68,35 +66,6 @@ class Cable:
     def remove(self) -> None:
         for name in (self.topside, self.drone):
             subprocess.run(["ip", "netns", "del", name], check=False, capture_output=True)
-
-
-class Side:
-    """One `lindy up` in its namespace."""
-
-    def __init__(self, space: str, folder: Path, *words: str) -> None:
-        self.out, self._log = folder, folder.with_suffix(".txt")
-        command = ["ip", "netns", "exec", space, sys.executable, "-P", "-m", "tools", "up"]
-        with self._log.open("w") as log:
-            self.process = subprocess.Popen(
-                [*command, *words, *QUICK, "--out", str(folder)],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
-
-    @property
-    def said(self) -> str:
-        return self._log.read_text()
-
-    def running(self) -> Running:
-        return msgspec.json.decode((self.out / RUNNING).read_bytes(), type=Running)
-
-    def end(self) -> None:
-        self.process.send_signal(signal.SIGINT)
-        try:
-            self.process.wait(PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
 
 
 class Topside:
@@ -143,33 +112,29 @@ class OnBoard:
 
 
 @contextmanager
-def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, Side, Side]]:
-    cable = Cable()
-    sides: list[Side] = []
-    script = tmp_path / "hands.csv"
-    script.write_text(HANDS)
-    keys = "--keys", str(tmp_path / "keys")
+def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, Started, Started]]:
+    cable, keys = Cable(), ("--keys", str(tmp_path / "keys"))
+    endpoint = f"tls/{cable.address}:7447"
     assert main(["keys", "new", *keys]) == 0
-    try:
+
+    def up(space: str, side: str, *words: str, script: str = "") -> Started:
+        inside = ("ip", "netns", "exec", space)
+        started = Started(tmp_path / side, "up", side, *words, *keys, script=script, before=inside)
+        exits.callback(started.end)
+        return started
+
+    with ExitStack() as exits:
+        exits.callback(cable.remove)
         cable.lay()
-        endpoint = f"tls/{cable.address}:7447"
-        drone = Side(cable.drone, tmp_path / "drone", "drone", "--listen", endpoint, *keys)
-        sides.append(drone)
-        until(lambda: (drone.out / RUNNING).is_file(), lambda: drone.said)
-        topside = Side(
-            cable.topside, tmp_path / "topside", "topside", "--connect", endpoint,
-            "--pilot", f"script:{script}", *way, *keys,
-        )  # fmt: skip
-        sides.append(topside)
-        port = OnBoard(drone.running())
+        drone = up(cable.drone, "drone", "--listen", endpoint)
+        drone.until(lambda: drone.pid("reference"))
+        topside = up(cable.topside, "topside", "--connect", endpoint, *way, script=HANDS)
+        topside.until(lambda: topside.pid("gamepad"))
+        port = OnBoard(drone.running)
         try:
             yield cable, port, drone, topside
         finally:
             port.session.close()
-    finally:
-        for side in reversed(sides):
-            side.end()
-        cable.remove()
 
 
 @pytest.mark.slow
@@ -184,10 +149,10 @@ def test_a_cable_that_is_pulled_and_put_back(tmp_path: Path, way: tuple[str, ...
             return bool(port.statuses) and port.statuses[-1][1].activity == "piloted"
 
         until(armed, said)
-        pids = drone.running().pids, topside.running().pids
+        pids = drone.running.pids, topside.running.pids
         until(lambda: bool(port.references) and port.references[-1].depth.velocity > 0.1, said)
 
-        ashore = Topside(topside.running())
+        ashore = Topside(topside.running)
         usual = ashore.heard_in(CUT_S)
 
         cable.pull()
@@ -204,7 +169,7 @@ def test_a_cable_that_is_pulled_and_put_back(tmp_path: Path, way: tuple[str, ...
         assert time.monotonic() - back <= 2.0
 
         # The viewer starts last, on a busy computer perhaps only now.
-        now = drone.running().pids, topside.running().pids
+        now = drone.running.pids, topside.running.pids
         same = [before.items() <= after.items() for before, after in zip(pids, now, strict=True)]
         assert same == [True, True], "no process was restarted"
         for reference in port.references:

@@ -1,34 +1,29 @@
 """How each side of `lindy up` ends: the drone with a report, the topside with what only it saw."""
 
 import json
-import os
 import shutil
 import signal
 import subprocess
-import sys
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from socket import gethostname
-from typing import Any
 
-import msgspec
 import pytest
 
 from messages import topics
 from messages.health import LogLine
 from messages.link import Clock
 from messages.vehicle import VehicleStatus
-from services.runtime.config.running import RUNNING, Running
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_endpoint
+from tests.support.started import Started
 from tools.__main__ import main
 from tools.fleet.meeting import own_name
 from tools.recordings.recording import is_whole, open_recording
 
 pytestmark = pytest.mark.system
 
-QUICK = ("--set", "estimation.calibration.still_time=3")  # [s] less to wait for
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.5,0,0,0.8,0\n2,0,0,0,0\n4,0,0,0,0\n"
 A_DAY_AHEAD = ("unshare", "--time", "--monotonic", "86400")  # [s] as another machine's clock is
 
@@ -41,67 +36,22 @@ def another_clock() -> tuple[str, ...]:
     return A_DAY_AHEAD if tried.returncode == 0 else ()
 
 
-class Side:
+def side(folder: Path, *words: str) -> Started:
     """`lindy up` as a user starts it."""
+    return Started(folder, "up", *words)
 
-    def __init__(self, folder: Path, *words: str, clock: tuple[str, ...] = ()) -> None:
-        self.out, self._log = folder, folder.with_suffix(".txt")
-        command = [*clock, sys.executable, "-P", "-m", "tools", "up"]
-        with self._log.open("w") as log:
-            self.process = subprocess.Popen(
-                [*command, *words, *QUICK, "--out", str(folder)],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
 
-    @property
-    def said(self) -> str:
-        return self._log.read_text()
-
-    def pid(self, name: str) -> int | None:
-        try:
-            running = msgspec.json.decode((self.out / RUNNING).read_bytes(), type=Running)
-        except (FileNotFoundError, msgspec.DecodeError):
-            return None
-        return running.pids.get(name)
-
-    def until(self, events: Callable[[], bool]) -> None:
-        until(events, lambda: self.said, self._require_running)
-
-    def _require_running(self) -> None:
-        assert self.process.poll() is None, self.said
-
-    def kill(self, name: str) -> None:
-        """… and wait until it is there again."""
-        pid = self.pid(name)
-        assert pid is not None
-        os.kill(pid, signal.SIGKILL)
-        self.until(lambda: self.pid(name) not in (None, pid))
-
-    def end(self, how: signal.Signals) -> int:
-        self.process.send_signal(how)
-        return self.process.wait(PATIENCE_S)
-
-    def report(self) -> dict[str, Any]:
-        return json.loads((self.out / "report.json").read_text())
+def kill(side: Started, name: str) -> None:
+    """… and wait until it is there again."""
+    pid = side.pid(name)
+    side.signal(name, signal.SIGKILL)
+    side.until(lambda: side.pid(name) not in (None, pid))
 
 
 @contextmanager
-def side(folder: Path, *words: str, clock: tuple[str, ...] = ()) -> Generator[Side]:
-    started = Side(folder, *words, clock=clock)
-    try:
-        yield started
-    finally:
-        if started.process.poll() is None:
-            started.process.terminate()
-            started.process.wait(PATIENCE_S)
-
-
-@contextmanager
-def drone_alone(folder: Path) -> Generator[Side]:
+def drone_alone(folder: Path) -> Generator[Started]:
     with side(folder, "drone", "--listen", free_endpoint()) as drone:
-        drone.until(lambda: "calibrating" in drone.said)
+        drone.until_said("calibrating")
         sizes = set[int]()  # [bytes] of the recording: its beginning, and two chunks of messages
         drone.until(lambda: len(grown(drone.out / "dive.mcap", sizes)) > 3)
         yield drone
@@ -116,15 +66,15 @@ def grown(file: Path, sizes: set[int]) -> set[int]:
 
 @pytest.mark.slow
 def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Path):
-    script = tmp_path / "script.csv"
-    script.write_text(SCRIPT)
     endpoint = free_endpoint()
-    hands = "--connect", endpoint, "--pilot", f"script:{script}", "--grouped"  # one side is
+    hands = "--connect", endpoint, "--grouped"  # one side is
     with ExitStack() as sides:
         drone = sides.enter_context(side(tmp_path / "drone", "drone", "--listen", endpoint))
         drone.until(lambda: drone.pid("recorder") is not None)
         topside = sides.enter_context(
-            side(tmp_path / "topside", "topside", *hands, clock=another_clock())
+            Started(
+                tmp_path / "topside", "up", "topside", *hands, script=SCRIPT, before=another_clock()
+            )
         )
         assert topside.process.wait(PATIENCE_S) == 0, topside.said
         assert drone.end(signal.SIGTERM) == 0, drone.said
@@ -179,8 +129,8 @@ def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: P
     ) as topside:
         topside.until(lambda: topside.pid("link_monitor") is not None)
         topside.until((topside.out / "dive.mcap").exists)
-        topside.kill("link_monitor")
-        topside.kill("hub_topside")
+        kill(topside, "link_monitor")
+        kill(topside, "hub_topside")
         assert topside.end(signal.SIGINT) == 3, topside.said  # the hub heard nothing for a while
     lines = topside.said.splitlines()
     assert "ended; the drone was never heard, " in topside.said
@@ -196,7 +146,7 @@ def test_a_drone_without_keys_says_so_from_its_start_to_its_summary(tmp_path: Pa
     endpoint = free_endpoint()
     with side(tmp_path / "drone", "drone", "--listen", endpoint, "--insecure") as drone:
         # Said once every service listens; a dive that is ended before that has no recorder yet.
-        drone.until(lambda: "INSECURE" in drone.said and "calibrating" in drone.said)
+        drone.until_said("INSECURE", "calibrating")
         assert drone.end(signal.SIGTERM) == 0, drone.said
     lines = drone.said.splitlines()
     assert any("INSECURE: whoever reaches this port can fly the drone" in line for line in lines)
@@ -218,7 +168,7 @@ def test_who_is_not_on_the_drones_list_is_not_heard_and_is_named_in_its_log(tmp_
     assert main(["keys", "revoke", "pilot:first", "--keys", str(keys)]) == 0
     with ExitStack() as sides:
         drone = sides.enter_context(side(tmp_path / "drone", "drone", *words))
-        drone.until(lambda: "calibrating" in drone.said)
+        drone.until_said("calibrating")
         own = str(keys / "pilot-first")  # as on first's computer, which knows of no revocation
         words = "--connect", endpoint, "--keys", own, "--pilot", "gamepad"
         topside = sides.enter_context(side(tmp_path / "topside", "topside", *words))
@@ -231,7 +181,7 @@ def test_who_is_not_on_the_drones_list_is_not_heard_and_is_named_in_its_log(tmp_
     assert "the topside was never heard" in drone.said
 
 
-def learnt_at(drone: Side) -> int:
+def learnt_at(drone: Started) -> int:
     """[ns] Time of the estimator's checkpoint."""
     return json.loads((drone.out / "checkpoints" / "estimation.json").read_bytes())["stamp_ns"]
 
@@ -242,9 +192,9 @@ def test_a_drone_whose_supervisor_was_killed_goes_on_and_one_that_was_ended_cali
 ):
     endpoint = free_endpoint()
     with side(tmp_path / "first", "drone", "--listen", endpoint) as first:
-        first.until(lambda: "calibrated:" in first.said)
+        first.until_said("calibrated:")
         first.until(lambda: any(first.out.glob("checkpoints/estimation.json")))
-        pids = msgspec.json.decode((first.out / RUNNING).read_bytes(), type=Running).pids.values()
+        pids = first.running.pids.values()
         first.process.kill()
         first.process.wait(PATIENCE_S)
     until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids))
@@ -258,7 +208,7 @@ def test_a_drone_whose_supervisor_was_killed_goes_on_and_one_that_was_ended_cali
         assert "calibrating" not in second.said
         assert second.end(signal.SIGTERM) == 0, second.said
     with side(tmp_path / "third", "drone", "--listen", endpoint) as third:
-        third.until(lambda: "calibrating" in third.said)
+        third.until_said("calibrating")
         assert "goes on" not in third.said
 
 
@@ -276,14 +226,14 @@ def test_a_supervisor_on_board_that_hangs_is_said_while_it_hangs(tmp_path: Path)
         assert drone.end(signal.SIGTERM) == 0, drone.said
 
 
-def supervisor_heard_beside(key: str, of: Side) -> int:
+def supervisor_heard_beside(key: str, of: Started) -> int:
     """How often the supervisor on board was recorded since the first message on a key."""
     keys = [each.key for each in open_recording(of.out)]
     since = keys.index(key) if key in keys else len(keys)
     return keys[since:].count("health/supervisor_drone")
 
 
-def conditions(of: Side) -> set[str]:
+def conditions(of: Started) -> set[str]:
     """All that its recording knows of so far."""
     told = (each.message for each in open_recording(of.out))
     return {name for each in told if isinstance(each, VehicleStatus) for name in each.conditions}

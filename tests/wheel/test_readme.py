@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.doors import free_port
 from tests.support.once import once
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_port
 from tests.wheel.conftest import ROOT, Installed
 
 pytestmark = [pytest.mark.slow, pytest.mark.system]

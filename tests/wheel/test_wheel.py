@@ -2,7 +2,6 @@
 
 import ast
 import json
-import re
 import socket
 import subprocess
 import sys
@@ -148,13 +147,6 @@ def test_the_programs_of_the_library_page_run(installed: Installed) -> None:
             status, said, wrong = installed.run([python, str(program)])
             assert status == 0, f"{program}: {said}{wrong}"
             assert said
-
-
-@pytest.mark.parametrize("verb", ["figures --out figures", "bench --only reference"])
-def test_a_verb_of_research_says_what_to_install(installed: Installed, verb: str) -> None:
-    status, said, wrong = installed.run(f"lindy {verb}")
-    assert (status, said) == (1, "")
-    assert re.fullmatch(r"lindy: `lindy \w+` is in the package lindy-research, .*\n", wrong)
 
 
 def test_the_drones_side_and_the_topside_find_each_other(installed: Installed) -> None:

@@ -12,8 +12,7 @@ from messages import topics
 from messages.pilot import TTL_MS, PilotCommand
 from messages.vehicle import VehicleStatus
 from tests.support.docs.chromium import Browser, BrowserPage, Size, insist
-from tests.support.docs.cockpit_dive import CockpitDive
-from tests.support.docs.cockpit_picture import arm, hold
+from tests.support.docs.cockpit_dive import CockpitDive, arm, hold
 from tests.support.patience import until
 
 pytestmark = pytest.mark.system

@@ -14,8 +14,7 @@ from messages import topics
 from messages.pilot import PilotRequest
 from messages.vehicle import Truth, VehicleStatus
 from tests.support.docs.chromium import Browser, BrowserPage, Size
-from tests.support.docs.cockpit_dive import CockpitDive
-from tests.support.docs.cockpit_picture import arm
+from tests.support.docs.cockpit_dive import CockpitDive, arm
 from tests.support.page_screen import CONTRAST, FINGER, SIZES, UNPRESSED, Served
 from tests.support.patience import until
 

@@ -18,9 +18,9 @@ from services.ping.core import Settings as PingSettings
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.dive import CHAIN
 from tests.support.instruments.ping1d import Ping1dDouble
 from tests.support.instruments.truth import SeenMotion
-from tests.support.sortie import CHAIN
 
 S = 1_000_000_000
 FLOOR, SLOPE = 10.0, -0.1  # [m] deep at the start, and deeper by so much for each metre north

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 
 from services.marine.vehicle import Vehicle
 from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
-from services.mavlink_io.packet import MavlinkPacket
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.simulator.core import Settings
@@ -21,7 +20,6 @@ from tests.support.ardusub_double.board import BoardDouble
 from tests.support.ardusub_double.settings import defaults
 
 HOST = "127.0.0.1"
-ANSWERS = ("COMMAND_ACK", "AUTOPILOT_VERSION", "TIMESYNC")
 STEP_S = 0.0025  # [s] half a tick of the board
 
 
@@ -29,7 +27,6 @@ def main() -> None:
     """Ends with its parent, or when it is told to."""
     parser = argparse.ArgumentParser(description="A double of a board with ArduSub, over UDP.")
     parser.add_argument("--to", type=int, required=True, help="UDP port on 127.0.0.1")
-    parser.add_argument("--beside", type=int, help="UDP port of a second link")
     parser.add_argument("--version", default="4.8", choices=["4.5", "4.8"], help="of ArduSub")
     parser.add_argument("--vehicle", default="bluerov2_heavy", help="name, or a TOML file")
     parser.add_argument(
@@ -42,7 +39,7 @@ def main() -> None:
         parser.error(f"{said.vehicle}: {error}")
     print(f"ArduSub {said.version} with {said.vehicle} → {HOST}:{said.to}", flush=True)
     with contextlib.suppress(KeyboardInterrupt):
-        run(board, [said.to, *([said.beside] if said.beside else [])], os.getppid())
+        run(board, said.to, os.getppid())
 
 
 def board_of(vehicle: str, version: str, assignments: Sequence[str]) -> BoardDouble:
@@ -60,60 +57,21 @@ def board_of(vehicle: str, version: str, assignments: Sequence[str]) -> BoardDou
     return BoardDouble(body, place, version=version, params=params)
 
 
-def run(board: BoardDouble, ports: Sequence[int], parent: int) -> None:
-    """Serve whoever listens on these ports until the parent process ends, as a board with several
-    links does: an answer goes to who asked, and of what one says the others hear the heartbeats."""
-    with contextlib.ExitStack() as stack:
-        links = [_Link(stack.enter_context(_socket()), port, board.system) for port in ports]
+def run(board: BoardDouble, port: int, parent: int) -> None:
+    """Serve whoever listens on this port until the parent process ends."""
+    codec = MavlinkCodec(board.system, 1)
+    reader = FrameReader(codec)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.bind((HOST, 0))
         while os.getppid() == parent:
-            ready, _, _ = select.select([link.socket for link in links], [], [], STEP_S)
+            ready, _, _ = select.select([link], [], [], STEP_S)
             now = time.monotonic_ns()
-            for link in links:
-                if link.socket in ready:
-                    _hear(board, link, links, now)
+            if ready:
+                for packet in reader.read([link.recvfrom(2048)[0]], datagrams=True):
+                    board.hear(packet, now)
             board.advance(now)
             for packet in board.sent():
-                for link in links:
-                    link.send(packet)
-
-
-def _hear(board: BoardDouble, link: "_Link", links: Sequence["_Link"], now: int) -> None:
-    for packet in link.received():
-        board.hear(packet, now)
-        for said in board.sent():
-            for other in [link] if said.name in ANSWERS else links:
-                other.send(said)
-        if packet.name == "HEARTBEAT":
-            for other in links:
-                if other is not link:
-                    other.pass_on(packet)
-
-
-class _Link:
-    """One of the board's, and who listens at its other end."""
-
-    def __init__(self, socket: socket.socket, port: int, system: int) -> None:
-        self.socket, self._port = socket, port
-        self._codec = MavlinkCodec(system, 1)
-        self._reader = FrameReader(self._codec)
-
-    def received(self) -> list[MavlinkPacket]:
-        data, _ = self.socket.recvfrom(2048)
-        return self._reader.read([data], datagrams=True)
-
-    def send(self, packet: MavlinkPacket) -> None:
-        self.socket.sendto(self._codec.encode(packet), (HOST, self._port))
-
-    def pass_on(self, packet: MavlinkPacket) -> None:
-        """In the name of who said it."""
-        frame = MavlinkCodec(packet.system, packet.component).encode(packet)
-        self.socket.sendto(frame, (HOST, self._port))
-
-
-def _socket() -> socket.socket:
-    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    link.bind((HOST, 0))
-    return link
+                link.sendto(codec.encode(packet), (HOST, port))
 
 
 if __name__ == "__main__":

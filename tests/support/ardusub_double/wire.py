@@ -23,14 +23,8 @@ from services.runtime.config.stack import Stack
 from tests.support.patience import PATIENCE_S
 
 DOUBLE = "tests.support.ardusub_double.udp"
-
-
 FIRMWARE = [path for path in os.environ.get("LINDY_ARDUSUB", "").split(":") if path]
-
-
 S = 1_000_000_000  # [ns]
-
-
 # Of the simulator that comes with the firmware: no RC receiver, as on every tethered ROV, and
 # sensors without the noise that no water has, and a compass with that of every compass.
 DEFAULTS = """FRAME_CONFIG 2
@@ -40,12 +34,10 @@ SIM_BAR2_RND 0.002
 SIM_MAG_RND 3
 FS_PILOT_TIMEOUT 1
 """
-
-
 NO_FIRMWARE = pytest.param("", marks=pytest.mark.skip("LINDY_ARDUSUB names no firmware"))
-
-
 # The double's 4.5 is flown on virtual time: test_ardusub.py
+NEUTRAL = [1500] * 8  # [µs]
+DOWN = (0.0, 0.0, 0.0, 0.0, 6.0, 6.0, 6.0, 6.0)  # [N]
 BOARDS = ["4.8", *(FIRMWARE or [NO_FIRMWARE])]
 
 
@@ -62,13 +54,12 @@ def board_process(
 
     Args:
         params: besides those above.
-        beside: port of a second link.
+        beside: port of a second link of a firmware.
         model: of a firmware's simulator.
     """
     values = params or {}
     if kind in ("4.5", "4.8"):
         said = [sys.executable, "-P", "-m", DOUBLE, "--to", str(port), "--version", kind]
-        said += ["--beside", str(beside)] if beside else []
         said += [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     else:
         (folder / "lindy.parm").write_text(
@@ -174,9 +165,3 @@ class Wire:
         return ThrusterCommand(
             stamp_ns=now, sensor_ns=None, pilot_ns=None, thrust=thrust, armed=True
         )
-
-
-NEUTRAL = [1500] * 8
-
-
-DOWN = (0.0, 0.0, 0.0, 0.0, 6.0, 6.0, 6.0, 6.0)  # [N]

@@ -17,8 +17,6 @@ from typing import Any, NamedTuple
 
 from websockets.sync.client import connect
 
-from tests.support.processes import in_group, spent_s
-
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 PATIENCE_S = 120.0  # [s] never reached unless something is broken, on a slow and busy computer
 PRESS_S = 5.0  # [s] far longer than any button has to be held
@@ -87,10 +85,6 @@ class Browser:
             page.call("Page.addScriptToEvaluateOnNewDocument", source=before)
         page.go(url)
         return page
-
-    def spent_s(self) -> float:
-        """[s] Processor time of all its processes (Linux only)."""
-        return sum(spent_s(pid) for pid in in_group(self._process.pid))
 
     def close(self) -> None:
         self._control.close()

@@ -3,13 +3,14 @@ pictures and for tests with a browser."""
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 
 from services.cockpit.core import Settings
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.docs.chromium import BrowserPage, insist
 
 SERVICES = ("simulator", "estimation", "reference", "control", "tether", "link_monitor", "cockpit")
 CAMERA = ("camera", "camera_monitor")
@@ -17,6 +18,7 @@ FLOOR = "simulator.floor_depth=4"  # [m] so that there is something to be seen
 STILL = "estimation.calibration.still_time=3"  # [s] less to wait for
 READY_NS = 6_000_000_000  # [ns] calibration is done by then; it is not waited for
 STEP_NS = 5_000_000  # [ns]
+STICKS = "document.getElementById('left').checkVisibility({ visibilityProperty: true })"
 LAG_NS = 50_000_000  # [ns] a busy computer is not made up for in one go
 
 
@@ -72,3 +74,20 @@ class CockpitDive:
         at: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def arm(page: BrowserPage) -> None:
+    """As a thumb does."""
+    page.wait("document.getElementById('activity').textContent.startsWith('ready')")
+    hold(page, lambda: page.look("document.getElementById('armed').textContent === 'ARMED'"))
+    page.wait(STICKS)
+
+
+def hold(page: BrowserPage, happens: Callable[[], object]) -> None:
+    """The button that arms, by a thumb."""
+
+    def let_go() -> None:
+        page.touch("touchEnd")
+
+    insist(happens, lambda: page.touch("touchStart", page.middle("#arm")), let_go)
+    let_go()

@@ -1,7 +1,5 @@
 """`docs/failsafes.md`, written from the failsafe table itself (`make docs`)."""
 
-from pathlib import Path
-
 from messages.vehicle import Reaction
 from services.reference.failsafe.table import SHORT_NS, FailsafeRow, FailsafeStage, table
 from services.reference.settings import FailsafeSettings
@@ -60,11 +58,3 @@ def _stage(stage: FailsafeStage) -> str:
     last: dict[Reaction, str] = {"ascend": "ascend and stay at the surface"}
     does = last.get(stage.reaction, stage.reaction)
     return does if stage.after == 0.0 else f"after {stage.after:g} s {does}"
-
-
-def main() -> None:
-    Path("docs/failsafes.md").write_text(page(), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,6 @@
 """`docs/report.md`, the keys of `report.json`, written from its Structs (`make docs`)."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import msgspec
@@ -32,11 +31,3 @@ def parts(kind: Any) -> Iterator[type[msgspec.Struct]]:
             yield from parts(inner)
     for inner in get_args(kind):
         yield from parts(inner)
-
-
-def main() -> None:
-    Path("docs/report.md").write_text(page(), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

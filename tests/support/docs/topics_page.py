@@ -2,7 +2,6 @@
 
 import inspect
 import re
-from pathlib import Path
 
 import msgspec
 
@@ -69,11 +68,3 @@ def section(kind: type[msgspec.Struct]) -> str:
         if (match := re.match(r"    (\w+): [^#]*(?:#(.*))?$", line))
     ]
     return "\n".join([f"## {kind.__name__}", *([about, ""] if about else [""]), *fields, ""])
-
-
-def main() -> None:
-    Path("docs/topics.md").write_text(page(), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

@@ -3,24 +3,22 @@ Vulkan, in software at least; on Debian: mesa-vulkan-drivers and libvulkan1."""
 
 import contextlib
 import os
-import socket
 import subprocess
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TypeVar
 
 import pytest
 from rerun.experimental import ViewerClient
 
+from tests.support.doors import free_port
+from tests.support.patience import until
+
 SIZE = "1600x900"  # [px]
 TIMELINE = "dive"
-START_S, LOAD_S = 20.0, 60.0  # for the viewer to answer, and for the recording to be read
 DRAW_S = 1.0  # for the panels to settle after the time is set
-POLL_S = 0.1
-T = TypeVar("T")
 DRIVERS = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
 needs_vulkan = pytest.mark.skipif(
     not [file for folder in DRIVERS if folder.is_dir() for file in folder.glob("*.json")],
@@ -66,9 +64,7 @@ def viewer(rrd: Path) -> Generator[ViewerClient]:
     assert spec is not None
     assert spec.origin is not None
     program = Path(spec.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     command = [str(program), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--window-size", SIZE, "--hide-welcome-screen", str(rrd)]
     process = subprocess.Popen(
@@ -82,7 +78,7 @@ def viewer(rrd: Path) -> Generator[ViewerClient]:
         return None
 
     try:
-        yield _until(connected, START_S)
+        yield until(connected)
     finally:
         process.kill()
         process.wait()
@@ -101,13 +97,4 @@ def loaded(client: ViewerClient) -> tuple[float, float]:
                     return line.start / 1e9, line.end / 1e9
         return None
 
-    return _until(span, LOAD_S)
-
-
-def _until(attempt: Callable[[], T | None], seconds: float) -> T:
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if (result := attempt()) is not None:
-            return result
-        time.sleep(POLL_S)
-    raise AssertionError(f"the viewer does not show it after {seconds:g} s")
+    return until(span)

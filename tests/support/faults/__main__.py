@@ -12,12 +12,9 @@ from collections.abc import Collection, Generator, Sequence
 from pathlib import Path
 
 from services.runtime.os import system
-from tests.support.faults import real_cells, virtual_cells
-from tests.support.faults.page import DATA, PAGE, page_of, summary, write_data
-from tests.support.faults.rows import CellRow, read_rows, row_of, write_row
-from tests.support.faults.virtual_cells import VirtualCell
-
-PLANNED = len(virtual_cells.ALL)
+from tests.support.faults.cells import VIRTUAL_CELLS, fly_real, fly_virtual
+from tests.support.faults.goals import CellRow, read_rows, row_of, write_row
+from tests.support.faults.page import DATA, PAGE, page, summary, write_data
 
 
 def main(words: Sequence[str]) -> int:
@@ -27,41 +24,31 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--cells", nargs="*", default=[], help="virtual ones, as MODE/FAULT")
     parser.add_argument("--rows", type=Path, help="file for the rows, one line of JSON each")
     parser.add_argument("--read", type=Path, nargs="*", help="fly nothing: rows of earlier runs")
-    parser.add_argument("--workers", type=int, default=system.cores())
     args = parser.parse_args(words)
+    load = os.getloadavg()[2]
+    # Real processes start late on a busy computer.
+    conditions = f"{system.cores()} cores, with {load:.0f} processes at work on average."
+    began = time.monotonic()
     if args.read:
         rows = [row for path in args.read for row in read_rows(path)]
-        _keep(rows, _conditions())
-        print(summary(rows))
-        return 0
-    began = time.monotonic()
-    rows = flown(args.world, args.cells, args.workers, args.rows)
-    minutes = (time.monotonic() - began) / 60.0
-    print(f"{summary(rows)}\n{minutes:.1f} min")
-    if args.world == "both" and not args.cells:
-        _keep(rows, f"{minutes:.0f} minutes, {_conditions()}")
+    else:
+        rows = flown(args.world, args.cells, args.rows)
+    conditions = f"{(time.monotonic() - began) / 60.0:.0f} minutes, {conditions}"
+    print(summary(rows))
+    if args.read or (args.world == "both" and not args.cells):
+        write_data(rows, len(VIRTUAL_CELLS), conditions)
+        PAGE.write_text(page(), encoding="utf-8")
+        print(f"written: {DATA}/faults*, {PAGE}")
     return 0
 
 
-def _keep(rows: Sequence[CellRow], conditions: str) -> None:
-    write_data(rows, PLANNED, conditions)
-    PAGE.write_text(page_of(), encoding="utf-8")
-    print(f"written: {DATA}/faults*, {PAGE}")
-
-
-def _conditions() -> str:
-    """Real processes start late on a busy computer."""
-    return f"{system.cores()} cores, with {os.getloadavg()[2]:.0f} processes at work on average."
-
-
-def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> list[CellRow]:
+def flown(world: str, names: Sequence[str], kept: Path | None) -> list[CellRow]:
     """Fly the cells; `kept`: file to which each row is added at once. Virtual cells that are in it
     already, of a run that was broken off, are not flown again."""
-    if kept is None:
-        kept = Path(tempfile.mkdtemp(prefix="lindy-faults-")) / "rows.jsonl"
+    kept = kept or Path(tempfile.mkdtemp(prefix="lindy-faults-")) / "rows.jsonl"
     rows = read_rows(kept) if kept.exists() else []
     known = {f"{row.mode}/{row.fault}" for row in rows if row.world == "virtual"}
-    for row in _flying(world, names, workers, known):
+    for row in _flying(world, names, known):
         rows.append(row)
         write_row(kept, row)
         missed = f"  MISSED {', '.join(row.missed)}" if row.missed else ""
@@ -70,20 +57,15 @@ def flown(world: str, names: Sequence[str], workers: int, kept: Path | None) -> 
     return rows
 
 
-def _flying(
-    world: str, names: Sequence[str], workers: int, known: Collection[str]
-) -> Generator[CellRow]:
+def _flying(world: str, names: Sequence[str], known: Collection[str]) -> Generator[CellRow]:
+    cells = {f"{cell.mode.name}/{cell.fault.name}": cell for cell in VIRTUAL_CELLS}
     if world != "real":
-        for (mode, fault), figures in virtual_cells.fly_all(_chosen(names, known), workers):
-            yield row_of("virtual", mode.name, fault, figures)
+        chosen = [cells[name] for name in names or cells if name not in known]
+        for each in fly_virtual(chosen, system.cores()):
+            yield row_of("virtual", each)
     if world != "virtual":
-        for fault, figures, note in real_cells.fly_all():
-            yield row_of("real", real_cells.PILOTED.name, fault, figures, note)
-
-
-def _chosen(names: Sequence[str], known: Collection[str]) -> list[VirtualCell]:
-    cells = {f"{mode.name}/{fault.name}": (mode, fault) for mode, fault in virtual_cells.ALL}
-    return [VirtualCell(*cells[name]) for name in names or cells if name not in known]
+        for each in fly_real():
+            yield row_of("real", each)
 
 
 if __name__ == "__main__":

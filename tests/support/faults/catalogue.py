@@ -1,20 +1,29 @@
-"""The faults, as data.
+"""The faults, as data: how each begins and ends, in which world, and which goals apply to it.
 
 A fault that virtual time cannot show (a disk, a processor, the recorder's own process) is for real
 dives alone; one that real processes cannot have on demand (an exception), for virtual time alone.
 """
 
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass
+from operator import methodcaller
+from typing import Any, Literal
 
 from messages.link import LinkRequest
 from messages.simulator import FaultKind
-from tests.support.faults.fault import HANGS, AnyDive, Deeds, FaultCase, VirtualDeeds, nothing
 from tests.support.faults.modes import VERTICAL
-from tests.support.faults.virtual_dive import VirtualDive
 from tests.support.jitter import Jitter
 
+World = Literal["virtual", "real"]
+Deed = Callable[[Any], object]  # to a dive of such a world
+VIRTUAL: tuple[World, ...] = ("virtual",)
+REAL: tuple[World, ...] = ("real",)
+BOTH: tuple[World, ...] = ("virtual", "real")
+HANGS = "process hangs"  # a cause
+HANGS_S = 3.0  # [s]
 ON_BOARD = ("simulator", "estimation", "reference", "control")
 PROCESSES = (*ON_BOARD, "tether", "gamepad", "link_monitor", "hub_drone", "hub_topside")
+SERVICES = tuple(name for name in PROCESSES if not name.startswith("hub_"))
 ONLOOKERS = ("recorder", "visualizer")  # in real dives alone
 # Between the pilot and the reference. Without its hub the drone hears nobody either, but
 # then nobody hears when it notices.
@@ -22,266 +31,197 @@ BETWEEN = ("tether", "gamepad", "hub_topside")
 DEAF = ("simulator", "hub_drone")  # without it no sample arrives
 KILL_S, HANG_S, RESUME_S = 1.5, 3.0, 2.0  # [s] goals
 STOPS = (0.3, 2.0, 20.0)  # [s]
-
-
-def _of_process(name: str) -> list[FaultCase]:
-    """It is killed; it is stopped, for less and for more than the supervisor waits."""
-    killed = Deeds(partial(_kill, name))
-    faults = [
-        FaultCase(
-            name=f"kill -9 {name}",
-            cause="process ends",
-            lasts=0.0,
-            after=3.5,
-            both=None if name in ONLOOKERS else killed,
-            only_real=killed,
-            lives=name not in DEAF,
-            no_control=name == "control",
-            back=KILL_S,
-        )
-    ]
-    for seconds in STOPS:
-        stopped = Deeds(partial(_stop, name), partial(_go_on, name))
-        longer = seconds > 1.0
-        faults.append(
-            FaultCase(
-                name=f"SIGSTOP {name} {seconds:g} s",
-                cause=HANGS,
-                lasts=seconds,
-                after=3.0 if seconds < 10.0 else 2.0,
-                both=None if name in ONLOOKERS else stopped,
-                only_real=stopped,
-                lives=name not in DEAF,
-                no_pilot=longer and name in BETWEEN,
-                no_control=name == "control",
-                back=HANG_S if longer else None,
-            )
-        )
-    return faults
-
-
-def _kill(name: str, dive: AnyDive) -> None:
-    dive.kill(name)
-
-
-def _stop(name: str, dive: AnyDive) -> None:
-    dive.stop(name)
-
-
-def _go_on(name: str, dive: AnyDive) -> None:
-    dive.go_on(name)
-
-
-def _exception(name: str) -> FaultCase:
-    return FaultCase(
-        name=f"exception in {name}",
-        cause="process ends",
-        lasts=0.0,
-        after=3.5,
-        back=KILL_S,
-        lives=name not in DEAF,
-        no_control=name == "control",
-        only_virtual=VirtualDeeds(lambda dive: dive.fail(name)),
-    )
-
-
 TOO_SLOW_S = 0.1  # [s] ten periods of the chain
+WRITES_S = 14.0  # [s] what writes files is given ten seconds before it is ended
+
+
+def nothing(_: object) -> None:
+    """It ends by itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultCase:
+    """One fault. Times in seconds."""
+
+    name: str
+    cause: str  # the group it belongs to
+    begin: Deed
+    end: Deed = nothing
+    worlds: tuple[World, ...] = VIRTUAL
+    lasts: float = 6.0  # [s] from its beginning to its end
+    after: float = 3.0  # [s] looked at after its end
+    ask_at: float = 0.3  # [s] after its beginning, when the disarm is asked for
+    alone: bool = False  # in real processes: in a dive of its own
+    # What else is to be said of a real one (dive, beginning [ns]).
+    note: Callable[[Any, int], str] = lambda _dive, _begin: ""
+    # Which goals apply besides those for every cell.
+    lives: bool = True  # the sensors do: a held depth is held
+    no_pilot: bool = False  # the drone hears nobody for longer than 0.3 s
+    no_control: bool = False  # nobody commands the thrusters for longer than 0.2 s
+    back: float | None = None  # [s] after its beginning the pilot is in control again
+
+    @property
+    def flown(self) -> float:
+        """[s] How long it is looked at before its end. The supervisor ends what hangs for longer
+        than a second, and gives a slow disk ten: the rest of twenty seconds shows nothing more."""
+        return min(self.lasts, HANGS_S) if self.cause == HANGS else self.lasts
+
+
+def _killed(name: str, words: str, deed: str, worlds: tuple[World, ...]) -> FaultCase:
+    return FaultCase(
+        name=f"{words} {name}", cause="process ends", begin=methodcaller(deed, name),
+        worlds=worlds, lasts=0.0, after=3.5, back=KILL_S, lives=name not in DEAF,
+        no_control=name == "control",
+        note=lambda dive, begin: dive.lost(begin) if name == "recorder" else "",
+    )  # fmt: skip
+
+
+def _stopped(name: str, seconds: float) -> FaultCase:
+    """For less and for more than the supervisor waits."""
+    longer, writes = seconds > 1.0, seconds > 10.0 and name in ONLOOKERS
+    return FaultCase(
+        name=f"SIGSTOP {name} {seconds:g} s", cause=HANGS, begin=methodcaller("stop", name),
+        end=nothing if writes else methodcaller("go_on", name),
+        worlds=REAL if name in ONLOOKERS else BOTH, lasts=seconds,
+        after=WRITES_S if writes else 3.0 if seconds < 10.0 else 2.0, lives=name not in DEAF,
+        no_pilot=longer and name in BETWEEN, no_control=name == "control",
+        back=HANG_S if longer else None,
+        note=lambda dive, begin: dive.lost(begin) if name == "recorder" else "",
+    )  # fmt: skip
 
 
 def _slow(name: str) -> FaultCase:
     return FaultCase(
-        name=f"{name} ten times too slow",
-        cause="too slow",
-        lasts=5.0,
-        after=2.0,
-        only_virtual=VirtualDeeds(
-            lambda dive: dive.slow(name, TOO_SLOW_S), lambda dive: dive.slow(name, 0.0)
-        ),
-    )
+        name=f"{name} ten times too slow", cause="too slow", lasts=5.0, after=2.0,
+        begin=lambda dive: dive.hindrances[name].slow(TOO_SLOW_S),
+        end=lambda dive: dive.hindrances[name].slow(0.0),
+    )  # fmt: skip
 
 
 def _part(
-    part: str,
-    kind: FaultKind,
-    value: float | None = None,
-    *,
-    lives: bool = True,
-    lasts: float = 6.0,
-    acts: bool = False,
-) -> FaultCase:
+    part: str, kind: FaultKind, value: float | None = None, *, lives: bool = True,
+    lasts: float = 6.0, acts: bool = False,
+) -> FaultCase:  # fmt: skip
     """`acts`: the drone acts by itself until the pilot resumes."""
     words = kind if value is None else f"{kind} {value:g}"
     return FaultCase(
         name=f"{part.removeprefix('sensor/').lower()} {words}",
         cause="sensor" if part.startswith("sensor/") else "thruster",
-        lasts=lasts,
-        lives=lives,
-        back=lasts + RESUME_S if acts else None,
-        both=Deeds(lambda dive: dive.part(part, kind, value), lambda dive: dive.part(part, "none")),
+        begin=methodcaller("part", part, kind, value), end=methodcaller("part", part, "none"),
+        worlds=BOTH, lasts=lasts, lives=lives, back=lasts + RESUME_S if acts else None,
+    )  # fmt: skip
+
+
+def _link(
+    name: str, bad: LinkRequest, good: LinkRequest, seconds: float, **goals: Any
+) -> FaultCase:
+    begin, end = methodcaller("link", bad), methodcaller("link", good)
+    return FaultCase(
+        name=name, cause="link", begin=begin, end=end, worlds=BOTH, lasts=seconds, **goals
     )
 
 
 def _cable(seconds: float) -> FaultCase:
-    down = LinkRequest(stamp_ns=0, id="", kind="down")
-    up = LinkRequest(stamp_ns=0, id="", kind="up")
-    return FaultCase(
-        name=f"cable out {seconds:g} s",
-        cause="link",
-        lasts=seconds,
-        no_pilot=True,
-        back=seconds + RESUME_S,
-        both=Deeds(lambda dive: dive.link(down), lambda dive: dive.link(up)),
-    )
+    down, up = (LinkRequest(stamp_ns=0, id="", kind=kind) for kind in ("down", "up"))
+    back = seconds + RESUME_S
+    return _link(f"cable out {seconds:g} s", down, up, seconds, no_pilot=True, back=back)
 
 
 def _profile(name: str) -> FaultCase:
-    bad = LinkRequest(stamp_ns=0, id="", kind="profile", profile=name)
-    good = LinkRequest(stamp_ns=0, id="", kind="profile", profile="tether")
+    bad, good = (
+        LinkRequest(stamp_ns=0, id="", kind="profile", profile=each) for each in (name, "tether")
+    )
+    return _link(f"link {name}", bad, good, 6.0)
+
+
+def _stranger(name: str, begin: Deed, who: str) -> FaultCase:
     return FaultCase(
-        name=f"link {name}",
-        cause="link",
-        lasts=6.0,
-        both=Deeds(lambda dive: dive.link(bad), lambda dive: dive.link(good)),
+        name=name, cause="stranger", begin=begin, end=methodcaller("leave", who), after=2.0
     )
 
 
-def _forget_on_board(dive: VirtualDive) -> None:
+def _forget_on_board(dive: Any) -> None:
     """The drone's computer starts again; nothing is left of what its services knew."""
     for name in ON_BOARD[1:]:
         dive.kill(name)
-        dive.forget(name)
+        dive.host.forget(name)
 
 
-def _busy(dive: VirtualDive) -> None:
-    dive.busy(ON_BOARD, Jitter(delay=0.005, stall=0.05, stall_every=0.5))
+def _share(jitter: Jitter) -> Deed:
+    """How much of a busy processor those on board have."""
+
+    def share(dive: Any) -> None:
+        for name in ON_BOARD:
+            dive.hindrances[name].share(jitter)
+
+    return share
 
 
-def _idle(dive: VirtualDive) -> None:
-    dive.busy(ON_BOARD, Jitter())
+def _silent(dive: Any) -> None:
+    """The pilot's process says nothing, and nobody notices that it hangs."""
+    dive.hindrances["gamepad"].stop()
 
 
-def _older_pilot(dive: VirtualDive) -> None:
-    """A gamepad of a version that knew no epochs takes the place of the pilot's."""
-    dive.hush("gamepad")
-    dive.stranger(source="older")
+def _speaks(dive: Any) -> None:
+    dive.hindrances["gamepad"].go_on()
 
 
-def _newer_pilot(dive: VirtualDive) -> None:
-    dive.leave("stranger")
-    dive.speak("gamepad")
+def _another_pilot(deed: Deed) -> tuple[Deed, Deed]:
+    """Somebody takes the place of the pilot's process, and gives it back."""
+
+    def come(dive: Any) -> None:
+        _silent(dive)
+        deed(dive)
+
+    def go(dive: Any) -> None:
+        dive.leave("stranger")
+        dive.leave("sticks")
+        _speaks(dive)
+
+    return come, go
 
 
-def _silent_pilot(dive: VirtualDive) -> None:
-    dive.hush("gamepad")
-
-
-def _stick_down(dive: VirtualDive) -> None:
-    """The pilot pushes the stick down, whatever the script says."""
-    dive.hush("gamepad")
-    dive.sticks(heave=1.0)
-
-
-def _script_again(dive: VirtualDive) -> None:
-    dive.leave("sticks")
-    dive.speak("gamepad")
-
-
-NONE = FaultCase(name="none", cause="none", lasts=6.0, both=Deeds(nothing))
+OLDER = _another_pilot(methodcaller("stranger", source="older"))  # a version that knew no epochs
+STICK_DOWN = _another_pilot(methodcaller("sticks", heave=1.0))  # whatever the script says
+NONE = FaultCase(name="none", cause="none", begin=nothing, worlds=BOTH)
 IMU, PRESSURE, FIELD = "sensor/imu", "sensor/pressure", "sensor/magnetometer"
-
-OF_THRUSTERS: tuple[tuple[FaultKind, float | None], ...] = (
-    ("dead", None),
-    ("reversed", None),
-    ("weak", 0.5),
-)
 FAULTS: tuple[FaultCase, ...] = (
     NONE,
-    *(fault for name in (*PROCESSES, *ONLOOKERS) for fault in _of_process(name)),
-    *(_exception(name) for name in PROCESSES if not name.startswith("hub_")),
-    *(_slow(name) for name in PROCESSES if not name.startswith("hub_")),
+    *(
+        fault
+        for name in (*PROCESSES, *ONLOOKERS)
+        for fault in (
+            _killed(name, "kill -9", "kill", REAL if name in ONLOOKERS else BOTH),
+            *(_stopped(name, seconds) for seconds in STOPS),
+        )
+    ),
+    *(_killed(name, "exception in", "fail", VIRTUAL) for name in SERVICES),
+    *(_slow(name) for name in SERVICES),
     FaultCase(
-        name="drone side restarted, memory lost",
-        cause="process ends",
-        lasts=0.0,
-        after=8.0,
-        no_control=True,
-        only_virtual=VirtualDeeds(_forget_on_board),
+        name="drone side restarted, memory lost", cause="process ends", lasts=0.0, after=8.0,
+        no_control=True, begin=_forget_on_board,
     ),
     _cable(3.0),
     _cable(30.0),
     _profile("congested"),
     _profile("severe"),
+    _stranger("flood of junk topside", methodcaller("junk", "topside", 50.0), "junk"),
+    _stranger("flood of junk on board", methodcaller("junk", "drone", 50.0), "junk"),
+    _stranger("stranger without control", methodcaller("stranger"), "stranger"),
     FaultCase(
-        name="flood of junk topside",
-        cause="stranger",
-        lasts=6.0,
-        after=2.0,
-        only_virtual=VirtualDeeds(
-            lambda dive: dive.junk("topside", 50.0), lambda dive: dive.leave("junk")
-        ),
+        name="pilot of an older version", cause="stranger", lasts=0.9, no_pilot=True,
+        begin=OLDER[0], end=OLDER[1],
+    ),
+    _stranger("second reference", methodcaller("second", "reference"), "reference_2"),
+    _stranger("second control", methodcaller("second", "control"), "control_2"),
+    _stranger("another Lindy on board", methodcaller("other_lindy"), "other"),
+    FaultCase(
+        name="pilot silent 22 s", cause="link", lasts=22.0, no_pilot=True, back=22.0 + RESUME_S,
+        begin=_silent, end=_speaks,
     ),
     FaultCase(
-        name="flood of junk on board",
-        cause="stranger",
-        lasts=6.0,
-        after=2.0,
-        only_virtual=VirtualDeeds(
-            lambda dive: dive.junk("drone", 50.0), lambda dive: dive.leave("junk")
-        ),
-    ),
-    FaultCase(
-        name="stranger without control",
-        cause="stranger",
-        lasts=6.0,
-        after=2.0,
-        only_virtual=VirtualDeeds(
-            lambda dive: dive.stranger(), lambda dive: dive.leave("stranger")
-        ),
-    ),
-    FaultCase(
-        name="pilot of an older version",
-        cause="stranger",
-        lasts=0.9,
-        no_pilot=True,
-        only_virtual=VirtualDeeds(_older_pilot, _newer_pilot),
-    ),
-    FaultCase(
-        name="second reference",
-        cause="stranger",
-        lasts=6.0,
-        after=2.0,
-        only_virtual=VirtualDeeds(
-            lambda dive: dive.second("reference"), lambda dive: dive.leave("reference_2")
-        ),
-    ),
-    FaultCase(
-        name="second control",
-        cause="stranger",
-        lasts=6.0,
-        after=2.0,
-        only_virtual=VirtualDeeds(
-            lambda dive: dive.second("control"), lambda dive: dive.leave("control_2")
-        ),
-    ),
-    FaultCase(
-        name="another Lindy on board",
-        cause="stranger",
-        lasts=6.0,
-        after=2.0,
-        only_virtual=VirtualDeeds(
-            lambda dive: dive.other_lindy(), lambda dive: dive.leave("other")
-        ),
-    ),
-    FaultCase(
-        name="pilot silent 22 s",
-        cause="link",
-        lasts=22.0,
-        no_pilot=True,
-        back=22.0 + RESUME_S,
-        only_virtual=VirtualDeeds(_silent_pilot, _script_again),
-    ),
-    FaultCase(
-        name="busy processor", cause="too slow", lasts=8.0, only_virtual=VirtualDeeds(_busy, _idle)
+        name="busy processor", cause="too slow", lasts=8.0, end=_share(Jitter()),
+        begin=_share(Jitter(delay=0.005, stall=0.05, stall_every=0.5)),
     ),
     _part(IMU, "silent", lives=False),
     _part(IMU, "noisy", 200.0, lives=False),
@@ -297,9 +237,13 @@ FAULTS: tuple[FaultCase, ...] = (
     _part(FIELD, "silent"),
     _part(FIELD, "biased", 20e-6),
     *(
-        _part(name, kind, value, lasts=8.0)
+        fault
         for name in ("port", "lateral", VERTICAL)
-        for kind, value in OF_THRUSTERS
+        for fault in (
+            _part(name, "dead", lasts=8.0),
+            _part(name, "reversed", lasts=8.0),
+            _part(name, "weak", 0.5, lasts=8.0),
+        )
     ),
     _part("sensor/leak", "wet", lasts=24.0, acts=True),
     _part("sensor/battery", "low"),
@@ -307,21 +251,39 @@ FAULTS: tuple[FaultCase, ...] = (
     _part("sensor/battery", "empty", lasts=24.0, acts=True),
     _part("sensor/temperature", "hot"),
     FaultCase(
-        name="stick down to the depth limit",
-        cause="vehicle",
-        lasts=20.0,
-        only_virtual=VirtualDeeds(_stick_down, _script_again),
+        name="stick down to the depth limit", cause="vehicle", lasts=20.0,
+        begin=STICK_DOWN[0], end=STICK_DOWN[1],
     ),
     FaultCase(
-        name="goto below the depth limit",
-        cause="vehicle",
-        lasts=6.0,
-        only_virtual=VirtualDeeds(lambda dive: dive.ask(kind="goto", depth=20.0)),
+        name="goto below the depth limit", cause="vehicle",
+        begin=methodcaller("ask", kind="goto", depth=20.0),
     ),
     FaultCase(
-        name="goto 1e5",
-        cause="vehicle",
-        lasts=10.0,
-        both=Deeds(lambda d: d.ask(kind="goto", depth=1e5)),
+        name="goto 1e5", cause="vehicle", lasts=10.0, worlds=BOTH,
+        begin=methodcaller("ask", kind="goto", depth=1e5),
     ),
-)
+    FaultCase(
+        name="4 busy processes", cause="too slow", lasts=8.0, worlds=REAL, alone=True,
+        begin=methodcaller("hog", 4), end=methodcaller("rest"),
+    ),
+    FaultCase(
+        name="disk full", cause="disk", lasts=8.0, worlds=REAL, alone=True,
+        begin=methodcaller("fill_disk"), end=methodcaller("free_disk"),
+        note=lambda dive, _: f"the dive ends with status {dive.status}",
+    ),
+    FaultCase(
+        name="folder removed, control killed", cause="disk", back=KILL_S, worlds=REAL, alone=True,
+        begin=methodcaller("lose_folder"),
+        note=lambda dive, _: "the dive goes on" if dive.lasted else "the dive has ended",
+    ),
+    FaultCase(
+        name="kill -9 supervisor", cause="process ends", lasts=0.0, worlds=REAL, alone=True,
+        begin=methodcaller("kill_supervisor"),
+        note=lambda dive, _: f"{dive.gone}; nothing is started again",
+    ),
+)  # fmt: skip
+
+
+def of(world: World) -> tuple[FaultCase, ...]:
+    """The faults that such a dive can show."""
+    return tuple(fault for fault in FAULTS if world in fault.worlds)

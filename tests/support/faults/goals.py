@@ -1,10 +1,14 @@
-"""What is expected of every cell, and which cells miss it."""
+"""What is expected of every cell, and a row for each with what it misses, from which the data and
+the page are written."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
-from tests.support.faults.catalogue import NONE
-from tests.support.faults.fault import FaultCase
+import msgspec
+
+from tests.support.faults.catalogue import NONE, FaultCase, World
+from tests.support.faults.cells import FlownCell
 from tests.support.faults.figures import STEP_NS, Figures
 
 STEP_S = STEP_NS / 1e9
@@ -76,6 +80,35 @@ GOALS = (
 )
 
 
-def missed(fault: FaultCase, figures: Figures) -> list[str]:
-    """Names of the goals that a cell does not meet."""
-    return [goal.name for goal in GOALS if goal.met(fault, figures) is False]
+class CellRow(msgspec.Struct, frozen=True):
+    """One cell."""
+
+    world: World
+    mode: str
+    cause: str
+    fault: str
+    figures: Figures
+    goals: dict[str, bool]  # those that apply: are they met?
+    note: str = ""
+
+    @property
+    def missed(self) -> list[str]:
+        return [name for name, met in self.goals.items() if not met]
+
+
+def row_of(world: World, flown: FlownCell) -> CellRow:
+    (mode, fault), found, note = flown
+    judged = {goal.name: goal.met(fault, found) for goal in GOALS}
+    goals = {name: met for name, met in judged.items() if met is not None}
+    return CellRow(world, mode.name, fault.cause, fault.name, found, goals, note)
+
+
+def write_row(path: Path, row: CellRow) -> None:
+    """Append it, so that what was flown is kept when the rest is not."""
+    with path.open("ab") as file:
+        file.write(msgspec.json.encode(row) + b"\n")
+
+
+def read_rows(path: Path) -> list[CellRow]:
+    decoder = msgspec.json.Decoder(CellRow)
+    return [decoder.decode(line) for line in path.read_bytes().splitlines() if line]

@@ -9,8 +9,7 @@ from pathlib import Path
 import msgspec
 
 from tests.support.faults.figures import Figures
-from tests.support.faults.goals import GOALS
-from tests.support.faults.rows import CellRow
+from tests.support.faults.goals import GOALS, CellRow
 
 DATA = Path(__file__).parents[3] / "research" / "measurements"
 PAGE = Path(__file__).parents[3] / "docs" / "faults.md"
@@ -192,7 +191,7 @@ a handler on virtual time. Who has no certificate: [security](security.md).
 """
 
 
-def page_of(folder: Path = DATA) -> str:
+def page(folder: Path = DATA) -> str:
     """docs/faults.md, from the data in `folder`."""
     every, run = cells(folder), flown(folder)
     count = Counter(cell["world"] for cell in every)
@@ -241,11 +240,3 @@ def _worst(found: Iterable[Cell], figure: str) -> str:
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [list(heads), ["---"] * len(heads), *rows]
     return [f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines]
-
-
-def main() -> None:
-    PAGE.write_text(page_of(), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

@@ -14,9 +14,7 @@ import msgspec
 
 from messages import topics
 from messages.identity import SideIdentity
-from messages.link import LinkRequest
 from messages.pilot import PilotCommand, PilotRequest
-from messages.simulator import FaultKind, FaultRequest
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -25,11 +23,10 @@ from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import HangDetector, Supervisor
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
-from tests.support.faults.hindrance import Hindrance
-from tests.support.faults.modes import VERTICAL, FlownMode
-from tests.support.faults.observed import Observed
+from tests.support.faults.modes import FlownMode
+from tests.support.faults.observed import FaultDive
 from tests.support.hindered_host import HinderedHost
-from tests.support.jitter import Jitter
+from tests.support.jitter import Hindrance
 from tests.support.twin import take_name
 
 SECOND = 1_000_000_000  # [ns]
@@ -78,7 +75,7 @@ class VirtualProcess:
             self._end()
 
 
-class VirtualDive:
+class VirtualDive(FaultDive):
     """Armed and settled in a mode when the constructor returns."""
 
     def __init__(self, mode: FlownMode, seed: int = 0, settings: Sequence[str] = ()) -> None:
@@ -89,15 +86,16 @@ class VirtualDive:
         Raises:
             RuntimeError: the drone does not arm.
         """
-        self.seen = Observed()
-        self._vertical = mode.vertical
-        self.host = HinderedHost(lateness=self._hindrances(seed))
+        super().__init__(mode.vertical)
+        self.hindrances = {
+            name: Hindrance(lambda: self.host.now, seed + n) for n, name in enumerate(SERVICES)
+        }
+        self.host = HinderedHost(lateness=self.hindrances)
         self._rows = Registry.read()
         self._later: list[tuple[int, str]] = []  # (when [ns], service) of starts under way
         self._processes: dict[str, VirtualProcess] = {}
         self._stopped: dict[str, int] = {}  # [ns] last sign of life of those that are stopped
         self._watched_ns = 0
-        self._asked = 0
         self._instances = 0  # processes that have begun
         self._answering = HangDetector()
         self._supervisor = Supervisor(self._tell, self._spawn, lambda: self.host.now)
@@ -116,33 +114,17 @@ class VirtualDive:
         """Remove its script, which a gamepad reads again when it starts again."""
         self._folder.cleanup()
 
-    def _hindrances(self, seed: int) -> dict[str, Hindrance]:
-        self.hindrances = {
-            name: Hindrance(lambda: self.host.now, seed + n) for n, name in enumerate(SERVICES)
-        }
-        return self.hindrances
-
     def _begin(self, mode: FlownMode) -> None:
         names = (*HUBS, *SERVICES)
         self._supervisor.add(Task(name, [], Path()) for name in names)
         self._supervisor.step()
         ears, board = self.host.node("screen", ["topside"]), self.host.node("observer", ["drone"])
-        self._wishes = ears.request(
-            topics.PILOT_REQUEST, topics.PILOT_ANSWER, on_answer=lambda _q, _a, _n: None
-        )
-        self._breaks = board.publisher(topics.FAULT_REQUEST)
-        self._links = ears.publisher(topics.LINK_REQUEST)
-        self.seen.listen_on_board(board)
-        self.seen.listen_topside(ears)
-        while not self._armed:
+        self._connect(ears, board)
+        while not self.seen.armed:
             if self.host.now > LONGEST_START_S * SECOND:
                 raise RuntimeError(f"the drone is not armed after {LONGEST_START_S:.0f} s")
             self.run(0.1)
         self.run(mode.settled)
-
-    @property
-    def _armed(self) -> bool:
-        return bool(self.seen.statuses) and self.seen.statuses[-1].armed
 
     @property
     def restarts(self) -> dict[str, int]:
@@ -153,7 +135,6 @@ class VirtualDive:
 
     @property
     def now(self) -> int:
-        """[ns]"""
         return self.host.now
 
     def run(self, seconds: float) -> None:
@@ -255,54 +236,6 @@ class VirtualDive:
             self.host.hub(HUBS[name]).go_on()
         else:
             self.hindrances[name].go_on()
-
-    def hush(self, name: str) -> None:
-        """It says nothing, and nobody notices that its process hangs; `speak` ends it."""
-        self.hindrances[name].stop()
-
-    def speak(self, name: str) -> None:
-        self.hindrances[name].go_on()
-
-    def slow(self, name: str, pause_s: float) -> None:
-        """Every step of a service takes so long [s]; 0 ends it."""
-        self.hindrances[name].slow(pause_s)
-
-    def busy(self, names: tuple[str, ...], jitter: Jitter) -> None:
-        for name in names:
-            self.hindrances[name].share(jitter)
-
-    def forget(self, name: str) -> None:
-        """Lose a service's checkpoint."""
-        self.host.forget(name)
-
-    # Requests.
-
-    def ask(self, **wish: object) -> None:
-        """A request of the pilot's side, as `lindy ask` sends it."""
-        shown = self.seen.shown
-        request = PilotRequest(
-            stamp_ns=self.host.now, id="", source="voice",
-            epoch=0 if shown is None else shown.epoch,
-            **wish,  # type: ignore[arg-type]
-        )  # fmt: skip
-        self._wishes.ask(request, self.host.now)
-
-    def part(self, part: str, fault: FaultKind, value: float | None = None) -> None:
-        """Break a part of the vehicle, or mend it with `none`."""
-        self._asked += 1
-        part = self._vertical if part == VERTICAL else part
-        self._breaks.put(
-            FaultRequest(
-                stamp_ns=self.host.now, id=f"fault-{self._asked}", part=part, fault=fault,
-                value=value,
-            )
-        )  # fmt: skip
-
-    def link(self, request: LinkRequest) -> None:
-        """Change the link."""
-        self._asked += 1
-        stamped = msgspec.structs.replace(request, stamp_ns=self.host.now, id=f"link-{self._asked}")
-        self._links.put(stamped)
 
     # Strangers.
 

@@ -24,7 +24,7 @@ from tests.support.ardusub_double.board import BoardDouble
 from tests.support.ardusub_double.cable import STACK, VEHICLE
 from tests.support.ardusub_double.memory import MemoryLink
 from tests.support.cli import complaint
-from tests.support.ports import free_port
+from tests.support.doors import free_port
 from tools.__main__ import main
 from tools.doctor.board_checks import of_board
 from tools.doctor.command import go_through

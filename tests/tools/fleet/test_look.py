@@ -25,8 +25,8 @@ from services.runtime.bus.zenoh_bus import (
 )
 from services.runtime.config.errors import LindyError
 from services.runtime.config.identity import messages_hash
+from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
-from tests.support.ports import free_endpoint
 from tools.__main__ import main
 from tools.fleet import drones, meeting
 from tools.fleet import look as looking

@@ -11,7 +11,7 @@ from msgspec import inspect
 from messages import topics
 from messages.message import Message
 from messages.topic import Direction
-from messages.units import DURATION, STAMP, DurationNs, Stamp
+from messages.units import DURATION, STAMP, DurationNs, Stamp, Text
 from services.runtime.node.clock_offset import mover
 from tests.support.messages import values
 
@@ -23,7 +23,7 @@ class Several(Message, frozen=True, kw_only=True):
 
     maybe_ns: Stamp | None = None
     lasted_ns: DurationNs = 9
-    text: str = ""
+    text: Text = ""
 
 
 def is_stamp(kind: inspect.Type) -> bool:
