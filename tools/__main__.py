@@ -26,6 +26,27 @@ LONGEST = 2000  # letters of a complaint: it repeats what was given, which may h
 DEBUG = "--debug"
 HELP = ("--help", "-h")
 RESEARCH = "lindy_research"  # a package of its own, which is not on every computer
+GONE = {
+    "fleet": "`lindy drones --watch` lists the drones again and again",
+    "keys renew": "`lindy keys add ROLE NAME --again`",
+    "link down": "`lindy link set down`",
+    "link profile": "`lindy link set PROFILE`",
+    "link trace": "`lindy log export RECORDING --as trace`",
+    "link up": "`lindy link set up`",
+    "log csv": "`lindy log export RECORDING --as csv`",
+    "log jerk": "`smoothness` in report.json",
+    "log noise": "`lindy calibrate noise`",
+    "log parquet": "`lindy log export RECORDING --as parquet`",
+    "log rosbag": "`lindy log export RECORDING --as rosbag`",
+    "log scene": "open several .rrd files in one rerun",
+    "log sticks": "`lindy log export RECORDING --as sticks`",
+    "picture": "`lindy log export RECORDING --as rrd`, then `rerun` shows it",
+    "record": "each drone records on board; fetch its files after the dive",
+    "router-config": "change deploy/router.json5, whose comments say what",
+    "topic bw": "`lindy topic hz`, which shows this, too",
+    "topic delay": "`lindy topic hz`, which shows this, too",
+    "tour": "the steps of a first dive are in docs/flying.md",
+}  # verb of an earlier version → what to use instead
 ABOUT = "Pilot an underwater drone: the pilot leads, the drone follows, without a jerk."
 EPILOGUE = f"With {DEBUG} before or after any verb, an error shows where it came from."
 
@@ -170,6 +191,9 @@ def _verb_of(words: Sequence[str]) -> Sequence[str]:
     Raises:
         LindyError: there is no such verb, or it is not installed.
     """
+    two = " ".join(words[:2])
+    if two in GONE:
+        raise LindyError(f"`lindy {two}` is gone: {GONE[two]}")
     of_log = words[:1] == ["log"]
     verbs, name = LOG if of_log else VERBS, next(iter(words[of_log:]), "--help")
     if name in (*HELP, "--version"):
@@ -177,6 +201,8 @@ def _verb_of(words: Sequence[str]) -> Sequence[str]:
     if name not in verbs:
         from services.runtime.config.settings import nearest
 
+        if not of_log and name in GONE:
+            raise LindyError(f"`lindy {name}` is gone: {GONE[name]}")
         raise LindyError(f"unknown command {name!r}{nearest(name, [*verbs])}")
     if verbs[name].place.startswith(RESEARCH) and find_spec(RESEARCH) is None:
         raise LindyError(

@@ -144,8 +144,8 @@ def _bias(t: Floats, rate: Floats, attitude: Floats) -> Floats:
     tilts = np.cumsum(np.einsum("nij,nj->ni", kept, turned)[:, :2], axis=0)
     by_bias = -np.cumsum(kept[:, :2] * np.diff(t)[:, None, None], axis=0)
     tilts, by_bias = tilts - tilts.mean(axis=0), by_bias - by_bias.mean(axis=0)  # where it began
-    found: Floats = np.linalg.lstsq(by_bias.reshape(-1, 3), tilts.reshape(-1), rcond=SEEN)[0]
-    return found
+    inverse: Floats = np.linalg.pinv(by_bias.reshape(-1, 3), rcond=SEEN)
+    return inverse @ tilts.reshape(-1)
 
 
 def _level(down: Floats) -> Floats:

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.events import Outbox
-from messages.link import Clock, ClockPing
+from messages.link import Clock, ClockPong
 from messages.pilot import PilotCommand, PilotRequest
 from messages.topic import AnyTopic, Direction, Side
-from services.link_monitor.core import LinkMonitor, pong
+from services.link_monitor.core import LinkMonitor
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -282,8 +282,11 @@ def test_a_link_monitor_takes_only_the_answers_to_its_own_pings(ann: int, bob: i
     for k in range(10):
         now = NOW + k * 200 * MS
         for source, ahead_ns in ((ANN, ann), (BOB, bob)):
-            ping = ClockPing(stamp_ns=now - ahead_ns, source=source)
-            monitor.pong(pong(ping, now + 10 * MS), now - ann + 20 * MS)
+            heard = now + 10 * MS
+            answer = ClockPong(
+                stamp_ns=heard, ping_ns=now - ahead_ns, heard_ns=heard, source=source
+            )
+            monitor.pong(answer, now - ann + 20 * MS)
     told = monitor.ping(NOW - ann + 3 * S)
     assert told.offset_ns is not None
     assert told.bound_ns is not None
