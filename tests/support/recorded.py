@@ -55,7 +55,9 @@ def fly_short_dive(folder: Path, link: str) -> None:
     files.mkdir()
     bad = "second" if link == "first.toml" else "clean"
     own = {
-        "my_drone.toml": (DEPLOY / "vehicles" / "pioneer.toml").read_text(),
+        "my_drone.toml": (DEPLOY / "vehicles" / "pioneer.toml")
+        .read_text()
+        .replace('name = "Pioneer"', 'name = "My drone"', 1),
         "first.toml": LINK.format("first.csv"),
         "first.csv": "sent_s,arrived_s\n0,0.01\n0.1,0.12\n0.2,\n0.31,0.33\n",
         "second.toml": LINK.format("second.csv"),

@@ -15,7 +15,7 @@ from services.runtime.config.extras import how_to_install
 from tools.exit_status import DONE, LOST
 from tools.fresh import refuse_existing
 from tools.packages import require_package
-from tools.recordings.dive_file import flown_dive, flown_section
+from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 
@@ -44,8 +44,7 @@ def write_bag(recording: Path, folder: Path) -> int:
     refuse_existing(folder)
     vehicle = flown_section(opened, "vehicle", Vehicle)
     settings = flown_section(opened, "ros2", Settings) or Settings()
-    flown = flown_dive(opened)
-    name = "drone" if flown is None else ros_name(Path(flown.stack.vehicle).stem)
+    name = ros_name(opened.metadata("dive").get("vehicle", "drone"))
     mounting = None if vehicle is None else vehicle.mounting
     messages = RosMessages(name, namespace_of(settings, name), mounting, _jpegs())
     try:

@@ -56,7 +56,7 @@ class SensorPart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     estimation: dict[str, Any] = {}
 
 
-class Named(msgspec.Struct):
+class NamedVehicle(msgspec.Struct):
     """What a vehicle file calls its vehicle."""
 
     name: str
@@ -95,7 +95,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Raises:
             LindyError: its file cannot be read, or does not name it.
         """
-        named = convert(self._own_tree.get("vehicle", {}), Named, "vehicle", self.vehicle_path)
+        table = self._own_tree.get("vehicle", {})
+        named = convert(table, NamedVehicle, "vehicle", self.vehicle_path)
         return re.sub(r"[^a-z0-9]+", "_", named.name.lower()).strip("_") or "vehicle"
 
     @property
