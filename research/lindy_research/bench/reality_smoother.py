@@ -141,11 +141,12 @@ def _bias(t: Floats, rate: Floats, attitude: Floats) -> Floats:
     missed = _turns(t, rate).transpose(0, 2, 1) @ kept.transpose(0, 2, 1) @ attitude[1:]
     half = 0.5 * (missed - missed.transpose(0, 2, 1))
     turned = np.stack([half[:, 2, 1], half[:, 0, 2], half[:, 1, 0]], axis=1)
-    tilts = np.cumsum(np.einsum("nij,nj->ni", kept, turned)[:, :2], axis=0)
-    by_bias = -np.cumsum(kept[:, :2] * np.diff(t)[:, None, None], axis=0)
-    tilts, by_bias = tilts - tilts.mean(axis=0), by_bias - by_bias.mean(axis=0)  # where it began
-    inverse: Floats = np.linalg.pinv(by_bias.reshape(-1, 3), rcond=SEEN)
-    return inverse @ tilts.reshape(-1)
+    tilts: Floats = np.cumsum(np.einsum("nij,nj->ni", kept, turned)[:, :2], axis=0)
+    by_bias: Floats = -np.cumsum(kept[:, :2] * np.diff(t)[:, None, None], axis=0)
+    tilts -= tilts.mean(axis=0)  # where it began
+    by_bias -= by_bias.mean(axis=0)
+    found = np.linalg.lstsq(by_bias.reshape(-1, 3), tilts.reshape(-1), rcond=SEEN)[0]
+    return np.asarray(found, dtype=np.float64)
 
 
 def _level(down: Floats) -> Floats:
