@@ -44,6 +44,7 @@ class StopSignals:
         # [s] after the first one, another one ends at once what goes on; None: none does.
         self._patience_s = HANGS_S if in_process else None
         self._first_s: float | None = None  # [s] when the first one came
+        self._again = False  # another one came, and was not answered
         self._reporting = False
 
     def __enter__(self) -> "StopSignals":
@@ -66,6 +67,8 @@ class StopSignals:
             kept: what is left if the report is broken off.
         """
         self._first_s, self._patience_s, self._reporting = None, APART_S, True
+        if self._again:  # answered only now: during the dive a screen may be in the way
+            self._answer(self._clock())
         try:
             return write()
         except KeyboardInterrupt:
@@ -81,13 +84,19 @@ class StopSignals:
             return
         self.asked = True
         if self._first_s is None:
-            self._first_s = now
-            if self._reporting:
-                with suppress(OSError):  # in the middle of a print: not through a buffer
-                    os.write(2, f"lindy: {WRITING}\n".encode())
+            self._answer(now)
         elif self._patience_s is not None and now - self._first_s >= self._patience_s:
             self._patience_s = None  # broken off once only
             raise KeyboardInterrupt
+        else:
+            self._again = True
+
+    def _answer(self, now: float) -> None:
+        """The first one, of the dive or of its report."""
+        self._first_s = now
+        if self._reporting:
+            with suppress(OSError):  # in the middle of a print: not through a buffer
+                os.write(2, f"lindy: {WRITING}\n".encode())
 
     def _only_asks(self, now: float) -> bool:
         what = "" if self._reporting or not self._terminal else self.armed()
