@@ -95,10 +95,6 @@ ALL: tuple[AnyTopic, ...] = rows(globals())
 _SINGLE = {topic.key: topic for topic in ALL if not topic.is_family}
 _FAMILIES = [topic for topic in ALL if topic.is_family]
 
-# [1/s] What a router sends at most of a faster stream over a link with little room. At 40 ms
-# between two messages, no receiver takes a stream for stale.
-THIN_HZ = 25.0
-
 # For the simulator, the emulated link and a pilot's own program: never let through from one machine
 # to another, so that nobody breaks a part, cuts a cable or changes the drone from elsewhere.
 WITHIN_ONE_MACHINE: tuple[AnyTopic, ...] = (

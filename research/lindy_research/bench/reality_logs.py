@@ -183,7 +183,7 @@ def _read(log: KnownLog) -> tuple[list[Imported], int, Vehicle]:
     of_imu = [s for s, several in taken.items() if any(m.as_ == topics.IMU.key for m in several)]
     vehicle = Stack(vehicle=wanted.vehicle).section("vehicle", Vehicle)
     if log.part != "others":
-        # Nobody measured where its IMU sits.
+        # The position of its IMU was not measured.
         mounting = Mounting(pressure=replace(vehicle.mounting.pressure, position=BAG_ARM))
         vehicle = replace(vehicle, mounting=mounting)
     return messages, sum(sources[source].messages for source in of_imu), vehicle

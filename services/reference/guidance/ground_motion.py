@@ -32,8 +32,8 @@ def ground_of(state: VehicleState) -> GroundMotion | None:
 
 
 def whereabouts(state: VehicleState | None) -> tuple[float | UnsetType, float | UnsetType]:
-    """Depth [m] and heading [rad] clockwise from north, ±π, as whoever watches many drones is told
-    of each; absent: not known."""
+    """Depth [m] and heading [rad] clockwise from north, ±π, for the list of drones; absent: not
+    known."""
     if state is None:
         return UNSET, UNSET
     return (

@@ -366,6 +366,9 @@ class ZenohQos:
     express: bool
 
 
+# Nothing blocks: a `put` that waits for a slow reader would stall a control loop for seconds, so
+# even events are DROP, and their senders repeat until answered. Batching stays on (express off),
+# because express with DROP loses messages under CPU load.
 QOS_PROFILES = {
     Qos.REALTIME: ZenohQos(Priority.REAL_TIME, CongestionControl.DROP, express=False),
     Qos.LIVE: ZenohQos(Priority.INTERACTIVE_HIGH, CongestionControl.DROP, express=False),
