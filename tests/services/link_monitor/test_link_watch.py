@@ -1,9 +1,11 @@
 """What the pilot is told of the link: risen delays, silence, floods of junk; and both of its
 ends."""
 
+from collections import Counter
 from collections.abc import Sequence
 from random import Random
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,12 +13,13 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.health import Health
 from messages.link import Clock
-from services.link_monitor.core import LinkAlarm
+from services.link_monitor.core import JunkWatch, LinkAlarm
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
+from services.runtime.node.loop_stats import LoopStats
 from tools.up import on_side
 
 MS, SECOND = 1_000_000, 1_000_000_000
@@ -70,13 +73,57 @@ def test_before_the_first_answer_nothing_is_known_and_that_is_said() -> None:
 S = 1_000_000_000  # [ns]
 
 
-def test_a_flood_of_junk_is_no_other_lindy() -> None:
+def health(counts: dict[str, int], service: str = "control", instance: int = 0) -> Health:
+    told = LoopStats().report(service, 0, 0, 0, Counter(counts), None, "drone")
+    return msgspec.structs.replace(told, instance=instance)
+
+
+@given(st.lists(st.integers(0, 60), min_size=2, max_size=20))
+def test_more_than_so_many_in_a_second_are_a_flood(more: list[int]) -> None:
+    """Of one process, at any time since its start; not what it could read, and no sensor."""
+    watch, total = JunkWatch(), 5000
+    watch.health(health({"malformed:state": total}), 0)
+    for second, number in enumerate(more, 1):
+        total += number
+        others = {"expired:x": 9**9 * second, "malformed:sensor/imu": 9**9 * second}
+        watch.health(health({"malformed:state": total, **others}), second * S)
+        floods = [n > 20 for n in more[max(0, second - 3) : second]]
+        assert bool(watch.words(second * S)) == any(floods)
+    watch.health(health({"malformed:state": 3}), (len(more) + 4) * S)  # it has started again
+    assert watch.words((len(more) + 4) * S) == ""
+
+
+@given(st.lists(st.tuples(st.integers(0, 1), st.integers(0, 5)), max_size=30))
+def test_two_topsides_of_one_drone_are_no_flood_whatever_each_has_counted(
+    reports: list[tuple[int, int]],
+) -> None:
+    watch, counted = JunkWatch(), [0, 30]  # since their starts
+    for at, (topside, more) in enumerate(reports):
+        counted[topside] += more
+        watch.health(
+            health({"malformed:state": counted[topside]}, "recorder_topside", topside), at * S // 2
+        )
+        assert watch.words(at * S // 2) == ""
+
+
+def test_however_many_processes_there_were_a_flood_is_noticed() -> None:
+    watch = JunkWatch()
+    for number in range(1000):
+        watch.health(health({}, instance=number), number * S)
+    for second in range(3):
+        watch.health(health({"malformed:x": 100 * second}, "new"), (1000 + second) * S)
+    assert watch.words(1002 * S).startswith("new cannot read 100 messages a second")
+
+
+def test_the_pilot_reads_of_a_flood_and_of_its_end_and_of_no_other_lindy() -> None:
     host = VirtualHost()
     rows, stack = Registry.read(), Stack()
     for name in ("link_monitor", "gamepad"):
         host.add(name, rows[name], stack)
+    alarms: list[str] = []
     told: list[str] = []
     screen = host.node("screen", ["topside"])
+    screen.each(topics.LATENCY, lambda budget, _: alarms.append(budget.alarm))
     screen.each(topics.LOG, lambda line, _: told.append(line.text))
     port = host.side("topside")
 
@@ -89,7 +136,12 @@ def test_a_flood_of_junk_is_no_other_lindy() -> None:
     junk = host.node("junk", ["topside"])
     junk.every(50.0, spit)
     host.run(4 * S)
+    assert alarms[-1].startswith("gamepad cannot read")
     assert [text for text in told if "another Lindy" in text or "unknown version" in text] == []
+    host.kill("junk")
+    host.run(9 * S)
+    assert "a stranger sends" not in alarms[-1]
+    assert sum("a stranger sends" in text for text in told) == 1
 
 
 EVERY = Registry.read()
