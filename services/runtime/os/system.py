@@ -12,20 +12,23 @@ import select
 import signal
 import socket
 import subprocess
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from faulthandler import cancel_dump_traceback_later, dump_traceback_later
 from io import FileIO
+from mmap import PAGESIZE
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
-WINDOWS = not hasattr(os, "fork")
+WINDOWS = not hasattr(os, "fork")  # beside it, `sys.platform` is what a type checker understands
 PRIVATE = "unixsock-stream/"  # before the path, in an endpoint of this machine
 
 # Processes.
 
 STDIN = subprocess.PIPE  # of a child
-HANG_UP = () if WINDOWS else (signal.SIGHUP,)  # the terminal is gone
+# The terminal is gone.
+HANG_UP = () if sys.platform == "win32" or WINDOWS else (signal.SIGHUP,)
 
 
 class Apart(TypedDict):
@@ -86,7 +89,7 @@ def ask_to_end(process: "subprocess.Popen[bytes]") -> None:
 
 def kill_all(process: "subprocess.Popen[bytes]") -> None:
     """End a child that was started with `APART`, and what it has started, even if it has ended."""
-    if not WINDOWS:
+    if sys.platform != "win32" and not WINDOWS:
         with suppress(ProcessLookupError, PermissionError):  # nobody is left
             os.killpg(process.pid, signal.SIGKILL)
         return
@@ -101,7 +104,7 @@ def kill_all(process: "subprocess.Popen[bytes]") -> None:
 
 def end_within(seconds: float) -> None:
     """End this process after so long, whatever it does then; 0: do not."""
-    if not WINDOWS:
+    if sys.platform != "win32" and not WINDOWS:
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, seconds)
     elif seconds > 0:
@@ -120,7 +123,7 @@ def memory_mb() -> float:
     """[MB] Memory of this process."""
     with suppress(OSError):  # Linux, where this is four times as fast and needs no library
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+        return pages * PAGESIZE / 1e6
     import psutil
 
     return psutil.Process().memory_info().rss / 1e6
@@ -134,7 +137,7 @@ def cores() -> int:
 
 def hold_back(signals: Iterable[signal.Signals]) -> Callable[[], None]:
     """Signals wait, also in processes that are started meanwhile, until the result is called."""
-    if WINDOWS:
+    if sys.platform == "win32" or WINDOWS:
         return lambda: None
     before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
 
@@ -149,7 +152,7 @@ def hold_back(signals: Iterable[signal.Signals]) -> Callable[[], None]:
 
 def is_unread(output: int) -> bool:
     """Has whoever read from this pipe ended?"""
-    if WINDOWS:
+    if sys.platform == "win32" or WINDOWS:
         return not os.isatty(output)
     poll = select.poll()
     poll.register(output, select.POLLOUT)
@@ -162,7 +165,7 @@ def serial(device: str, baud: int) -> FileIO:
     Raises:
         OSError: there is no such device, or it has no such speed.
     """
-    if WINDOWS:
+    if sys.platform == "win32" or WINDOWS:
         raise OSError("a cable needs Linux or macOS")
     import termios
 
@@ -207,7 +210,7 @@ def lock(path: Path) -> Lock | None:
     Raises:
         OSError: it cannot be opened.
     """
-    if WINDOWS:
+    if sys.platform == "win32" or WINDOWS:
         path.stat()
         file, temporary = path.with_name(f".{path.name}.lock"), getattr(os, "O_TEMPORARY", 0)
         try:
