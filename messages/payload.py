@@ -19,8 +19,9 @@ class PayloadDecoder(Generic[M]):
     """Decodes the payloads of one topic."""
 
     def __init__(self, topic: Topic[M], *, replayed: bool = False) -> None:
-        """`replayed`: of a recording that is played again, and no others."""
-        self._encoding = topic.replayed if replayed else topic.encoding
+        """`replayed`: of a recording that is played again, and no others. They have another
+        `encoding`."""
+        self.encoding = topic.replayed if replayed else topic.encoding
         self._replayed = topic.replayed
         self._decode = msgspec.msgpack.Decoder(topic.message).decode
         # The access control knows keys: who may say health/camera must not speak as control.
@@ -30,7 +31,7 @@ class PayloadDecoder(Generic[M]):
     def read(self, key: str, encoding: str, payload: bytes) -> M | Row:
         """The message, or why it is not used: it is of another type or replayed, malformed, of
         another service than that of its key, or a value is outside its limits."""
-        if encoding != self._encoding:
+        if encoding != self.encoding:
             return events.REPLAYED if encoding == self._replayed else events.WRONG_TYPE
         try:
             message = self._decode(payload)

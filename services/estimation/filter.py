@@ -42,7 +42,6 @@ DEVIATION = 20  # [rad] of the compass: what it reads more than the heading
 SIZE = 21
 DEPTH, DEPTH_RATE = POSITION + 2, VELOCITY + 2
 ERRATIC = 11  # so many states are moved by others in the prediction
-DIAGONAL = np.diag_indices(SIZE)
 
 # Which state moves which: row by row of F - 1 (Solà eq. 269), at most five each; the coefficients
 # are made in `_spread`.
@@ -193,9 +192,9 @@ class ErrorStateFilter:
                 (w00, w01, 0.0, 0.0, 0.0), (w10, w11, 0.0, 0.0, 0.0),
             )
         )[:, :, None]  # fmt: skip
-        P = self.P
-        moved = (G * P[MOVED_BY]).sum(axis=1)  # G P
-        twice = (G * np.ascontiguousarray(moved.T)[MOVED_BY]).sum(axis=1)  # G P Gᵀ
+        P, total = self.P, np.add.reduce
+        moved = total(G * P.take(MOVED_BY, 0), 1)  # G P
+        twice = total(G * moved.T.take(MOVED_BY, 0), 1)  # G P Gᵀ
         added = np.zeros((SIZE, SIZE))
         added[:ERRATIC] = moved
         added += added.T.copy()  # in this order it stays symmetric to the last bit
@@ -208,7 +207,8 @@ class ErrorStateFilter:
         # A tilt error θ makes g θ² / 2 of gravity vertical, which no first derivative has.
         second = 0.5 * GRAVITY * float(P[TILT, TILT] + P[TILT + 1, TILT + 1])
         self._noise[2] += 2.0 * SECOND_S * second * second * self._felt
-        P[DIAGONAL] += (
+        variances = self.variances
+        variances += (
             0.0, 0.0, 0.0, *self._noise, 0.0, wave, gyro, gyro, gyro, force, force, force,
             current, current, NORTH_WALK**2 * dt, 0.0,
         )  # fmt: skip
@@ -254,9 +254,9 @@ class ErrorStateFilter:
         else:
             self.P[:] -= shrunk * mask
             gain = (Ph * mask.diagonal() * (innovation / variance)).tolist()
-        diagonal = self.P[DIAGONAL]
-        if diagonal.min() < 0.0 or diagonal.max() > MOST:
-            self.P[DIAGONAL] = np.clip(diagonal, 0.0, MOST)
+        variances = self.variances
+        if np.minimum.reduce(variances) < 0.0 or np.maximum.reduce(variances) > MOST:
+            np.clip(variances, 0.0, MOST, out=variances)
         self._inject(gain)
 
     def _inject(self, d: list[float]) -> None:
@@ -291,6 +291,11 @@ class ErrorStateFilter:
     def widen(self, state: int, std: float) -> None:
         """This state may be wrong by `std` more."""
         self.P[state, state] += std * std
+
+    @property
+    def variances(self) -> Floats:
+        """The diagonal of the covariance, to be read and written."""
+        return self.P.reshape(-1)[:: SIZE + 1]
 
     def std(self, state: int) -> float:
         return sqrt(max(0.0, float(self.P[state, state])))

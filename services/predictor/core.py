@@ -130,7 +130,7 @@ class JudgedPrediction(NamedTuple):
     delayed: Pose
 
 
-Errors = tuple[float, float, float | None]  # [m, rad, m] depth, heading, place
+Errors = tuple[float, float, float | None]  # [m², rad², m²] squared: depth, heading, place
 
 
 @dataclass(slots=True)
@@ -160,7 +160,8 @@ class PredictionQuality:
         """Rms errors of the predictions, and of the delayed state."""
         if not self._judged:
             return None, None
-        return _rms([p for _, p, _ in self._judged]), _rms([d for _, _, d in self._judged])
+        _, predicted, delayed = zip(*self._judged, strict=True)
+        return _rms(predicted), _rms(delayed)
 
 
 def _between(before: tuple[Ns, Pose], after: tuple[Ns, Pose], at: Ns) -> Pose:
@@ -176,23 +177,31 @@ def _between(before: tuple[Ns, Pose], after: tuple[Ns, Pose], at: Ns) -> Pose:
 
 
 def _errors(judged: Pose, true: Pose) -> Errors:
-    (depth, heading, north, east), (d, h, n, e) = judged, true
-    if north is None or east is None or n is None or e is None:
-        return depth - d, heading - h, None
-    return depth - d, heading - h, hypot(north - n, east - e)
+    depth, heading, place = judged.depth - true.depth, judged.heading - true.heading, None
+    if (off_north := _off(judged.north, true.north)) is not None and (
+        off_east := _off(judged.east, true.east)
+    ) is not None:
+        distance = hypot(off_north, off_east)
+        place = distance * distance
+    return depth * depth, heading * heading, place
+
+
+def _off(judged: float | None, true: float | None) -> float | None:
+    return None if judged is None or true is None else judged - true
 
 
 def _rms(errors: Sequence[Errors]) -> Miss:
-    places = [place for _, _, place in errors if place is not None]
+    depths, headings, places = zip(*errors, strict=True)
+    known = [place for place in places if place is not None]
     return Miss(
-        depth=_root_mean([depth for depth, _, _ in errors]),
-        heading=_root_mean([heading for _, heading, _ in errors]),
-        place=_root_mean(places) if places else None,
+        depth=_root_mean(depths),
+        heading=_root_mean(headings),
+        place=_root_mean(known) if known else None,
     )
 
 
-def _root_mean(errors: Sequence[float]) -> float:
-    return sqrt(plain_sum(e * e for e in errors) / len(errors))
+def _root_mean(squares: Sequence[float]) -> float:
+    return sqrt(plain_sum(squares) / len(squares))
 
 
 COMMANDS = 200  # changes of the sticks kept; at least four seconds

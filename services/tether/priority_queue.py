@@ -1,8 +1,7 @@
 """Priority queue of a link of limited rate: the most urgent packet is sent first."""
 
 from collections import deque
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from messages import events
 from messages.events import Row
@@ -17,8 +16,7 @@ RANK = {qos: rank for rank, qos in enumerate(URGENCY)}
 Lost = list[tuple[T, Row]]  # dropped items, and why
 
 
-@dataclass(frozen=True, slots=True)
-class Packet(Generic[T]):
+class Packet(NamedTuple, Generic[T]):
     item: T
     size: int  # [B] with overhead
     rank: int  # index in URGENCY

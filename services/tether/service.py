@@ -1,6 +1,7 @@
 """Tether service: forwards messages from one side to the other, delayed, byte for byte."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -109,11 +110,11 @@ def _carry(  # noqa: C901 - its two ends, and what connects them
     publishes what has arrived. `admits` (key, size [B], now [ns]): is it not thinned out?"""
 
     def entrance(topic: AnyTopic) -> Callable[[Envelope, int], None]:
-        rank, life = RANK[topic.qos], LIFE.get(topic.key)
+        rank, life, of_family = RANK[topic.qos], LIFE.get(topic.key), topic.is_family
 
         def enter(envelope: Envelope, now: int) -> None:
             # Counted by family, because anybody can invent members of one.
-            key = topic.key if topic.covers(envelope.key) else "unknown"
+            key = topic.key if not of_family or topic.covers(envelope.key) else "unknown"
             size = len(envelope.payload) + len(envelope.attachment or b"")
             if admits is None or admits(key, size, now):
                 line.enter((key, envelope), now, size, rank, life)
@@ -129,7 +130,7 @@ def _carry(  # noqa: C901 - its two ends, and what connects them
             key, envelope = arrival.item
             if arrival.damaged:
                 node.outbox.tell(events.DAMAGED(key))
-                envelope = envelope._replace(payload=damaged(envelope.payload))
+                envelope = replace(envelope, payload=damaged(envelope.payload), message=None)
             arrived.append(envelope)
         for (key, _), reason in line.take_lost():
             node.outbox.tell(reason(key))

@@ -1,19 +1,24 @@
 """What a node needs of a bus: subscribe, publish, and forward an envelope without decoding it."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, field
+from typing import Protocol
 
+from messages.message import Message
 from messages.topic import AnyTopic
 
 
-class Envelope(NamedTuple):
-    """A message as received, not yet decoded."""
+@dataclass(slots=True)
+class Envelope:
+    """A message as received. All receivers of a process have the same one, and nobody changes it,
+    but for the first that decodes it."""
 
     key: str
     payload: bytes
     encoding: str
     attachment: bytes | None = None
     travelled: object = None  # its QoS, understood only by the bus that made it
+    message: Message | None = field(default=None, compare=False, repr=False)  # once decoded
 
 
 Store = Callable[[Envelope], None]  # receives each envelope of a subscription

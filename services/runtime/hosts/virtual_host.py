@@ -147,14 +147,18 @@ class VirtualHost:
         with ExitStack() as exits:
             for name in reversed(self.nodes):
                 if name not in self._failed:  # its next error would hide the first one
-                    exits.callback(self._call, name, self.nodes[name].close)
+                    exits.callback(self._close, name)
 
     def _settle(self, names: list[str]) -> None:
         """Step these nodes, then those they woke, until no node is woken at this instant."""
         for _ in range(ROUNDS):
             for name in names:
                 self._woken.pop(name, None)
-                self._step(name)
+                try:
+                    self._step(name)
+                except (Exception, SystemExit) as error:
+                    self._blame(name, error)
+                    raise
                 self._due[name] = self._deadline(name)
             if not self._woken:
                 return
@@ -162,19 +166,21 @@ class VirtualHost:
         raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")
 
     def _step(self, name: str) -> None:
-        self._call(name, self.nodes[name].step)
+        self.nodes[name].step()
 
-    def _call(self, name: str, what: Callable[[], None]) -> None:
-        """Run a service's code. In a process of its own it could end nothing but itself."""
+    def _close(self, name: str) -> None:
         try:
-            what()
-        except LindyError:
-            raise
+            self.nodes[name].close()
         except (Exception, SystemExit) as error:
-            if self._services is None or name not in self._services:
-                raise  # somebody else's node
-            self._failed.add(name)
-            raise self._services.failure(name, error) from error
+            self._blame(name, error)
+            raise
+
+    def _blame(self, name: str, error: BaseException) -> None:
+        """Say whose code raised this. In a process of its own it could end nothing but itself."""
+        if isinstance(error, LindyError) or self._services is None or name not in self._services:
+            return  # it says what it is of, or it is somebody else's node
+        self._failed.add(name)
+        raise self._services.failure(name, error) from error
 
     def _deadline(self, name: str) -> int:
         """[ns] When a node is stepped next if nothing else wakes it, by the host's clock."""

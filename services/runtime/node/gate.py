@@ -55,8 +55,12 @@ class Gate(Generic[M]):
         self.bound_ns = 0  # [ns] greatest error of the age of the newest admitted, when it was
         self._topic = topic
         self._outbox = outbox
-        self._read = PayloadDecoder(topic, replayed=replay and onlooker).read
-        self._expires = not onlooker and "ttl_ms" in topic.message.__struct_fields__
+        decoder = PayloadDecoder(topic, replayed=replay and onlooker)
+        self._read, self._encoding = decoder.read, decoder.encoding
+        fields = topic.message.__struct_fields__
+        self._expires = not onlooker and "ttl_ms" in fields
+        self._has_epoch, self._has_instance = "epoch" in fields, "instance" in fields
+        self._in_order = topic.hz > 0.0
         self._clock_offset = (
             clock_offset if clock_offset is not None and clock_offset.concerns(topic) else None
         )
@@ -72,12 +76,16 @@ class Gate(Generic[M]):
 
     def admit(self, envelope: Envelope, now: int) -> M | None:  # noqa: C901 - one check after another
         """The message inside, or None with the reason counted."""
-        message = self._read(envelope.key, envelope.encoding, envelope.payload)
-        if isinstance(message, Row):
-            return self._refuse(message, envelope)
+        message: Any = envelope.message
+        if message is None or envelope.encoding != self._encoding or self._clock_offset is not None:
+            message = self._read(envelope.key, envelope.encoding, envelope.payload)
+            if isinstance(message, Row):
+                return self._refuse(message, envelope)
+            if self._clock_offset is None:  # else its stamps become those of this receiver's clock
+                envelope.message = message
 
         # Of the pilot in control?
-        epoch: Any = getattr(message, "epoch", None)
+        epoch: Any = message.epoch if self._has_epoch else None
         if self.authority is not None and not self.authority.admits(epoch, now):
             return self._refuse(events.WRONG_EPOCH, envelope)
 
@@ -89,21 +97,21 @@ class Gate(Generic[M]):
             if clock.ahead_ns is not None:
                 self._move(message, clock.ahead_ns)
                 bound = clock.bound_ns(now)
-            elif self._topic.hz:
+            elif self._in_order:
                 return self._refuse(events.UNSYNCHRONISED, envelope)
             else:
                 is_local = False
         if is_local and self._judged and message.stamp_ns > now + FUTURE_NS + bound:
             return self._refuse(events.FROM_FUTURE, envelope)
         if is_local and self._expires:
-            ttl_ns: float = message.ttl_ms * 1e6  # type: ignore[attr-defined]
+            ttl_ns: float = message.ttl_ms * 1e6
             if now - message.stamp_ns + bound > ttl_ns:
                 return self._refuse(events.EXPIRED, envelope)
 
         # In order? By the sender's clock: the estimated offset of that clock changes, and must not
         # make an old message look newer than the one before.
-        sender, last = getattr(message, "instance", clock.source), self._last
-        if self._topic.hz and last is not None and sender == self._sender:  # else of two clocks
+        sender, last = message.instance if self._has_instance else clock.source, self._last
+        if self._in_order and last is not None and sender == self._sender:  # else of two clocks
             # Was the last one sent before the other machine's clock restarted, as by a power cut?
             ahead = clock.ahead_ns
             if ahead is None or last[0] - ahead <= now + FUTURE_NS + bound:

@@ -35,12 +35,10 @@ class LoopStats:
 
     def __init__(self) -> None:
         self._lateness: list[int] = []  # [ns] of every call since the last report
+        self.handled = self._lateness.append  # a handler was called so late [ns]
         self._late_at: int | None = None  # [ns] newest report of a late period
         self._reported_at: int | None = None
         self._cpu_s: float | None = None  # [s] at the last report; None: before the first
-
-    def handled(self, late_ns: int) -> None:
-        self._lateness.append(late_ns)
 
     def behind(self, now: int) -> tuple[bool, str]:
         """Before a report: was there a stall in its period, and what is to be said; empty: nothing
@@ -93,7 +91,7 @@ class LoopStats:
             pid=instance.pid,
             instance=instance.number,
         )
-        self._lateness = []
+        self._lateness.clear()
         self._reported_at = now
         self._cpu_s = None if usage is None else usage.cpu_s
         return health

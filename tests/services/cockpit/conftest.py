@@ -21,6 +21,19 @@ def browser() -> Iterator[Browser]:
         yield opened
 
 
+@pytest.fixture(autouse=True)
+def no_page_left(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A page that a failed test leaves open would draw on, and hold up all later ones."""
+    if "browser" not in request.fixturenames:
+        yield
+        return
+    browser: Browser = request.getfixturevalue("browser")
+    before = list(browser.pages)
+    yield
+    for page in [page for page in browser.pages if page not in before]:
+        page.close()
+
+
 @pytest.fixture
 def exits() -> Iterator[ExitStack]:
     with ExitStack() as stack:

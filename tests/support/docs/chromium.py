@@ -76,15 +76,23 @@ class Browser:
         port, path = self._address()
         self._base = f"ws://127.0.0.1:{port}"
         self._control = Channel(f"{self._base}{path}")
+        self._pages = list[BrowserPage]()
 
     def open(self, url: str, size: Size, before: str = "") -> "BrowserPage":
         """`before`: a script that runs before those of the page."""
         target = self._control.call("Target.createTarget", url="about:blank")["targetId"]
         page = BrowserPage(Channel(f"{self._base}/devtools/page/{target}"), size)
+        self._pages.append(page)
         if before:
             page.call("Page.addScriptToEvaluateOnNewDocument", source=before)
         page.go(url)
         return page
+
+    @property
+    def pages(self) -> list["BrowserPage"]:
+        """Those that are open."""
+        self._pages = [page for page in self._pages if page.is_open]
+        return self._pages
 
     def close(self) -> None:
         self._control.close()
@@ -138,6 +146,7 @@ class Channel:
 class BrowserPage:
     def __init__(self, channel: Channel, size: Size) -> None:
         self.call = channel.call
+        self.is_open = True
         self._channel = channel
         self.call("Page.enable")
         self.call(
@@ -194,5 +203,6 @@ class BrowserPage:
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def close(self) -> None:
+        self.is_open = False
         self.call("Page.close")
         self._channel.close()

@@ -3,6 +3,7 @@ a live dive refuses, and hubs of vehicles let nothing of it through."""
 
 from collections import Counter
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -61,7 +62,7 @@ def fly(folder: Path, attack: list[Raw], *, marked: bool = True) -> Flown:
         encoding = envelope.encoding if marked else topic.encoding
         sent[envelope.key] += 1
         for port in (board, above):  # a port does not hear itself
-            port.forward(envelope._replace(encoding=encoding))
+            port.forward(replace(envelope, encoding=encoding, message=None))
 
     replay = Republisher(open_source(golden("pioneer")).recording, send)
     for k, raw in enumerate(attack):
