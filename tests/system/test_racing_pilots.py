@@ -66,6 +66,7 @@ class Topside:
         self.name, self.race = name, race
         self.pilot = Pilot(Progress(), Outbox(), arms=False)
         self.requests = Requests[PilotRequest](name)
+        self.pilot.asked = self._waiting
         self.gone_until = 0  # [ns]
         self.asked_at: list[int] = []  # [ns] by itself
 
@@ -102,7 +103,6 @@ class Topside:
         if not self.gone and (request := self.requests.answered(answer)) is not None:
             self._do(self.pilot.answered(request, answer, now))
 
-    @property
     def _waiting(self) -> set[RequestKind]:
         return {pending.request.kind for pending in self.requests.pending}
 
