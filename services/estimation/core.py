@@ -563,7 +563,7 @@ class Estimator:
         """May this sample be used? Before the dive it is also judged whether a sensor of this
         `magnitude` can be right, be the sample usable or not."""
         key = topic.key
-        content, refused = OF[topic](sample)
+        content, refused = OF[key](sample)
         if refused is None:
             refused = self._sensors[key].judge(content, sample.stamp_ns)
         else:

@@ -125,11 +125,12 @@ class ErrorStateFilter:
             noise: spectral densities of force [m²/s³] and rate [rad²/s].
             unseen: [m/s], [rad] what may have happened between the interval's ends, FRD.
         """
-        p, q, r = (0.25 * dt * (w - b) for w, b in zip(rate, self.gyro_bias, strict=True))
-        half = _exponential(p, q, r)
+        (p, q, r), (x, y, z), k = rate, self.gyro_bias, 0.25 * dt
+        half = _exponential(k * (p - x), k * (q - y), k * (r - z))
         self._set_attitude(_multiplied(self.q, half), follow=False)
         (a, b, c), (d, e, f), (g, h, i) = self.rotation  # half-way through the interval
-        x, y, z = (m - b for m, b in zip(force, self.force_bias, strict=True))
+        (x, y, z), (bx, by, bz) = force, self.force_bias
+        x, y, z = x - bx, y - by, z - bz
         fn, fe, fd = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
         self.acceleration = fd + GRAVITY
         vn, ve, vd = self.velocity
@@ -260,9 +261,12 @@ class ErrorStateFilter:
         self._inject(gain)
 
     def _inject(self, d: list[float]) -> None:
-        self.shift = tuple(x + y for x, y in zip(self.shift, d, strict=False))
-        self.position = [x + y for x, y in zip(self.position, d[0:3], strict=True)]
-        self.velocity = [x + y for x, y in zip(self.velocity, d[3:6], strict=True)]
+        n, e, z, vn, ve, vz = self.shift
+        self.shift = n + d[0], e + d[1], z + d[2], vn + d[3], ve + d[4], vz + d[5]
+        n, e, z = self.position
+        self.position = [n + d[0], e + d[1], z + d[2]]
+        vn, ve, vz = self.velocity
+        self.velocity = [vn + d[3], ve + d[4], vz + d[5]]
         self.wave = self.wave[0] + d[9], self.wave[1] + d[10]
         x, y, z = self.gyro_bias
         self.gyro_bias = x + d[11], y + d[12], z + d[13]

@@ -184,7 +184,7 @@ class Sensor:
 
 def sensors_of(limits: WatchSettings, outbox: Outbox) -> dict[str, Sensor]:
     """Of a vehicle, by topic."""
-    imu, pressure, field, dvl, usbl = (topic.key for topic in OF)
+    imu, pressure, field, dvl, usbl = OF
     found = (
         Sensor(imu, outbox, limits.imu_frozen, hz=limits.imu_rate,
                noise=(FORCE_NOISE,) * 3 + (GYRO_NOISE,) * 3),
@@ -237,10 +237,11 @@ def _unless(possible: bool, key: str) -> Event | None:
     return None if possible else events.IMPLAUSIBLE(key)
 
 
-OF: dict[Any, Callable[[Any], tuple[Content, Event | None]]] = {
-    topics.IMU: _imu,
-    topics.PRESSURE: _pressure,
-    topics.MAGNETOMETER: _magnetometer,
-    topics.DVL: _dvl,
-    topics.USBL: _usbl,
+# By the topic's key.
+OF: dict[str, Callable[[Any], tuple[Content, Event | None]]] = {
+    topics.IMU.key: _imu,
+    topics.PRESSURE.key: _pressure,
+    topics.MAGNETOMETER.key: _magnetometer,
+    topics.DVL.key: _dvl,
+    topics.USBL.key: _usbl,
 }
