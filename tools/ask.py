@@ -110,8 +110,7 @@ def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
     kind = "take" if wanted.kind in ("lease", "force") else wanted.kind
     if HOME not in running.endpoints and wanted.kind in ABOUT_CONTROL:
         raise LindyError(f"{kind}: there is no pilot on this side; ask in the topside's folder")
-    who = "drone, or the pilot of this side," if wanted.kind in ABOUT_CONTROL else "drone"
-    answer = answer_to(lambda node: for_the_pilot(node, wanted), running, who)
+    answer = answer_to(lambda node: for_the_pilot(node, wanted), running, "drone")
     if as_json:
         print(in_json(kind, answer))
     if not answer.accepted:

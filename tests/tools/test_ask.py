@@ -320,6 +320,7 @@ def test_without_a_pilot_on_this_side_nobody_is_given_control(kind: str):
     host.run(20 * S, lambda: asking.given_up)
     assert host.now == 5 * S
     assert drone.heard == []
+    assert not asking.asked
 
 
 def test_on_the_drones_side_there_is_no_pilot(tmp_path: Path):

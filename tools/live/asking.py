@@ -16,13 +16,16 @@ from services.runtime.node.node import Node
 from services.runtime.node.requests import GIVE_UP_NS, A, Q
 
 
+NO_PILOT = "nobody flies from this side now, so control cannot change hands"
+
+
 class OneRequest(Generic[Q, A]):
-    """A request, and its answer."""
+    """A request, and its answer. `asked`: it was sent."""
 
     def __init__(self, node: Node, asks: Topic[Q], answers: Topic[A]) -> None:
         self.answer: A | None = None
         self.given_up = False
-        self._asked = False
+        self.asked = False
         self._asking = node.request(
             asks,
             answers,
@@ -34,8 +37,8 @@ class OneRequest(Generic[Q, A]):
 
     def ask(self, request: Q, now: int) -> None:
         """Send the request; later calls do nothing, because it is repeated automatically."""
-        if not self._asked:
-            self._asked = True
+        if not self.asked:
+            self.asked = True
             self._asking.ask(request, now)
 
     def _keep(self, _request: Q, answer: A, _now: int) -> None:
@@ -43,7 +46,7 @@ class OneRequest(Generic[Q, A]):
 
     def _look(self, _: int) -> None:
         """Give up if the request could not be sent at all."""
-        self.given_up = self.given_up or not self._asked
+        self.given_up = self.given_up or not self.asked
 
     def _give_up(self, _request: Q, _now: int) -> None:
         self.given_up = True
@@ -75,6 +78,8 @@ def answer_to(ask: Callable[[Node], OneRequest[Q, A]], running: Running, who: st
             woken.wait(max(0.0, (node.deadline() - time.monotonic_ns()) / 1e9))
             woken.clear()
             node.step()
+    if not asking.asked:
+        raise LindyError(f"{NO_PILOT}: open the page, or connect a pad, and ask again")
     if asking.answer is None:
         raise LindyError(f"the {who} does not answer")
     return asking.answer
