@@ -20,6 +20,7 @@ slow: $(READY) ## what `make test` leaves out: flights by the dozen, the wheel, 
 	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal --hypothesis-profile whole \
 		-m "slow or (hypothesis and not system)"
 	PYTHONHASHSEED=0 $(BIN)/pytest -n 3 --dist worksteal -m "slow or not slow" research/tests
+	-$(BIN)/python tests/long/mutants.py --today --each 4  # printed, not judged: four are too few
 
 mutants: $(READY) ## how many small faults, put into a copy of the laws, the tests notice
 	$(BIN)/python tests/long/mutants.py

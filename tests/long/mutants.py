@@ -6,7 +6,8 @@ law on it, and prints the share of faults that made a test fail, and those that 
 are drawn with a fixed seed, so two runs of the same code try the same ones.
 
 `python tests/long/mutants.py [--each N] [--seed S] [LAW ...]` with another number of faults in each
-law, with others, or for these laws only, by the names of their files without `.py`.
+law, with others, or for these laws only, by the names of their files without `.py`. `--today`: for
+the law whose turn it is, with faults that were not drawn on its last turn.
 """
 
 import argparse
@@ -23,6 +24,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from queue import SimpleQueue
 from random import Random
@@ -333,5 +335,10 @@ if __name__ == "__main__":
     parser.add_argument("laws", nargs="*", metavar="LAW")
     parser.add_argument("--each", type=int, default=EACH, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="S")
+    parser.add_argument("--today", action="store_true")
     said = parser.parse_args()
-    sys.exit(main({law: faults(law, said.each, said.seed) for law in _chosen(said.laws)}))
+    chosen, seed = _chosen(said.laws), said.seed
+    if said.today:
+        seed, turn = divmod(date.today().toordinal(), len(chosen))
+        chosen = chosen[turn : turn + 1]
+    sys.exit(main({law: faults(law, said.each, seed) for law in chosen}))
