@@ -18,6 +18,7 @@ from pathlib import Path
 from services.runtime.config.disk import reason
 from services.runtime.node.loop_stats import Usage
 from services.runtime.node.node import Node
+from services.runtime.os import RARE_SEARCHES
 
 POLL_S = 0.1  # [s] longest wait between two looks at the stop flag
 Clock = Callable[[], int]  # [ns]
@@ -149,15 +150,12 @@ class Loop:
         return Usage(cpu_s=self._cpu_ns[k] / 1e9, rss_mb=of_process().rss_mb)
 
 
-ALLOCATIONS = 20_000  # between two searches; Python's default is 700
-
-
 @contextmanager
 def rare_collections() -> Generator[None]:
     """Enter after everything is set up: existing objects are not searched until the end."""
     before = gc.get_threshold()
     gc.freeze()
-    gc.set_threshold(ALLOCATIONS, 20, 50)
+    gc.set_threshold(*RARE_SEARCHES)
     try:
         yield
     finally:
