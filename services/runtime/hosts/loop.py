@@ -43,20 +43,21 @@ class Loop:
         *,
         on_arrival: bool,
         clock: Clock = time.monotonic_ns,
-        cpu_clock: Clock = time.thread_time_ns,
     ) -> None:
         """
         Args:
             nodes: in the order in which they are stepped.
             of_process: what the process uses. A node that is alone in it reports just that; one
-                that shares it reports the processor time of its own steps instead.
+                that shares it reports its part of the processor time.
             on_arrival: False: the bus's thread only wakes the service's own, for services whose
                 handlers may take long, such as one that writes a file.
-            cpu_clock: [ns] processor time of the thread that asks.
         """
         self.running = nodes[0].name
-        self._nodes, self._clock, self._cpu_clock = nodes, clock, cpu_clock
-        self._cpu_ns = [0] * len(nodes)  # [ns] processor time of each node's steps
+        self._nodes, self._clock = nodes, clock
+        self._cpu_s = [0.0] * len(nodes)  # [s] processor time of each node, up to the last account
+        self._accounted_s = of_process().cpu_s  # [s] of the process, up to then
+        self._busy_ns = [0] * len(nodes)  # [ns] since then, in the steps of each node …
+        self._all_busy_ns = 0  # [ns] … and in all
         self._due = [0] * len(nodes)  # [ns] next timer of each; at first each is stepped once
         self._last = len(nodes) - 1  # the node that was stepped last
         self._arrivals: set[int] = set()  # nodes for which something arrived
@@ -113,11 +114,13 @@ class Loop:
     def _run(self, k: int, what: Callable[[], None]) -> None:
         node, alone = self._nodes[k], len(self._nodes) == 1
         self.running = node.name
-        began = 0 if alone else self._cpu_clock()
+        began = 0 if alone else self._clock()
         what()
         self._due[k] = node.deadline()
         if not alone:
-            self._cpu_ns[k] += self._cpu_clock() - began
+            took = self._clock() - began
+            self._busy_ns[k] += took
+            self._all_busy_ns += took
 
     def _arrived(self, k: int) -> None:
         """Something arrived for a node; called on any thread."""
@@ -147,7 +150,16 @@ class Loop:
                 self._arrivals.add(k)
 
     def _share(self, k: int, of_process: Callable[[], Usage]) -> Usage:
-        return Usage(cpu_s=self._cpu_ns[k] / 1e9, rss_mb=of_process().rss_mb)
+        """What the process has used since the last account is divided as the time of the steps: to
+        ask for the processor time around each of them costs a seventh of the process."""
+        used = of_process()
+        if self._all_busy_ns:
+            rate = (used.cpu_s - self._accounted_s) / self._all_busy_ns
+            for n, busy_ns in enumerate(self._busy_ns):
+                self._cpu_s[n] += rate * busy_ns
+            self._accounted_s, self._all_busy_ns = used.cpu_s, 0
+            self._busy_ns = [0] * len(self._nodes)
+        return Usage(self._cpu_s[k], used.rss_mb)
 
 
 @contextmanager
