@@ -10,11 +10,12 @@ caller gives. A row of its own goes before that of its kind.
 """
 
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
+from messages.notice import Notice
 from messages.vehicle import Returns
 
 Level = Literal["info", "warning", "error"]
@@ -176,6 +177,45 @@ def sentence(name: str, detail: str = "") -> str:
     return f"{words}{joint}{detail}" if detail else words
 
 
+# What a pilot is told that is no event, by its code; {s}: a number of this name.
+TOLD = {
+    "no_status": "no status from the drone yet",
+    "calibrating": "calibrating: keep the drone still",
+    "no_state": "not ready: no usable samples of the drone's IMU, or estimation does not run",
+    "not_ready": "not ready: see the warning of estimation",
+    "link.never": "no answer from the drone yet",
+    "link.silent": "no answer from the drone for {s} s",
+    "link.rtt": "round trip has risen from {from} to {to} ms",
+}
+# Other numbers of a notice, by their names.
+AMOUNTS = {
+    "left": "{:.0%} left", "m": "{:g} m", "celsius": "{:g} °C", "wait_s": "{:g} s to go",
+    "hz": "{:g} a second",
+}  # fmt: skip
+
+
+def detail(notice: Notice) -> str:
+    """What a notice says beside its sentence; empty: nothing."""
+    numbers = notice.numbers.items()
+    amounts = [AMOUNTS[name].format(value) for name, value in numbers if name in AMOUNTS]
+    about = [sentence(each) if known(each) else each for each in notice.about]
+    return ", ".join(filter(None, [*amounts, *about, notice.more]))
+
+
+def told(notice: Notice) -> str:
+    """A notice in English."""
+    words = TOLD.get(notice.code) or sentence(notice.code)
+    for name, value in notice.numbers.items():
+        words = words.replace(f"{{{name}}}", f"{value:g}")
+    more = detail(notice)
+    return f"{words} ({more})" if more else words
+
+
+def note(notices: Iterable[Notice]) -> str:
+    """All of them in English."""
+    return "; ".join(map(told, notices))
+
+
 def short(name: str) -> str:
     """In two or three words."""
     found = row_of(name)
@@ -312,7 +352,7 @@ ALARM = row("alarm", DANGER, "an alarm was raised")
 ALARM_LINK = row("alarm:link", DANGER, "the link got worse", said="warning")
 ALARM_PEERS = row("alarm:peers", DANGER, "the two sides do not fit together; the drone will not arm", said="error")
 ALARM_OTHER_DRONE = row("alarm:other_drone", DANGER, "the drone that is there has another name", said="error")
-ALARM_JUNK = row("alarm:junk", DANGER, "services receive many messages that they cannot read", said="warning")
+ALARM_JUNK = row("alarm:junk", DANGER, "services receive many messages that they cannot read", "a stranger sends on this network, or a sender is broken", said="warning")
 MISTAKE = row("mistake", DANGER, "a mistake in Lindy itself: the screen may be wrong")
 STALLED = row("stalled", DANGER, "a service handled nothing for over 0.14 s")
 HUNG = row("hung", DANGER, "a service runs but does not answer", breaks="answered")

@@ -32,11 +32,9 @@ from services.cockpit.page_messages import (
 )
 from services.cockpit.page_view import (
     AGES_MS,
-    KEYS,
     PageView,
     chart_view,
     line,
-    notes,
     positions,
     shown_outputs,
     turns,
@@ -324,7 +322,6 @@ class Cockpit:
         view = PageView(
             **msgspec.structs.asdict(seen),
             drone=self._drone,
-            notes=notes(seen),
             sticks=positions(self._command, now),
             filming_s=self.filming.seconds(now),
             snapshots=self.filming.snapshots,
@@ -372,7 +369,7 @@ class Cockpit:
             in_control=in_control,
             taken=taken,
             who=self._who(view, in_control=in_control, has_sticks=has_sticks, taken=taken),
-            lost=KEYS.get(self._pilot.lost, ""),
+            lost=self._pilot.lost,
             wants_rest=has_sticks and holder.wants_rest(now),
             device=self._pilot.device,
             delay_ms=None if page.delay_ns is None else round(page.delay_ns / 1e6, 1),

@@ -338,7 +338,7 @@ def vehicle_status(frame: RosFrames, status: VehicleStatus, utc_ns: int) -> Any:
         utc_ns,
         level,
         f"{name}: drone",
-        status.words or status.note or status.activity,
+        status.words or events.note(status.notices) or status.activity,
         {
             "activity": status.activity,
             "armed": status.armed,

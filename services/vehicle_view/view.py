@@ -8,9 +8,10 @@ from msgspec import UNSET, UnsetType
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.events import LEAK, UNMOVED
+from messages.events import UNMOVED
 from messages.link import Clock, LatencyBudget, LinkStatus
 from messages.message import Estimate
+from messages.notice import Notice
 from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
@@ -64,8 +65,7 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     resumable: bool = False
     returns: Returns | None = None  # what gives the sticks back; None: he has them, or not known
     words: str = ""  # what is lost, what the drone does, and what ends it
-    note: str = ""
-    wet: bool = False  # water inside is among what the note says
+    notices: tuple[Notice, ...] = ()  # what he has to know, the gravest first
     pilot: str = ""  # who has control; empty: nobody
     light: float | None = None  # [-] 0 … 1
     outputs: dict[str, float] = {}  # [-] by name; of a gripper -1 … 1
@@ -89,7 +89,7 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     lost_s: float | None = None  # [s] in all, in which nothing of the drone arrived
     stick_ms: float | None = None  # [ms] from the stick to the thruster
     screen_ms: float | None = None  # [ms] from the sensor to the screen
-    alarm: str = ""  # what is wrong with the link
+    alarms: tuple[Notice, ...] = ()  # what is wrong with the link
     altitude_m: float | None = None  # above the bottom
     altitude_wanted_m: float | None = None  # that is held
 
@@ -138,8 +138,7 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "next_s": _seconds(now, status.next_ns),
         "resumable": status.resumable,
         "returns": status.returns,
-        "note": status.note,
-        "wet": LEAK.name in status.conditions and status.failsafe != LEAK.name,
+        "notices": status.notices,
         "altitude_m": _known(status.altitude),
         "altitude_wanted_m": _known(status.altitude_wanted),
     }
@@ -203,7 +202,7 @@ def _link(newest: Newest, now: Ns) -> dict[str, Any]:
             "stick_ms": _tenth(latency.stick_to_thruster_ms),
             "screen_ms": _tenth(latency.sensor_to_screen_ms),
             "lost_s": _tenth(latency.lost_s),
-            "alarm": latency.alarm,
+            "alarms": latency.alarms,
         }
     return found
 

@@ -8,11 +8,13 @@ from typing import Any
 import msgspec
 
 from messages.control import ThrusterCommand
+from messages.events import note
 from messages.film import FilmAnswer, FilmRequest
 from messages.health import LogLine
 from messages.identity import SideIdentity
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
 from messages.message import Message
+from messages.notice import Notice
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import BatterySample
@@ -65,7 +67,7 @@ class Status:
         self._newest: dict[type[Message], Message] = {}
         self._heard_ns: dict[type[Message], int] = {}
         self._requests = deque[str](maxlen=REQUESTS_KEPT)  # ids that were shown
-        self._last_note = ""
+        self._last_notices: tuple[Notice, ...] = ()
         self._large_camera = ""
         self._sides: dict[str, str] = {}  # which Lindy each side runs
         self._page = ""  # as last shown
@@ -106,9 +108,9 @@ class Status:
             word = change or "granted" if message.accepted else f"refused: {message.reason}"
             level = "info" if message.accepted else "warning"
             return [_line("pilot", time, f"answer: {word}", level)]
-        if isinstance(message, VehicleStatus) and message.note != self._last_note:
-            self._last_note = message.note
-            return [_line("vehicle", time, message.note)] if message.note else []
+        if isinstance(message, VehicleStatus) and message.notices != self._last_notices:
+            self._last_notices = message.notices
+            return [_line("vehicle", time, note(message.notices))] if message.notices else []
         if isinstance(message, CameraChoice) and message.camera != self._large_camera:
             self._large_camera = message.camera  # it is said again and again
             return [_line("pilot", time, f"the large camera: {message.camera}")]
@@ -134,7 +136,7 @@ class Status:
             ("activity", f"{does} · {armed}{acts}"),
             ("pilot", words.sticks(view)),
             ("failsafe", words.acting(view)),
-            *(("note", note) for note in words.notes(view)),
+            *(("note", text) for text in words.notes(view)),
             ("depth", f"{depth} m → {words.number(view.depth_wanted_m, '.1f')} m{old}"),
             ("heading", f"{heading} → {_bearing(view.heading_wanted_deg)}{old}"),
             *words.numbers(view),
@@ -143,7 +145,7 @@ class Status:
             up = words.UNKNOWN if view.link_up is None else "up" if view.link_up else "**DOWN**"
             rtt = f"rtt {_ms(view.rtt_ms)} · lost {words.number(view.lost_s, '.1f')} s"
             rows.append(("link", f"{link.profile} · {up} · {rtt}"))
-        rows.append(("alarm", f"**{view.alarm}**" if view.alarm else ""))
+        rows.append(("alarm", f"**{words.alarm(view)}**" if view.alarms else ""))
         delays = f"stick to thruster {_ms(view.stick_ms)} · to screen {_ms(view.screen_ms)}"
         rows.append(("latency", delays))
         if isinstance(clock, Clock) and clock.offset_ns is not None and clock.bound_ns is not None:

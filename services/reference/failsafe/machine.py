@@ -26,7 +26,8 @@ from dataclasses import dataclass, field
 import msgspec
 from msgspec.structs import replace
 
-from messages.events import RESUMED_SHORT_LOSS, RETURN, UNMOVED, Outbox, short
+from messages.events import RESUMED_SHORT_LOSS, RETURN, UNMOVED, Outbox, detail, short, told
+from messages.notice import Notice
 from messages.units import Ns
 from messages.vehicle import Reaction, Returns
 from services.reference.failsafe.table import ACTING, SEVERITY, SHORT_NS, FailsafeRow, Holding
@@ -145,7 +146,7 @@ class FailsafeMachine:
         if armed and _acts(row, after) and not acted:
             self.outbox.tell(row.condition.acted(detail=DOES[stages[after.stage].reaction]))
         elif is_new and row.told and stages[0].reaction not in ACTING:
-            self.outbox.tell(row.condition.noticed(detail=held.detail))
+            self.outbox.tell(row.condition.noticed(detail=detail(self._notice(row))))
         return after
 
     def _remember(self, memory: Mapping[str, Memory]) -> None:
@@ -227,7 +228,7 @@ class FailsafeMachine:
         """Everything that acts, what the drone does, and what ends it; empty: nothing acts."""
         if (reaction := self.reaction) is None:
             return ""
-        held = [self._sentence(row) for row, memory in self._acting if memory.holds]
+        held = [told(self._notice(row)) for row, memory in self._acting if memory.holds]
         ended = [
             f"{short(row.condition.acted.name)} has ended"
             for row, memory in self._acting
@@ -237,15 +238,15 @@ class FailsafeMachine:
         return "; ".join([*held, *ended, does, RETURN[self.returns or "wait"]])
 
     @property
-    def notices(self) -> str:
+    def notices(self) -> tuple[Notice, ...]:
         """Every condition that holds and does not act."""
         acting = [row for row, _ in self._acting]
         said = [row for row in self.rows if row.name in self._holding and row not in acting]
-        return "; ".join(map(self._sentence, said))
+        return tuple(map(self._notice, said))
 
-    def _sentence(self, row: FailsafeRow) -> str:
-        held, words = self._holding.get(row.name), row.condition.sentence
-        return f"{words} ({held.detail})" if held is not None and held.detail else words
+    def _notice(self, row: FailsafeRow) -> Notice:
+        held = self._holding.get(row.name, Holding())
+        return Notice(row.condition.noticed.name, dict(held.numbers), held.about)
 
 
 def _acts(row: FailsafeRow, memory: Memory) -> bool:

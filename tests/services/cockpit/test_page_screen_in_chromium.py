@@ -1,6 +1,5 @@
 """What is on the page's screen, in a real browser. Skipped where there is no Chromium."""
 
-from typing import Any
 
 import pytest
 
@@ -93,7 +92,7 @@ def test_a_note_is_said_in_the_pilots_language_and_who_lacks_the_sticks_is_told_
     choice = "document.getElementById('language')"
     page.look(f"{choice}.value = 'de'; {choice}.dispatchEvent(new Event('change'))")
     page.wait("document.documentElement.lang === 'de'")
-    served.becomes(page, notes=[["note", "notice:battery_low", {}, " (20 %)"]])
+    served.becomes(page, notices=[{"code": "notice:battery_low", "numbers": {"left": 0.2}}])
     assert page.look(NOW) == "Die Batterie ist schwach (20 %)."
     assert "15,9 V, 80 %" in page.look("document.getElementById('numbers').textContent")
     resume = "document.getElementById('arm').checkVisibility({ visibilityProperty: true })"
@@ -363,10 +362,10 @@ def test_a_stop_that_does_not_arrive_is_said_and_sent_again(browser: Browser, se
 def test_what_is_grave_is_red(browser: Browser, served: Served):
     page = served.open(browser, SIZES[5])
     colour = "getComputedStyle(document.getElementById('now')).backgroundColor"
-    close: list[Any] = ["note", "notice:near_floor", {}, ""]
-    served.becomes(page, notes=[close])
+    close = {"code": "notice:near_floor"}
+    served.becomes(page, notices=[close])
     before = page.look(colour)
-    served.becomes(page, notes=[close, ["note", "notice:leak", {}, ""]], wet=True)
+    served.becomes(page, notices=[close, {"code": "notice:leak"}])
     assert page.look(colour) != before
     assert page.look(NOW).startswith("Water in the enclosure. Bring the drone up")
     assert page.look("document.getElementById('drawer-open').textContent") == "1"

@@ -8,7 +8,9 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.events import told
 from messages.message import Estimate
+from messages.notice import Notice
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
@@ -101,17 +103,12 @@ def test_charge_is_known_where_the_capacity_is(capacity: float | None, used: flo
     assert charge is None or 0.0 <= charge <= 1.0
 
 
-@pytest.mark.parametrize(
-    ("conditions", "tone"), [((), "warning"), (("battery_low", "leak"), "alarm")]
-)
-def test_water_inside_is_an_alarm_also_where_the_pilot_flies_on(
-    conditions: tuple[str, ...], tone: str
-):
-    """By its name, whatever the sentence says."""
-    status = VehicleStatus(
-        stamp_ns=0, activity="piloted", armed=True, conditions=conditions, note="look here"
-    )
-    assert words.others(vehicle_view(Newest(status), 0)) == [("look here", tone)]
+@pytest.mark.parametrize(("name", "tone"), [("battery_low", "warning"), ("leak", "alarm")])
+def test_water_inside_is_an_alarm_also_where_the_pilot_flies_on(name: str, tone: str):
+    """By its code, whatever the sentence says."""
+    notice = Notice(f"notice:{name}")
+    status = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, notices=(notice,))
+    assert words.others(vehicle_view(Newest(status), 0)) == [(told(notice), tone)]
 
 
 # The head-up numbers: everything that a pilot must see, each always in its place.
@@ -136,14 +133,15 @@ CALM = VehicleView(
 )
 number = st.none() | st.floats(-1e4, 1e4)
 text = st.text(max_size=300)
+noted = st.lists(st.builds(Notice, text, more=text), max_size=3).map(tuple)
 views = st.builds(
     VehicleView,
     activity=text, doing=text, flight_mode=text, light=number,
     battery_v=number, used_wh=number, capacity_wh=number,
     armed=st.booleans(), silent_s=number, failsafe=st.sampled_from(["none", "pilot_lost"]),
-    since_s=number, next_s=number, words=text, note=text, age_ms=number, depth_m=number,
+    since_s=number, next_s=number, words=text, notices=noted, age_ms=number, depth_m=number,
     depth_wanted_m=number, heading_deg=number, heading_wanted_deg=number, rtt_ms=number,
-    alarm=text,
+    alarms=noted,
 )  # fmt: skip
 
 
@@ -155,9 +153,9 @@ def test_every_line_of_a_window_stays_in_its_place_with_all_words_of_what_is_wro
     assert len(lines) == len(head_up(VehicleView()))
     shown = lines[-1]
     assert (shown.tone == "alarm") == bool(
-        view.failsafe != "none" or view.next_s is not None or view.words or view.alarm
+        view.failsafe != "none" or view.next_s is not None or view.words or view.alarms
     )
-    for part in (view.words, view.alarm, view.note):
+    for part in (view.words, *(each.more for each in (*view.alarms, *view.notices))):
         assert part in shown.text
 
 
