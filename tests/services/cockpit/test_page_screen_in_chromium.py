@@ -1,6 +1,5 @@
 """What is on the page's screen, in a real browser. Skipped where there is no Chromium."""
 
-
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
