@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.units import Quaternion, Share, Vec3
-from services.marine.attitude import to_world
+from services.marine.attitude import dot, to_world
 
 Floats = NDArray[np.floating[Any]]  # 32 bit: half the time of 64
 Bytes = NDArray[np.uint8]
@@ -223,11 +223,11 @@ class SimulatedSea:
             (north - side * wide * east, east + side * wide * north, down)
             for side, down in product((-1.0, 1.0), (-tall, tall))
         ]
-        ahead = [_along(forward, end) for end in ends]
+        ahead = [dot(forward, end) for end in ends]
         if min(ahead) < 0.05 * way:
             return slice(0, self._width)
         pixels = [
-            self._width / 2.0 + self._focal * _along(axes.right, end) / far
+            self._width / 2.0 + self._focal * dot(axes.right, end) / far
             for end, far in zip(ends, ahead, strict=True)
         ]
         least, most = floor(min(pixels)), ceil(max(pixels)) + 1
@@ -330,10 +330,6 @@ def _axes(view: CameraView) -> CameraAxes:
     ahead, aside = cos(view.yaw), sin(view.yaw)
     body = (c * ahead, c * aside, -s), (-aside, ahead, 0.0), (s * ahead, s * aside, c)
     return CameraAxes(*(to_world(view.attitude, axis) for axis in body))
-
-
-def _along(axis: Vec3, v: Vec3) -> float:
-    return axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]
 
 
 def _places(position: float, first: float, apart: float) -> list[float]:
