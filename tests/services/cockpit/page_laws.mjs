@@ -17,7 +17,7 @@ const { words, LANGUAGES } = await load("words");
 const { units } = await load("units");
 const { messages, Stopped, codeOf } = await load("messages");
 const { Alarms } = await load("alarms");
-const { HoldButton } = await load("hold_button");
+const { holdButton } = await load("hold_button");
 
 const ME = { has_sticks: true, in_control: true };
 const FLIES = { activity: "piloted", doing: "piloted", armed: true, depth_m: 1.25 };
@@ -169,8 +169,8 @@ function button() {
     addEventListener: (name, act) => (hears[name] = act),
   };
   const state = { means: "arm" };
-  const hold = new HoldButton(element, () => state.means, () => {}, (what) => done.push(what), () => done.push("void"));
-  const after = (ms) => { now += ms; if (hold.since !== null) hold.grow(); };
+  const hold = holdButton(element, () => state.means, () => {}, (what) => done.push(what), () => done.push("void"));
+  const after = (ms) => { now += ms; hold.grow(); };
   return { hold, hears, done, state, element, after };
 }
 

@@ -249,9 +249,9 @@ def test_what_lies_abeam_of_the_axis_is_there_on_the_tape_and_the_horizon(
     page.look(f"void {look}")
     found = page.wait("window.seen")
     assert found["elevation"] == pytest.approx(-0.3, abs=0.01)  # pitch and tilt, hardly rolled
-    place = """void import('/picture.js').then(({ Picture }) => {
+    place = """void import('/picture.js').then(({ placePicture }) => {
       const canvas = document.getElementById('picture');
-      window.axis = new Picture(canvas).place({ stripe: 18, fov: 80, whole: true, free: [0, 375] });
+      window.axis = placePicture(canvas, { stripe: 18, fov: 80, whole: true, free: [0, 375] });
     })"""
     page.look(place)
     axis = page.wait("window.axis")
