@@ -13,7 +13,7 @@ from messages.state import VehicleState
 from messages.text import harmless
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.chart import Chart, Pair, ShownPlace, current
+from services.cockpit.chart import Chart, Pair, Position, current
 from services.marine.attitude import whole_turns
 from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages
@@ -68,7 +68,7 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     left_min: float | None = None  # [min] until the battery is empty
     inside_c: float | None = None  # [°C] in the enclosure
     water_c: float | None = None  # [°C] as the depth sensor measures it
-    place: ShownPlace | None = None  # of the drone
+    place: Position | None = None  # of the drone
     compass_deg: float | None = None  # [deg] heading by the compass; that of the tape is another
     home: Pair | None = None  # [m] north, east of where it was first armed
     goal: Pair | None = None  # [m] north, east of where it goes
