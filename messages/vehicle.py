@@ -19,7 +19,6 @@ from messages.units import (
     Quaternion,
     Stamp,
     Stick,
-    Text,
     Thrusts,
     Vec3,
 )
@@ -60,7 +59,7 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     next_ns: Stamp | None = None  # [ns] when its next reaction begins; None: there is none
     resumable: bool = False  # the request `resume` would be granted now
     returns: Returns | None = None  # what gives the pilot his sticks back; None: he has them
-    words: Text = ""  # what the drone does, what ends it, and every condition that acts
+    acting: Notices = ()  # every condition that acts; one that is none of `conditions` has ended
     conditions: Names = ()  # all that hold now, the gravest first; most only have to be known
     pilot: Name = ""  # who has control; empty: nobody
     epoch: Count = 0  # authority epoch granted last: commands with another one are refused

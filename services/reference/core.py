@@ -331,7 +331,7 @@ class ReferenceGenerator:
             next_ns=failsafes.next_ns,
             resumable=failsafes.resumable,
             returns=failsafes.returns,
-            words=failsafes.words,
+            acting=failsafes.acts,
             conditions=failsafes.holding,
             pilot=self.authority.holder(now),
             epoch=self.authority.lease.epoch,

@@ -64,7 +64,8 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     next_s: float | None = None  # [s] until its next reaction
     resumable: bool = False
     returns: Returns | None = None  # what gives the sticks back; None: he has them, or not known
-    words: str = ""  # what is lost, what the drone does, and what ends it
+    acting: tuple[Notice, ...] = ()  # what makes it act by itself, and holds
+    ended: tuple[str, ...] = ()  # the same, and does not hold any more: names of conditions
     notices: tuple[Notice, ...] = ()  # what he has to know, the gravest first
     pilot: str = ""  # who has control; empty: nobody
     light: float | None = None  # [-] 0 … 1
@@ -123,7 +124,8 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "doing": _doing(status),
         "armed": status.armed,
         "failsafe": status.failsafe,
-        "words": status.words,
+        "acting": tuple(each for each in status.acting if _name(each) in status.conditions),
+        "ended": tuple(filter(lambda n: n not in status.conditions, map(_name, status.acting))),
         "pilot": status.pilot,
         "depth_m": _known(status.depth),
         "heading_deg": None if status.heading is UNSET else bearing(status.heading),
@@ -142,6 +144,11 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "altitude_m": _known(status.altitude),
         "altitude_wanted_m": _known(status.altitude_wanted),
     }
+
+
+def _name(notice: Notice) -> str:
+    """Of its condition."""
+    return notice.code.partition(":")[2]
 
 
 def _doing(status: VehicleStatus) -> str:

@@ -2,9 +2,9 @@
 
 from typing import Literal, NamedTuple
 
-from messages.events import FAILSAFE_ACTED, LEAK, note, short, told
+from messages.events import FAILSAFE_ACTED, LEAK, RETURN, note, short, told
 from services.marine.outputs import LIGHT
-from services.vehicle_view.view import VehicleView
+from services.vehicle_view.view import NOT_OBEYED, VehicleView
 
 UNKNOWN = "–"
 # Armed is amber everywhere: the propellers may turn, which asks for care. Red is for danger alone,
@@ -13,6 +13,16 @@ Tone = Literal["plain", "warning", "alarm"]
 
 
 STOPPING = "stopping: centre the sticks; they act again once the drone is at rest"
+
+
+# By `doing`: what a failsafe makes the drone do.
+DONE = {
+    "stopping": "the drone comes to rest",
+    "holding": "the drone has stopped and holds",
+    "rising": "the drone rises slowly",
+    "staying at the surface": "the drone stays at the surface",
+    NOT_OBEYED: "nothing moves the drone: its board or control does not answer",
+}
 
 
 class Said(NamedTuple):
@@ -63,7 +73,12 @@ def others(view: VehicleView) -> list[Said]:
 
 def acting(view: VehicleView) -> str:
     """What is lost, what the drone does now, and what ends it; empty: nothing acts."""
-    return f"{known(view)}{view.words}" if view.words else ""
+    if not view.acts:
+        return ""
+    ended = [f"{short(FAILSAFE_ACTED(name).name)} has ended" for name in view.ended]
+    ends = [] if view.returns is None else [RETURN[view.returns]]
+    does = DONE.get(view.doing, view.doing)
+    return known(view) + "; ".join([*map(told, view.acting), *ended, does, *ends])
 
 
 def notes(view: VehicleView) -> list[str]:

@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 import msgspec
 from msgspec.structs import replace
 
-from messages.events import RESUMED_SHORT_LOSS, RETURN, UNMOVED, Outbox, detail, short, told
+from messages.events import RESUMED_SHORT_LOSS, Outbox, Row, detail
 from messages.notice import Notice
 from messages.units import Ns
 from messages.vehicle import Reaction, Returns
@@ -37,7 +37,6 @@ DOES: dict[Reaction, str] = {
     "ascend": "the drone rises slowly",
     "surface": "the drone stays at the surface",
 }
-CANNOT_MOVE = "nothing moves the drone: its board or control does not answer"
 Conditions = Mapping[str, Holding]  # by the names of the table
 
 
@@ -146,7 +145,9 @@ class FailsafeMachine:
         if armed and _acts(row, after) and not acted:
             self.outbox.tell(row.condition.acted(detail=DOES[stages[after.stage].reaction]))
         elif is_new and row.told and stages[0].reaction not in ACTING:
-            self.outbox.tell(row.condition.noticed(detail=detail(self._notice(row))))
+            self.outbox.tell(
+                row.condition.noticed(detail=detail(self._notice(row, row.condition.noticed)))
+            )
         return after
 
     def _remember(self, memory: Mapping[str, Memory]) -> None:
@@ -224,29 +225,20 @@ class FailsafeMachine:
         return tuple(self._holding)
 
     @property
-    def words(self) -> str:
-        """Everything that acts, what the drone does, and what ends it; empty: nothing acts."""
-        if (reaction := self.reaction) is None:
-            return ""
-        held = [told(self._notice(row)) for row, memory in self._acting if memory.holds]
-        ended = [
-            f"{short(row.condition.acted.name)} has ended"
-            for row, memory in self._acting
-            if not memory.holds
-        ]
-        does = DOES[reaction] if UNMOVED.isdisjoint(self._holding) else CANNOT_MOVE
-        return "; ".join([*held, *ended, does, RETURN[self.returns or "wait"]])
+    def acts(self) -> tuple[Notice, ...]:
+        """Every condition that acts, also what has ended."""
+        return tuple(self._notice(row, row.condition.acted) for row, _ in self._acting)
 
     @property
     def notices(self) -> tuple[Notice, ...]:
         """Every condition that holds and does not act."""
         acting = [row for row, _ in self._acting]
         said = [row for row in self.rows if row.name in self._holding and row not in acting]
-        return tuple(map(self._notice, said))
+        return tuple(self._notice(row, row.condition.noticed) for row in said)
 
-    def _notice(self, row: FailsafeRow) -> Notice:
+    def _notice(self, row: FailsafeRow, event: Row) -> Notice:
         held = self._holding.get(row.name, Holding())
-        return Notice(row.condition.noticed.name, dict(held.numbers), held.about)
+        return Notice(event.name, dict(held.numbers), held.about)
 
 
 def _acts(row: FailsafeRow, memory: Memory) -> bool:

@@ -26,7 +26,7 @@ from services.gamepad.io.window import SIZE, PilotWindow, pause_ns  # noqa: E402
 
 S = 1_000_000_000  # [ns]
 LONG = VehicleView(
-    words="the drone has stopped and holds; " * 20, alarms=(Notice("x" * 300),), depth_m=-12345.678
+    failsafe="leak", acting=(Notice("leak"),) * 20, alarms=(Notice("x" * 300),), depth_m=-12345.678
 )
 
 
@@ -122,6 +122,6 @@ def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):
 @example("W" * 100_000)
 def test_no_text_from_the_bus_ends_the_drawing(surface: pygame.Surface, text: str):
     view = VehicleView(
-        activity=text, flight_mode=text, words=text, notices=(Notice(text),), alarms=(Notice(text),)
+        activity=text, flight_mode=text, doing=text, notices=(Notice(text),), alarms=(Notice(text),)
     )
     PilotWindow(surface, HELP).draw(view)

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.events import told
+from messages.events import CONDITIONS, short, told
 from messages.message import Estimate
 from messages.notice import Notice
 from messages.sensors import BatterySample
@@ -59,21 +59,30 @@ def test_what_is_old_is_said_so_and_what_is_gone_is_not_shown(now: int):
 def test_in_a_failsafe_nobody_is_told_that_he_has_the_sticks(
     failsafe: Failsafe, reaction: Reaction, yours: bool, pilot: str
 ):
-    acts = status(failsafe=failsafe, reaction=reaction, words="what", pilot=pilot, since_ns=0)
+    acts = status(
+        failsafe=failsafe, reaction=reaction, pilot=pilot, since_ns=0, returns="centre",
+        acting=(Notice(f"failsafe:{failsafe}"),), conditions=(failsafe,),
+    )  # fmt: skip
     view = vehicle_view(Newest(status=acts), S // 2)
     assert "has the sticks" not in words.sticks(view, yours=yours)
     assert "you have" not in words.sticks(view, yours=yours)
     assert view.doing != "piloted"
     assert words.said(view)[0].tone == "alarm"
-    assert words.said(view)[0].text.endswith(": what")
+    text = words.said(view)[0].text
+    assert f": {CONDITIONS[failsafe].sentence}; the drone " in text
+    assert text.endswith("; centre the sticks to continue")
+    ended = vehicle_view(Newest(status=msgspec.structs.replace(acts, conditions=())), S // 2)
+    assert f"{short(f'failsafe:{failsafe}')} has ended; the drone" in words.acting(ended)
 
 
 def test_a_drone_that_nobody_moves_holds_nothing() -> None:
-    acts = status(failsafe="state_lost", reaction="stop", words="what", since_ns=0)
+    acts = status(failsafe="state_lost", reaction="stop", since_ns=0)
     for conditions in ((), ("board_silent",), ("control_silent", "service_silent")):
-        told = msgspec.structs.replace(acts, conditions=conditions)
-        doing = vehicle_view(Newest(status=told), 0).doing
-        assert doing == ("not obeyed" if conditions else "holding")
+        said = msgspec.structs.replace(acts, conditions=conditions)
+        seen = vehicle_view(Newest(status=said), 0)
+        assert seen.doing == ("not obeyed" if conditions else "holding")
+        nobody = "nothing moves the drone: its board or control does not answer"
+        assert words.acting(seen) == (nobody if conditions else "the drone has stopped and holds")
 
 
 def test_a_pilot_who_has_stopped_the_drone_is_told_to_centre_the_sticks():
@@ -139,7 +148,7 @@ views = st.builds(
     activity=text, doing=text, flight_mode=text, light=number,
     battery_v=number, used_wh=number, capacity_wh=number,
     armed=st.booleans(), silent_s=number, failsafe=st.sampled_from(["none", "pilot_lost"]),
-    since_s=number, next_s=number, words=text, notices=noted, age_ms=number, depth_m=number,
+    since_s=number, next_s=number, acting=noted, notices=noted, age_ms=number, depth_m=number,
     depth_wanted_m=number, heading_deg=number, heading_wanted_deg=number, rtt_ms=number,
     alarms=noted,
 )  # fmt: skip
@@ -153,9 +162,10 @@ def test_every_line_of_a_window_stays_in_its_place_with_all_words_of_what_is_wro
     assert len(lines) == len(head_up(VehicleView()))
     shown = lines[-1]
     assert (shown.tone == "alarm") == bool(
-        view.failsafe != "none" or view.next_s is not None or view.words or view.alarms
+        view.failsafe != "none" or view.next_s is not None or view.alarms
     )
-    for part in (view.words, *(each.more for each in (*view.alarms, *view.notices))):
+    acts = view.acting if view.acts else ()
+    for part in (each.more for each in (*acts, *view.alarms, *view.notices)):
         assert part in shown.text
 
 

@@ -16,6 +16,8 @@ from messages.reference import Reference
 from messages.simulator import FaultKind, FaultRequest
 from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.runtime.node.node import Node
+from services.vehicle_view import words
+from services.vehicle_view.view import Newest, vehicle_view
 from tests.support.faults.modes import VERTICAL
 
 # What the simulator says of a fault it was asked for; a real vehicle says nothing.
@@ -41,6 +43,7 @@ class Observed:
     answers: list[PilotAnswer] = field(default_factory=list[PilotAnswer])
     shown: VehicleStatus | None = None  # the newest that the pilot's side has
     _alarms: tuple[Notice, ...] = ()
+    _acting: str = ""
 
     @property
     def armed(self) -> bool:
@@ -71,8 +74,10 @@ class Observed:
         before, self.shown = self.shown, status
         if status.failsafe != "none" and (before is None or before.failsafe != status.failsafe):
             self.tell(now, f"FAILSAFE {status.failsafe}")
-        if status.words and (before is None or before.words != status.words):
-            self.tell(now, status.words)
+        acting = words.acting(vehicle_view(Newest(status=status), status.stamp_ns))
+        if acting and acting != self._acting:
+            self.tell(now, acting)
+        self._acting = acting
         if status.notices and (before is None or before.notices != status.notices):
             self.tell(now, note(status.notices))
 

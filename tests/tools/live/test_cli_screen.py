@@ -12,6 +12,7 @@ from rich.text import Text
 from messages.events import note, told
 from messages.health import LogLine
 from messages.notice import Notice
+from services.vehicle_view import words
 from services.vehicle_view.log_lines import LogEntry, LogLines
 from tools.live.display import drawn_anew
 from tools.live.screen import LINES, ServiceView, View, plain, render
@@ -35,7 +36,7 @@ FULL = View(
     failsafe="pilot_lost",
     since_s=17.0,
     next_s=43.0,
-    words="the drone has stopped and holds; resume once this has ended: pilot lost",
+    acting=(Notice("failsafe:pilot_lost"),),
     notices=(Notice("calibrating"),),
     depth_m=12.345,
     depth_wanted_m=12.4,
@@ -78,7 +79,13 @@ def text_of(view: View, width: int, height: int | None = None) -> list[str]:
 def test_a_full_screen_fits_and_has_as_many_lines_as_one_of_unknowns(width: int):
     long = (Notice("x" * 73),)  # too long for the row of the state
     blank = View(
-        title="x", alarms=long, words="x", silent=("x",), notices=long, services=FULL.services
+        title="x",
+        alarms=long,
+        failsafe="leak",
+        acting=(Notice("x"),),
+        silent=("x",),
+        notices=long,
+        services=FULL.services,
     )
     full, empty = text_of(FULL, width), text_of(blank, width)
     assert max(map(len, full)) <= width
@@ -114,7 +121,7 @@ def test_whatever_the_height_nothing_that_a_pilot_needs_is_cut(
     assert "15.9 V" in text
     assert "lost 1234.5 s" in text
     assert (told(RISEN) in text) == alarm
-    assert FULL.words in text
+    assert words.acting(FULL) in text
     if height >= 10 + alarm + 1 + LINES:  # there is room for every log line
         assert all(f"line {n} [ms]" in text for n in range(3, LINES + 3))
     if height >= 10 + alarm + 1 + LINES + 4 and services:  # … and for a service or two
@@ -137,19 +144,20 @@ def test_one_plain_line_says_the_same():
 
 @pytest.mark.parametrize("known", [True, False])
 def test_the_state_of_a_drone_that_is_not_heard_is_said_to_be_the_last_known(known: bool) -> None:
-    view = replace(FULL, silent_s=4.0 if known else None, words="the drone rises slowly")
+    view = replace(FULL, silent_s=4.0 if known else None, doing="rising")
     state, *_ = text_of(view, 80)[1:]
     (drone,) = [line for line in text_of(view, 80) if line.startswith("DRONE")]
     assert state.startswith("last known:  ARMED ") == known
-    assert ("last known: the drone rises" in drone) == known
+    assert ("last known: pilot lost" in drone) == known
+    assert "the drone rises" in drone
 
 
 WORST = replace(
     FULL,
     silent_s=1234.0,
     failsafe="imu_lost",
-    words="the drone has stopped and holds; resume to have the sticks: the IMU cannot be used: no "
-    "attitude and heading, depth from pressure alone",
+    acting=(Notice("failsafe:imu_lost"),),
+    returns="resume",
     notices=(),
     age_ms=2_950.0,
     depth_m=123.45,
@@ -173,7 +181,8 @@ def test_everything_at_once_is_shown_whole_on_80_by_24():
     assert len(lines) <= 23
     assert max(map(len, lines)) <= 80
     for whole in (
-        "last known: ARMED", "FAILSAFE IMU lost for 17 s, rises in 43 s", WORST.words,
+        "last known: ARMED", "FAILSAFE IMU lost for 17 s, rises in 43 s",
+        words.acting(WORST),
         "no status from the drone for 1234 s",
         note(WORST.alarms), "SILENT recorder +2",
         "123.45 m", "123.46 m", "359.9°", "359.8°", "3.0 s old",
