@@ -16,7 +16,7 @@ from enum import IntEnum
 from typing import Literal, NamedTuple
 
 from messages.notice import Notice
-from messages.vehicle import Returns
+from messages.vehicle import Reaction, Returns
 
 Level = Literal["info", "warning", "error"]
 # What a dive promises, and an event of a row can break; the report says how the dive ended by it.
@@ -313,6 +313,12 @@ CLOCK_JUMP = _condition("clock_jump", "a computer's clock has jumped")
 BATTERY_LOW = _condition("battery_low", "the battery is low", "come back")
 TOO_HOT = _condition("too_hot", "the enclosure is too hot", "rest the thrusters, or come back")
 
+# What a failsafe makes the drone do.
+DOES: dict[Reaction, str] = {
+    "stop": "the drone has stopped and holds",
+    "ascend": "the drone rises slowly",
+    "surface": "the drone stays at the surface",
+}
 # What the pilot does to have the sticks again.
 RETURN: dict[Returns, str] = {
     "centre": "centre the sticks to continue",

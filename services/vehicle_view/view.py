@@ -81,7 +81,6 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     age_ms: float | None = None  # [ms] of depth, heading, roll and pitch
     battery_v: float | None = None  # [V]
     used_wh: float | None = None  # [Wh] since power-on
-    capacity_wh: float | None = None  # [Wh] when full
     charge: float | None = None  # [-] left of the battery's capacity
     link_up: bool | None = None
     down_ms: float | None = None  # [ms] median delay to the drone
@@ -188,7 +187,6 @@ def _battery(battery: BatterySample | None) -> dict[str, Any]:
     return {
         "battery_v": round(battery.voltage, 2),
         "used_wh": None if battery.used_wh is None else round(battery.used_wh, 1),
-        "capacity_wh": battery.capacity_wh,
         "charge": None if battery.charge is None else round(max(0.0, battery.charge), 3),
     }
 

@@ -2,9 +2,10 @@
 
 from typing import Literal, NamedTuple
 
+from messages import events
 from messages.events import FAILSAFE_ACTED, LEAK, RETURN, note, short, told
 from services.marine.outputs import LIGHT
-from services.vehicle_view.view import NOT_OBEYED, VehicleView
+from services.vehicle_view.view import DOES, NOT_OBEYED, VehicleView
 
 UNKNOWN = "–"
 # Armed is amber everywhere: the propellers may turn, which asks for care. Red is for danger alone,
@@ -16,11 +17,8 @@ STOPPING = "stopping: centre the sticks; they act again once the drone is at res
 
 
 # By `doing`: what a failsafe makes the drone do.
-DONE = {
+DONE = {doing: events.DOES[reaction] for reaction, doing in DOES.items()} | {
     "stopping": "the drone comes to rest",
-    "holding": "the drone has stopped and holds",
-    "rising": "the drone rises slowly",
-    "staying at the surface": "the drone stays at the surface",
     NOT_OBEYED: "nothing moves the drone: its board or control does not answer",
 }
 

@@ -26,17 +26,12 @@ from dataclasses import dataclass, field
 import msgspec
 from msgspec.structs import replace
 
-from messages.events import RESUMED_SHORT_LOSS, Outbox, Row, detail
+from messages.events import DOES, RESUMED_SHORT_LOSS, Outbox, Row, detail
 from messages.notice import Notice
 from messages.units import Ns
 from messages.vehicle import Reaction, Returns
 from services.reference.failsafe.table import ACTING, SEVERITY, SHORT_NS, FailsafeRow, Holding
 
-DOES: dict[Reaction, str] = {
-    "stop": "the drone has stopped and holds",
-    "ascend": "the drone rises slowly",
-    "surface": "the drone stays at the surface",
-}
 Conditions = Mapping[str, Holding]  # by the names of the table
 
 

@@ -130,7 +130,6 @@ CALM = VehicleView(
     light=0.5,
     battery_v=15.94,
     used_wh=12.3,
-    capacity_wh=266.0,
     charge=0.95,
     armed=True,
     age_ms=42.0,
@@ -146,7 +145,7 @@ noted = st.lists(st.builds(Notice, text, more=text), max_size=3).map(tuple)
 views = st.builds(
     VehicleView,
     activity=text, doing=text, flight_mode=text, light=number,
-    battery_v=number, used_wh=number, capacity_wh=number,
+    battery_v=number, used_wh=number,
     armed=st.booleans(), silent_s=number, failsafe=st.sampled_from(["none", "pilot_lost"]),
     since_s=number, next_s=number, acting=noted, notices=noted, age_ms=number, depth_m=number,
     depth_wanted_m=number, heading_deg=number, heading_wanted_deg=number, rtt_ms=number,

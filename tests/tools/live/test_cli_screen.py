@@ -53,7 +53,6 @@ FULL = View(
     light=0.5,
     battery_v=15.94,
     used_wh=123.4,
-    capacity_wh=266.0,
     charge=0.46,
     services=(
         *(ServiceView(name, True, 444.4, 12.34, 99.9, 0, 1234567, "onboard") for name in NAMES),
