@@ -47,7 +47,6 @@ class Row(NamedTuple):
     sentence: str  # what happened, in a few literal words
     to_do: str = ""  # what the pilot can do; empty: nothing
     said: Level | None = None  # also a line of the log; None: only counted
-    spoken: bool = False  # a pilot who looks at the picture hears it
     breaks: Promise | None = None
     short: str = ""  # in two or three words, for a small screen; default: the name's
 
@@ -138,13 +137,12 @@ def row(
     to_do: str = "",
     *,
     said: Level | None = None,
-    spoken: bool = False,
     breaks: Promise | None = None,
     short: str = "",
 ) -> Row:
     """A row of the table."""
     assert name not in ALL, name
-    ALL[name] = Row(name, severity, sentence, to_do, said, spoken, breaks, short)
+    ALL[name] = Row(name, severity, sentence, to_do, said, breaks, short)
     return ALL[name]
 
 
@@ -250,13 +248,11 @@ def _condition(
     noticed = row(
         *(f"notice:{name}", severity, sentence, to_do),
         said="warning",
-        spoken=severity is DANGER,
         short=short,
     )
     acted = row(
         *(f"failsafe:{name}", FAILSAFE, sentence, to_do),
         said="warning",
-        spoken=True,
         breaks="piloted",
         short=short,
     )
@@ -330,10 +326,10 @@ RESUMED_SHORT_LOSS = row("resumed:short_loss", ROUTINE, "a short loss has ended 
 # Of the pilot: sticks, requests, who has control.
 LOST_STICKS = row("lost:sticks", DANGER, "pilot lost: no sticks arrive from the ground station", said="warning")
 LOST_ROS = row("lost:ros", DANGER, "pilot lost: no sticks arrive from ROS 2", said="warning")
-SILENT_PAD = row("silent:pad", DANGER, "pilot lost: the pad is connected and does not answer", "unplug the pad and plug it in again", said="warning", spoken=True)
-UNPLUGGED_PAD = row("unplugged:pad", DANGER, "pilot lost: the pad was unplugged", "plug it in again", said="warning", spoken=True)
-CLOSED_KEYBOARD = row("closed:keyboard", DANGER, "pilot lost: the keyboard's window was closed", said="warning", spoken=True)
-OUTDONE_LEASE = row("outdone:lease", DANGER, "another pilot has taken control", said="warning", spoken=True)
+SILENT_PAD = row("silent:pad", DANGER, "pilot lost: the pad is connected and does not answer", "unplug the pad and plug it in again", said="warning")
+UNPLUGGED_PAD = row("unplugged:pad", DANGER, "pilot lost: the pad was unplugged", "plug it in again", said="warning")
+CLOSED_KEYBOARD = row("closed:keyboard", DANGER, "pilot lost: the keyboard's window was closed", said="warning")
+OUTDONE_LEASE = row("outdone:lease", DANGER, "another pilot has taken control", said="warning")
 REFUSED = row("refused", PILOT, "the drone refuses a request", said="warning")
 REFUSED_HERE = row("refused_here", PILOT, "a request was not sent", said="warning")
 VOID_HOLD = row("void:hold", PILOT, "what is held has changed its meaning: nothing was done", "let go, and hold again", said="warning")
@@ -416,14 +412,14 @@ LOST_DEPTH = row("lost:depth", DANGER, "the depth is no longer known")
 LOST_POSITION = row("lost:position", DANGER, "the position is no longer known")
 LOST_ALTITUDE = row("lost:altitude", DANGER, "no altitude: holding depth", "choose altitude hold again once the bottom is measured", said="warning")
 LOST_PLACE = row("lost:place", DANGER, "the drone can no longer hold its position; depth and heading are still held", said="warning")
-UNUSABLE_IMU = row("unusable:sensor/imu", DANGER, IMU_LOST.sentence, said="warning", spoken=True)
-UNUSABLE_PRESSURE = row("unusable:sensor/pressure", DANGER, "no pressure sample can be used: the depth is not measured", said="warning", spoken=True)
+UNUSABLE_IMU = row("unusable:sensor/imu", DANGER, IMU_LOST.sentence, said="warning")
+UNUSABLE_PRESSURE = row("unusable:sensor/pressure", DANGER, "no pressure sample can be used: the depth is not measured", said="warning")
 REGAINED = row("regained", SENSOR, "a sensor that was lost can be used again", said="info")
 FROZEN = row("frozen", SENSOR, "a sensor keeps repeating the same value", said="info")
 FROZEN_PRESSURE = row("frozen:sensor/pressure", DANGER, "the pressure sensor keeps repeating one value: the depth is not measured", said="warning")
 UNHELD = row("unheld", DANGER, "an axis is not held because its estimate is not valid", said="warning")
-UNHELD_DEPTH = row("unheld:depth", DANGER, DEPTH_LOST.sentence, "hold it by hand", said="warning", spoken=True)
-UNHELD_HEADING = row("unheld:heading", DANGER, HEADING_LOST.sentence, "hold it by hand", said="warning", spoken=True)
+UNHELD_DEPTH = row("unheld:depth", DANGER, DEPTH_LOST.sentence, "hold it by hand", said="warning")
+UNHELD_HEADING = row("unheld:heading", DANGER, HEADING_LOST.sentence, "hold it by hand", said="warning")
 INCONSISTENT_IMU = row("inconsistent:sensor/imu", DANGER, "the IMU does not fit the other sensors: its biases are estimated anew", said="warning")
 FOUND_HEADING = row("found:heading", SENSOR, "the compass measures the heading again, which was unknown", said="info")
 JUMPED_PRESSURE = row("jumped:sensor/pressure", DANGER, "the pressure jumped and stayed: the depth, and the held depth, moved with it", said="warning")
