@@ -10,12 +10,13 @@ caller gives. A row of its own goes before that of its kind.
 """
 
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
-from messages.vehicle import Returns
+from messages.notice import Notice
+from messages.vehicle import Reaction, Returns
 
 Level = Literal["info", "warning", "error"]
 # What a dive promises, and an event of a row can break; the report says how the dive ended by it.
@@ -46,7 +47,6 @@ class Row(NamedTuple):
     sentence: str  # what happened, in a few literal words
     to_do: str = ""  # what the pilot can do; empty: nothing
     said: Level | None = None  # also a line of the log; None: only counted
-    spoken: bool = False  # a pilot who looks at the picture hears it
     breaks: Promise | None = None
     short: str = ""  # in two or three words, for a small screen; default: the name's
 
@@ -137,13 +137,12 @@ def row(
     to_do: str = "",
     *,
     said: Level | None = None,
-    spoken: bool = False,
     breaks: Promise | None = None,
     short: str = "",
 ) -> Row:
     """A row of the table."""
     assert name not in ALL, name
-    ALL[name] = Row(name, severity, sentence, to_do, said, spoken, breaks, short)
+    ALL[name] = Row(name, severity, sentence, to_do, said, breaks, short)
     return ALL[name]
 
 
@@ -174,6 +173,45 @@ def sentence(name: str, detail: str = "") -> str:
         words = f"{words} ({subject})"
     joint = "; " if ":" in words else ": "
     return f"{words}{joint}{detail}" if detail else words
+
+
+# What a pilot is told that is no event, by its code; {s}: a number of this name.
+TOLD = {
+    "no_status": "no status from the drone yet",
+    "calibrating": "calibrating: keep the drone still",
+    "no_state": "not ready: no usable samples of the drone's IMU, or estimation does not run",
+    "not_ready": "not ready: see the warning of estimation",
+    "link.never": "no answer from the drone yet",
+    "link.silent": "no answer from the drone for {s} s",
+    "link.rtt": "round trip has risen from {from} to {to} ms",
+}
+# Other numbers of a notice, by their names.
+AMOUNTS = {
+    "left": "{:.0%} left", "m": "{:g} m", "celsius": "{:g} °C", "wait_s": "{:g} s to go",
+    "hz": "{:g} a second",
+}  # fmt: skip
+
+
+def detail(notice: Notice) -> str:
+    """What a notice says beside its sentence; empty: nothing."""
+    numbers = notice.numbers.items()
+    amounts = [AMOUNTS[name].format(value) for name, value in numbers if name in AMOUNTS]
+    about = [sentence(each) if known(each) else each for each in notice.about]
+    return ", ".join(filter(None, [*amounts, *about, notice.more]))
+
+
+def told(notice: Notice) -> str:
+    """A notice in English."""
+    words = TOLD.get(notice.code) or sentence(notice.code)
+    for name, value in notice.numbers.items():
+        words = words.replace(f"{{{name}}}", f"{value:g}")
+    more = detail(notice)
+    return f"{words} ({more})" if more else words
+
+
+def note(notices: Iterable[Notice]) -> str:
+    """All of them in English."""
+    return "; ".join(map(told, notices))
 
 
 def short(name: str) -> str:
@@ -210,13 +248,11 @@ def _condition(
     noticed = row(
         *(f"notice:{name}", severity, sentence, to_do),
         said="warning",
-        spoken=severity is DANGER,
         short=short,
     )
     acted = row(
         *(f"failsafe:{name}", FAILSAFE, sentence, to_do),
         said="warning",
-        spoken=True,
         breaks="piloted",
         short=short,
     )
@@ -273,6 +309,12 @@ CLOCK_JUMP = _condition("clock_jump", "a computer's clock has jumped")
 BATTERY_LOW = _condition("battery_low", "the battery is low", "come back")
 TOO_HOT = _condition("too_hot", "the enclosure is too hot", "rest the thrusters, or come back")
 
+# What a failsafe makes the drone do.
+DOES: dict[Reaction, str] = {
+    "stop": "the drone has stopped and holds",
+    "ascend": "the drone rises slowly",
+    "surface": "the drone stays at the surface",
+}
 # What the pilot does to have the sticks again.
 RETURN: dict[Returns, str] = {
     "centre": "centre the sticks to continue",
@@ -284,10 +326,10 @@ RESUMED_SHORT_LOSS = row("resumed:short_loss", ROUTINE, "a short loss has ended 
 # Of the pilot: sticks, requests, who has control.
 LOST_STICKS = row("lost:sticks", DANGER, "pilot lost: no sticks arrive from the ground station", said="warning")
 LOST_ROS = row("lost:ros", DANGER, "pilot lost: no sticks arrive from ROS 2", said="warning")
-SILENT_PAD = row("silent:pad", DANGER, "pilot lost: the pad is connected and does not answer", "unplug the pad and plug it in again", said="warning", spoken=True)
-UNPLUGGED_PAD = row("unplugged:pad", DANGER, "pilot lost: the pad was unplugged", "plug it in again", said="warning", spoken=True)
-CLOSED_KEYBOARD = row("closed:keyboard", DANGER, "pilot lost: the keyboard's window was closed", said="warning", spoken=True)
-OUTDONE_LEASE = row("outdone:lease", DANGER, "another pilot has taken control", said="warning", spoken=True)
+SILENT_PAD = row("silent:pad", DANGER, "pilot lost: the pad is connected and does not answer", "unplug the pad and plug it in again", said="warning")
+UNPLUGGED_PAD = row("unplugged:pad", DANGER, "pilot lost: the pad was unplugged", "plug it in again", said="warning")
+CLOSED_KEYBOARD = row("closed:keyboard", DANGER, "pilot lost: the keyboard's window was closed", said="warning")
+OUTDONE_LEASE = row("outdone:lease", DANGER, "another pilot has taken control", said="warning")
 REFUSED = row("refused", PILOT, "the drone refuses a request", said="warning")
 REFUSED_HERE = row("refused_here", PILOT, "a request was not sent", said="warning")
 VOID_HOLD = row("void:hold", PILOT, "what is held has changed its meaning: nothing was done", "let go, and hold again", said="warning")
@@ -312,7 +354,7 @@ ALARM = row("alarm", DANGER, "an alarm was raised")
 ALARM_LINK = row("alarm:link", DANGER, "the link got worse", said="warning")
 ALARM_PEERS = row("alarm:peers", DANGER, "the two sides do not fit together; the drone will not arm", said="error")
 ALARM_OTHER_DRONE = row("alarm:other_drone", DANGER, "the drone that is there has another name", said="error")
-ALARM_JUNK = row("alarm:junk", DANGER, "services receive many messages that they cannot read", said="warning")
+ALARM_JUNK = row("alarm:junk", DANGER, "services receive many messages that they cannot read", "a stranger sends on this network, or a sender is broken", said="warning")
 MISTAKE = row("mistake", DANGER, "a mistake in Lindy itself: the screen may be wrong")
 STALLED = row("stalled", DANGER, "a service handled nothing for over 0.14 s")
 HUNG = row("hung", DANGER, "a service runs but does not answer", breaks="answered")
@@ -370,14 +412,14 @@ LOST_DEPTH = row("lost:depth", DANGER, "the depth is no longer known")
 LOST_POSITION = row("lost:position", DANGER, "the position is no longer known")
 LOST_ALTITUDE = row("lost:altitude", DANGER, "no altitude: holding depth", "choose altitude hold again once the bottom is measured", said="warning")
 LOST_PLACE = row("lost:place", DANGER, "the drone can no longer hold its position; depth and heading are still held", said="warning")
-UNUSABLE_IMU = row("unusable:sensor/imu", DANGER, IMU_LOST.sentence, said="warning", spoken=True)
-UNUSABLE_PRESSURE = row("unusable:sensor/pressure", DANGER, "no pressure sample can be used: the depth is not measured", said="warning", spoken=True)
+UNUSABLE_IMU = row("unusable:sensor/imu", DANGER, IMU_LOST.sentence, said="warning")
+UNUSABLE_PRESSURE = row("unusable:sensor/pressure", DANGER, "no pressure sample can be used: the depth is not measured", said="warning")
 REGAINED = row("regained", SENSOR, "a sensor that was lost can be used again", said="info")
 FROZEN = row("frozen", SENSOR, "a sensor keeps repeating the same value", said="info")
 FROZEN_PRESSURE = row("frozen:sensor/pressure", DANGER, "the pressure sensor keeps repeating one value: the depth is not measured", said="warning")
 UNHELD = row("unheld", DANGER, "an axis is not held because its estimate is not valid", said="warning")
-UNHELD_DEPTH = row("unheld:depth", DANGER, DEPTH_LOST.sentence, "hold it by hand", said="warning", spoken=True)
-UNHELD_HEADING = row("unheld:heading", DANGER, HEADING_LOST.sentence, "hold it by hand", said="warning", spoken=True)
+UNHELD_DEPTH = row("unheld:depth", DANGER, DEPTH_LOST.sentence, "hold it by hand", said="warning")
+UNHELD_HEADING = row("unheld:heading", DANGER, HEADING_LOST.sentence, "hold it by hand", said="warning")
 INCONSISTENT_IMU = row("inconsistent:sensor/imu", DANGER, "the IMU does not fit the other sensors: its biases are estimated anew", said="warning")
 FOUND_HEADING = row("found:heading", SENSOR, "the compass measures the heading again, which was unknown", said="info")
 JUMPED_PRESSURE = row("jumped:sensor/pressure", DANGER, "the pressure jumped and stayed: the depth, and the held depth, moved with it", said="warning")

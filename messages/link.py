@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from messages.message import Answer, Message, Request
+from messages.notice import Notices
 from messages.units import (
     Count,
     Counts,
@@ -120,7 +121,7 @@ class LatencyBudget(Message, frozen=True, kw_only=True):
     sensor_to_screen_ms: NotNegative | None  # [ms] median, measured end to end
     bound_ms: NotNegative | None  # [ms] greatest error of the clock offset
     lost_s: NotNegative = 0.0  # [s] in all, in pauses in which no state of the drone arrived
-    alarm: Text = ""  # what is wrong with the link, in words for the pilot; empty: nothing
+    alarms: Notices = ()  # what is wrong with the link
 
 
 class Shown(Message, frozen=True, kw_only=True):

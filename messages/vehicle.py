@@ -7,6 +7,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from messages.message import Message
+from messages.notice import Notices
 from messages.pilot import FlightMode, StopDistance
 from messages.units import (
     Count,
@@ -18,7 +19,6 @@ from messages.units import (
     Quaternion,
     Stamp,
     Stick,
-    Text,
     Thrusts,
     Vec3,
 )
@@ -59,12 +59,12 @@ class VehicleStatus(Message, frozen=True, kw_only=True):
     next_ns: Stamp | None = None  # [ns] when its next reaction begins; None: there is none
     resumable: bool = False  # the request `resume` would be granted now
     returns: Returns | None = None  # what gives the pilot his sticks back; None: he has them
-    words: Text = ""  # what the drone does, what ends it, and every condition that acts
+    acting: Notices = ()  # every condition that acts; one that is none of `conditions` has ended
     conditions: Names = ()  # all that hold now, the gravest first; most only have to be known
     pilot: Name = ""  # who has control; empty: nobody
     epoch: Count = 0  # authority epoch granted last: commands with another one are refused
     light: Stick = 0.0  # [-] 0 … 1: the output of this name; 0 where the vehicle has none
-    note: Text = ""  # why it is not ready, and every notice, in words for the pilot
+    notices: Notices = ()  # why it is not ready, and every condition that does not act
     stop: StopDistance | None = None  # while stopping: distance from the stop request to standstill
     # Where it is, for those who watch many drones; absent: the state does not know it.
     depth: Finite | UnsetType = UNSET  # [m] positive down

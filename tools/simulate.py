@@ -29,7 +29,6 @@ from tools.recordings.recording import log_hash
 from tools.report import summary
 from tools.start import as_given, settled
 
-CALIBRATING = "calibrating"
 LINE_S = 10.0  # [s] of virtual time between two lines
 
 
@@ -226,4 +225,4 @@ def _lines() -> Advance:
 
 def _note(timeline: DiveTimeline) -> str:
     """Why the drone is not armed, without the advice to keep it still: nobody holds it here."""
-    return CALIBRATING if timeline.note.startswith(CALIBRATING) else timeline.note
+    return "calibrating" if timeline.calibrating else timeline.note

@@ -20,6 +20,7 @@ from messages.link import (
     Stage,
 )
 from messages.message import Answer, Estimate, Message, Request
+from messages.notice import Notice
 from messages.pilot import (
     Course,
     FlightMode,
@@ -95,6 +96,7 @@ __all__ = [
     "Message",
     "Miss",
     "Motion",
+    "Notice",
     "PictureAge",
     "PilotAnswer",
     "PilotCommand",

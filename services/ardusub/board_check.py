@@ -60,6 +60,7 @@ class ParameterRule(NamedTuple):
     most: float = inf
     one_of: tuple[float, ...] = ()
     never: float | None = None
+    optional: bool = False  # judged where the board has it
 
     def holds(self, value: float) -> bool:
         listed = not self.one_of or value in self.one_of
@@ -72,24 +73,28 @@ def is_new(version: tuple[int, int]) -> bool:
 
 def names(version: tuple[int, int], motors: int) -> list[str]:
     """Of all parameters that are read, under the names of this version."""
-    return [
-        "FRAME_CONFIG", "FS_PILOT_INPUT", "FS_PILOT_TIMEOUT", "FS_GCS_ENABLE", "FS_LEAK_ENABLE",
-        "RC_OVERRIDE_TIME", "ACRO_YAW_P", "MOT_FV_CPLNG_K", "MOT_BAT_CURR_MAX",
-        *(["MAV_GCS_SYSID"] if is_new(version) else ["SYSID_MYGCS", "ARMING_CHECK"]),
-        *[f"MOT_{n}_DIRECTION" for n in range(1, motors + 1)],
-        *[f"RC{n}_{part}" for n in range(1, 7) for part in ("MIN", "TRIM", "MAX", "REVERSED")],
-    ]  # fmt: skip
+    ruled = (rule.name for rule in rules(version, motors) if not rule.optional)
+    system = "MAV_GCS_SYSID" if is_new(version) else "SYSID_MYGCS"
+    more = "FRAME_CONFIG", "MOT_FV_CPLNG_K", f"RC{THROTTLE}_TRIM", system
+    return list(dict.fromkeys([*ruled, *more]))
 
 
 def optional(version: tuple[int, int]) -> tuple[str, ...]:
     """Names of those that are judged where this version has them."""
-    found = tuple(CHANNELS) if version > OLDEST else ()
-    return (*found, "MAV_GCS_SYSID_HI", *ARMING) if is_new(version) else found
+    ruled = (rule.name for rule in rules(version, 0) if rule.optional)
+    return (*ruled, "MAV_GCS_SYSID_HI") if is_new(version) else tuple(ruled)
 
 
-def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[ParameterRule]:
-    """For all but FRAME_CONFIG and the system ids, which need more than one value."""
+def rules(
+    version: tuple[int, int], motors: int, most_timeout: float | None = None
+) -> list[ParameterRule]:
+    """For all but FRAME_CONFIG and the system ids, which need more than one value.
+
+    Args:
+        most_timeout: [s] of FS_PILOT_TIMEOUT, by the settings.
+    """
     axes, motor_numbers = range(1, 7), range(1, motors + 1)
+    new = is_new(version)
     found = [
         ParameterRule("FS_PILOT_INPUT", "2 (disarm when the sticks are silent)", one_of=(2,)),
         ParameterRule("FS_PILOT_TIMEOUT", "0.1 to 3 s", 0.1, 3.0),
@@ -106,17 +111,21 @@ def rules(version: tuple[int, int], settings: Settings, motors: int) -> list[Par
         *[ParameterRule(f"RC{n}_TRIM", "1500 µs", NEUTRAL, NEUTRAL) for n in axes if n != THROTTLE],
         ParameterRule("MOT_BAT_CURR_MAX", "0 (no limit of the motors)", one_of=(0,)),
         *[
-            ParameterRule(name, f"{channel}, its override channel", one_of=(channel,))
+            ParameterRule(
+                name, f"{channel}, its override channel", one_of=(channel,), optional=True
+            )
             for name, channel in CHANNELS.items()
+            if version > OLDEST
         ],
     ]
-    if is_new(version):
-        found.append(ParameterRule("ARMING_SKIPCHK", "not -1 (all checks skipped)", never=-1))
+    if new:
+        skipped = "not -1 (all checks skipped)"
+        found.append(ParameterRule("ARMING_SKIPCHK", skipped, never=-1, optional=True))
         found.append(ParameterRule(f"RC{THROTTLE}_TRIM", "1500 µs", NEUTRAL, NEUTRAL))
-    found.append(ParameterRule("ARMING_CHECK", "not 0 (no checks)", never=0))
-    if (most := settings.set_pilot_timeout) is not None:
-        allowed = f"at most {most:g} s (ardusub.set_pilot_timeout)"
-        found.append(ParameterRule("FS_PILOT_TIMEOUT", allowed, most=most + EXACT))
+    found.append(ParameterRule("ARMING_CHECK", "not 0 (no checks)", never=0, optional=new))
+    if most_timeout is not None:
+        allowed = f"at most {most_timeout:g} s (ardusub.set_pilot_timeout)"
+        found.append(ParameterRule("FS_PILOT_TIMEOUT", allowed, most=most_timeout + EXACT))
     return found
 
 
@@ -130,7 +139,7 @@ def problems(
     """
     found = [
         f"{rule.name} is {values[rule.name]:g}; allowed: {rule.allowed}"
-        for rule in rules(version, settings, len(vehicle.thruster))
+        for rule in rules(version, len(vehicle.thruster), settings.set_pilot_timeout)
         if rule.name in values and not rule.holds(values[rule.name])
     ]
     if not any(name in values for name in ARMING):

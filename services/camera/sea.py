@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.units import Quaternion, Share, Vec3
-from services.marine.attitude import to_world
+from services.marine.attitude import dot, to_world
 
 Floats = NDArray[np.floating[Any]]  # 32 bit: half the time of 64
 Bytes = NDArray[np.uint8]
@@ -44,7 +44,7 @@ LAMP, LAMP_ANGLE = 9.0, 0.6  # [m²] strength, [rad] where it has fallen to 1/e
 DAY_LOSS = 0.3  # [-] of the beam attenuation, per metre of depth
 BACKSCATTER = 0.09  # [-] of the lamp's light, in water that lets nothing through
 MOST_GAIN = 6.0  # [-] of the automatic exposure: then it is dark
-METER = (32, 18)  # [px] columns and rows of what the exposure is measured by, with the lamp on
+METER = 32  # columns of pixels that the exposure is measured by, with the lamp on
 METERED, EXPOSED = 90.0, 0.75  # [%] of the picture is no brighter than this [-]
 BLACK, WHITE, GREY = 16.0, 235.0, 128.0
 SAND, GROWTH = (-9.0, 7.0), (-14.0, 2.0)  # chroma (blue, red) of the floor and of a piling
@@ -101,8 +101,9 @@ class SeenSurfaces(NamedTuple):
     albedo: Floats  # [-]
     piling: NDArray[np.bool_]  # a piling; else the floor, or only water
 
-    def part(self, rows: slice) -> "SeenSurfaces":
-        return SeenSurfaces(self.way[rows], self.down[rows], self.albedo[rows], self.piling[rows])
+    def part(self, *at: slice) -> "SeenSurfaces":
+        """Of some rows, or of some rows and columns."""
+        return SeenSurfaces(self.way[at], self.down[at], self.albedo[at], self.piling[at])
 
 
 class Piling(NamedTuple):
@@ -121,18 +122,12 @@ class SimulatedSea:
         angle: float,
         water: WaterLight,
         floor_depth: float,
-        *,
-        metered: bool = True,
     ) -> None:
         """
         Args:
             angle: [rad] of view, over the whole width.
             floor_depth: [m]
-            metered: near things are exposed so that the lamp does not make them all white.
         """
-        self._meter = (
-            SimulatedSea(*METER, angle, water, floor_depth, metered=False) if metered else None
-        )
         self._focal = width / 2.0 / tan(angle / 2.0)  # [px]
         self._width, self._height = width, height
         self._bands = [slice(top, min(top + BAND, height)) for top in range(0, height, BAND)]
@@ -154,8 +149,8 @@ class SimulatedSea:
         y = np.empty((self._height, self._width), np.uint8)
         u = np.empty((self._height // 2, self._width // 2), np.uint8)
         v = np.empty_like(u)
-        day, lamp = self._exposed(view, axes)
         seen = self._seen(view.position, axes)
+        day, lamp = self._exposed(view, seen)
         for rows in self._bands:
             half = slice(rows.start // 2, rows.stop // 2)
             y[rows], u[half], v[half] = self._lit(seen.part(rows), self._beam[rows], lamp, day)
@@ -228,11 +223,11 @@ class SimulatedSea:
             (north - side * wide * east, east + side * wide * north, down)
             for side, down in product((-1.0, 1.0), (-tall, tall))
         ]
-        ahead = [_along(forward, end) for end in ends]
+        ahead = [dot(forward, end) for end in ends]
         if min(ahead) < 0.05 * way:
             return slice(0, self._width)
         pixels = [
-            self._width / 2.0 + self._focal * _along(axes.right, end) / far
+            self._width / 2.0 + self._focal * dot(axes.right, end) / far
             for end, far in zip(ends, ahead, strict=True)
         ]
         least, most = floor(min(pixels)), ceil(max(pixels)) + 1
@@ -262,21 +257,20 @@ class SimulatedSea:
 
     # How it looks.
 
-    def _exposed(self, view: CameraView, axes: CameraAxes) -> tuple[float, float]:
+    def _exposed(self, view: CameraView, seen: SeenSurfaces) -> tuple[float, float]:
         """[-] Daylight left at this depth, and the lamp, as a camera with automatic exposure takes
-        them."""
+        them: near things are not made all white by the lamp."""
         water = self._water
         day = water.daylight * exp(-DAY_LOSS * water.turbidity * max(0.0, view.position[2]))
         gain = min(MOST_GAIN, 1.0 / max(day + 0.3 * view.lamp, 1e-6))
-        if self._meter is not None and view.lamp > 0.0:
-            bright = self._meter.brightness(view.position, axes, gain * view.lamp, gain * day)
+        if view.lamp > 0.0:
+            apart = max(1, self._width // METER)
+            coarse = slice(apart // 2, None, apart)
+            beam = self._beam[coarse, coarse]
+            luma, _ = self._luma(seen.part(coarse, coarse), beam, gain * view.lamp, gain * day)
+            bright = float(np.percentile(luma, METERED))  # 1 is white
             gain *= min(1.0, EXPOSED / max(bright, 1e-6))
         return gain * day, gain * view.lamp
-
-    def brightness(self, position: Vec3, axes: CameraAxes, lamp: float, day: float) -> float:
-        """[-] Which `METERED` of the picture does not exceed; 1 is white."""
-        luma, _ = self._luma(self._seen(position, axes), self._beam, lamp, day)
-        return float(np.percentile(luma, METERED))
 
     def _luma(
         self, seen: SeenSurfaces, beam: Floats, lamp: float, day: float
@@ -336,10 +330,6 @@ def _axes(view: CameraView) -> CameraAxes:
     ahead, aside = cos(view.yaw), sin(view.yaw)
     body = (c * ahead, c * aside, -s), (-aside, ahead, 0.0), (s * ahead, s * aside, c)
     return CameraAxes(*(to_world(view.attitude, axis) for axis in body))
-
-
-def _along(axis: Vec3, v: Vec3) -> float:
-    return axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]
 
 
 def _places(position: float, first: float, apart: float) -> list[float]:

@@ -7,13 +7,13 @@ import msgspec
 
 from messages import cameras, events, topics
 from messages.events import Event
-from messages.units import Positive, Vec3
+from messages.units import Positive
 from messages.video import CameraChoice, CameraShares
 from services.camera.capture_time import Light
 from services.camera.core import FURTHER, SIMULATED, Camera, OneCamera, Order, Settings
 from services.camera.sea import CameraView, Picture, SimulatedSea
 from services.marine import time_stripe
-from services.marine.attitude import to_world
+from services.marine.attitude import plus, to_world
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.extras import how_to_install
@@ -132,7 +132,7 @@ def _simulate(node: Node, stack: Stack, settings: OneCamera, film: Film, *, foll
 
         def draw() -> tuple[Picture, int]:
             view = CameraView(
-                _plus(here.position, to_world(here.attitude, front)),
+                plus(here.position, to_world(here.attitude, front)),
                 here.attitude,
                 settings.tilt + (wanted.tilt.position if follows and wanted is not None else 0.0),
                 0.0 if asked is None else asked.light,
@@ -184,7 +184,3 @@ def _watch(
     node.on_close(feed.close)
     node.every(1.0, look_after)
     feed.start(node.from_outside(look))
-
-
-def _plus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]

@@ -25,21 +25,14 @@ JUMP = 2.0  # [m] further than the drone moves in a step, beyond its spread: the
 MEASURED_ON, RECKONED_ON, BEGINS = 0, 1, 2  # how a point of the track follows the one before
 
 
-class ShownPlace(msgspec.Struct, frozen=True, array_like=True):
-    """Where the drone is shown."""
+class Position(msgspec.Struct, frozen=True, array_like=True):
+    """Where the drone is."""
 
-    north: float  # [m]
-    east: float  # [m]
-    std: float  # [m] of each component
-    measured: bool  # False: reckoned from what was measured a while ago
-
-
-class Position(msgspec.Struct, frozen=True):
     north: float  # [m]
     east: float  # [m]
     std: float  # [m] the larger component's
+    measured: bool  # False: reckoned from what was measured a while ago
     origin: int  # which north and east these are, as in VehicleState
-    measured: bool
 
     @property
     def place(self) -> Pair:
@@ -73,12 +66,13 @@ class Chart:
             return None
         return round(home.north, 2), round(home.east, 2)
 
-    def place(self) -> ShownPlace | None:
+    def place(self) -> Position | None:
+        """As a page is shown it."""
         here = self.here
         if here is None:
             return None
         north, east, std = round(here.north, 2), round(here.east, 2), round(here.std, 2)
-        return ShownPlace(north, east, std, here.measured)
+        return replace(here, north=north, east=east, std=std)
 
     def track(self) -> list[int]:
         """North and east [dm] and how it follows the one before, for each point of this origin."""
@@ -118,7 +112,7 @@ def position(state: VehicleState) -> Position | None:
         return None
     origin = 0 if state.origin is UNSET else state.origin
     measured = north.valid and east.valid
-    return Position(north.value, east.value, max(north.std, east.std), origin, measured)
+    return Position(north.value, east.value, max(north.std, east.std), measured, origin)
 
 
 def current(state: VehicleState | None) -> Pair | None:

@@ -1,8 +1,6 @@
 """The page with the sticks as a pilot: one page at a time, by the rules of every pilot. The lease
 decides between pilots; this decides between the pages of one."""
 
-from dataclasses import dataclass
-
 from messages import events
 from messages.events import Row
 from messages.pilot import RequestKind
@@ -41,9 +39,8 @@ LOST: dict[Absence, Row] = {
 }
 
 
-@dataclass(slots=True)
 class CockpitPilot(PlainGuest[int]):
-    device: str = ""  # touch, keyboard or the name of a pad
+    __slots__ = ()
 
     @classmethod
     def named(cls, pilot: Pilot, name: str) -> "CockpitPilot":
@@ -68,7 +65,6 @@ class CockpitPilot(PlainGuest[int]):
         self.holder.move(sticks, read_ns, now)
         if m.device_ms > PAD_PATIENCE_MS and not sticks.at_rest:
             self.holder.lose(events.LOST_PAGE_FROZEN)
-        self.device = m.device
         self.read((), now, out)
         return out
 
@@ -83,7 +79,7 @@ class CockpitPilot(PlainGuest[int]):
     def closed(self, page: int, now: Ns) -> Effects:
         out = self.absent(page, "closed", now)
         if self.holder.sender == page:
-            self._lay_down()
+            self.holder.release()
         return out
 
     def wish(self, page: int, message: PageWish, read_ns: Ns, now: Ns) -> Effects:
@@ -139,14 +135,10 @@ class CockpitPilot(PlainGuest[int]):
 
     def _give_back(self, out: Effects) -> None:
         """Deliberately: no pilot is lost by it."""
-        self._lay_down()
+        self.holder.release()
         self._was_fresh, self.lost = False, ""
         if self.pilot.in_control:
             out.requests.append(self.request("release"))
-
-    def _lay_down(self) -> None:
-        self.holder.release()
-        self.device = ""
 
     def _tell_lost(self, why: Row) -> None:
         """Whoever has control; and the sticks move nothing until they were centred."""

@@ -32,11 +32,9 @@ from services.cockpit.page_messages import (
 )
 from services.cockpit.page_view import (
     AGES_MS,
-    KEYS,
     PageView,
     chart_view,
     line,
-    notes,
     positions,
     shown_outputs,
     turns,
@@ -120,9 +118,7 @@ class Personal(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     who: str = ""  # whom the drone obeys, in words
     lost: str = ""  # why the pilot is lost: the event's name
     wants_rest: bool = False  # its sticks move nothing until they were centred
-    device: str = ""
     delay_ms: float | None = None  # [ms] there and back, between service and page
-    pages: int = 0
     stops: int = 0  # that were heard from it
     stop_waits: bool = False  # for the drone's answer
 
@@ -324,7 +320,6 @@ class Cockpit:
         view = PageView(
             **msgspec.structs.asdict(seen),
             drone=self._drone,
-            notes=notes(seen),
             sticks=positions(self._command, now),
             filming_s=self.filming.seconds(now),
             snapshots=self.filming.snapshots,
@@ -372,11 +367,9 @@ class Cockpit:
             in_control=in_control,
             taken=taken,
             who=self._who(view, in_control=in_control, has_sticks=has_sticks, taken=taken),
-            lost=KEYS.get(self._pilot.lost, ""),
+            lost=self._pilot.lost,
             wants_rest=has_sticks and holder.wants_rest(now),
-            device=self._pilot.device,
             delay_ms=None if page.delay_ns is None else round(page.delay_ns / 1e6, 1),
-            pages=len(self._pages),
             stops=page.stops,
             stop_waits="stop" in self._pilot.waiting,
         )

@@ -1,8 +1,7 @@
 """What every page is shown: the vehicle, and what only a page shows of it."""
 
-import re
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 from msgspec import UNSET
@@ -14,7 +13,7 @@ from messages.state import VehicleState
 from messages.text import harmless
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.chart import Chart, Pair, ShownPlace, current
+from services.cockpit.chart import Chart, Pair, Position, current
 from services.marine.attitude import whole_turns
 from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages
@@ -27,34 +26,9 @@ AGES_MS = {
     name: (table.grey_ns / 1e6, table.gone_ns / 1e6)
     for name, table in (("state", ages.STATE), ("picture", ages.PICTURE))
 }
-
-
-# What the drone says in English, by the key of the page's languages: of an event, its name.
-KEYS = {
-    row.sentence: row.name
-    for row in reversed(events.ALL.values())  # of a condition's two rows the first one
-    if row.said in ("warning", "error")
-} | {"calibrating: keep the drone still": "calibrating"}
-# The link monitor's alarms, with the names of their numbers.
-LINK_ALARMS = (
-    (re.compile(r"no answer from the drone yet"), "link.never"),
-    (re.compile(r"no answer from the drone for (?P<s>[\d.]+) s"), "link.silent"),
-    (re.compile(r"round trip has risen from (?P<from>\d+) to (?P<to>\d+) ms"), "link.rtt"),
-)
-
-
 PILOTS = (Severity.FAILSAFE, Severity.DANGER, Severity.PILOT, Severity.SENSOR)
 # A busy computer is nothing to fly by.
 BUSY = (events.SERVICE_LATE.noticed.name,)
-
-
-class PageNote(msgspec.Struct, frozen=True, array_like=True):
-    """What is wrong, beside what makes the drone act by itself."""
-
-    kind: Literal["link", "note"]
-    key: str  # of a sentence; empty: none of the page's languages has it
-    numbers: dict[str, float] = {}
-    more: str = ""  # as it is said after that, in English
 
 
 class PageLine(msgspec.Struct, frozen=True, array_like=True):
@@ -80,7 +54,6 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     """One picture of the drone."""
 
     drone: str = ""  # its name
-    notes: tuple[PageNote, ...] = ()  # the gravest first
     sticks: tuple[float, ...] = ()  # [-] surge, sway, heave, yaw as sent to the drone
     filming_s: float | None = None  # [s] that a film runs; None: none does
     snapshots: int = 0  # that were taken
@@ -95,7 +68,7 @@ class PageView(VehicleView, frozen=True, kw_only=True, omit_defaults=True):
     left_min: float | None = None  # [min] until the battery is empty
     inside_c: float | None = None  # [°C] in the enclosure
     water_c: float | None = None  # [°C] as the depth sensor measures it
-    place: ShownPlace | None = None  # of the drone
+    place: Position | None = None  # of the drone
     compass_deg: float | None = None  # [deg] heading by the compass; that of the tape is another
     home: Pair | None = None  # [m] north, east of where it was first armed
     goal: Pair | None = None  # [m] north, east of where it goes
@@ -110,27 +83,6 @@ def shown_outputs(outputs: Sequence[Output], values: Mapping[str, float]) -> tup
         values: [-] by name; of those that are left out nothing is known.
     """
     return tuple(PageOutput(o.name, o.kind, values.get(o.name)) for o in outputs)
-
-
-def notes(view: VehicleView) -> tuple[PageNote, ...]:
-    link = [_link_note(alarm) for alarm in view.alarm.split("; ") if alarm]
-    return (*link, *(_note(part) for part in view.note.split("; ") if part))
-
-
-def _link_note(alarm: str) -> PageNote:
-    for pattern, key in LINK_ALARMS:
-        if found := pattern.fullmatch(alarm):
-            return PageNote("link", key, {n: float(v) for n, v in found.groupdict().items()})
-    return PageNote("link", "", more=alarm)
-
-
-def _note(text: str) -> PageNote:
-    """A sentence, and what its event adds to it."""
-    sentence = re.split(r" \(|, \d| for \d", text, maxsplit=1)[0]
-    for known in (text, sentence):
-        if known in KEYS:
-            return PageNote("note", KEYS[known], more=text[len(known) :])
-    return PageNote("note", "", more=text)
 
 
 def turns(state: VehicleState | None) -> int | None:

@@ -10,6 +10,7 @@ from messages import events
 from messages.events import Outbox
 from messages.health import Health
 from messages.link import Clock, ClockPong, LatencyBudget
+from messages.notice import Notice
 from messages.pilot import PilotCommand
 from messages.units import Ns
 from services.link_monitor.clock_sync import ClockSync
@@ -25,7 +26,7 @@ SILENT_MS = 500.0  # [ms] without an answer, beyond the usual round trip
 
 @dataclass(slots=True)
 class LinkAlarm:
-    """Takes pings and answers; `text` is what is wrong, or empty."""
+    """Takes pings and answers; `notice` is what is wrong."""
 
     _usual: deque[float] = field(default_factory=lambda: deque[float](maxlen=USUAL))
     _slow: int = 0  # answers in a row
@@ -48,15 +49,17 @@ class LinkAlarm:
         # For a link that stays slow, that becomes usual after half a minute.
         self._usual.append(rtt_ms)
 
-    def text(self, now: Ns) -> str:
+    def notice(self, now: Ns) -> Notice | None:
+        """None: nothing."""
         usual = self._usual_ms() or 0.0
         waits_ms = 0.0 if self._unanswered is None else (now - self._unanswered) / 1e6
         if waits_ms > (SILENT_MS + usual if self._ever else START_MS):
-            since = f"for {waits_ms / 1e3:.1f} s" if self._ever else "yet"
-            return f"no answer from the drone {since}"
+            if not self._ever:
+                return Notice("link.never")
+            return Notice("link.silent", {"s": round(waits_ms / 1e3, 1)})
         if self._slow >= IN_A_ROW:
-            return f"round trip has risen from {usual:.0f} to {self._newest_ms:.0f} ms"
-        return ""
+            return Notice("link.rtt", {"from": round(usual), "to": round(self._newest_ms)})
+        return None
 
     def _usual_ms(self) -> float | None:
         return median(self._usual) if self._usual else None
@@ -80,7 +83,7 @@ class JunkWatch:
         default_factory=dict[tuple[str, str, int], tuple[Ns, int]]
     )
     _flooded_ns: Ns = -RECENT_NS  # [ns] when the newest flood was heard of
-    _words: str = ""
+    _flooded: Notice | None = None  # by whom, newest
 
     def health(self, health: Health, now: Ns) -> None:
         names = (name.partition(":") for name in health.counts)
@@ -96,17 +99,14 @@ class JunkWatch:
         self._heard[whose] = now, unreadable
         if now <= at_ns or unreadable - before <= MOST_HZ * (now - at_ns) * 1e-9:
             return
-        if not self.words(now):  # the service that is flooded first; later ones say no more
-            per_second = (unreadable - before) / ((now - at_ns) * 1e-9)
-            self._words = (
-                f"{health.service} cannot read {per_second:.0f} messages a second: a stranger "
-                "sends on this network, or a sender is broken"
-            )
+        if not self.notice(now):  # the service that is flooded first; later ones say no more
+            hz = round((unreadable - before) / ((now - at_ns) * 1e-9))
+            self._flooded = Notice(events.ALARM_JUNK.name, {"hz": hz}, (health.service,))
         self._flooded_ns = now
 
-    def words(self, now: Ns) -> str:
-        """For the pilot; empty: nothing is flooded."""
-        return self._words if now - self._flooded_ns < RECENT_NS else ""
+    def notice(self, now: Ns) -> Notice | None:
+        """None: nothing is flooded."""
+        return self._flooded if now - self._flooded_ns < RECENT_NS else None
 
 
 @dataclass(slots=True)
@@ -114,11 +114,11 @@ class LinkMonitor:
     outbox: Outbox
     source: int = 0  # names this topside's pings
     misfit: str = ""  # why the two sides do not fit together, in words for the pilot
-    junk: str = ""  # which service cannot read what it receives, in words for the pilot
+    junk: Notice | None = None  # which service cannot read what it receives
     budget: LatencyAccount = field(default_factory=LatencyAccount)
     _sync: ClockSync = field(init=False)
     _alarm: LinkAlarm = field(default_factory=LinkAlarm)
-    _published: str = ""  # the alarm as last published
+    _published: bool = False  # that there is an alarm
     _epoch: int = 0  # of the newest command of this topside
 
     def __post_init__(self) -> None:
@@ -143,12 +143,12 @@ class LinkMonitor:
 
     def news(self, now: Ns) -> bool:
         """Has the alarm begun, or is it over? It is told."""
-        text = self._alarm.text(now)
-        if bool(text) == bool(self._published):
+        notice = self._alarm.notice(now)
+        if (notice is not None) == self._published:
             return False
-        self._published = text
-        if text:
-            self.outbox.tell(events.ALARM_LINK(detail=text))
+        self._published = notice is not None
+        if notice is not None:
+            self.outbox.tell(events.ALARM_LINK(detail=events.told(notice)))
         else:
             self.outbox.say("info", "the link is back to normal")
         return True
@@ -156,5 +156,6 @@ class LinkMonitor:
     def report(self, now: Ns) -> LatencyBudget:
         bound_ns = self._sync.clock(now).bound_ns
         bound_ms = None if bound_ns is None else bound_ns / 1e6
-        alarm = "; ".join(filter(None, (self.misfit, self.junk, self._alarm.text(now))))
-        return self.budget.report(now, bound_ms, alarm)
+        misfit = Notice(events.ALARM_PEERS.name, more=self.misfit) if self.misfit else None
+        alarms = filter(None, (misfit, self.junk, self._alarm.notice(now)))
+        return self.budget.report(now, bound_ms, tuple(alarms))

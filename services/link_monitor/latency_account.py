@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, UP_STAGES, LatencyBudget, Shown, Stage
+from messages.notice import Notice
 from messages.pilot import PilotCommand
 from messages.reference import Reference
 from messages.state import VehicleState
@@ -109,7 +110,7 @@ class LatencyAccount:
 
     # The report.
 
-    def report(self, now: Ns, bound_ms: float | None, alarm: str) -> LatencyBudget:
+    def report(self, now: Ns, bound_ms: float | None, alarms: tuple[Notice, ...]) -> LatencyBudget:
         for kept in (self._estimation, self._up_link, self._shown, self._down_link, self._down):
             while kept and kept[0][0] < now - WINDOW_NS:
                 kept.popleft()
@@ -123,7 +124,7 @@ class LatencyAccount:
             sensor_to_screen_ms=_median(shown),
             bound_ms=bound_ms,
             lost_s=self._lost(now) / 1e9,
-            alarm=alarm,
+            alarms=alarms,
         )
 
     def _lost(self, now: Ns) -> Ns:

@@ -77,9 +77,9 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
             node.tell(events.ALARM_PEERS(detail=monitor.misfit))
         elif was and not monitor.misfit:
             node.log("info", "both sides fit together again")
-        was, monitor.junk = monitor.junk, junk.words(now)
+        was, monitor.junk = monitor.junk, junk.notice(now)
         if monitor.junk and not was:
-            node.tell(events.ALARM_JUNK(detail=monitor.junk))
+            node.tell(events.ALARM_JUNK(detail=events.detail(monitor.junk)))
         elif was and not monitor.junk:
             node.log("info", "services can read all messages again")
 

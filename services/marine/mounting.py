@@ -9,7 +9,7 @@ from typing import Annotated
 
 import msgspec
 
-from services.marine.attitude import cross
+from services.marine.attitude import cross, dot
 
 Component = Annotated[float, msgspec.Meta(ge=-1.01, le=1.01)]  # [-] of a direction
 Metres = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]  # [m] no vehicle is larger
@@ -20,10 +20,6 @@ Arm = tuple[Metres, Metres, Metres]
 ALONG: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ORIGIN: Arm = (0.0, 0.0, 0.0)
 TOLERANCE = 1e-3  # [-] of lengths, angles and the determinant; files have three digits
-
-
-def _dot(a: RotationRow, b: RotationRow) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 class Turned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -39,9 +35,9 @@ class Turned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     def __post_init__(self) -> None:
         a, b, c = self.rotation
-        unit = all(isclose(_dot(row, row), 1.0, abs_tol=TOLERANCE) for row in (a, b, c))
-        square = all(abs(_dot(p, q)) <= TOLERANCE for p, q in ((a, b), (b, c), (c, a)))
-        determinant = _dot(a, cross(b, c))
+        unit = all(isclose(dot(row, row), 1.0, abs_tol=TOLERANCE) for row in (a, b, c))
+        square = all(abs(dot(p, q)) <= TOLERANCE for p, q in ((a, b), (b, c), (c, a)))
+        determinant = dot(a, cross(b, c))
         if not unit or not square or abs(determinant - 1.0) > 2 * TOLERANCE:
             raise ValueError(
                 f"rotation is no rotation: its rows must have length 1 and be at right angles, to "

@@ -9,7 +9,7 @@ it is shown as ALT_HOLD and cannot be chosen from a ground station."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import atan2, cos, degrees, hypot, pi, sin, tau
+from math import degrees, hypot, pi, tau
 from typing import Any, NamedTuple
 
 from messages.pilot import FlightMode
@@ -17,7 +17,7 @@ from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.units import Ns
 from messages.vehicle import OWN_WAY, VehicleStatus
-from services.marine.attitude import level_velocity
+from services.marine.attitude import level_velocity, turned, wrapped
 from services.mavlink_io.packet import (
     ARDUPILOT,
     SUBMARINE,
@@ -211,7 +211,7 @@ def attitude(known: Snapshot, state: VehicleState) -> Fields:
         "time_boot_ms": known.boot_ms,
         "roll": state.roll.value,
         "pitch": state.pitch.value,
-        "yaw": _wrapped(_heading(state)),
+        "yaw": wrapped(_heading(state)),
         "rollspeed": 0.0,  # the state has none
         "pitchspeed": 0.0,
         "yawspeed": state.yaw_rate.value,
@@ -223,7 +223,7 @@ def ahrs2(_: Snapshot, state: VehicleState) -> Fields:
     return {
         "roll": state.roll.value,
         "pitch": state.pitch.value,
-        "yaw": _wrapped(_heading(state)),
+        "yaw": wrapped(_heading(state)),
         "altitude": -state.depth.value,
         "lat": 0,
         "lng": 0,
@@ -315,19 +315,13 @@ def _heading(state: VehicleState) -> float:
 
 def _velocity(state: VehicleState) -> tuple[float, float, float]:
     """[m/s] NED; 0 where it is not measured."""
-    forward, starboard = _horizontal(state)
-    c, s = cos(_heading(state)), sin(_heading(state))
-    return c * forward - s * starboard, s * forward + c * starboard, state.depth_rate.value
+    north, east = turned(_horizontal(state), _heading(state))
+    return north, east, state.depth_rate.value
 
 
 def _horizontal(state: VehicleState) -> tuple[float, float]:
     """[m/s] Ahead and to starboard, level; 0 where it is not measured."""
     return level_velocity(state) or (0.0, 0.0)
-
-
-def _wrapped(angle: float) -> float:
-    """[rad] Within ±π."""
-    return atan2(sin(angle), cos(angle))
 
 
 def _millivolts(battery: BatterySample | None, most: int) -> int:

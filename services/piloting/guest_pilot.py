@@ -32,7 +32,7 @@ class GuestPilot(Generic[F]):
     holder: StickHolder[F] = field(default_factory=StickHolder[F])
     say_lost_ns: Ns = ONCE_NS  # so long `lost` is published; then silence, so that the lease ends
     repeat_ns: Ns = 0  # [ns] after the newest command: sticks that are late for once
-    lost: str = ""  # why the pilot is lost, in words; empty: not lost
+    lost: str = ""  # why the pilot is lost: the event's name; empty: not lost
     _was_fresh: bool = False
     _lost_ns: Ns = NEVER_NS
     _said_ns: Ns = NEVER_NS
@@ -101,7 +101,7 @@ class GuestPilot(Generic[F]):
         fresh = self.holder.fresh(now)
         if self._was_fresh and not fresh:
             why = self.holder.lost or self.silent
-            self.lost, self._lost_ns = why.sentence, now
+            self.lost, self._lost_ns = why.name, now
             self._tell_lost(why)
         elif fresh:
             self.lost = ""

@@ -15,7 +15,8 @@ import msgspec
 from msgspec import UNSET
 
 from messages import events
-from messages.events import Outbox, sentence
+from messages.events import Outbox
+from messages.notice import Notice
 from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
 from messages.state import VehicleState
@@ -318,7 +319,7 @@ class ReferenceGenerator:
         acting, height, goal = failsafes.acting, guidance.height.wanted, guidance.goal
         depth, heading = whereabouts(None if self._silent else guidance.state)
         held_back = self.armed and guidance.held_back
-        clamped = events.CLAMPED_HORIZONTAL.sentence if held_back else ""
+        clamped = (Notice(events.CLAMPED_HORIZONTAL.name),) if held_back else ()
         return VehicleStatus(
             stamp_ns=now,
             activity=self.activity,
@@ -330,12 +331,12 @@ class ReferenceGenerator:
             next_ns=failsafes.next_ns,
             resumable=failsafes.resumable,
             returns=failsafes.returns,
-            words=failsafes.words,
+            acting=failsafes.acts,
             conditions=failsafes.holding,
             pilot=self.authority.holder(now),
             epoch=self.authority.lease.epoch,
             light=self.outputs.light,
-            note="; ".join(filter(None, (self._not_ready, failsafes.notices, clamped))),
+            notices=(*self._not_ready, *failsafes.notices, *clamped),
             stop=self._stop if self.stopping else None,
             depth=depth,
             heading=heading,
@@ -348,21 +349,17 @@ class ReferenceGenerator:
         )
 
     @property
-    def _not_ready(self) -> str:
-        """For the pilot: why the drone is not ready."""
+    def _not_ready(self) -> tuple[Notice, ...]:
+        """For the pilot: why the drone is not ready; empty: it is."""
         if self._running:
-            return ""
+            return ()
         if self._silent:
-            return (
-                "not ready: no state of the drone: no usable samples of its IMU, or estimation "
-                "does not run"
-            )
+            return (Notice("no_state"),)
         state = self._guidance.state
         if state is not None and state.blocked_by:
-            return f"not ready: {sentence(state.blocked_by)}; see the warning of estimation"
+            return (Notice("not_ready", about=(state.blocked_by,)),)
         left = None if state is None else state.calibration_left
-        text = "calibrating: keep the drone still"
-        return text if left is None else f"{text}, {left:.0f} s to go"
+        return (Notice("calibrating", {} if left is None else {"wait_s": round(left)}),)
 
     @property
     def activity(self) -> Activity:

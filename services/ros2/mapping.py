@@ -41,6 +41,8 @@ from services.piloting.sticks import Sticks
 from services.ros2.core import RosSticks
 from services.ros2.rmw_zenoh import Attachment
 from services.vehicle.mounting import MountedAxes
+from services.vehicle_view.view import Newest, vehicle_view
+from services.vehicle_view.words import acting
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 UNKNOWN = 1e6  # a variance that says that the value means nothing
@@ -333,12 +335,13 @@ def _diagnostics(utc_ns: int, level: int, name: str, words: str, values: dict[st
 
 def vehicle_status(frame: RosFrames, status: VehicleStatus, utc_ns: int) -> Any:
     level = ERROR if status.failsafe != "none" else WARN if status.conditions else OK
+    seen = vehicle_view(Newest(status=status), status.stamp_ns)
     name = frame.base.partition("/")[0]
     return _diagnostics(
         utc_ns,
         level,
         f"{name}: drone",
-        status.words or status.note or status.activity,
+        acting(seen) or events.note(status.notices) or status.activity,
         {
             "activity": status.activity,
             "armed": status.armed,

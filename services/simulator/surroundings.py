@@ -20,7 +20,7 @@ from itertools import product
 from math import exp, hypot, sqrt
 
 from messages.units import Quaternion, Vec3, Vec6
-from services.marine.attitude import to_body, to_world
+from services.marine.attitude import dot, to_body, to_world
 from services.marine.summation import plain_sum
 from services.marine.water import density_of
 from services.simulator.settings import CurrentSettings, Settings, TetherSettings
@@ -151,7 +151,7 @@ class Surroundings:
     def near(self, position: Vec3) -> tuple[Vec3, Barrier] | None:
         """The floor, if the hull may touch it, with the direction [-] NED that leads into it."""
         way, floor = self._floor_at(position)
-        return (way, floor) if floor.near(_along(way, position)) else None
+        return (way, floor) if floor.near(dot(way, position)) else None
 
     def _floor_at(self, position: Vec3) -> tuple[Vec3, Barrier]:
         """The plane that touches the floor below the vehicle. High above a steep place it is the
@@ -167,14 +167,12 @@ class Surroundings:
     def floor_felt(self, position: Vec3, q_NB: Quaternion) -> bool:
         """Whether the hull touches the floor."""
         near = self.near(position)
-        return near is not None and near[1].touches(
-            _along(near[0], position), to_body(q_NB, near[0])
-        )
+        return near is not None and near[1].touches(dot(near[0], position), to_body(q_NB, near[0]))
 
     def push(self, near: tuple[Vec3, Barrier], position: Vec3, q_NB: Quaternion, nu: Vec6) -> Vec6:
         """Wrench [N, N m] of the floor, for a velocity over the ground in body axes."""
         way, floor = near
-        return floor.push(_along(way, position), to_body(q_NB, way), nu)
+        return floor.push(dot(way, position), to_body(q_NB, way), nu)
 
     def pull(self, depth: float, q_NB: Quaternion, nu: Vec6) -> Vec6:
         """Wrench [N, N m] of the tether, for a velocity through the water in body axes."""
@@ -191,10 +189,6 @@ class Surroundings:
 def sea_floor(site: Settings, seed: int = 0) -> SeaFloor:
     slope = (site.slope_north, site.slope_east)
     return SeaFloor(site.floor_depth, slope, site.terrain, seed)
-
-
-def _along(way: Vec3, position: Vec3) -> float:
-    return way[0] * position[0] + way[1] * position[1] + way[2] * position[2]
 
 
 HELD = 0.1  # [s] step of the random part; short compared with its time constant

@@ -27,7 +27,16 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.units import Vec3
-from services.marine.attitude import LEVEL, Quaternion, cross, to_body, to_world, turned
+from services.marine.attitude import (
+    LEVEL,
+    Quaternion,
+    cross,
+    minus,
+    plus,
+    to_body,
+    to_world,
+    turned,
+)
 from services.marine.calibration import NO_BIAS, NO_IRON, NO_SCALE, SensorCalibration
 from services.marine.mounting import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
 from services.marine.vehicle import GRAVITY
@@ -68,7 +77,7 @@ class MountedAxes:
 def force_at(r: Vec3, rate: Vec3, acceleration: Vec3) -> Vec3:
     """[m/s²] Specific force at r [m] minus that at the origin, for an angular rate [rad/s] and its
     derivative [rad/s²]; all in body axes."""
-    return _plus(cross(rate, cross(rate, r)), cross(acceleration, r))
+    return plus(cross(rate, cross(rate, r)), cross(acceleration, r))
 
 
 class Moment(NamedTuple):
@@ -126,7 +135,7 @@ class AtOrigin:
         rate, force = self._imu.to_body(rate), self._imu.to_body(force)
         if self._arm != ORIGIN:
             acceleration = self._turning.acceleration(rate, sample.stamp_ns)
-            force = _minus(force, force_at(self._arm, rate, acceleration))
+            force = minus(force, force_at(self._arm, rate, acceleration))
         return replace(sample, angular_rate=rate, specific_force=force)
 
     def magnetometer(self, sample: MagnetometerSample) -> MagnetometerSample:
@@ -160,7 +169,7 @@ class AtOrigin:
         if velocity is not None:
             x, y, z = velocity
             velocity = self._dvl.to_body((scale * x, scale * y, scale * z))
-            velocity = _minus(velocity, cross(moment.rate, self._dvl_arm))
+            velocity = minus(velocity, cross(moment.rate, self._dvl_arm))
         return replace(sample, velocity=velocity)
 
     def usbl(self, sample: UsblSample) -> UsblSample:
@@ -234,15 +243,15 @@ class Turning:
             self._smooth = rate
             return AT_REST
         share = 1.0 - exp(-dt / SMOOTHING)
-        step = _minus(rate, before)
+        step = minus(rate, before)
         step = (share * step[0], share * step[1], share * step[2])
-        self._smooth = _plus(before, step)
+        self._smooth = plus(before, step)
         return step[0] / dt, step[1] / dt, step[2] / dt
 
 
 def place_of(arm: Vec3, position: Vec3, q_NB: Quaternion) -> Vec3:
     """[m] NED position of a sensor mounted at `arm` [m]."""
-    return position if arm == ORIGIN else _plus(position, to_world(q_NB, arm))
+    return position if arm == ORIGIN else plus(position, to_world(q_NB, arm))
 
 
 def measured_there(
@@ -254,14 +263,14 @@ def measured_there(
         acceleration: [rad/s²] derivative of the angular rate, in body axes.
     """
     if mount.position != ORIGIN:
-        force = _plus(force, force_at(mount.position, rate, acceleration))
+        force = plus(force, force_at(mount.position, rate, acceleration))
     return axes.to_sensor(force), axes.to_sensor(rate)
 
 
 def seen_there(mount: Mount, axes: MountedAxes, velocity: Vec3, rate: Vec3) -> Vec3:
     """Velocity [m/s] of the origin, as a mounted DVL measures it."""
     if mount.position != ORIGIN:
-        velocity = _plus(velocity, cross(rate, mount.position))
+        velocity = plus(velocity, cross(rate, mount.position))
     return axes.to_sensor(velocity)
 
 
@@ -270,11 +279,3 @@ def _nearest_rotation(R: Rotation) -> Rotation:
     u, _, vt = np.linalg.svd(np.array(R))
     a, b, c = (u @ vt).tolist()
     return (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2])
-
-
-def _plus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

@@ -8,9 +8,10 @@ from msgspec import UNSET, UnsetType
 
 from messages import topics
 from messages.control import ThrusterCommand
-from messages.events import LEAK, UNMOVED
+from messages.events import UNMOVED
 from messages.link import Clock, LatencyBudget, LinkStatus
 from messages.message import Estimate
+from messages.notice import Notice
 from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
@@ -63,9 +64,9 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     next_s: float | None = None  # [s] until its next reaction
     resumable: bool = False
     returns: Returns | None = None  # what gives the sticks back; None: he has them, or not known
-    words: str = ""  # what is lost, what the drone does, and what ends it
-    note: str = ""
-    wet: bool = False  # water inside is among what the note says
+    acting: tuple[Notice, ...] = ()  # what makes it act by itself, and holds
+    ended: tuple[str, ...] = ()  # the same, and does not hold any more: names of conditions
+    notices: tuple[Notice, ...] = ()  # what he has to know, the gravest first
     pilot: str = ""  # who has control; empty: nobody
     light: float | None = None  # [-] 0 … 1
     outputs: dict[str, float] = {}  # [-] by name; of a gripper -1 … 1
@@ -80,7 +81,6 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     age_ms: float | None = None  # [ms] of depth, heading, roll and pitch
     battery_v: float | None = None  # [V]
     used_wh: float | None = None  # [Wh] since power-on
-    capacity_wh: float | None = None  # [Wh] when full
     charge: float | None = None  # [-] left of the battery's capacity
     link_up: bool | None = None
     down_ms: float | None = None  # [ms] median delay to the drone
@@ -89,7 +89,7 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     lost_s: float | None = None  # [s] in all, in which nothing of the drone arrived
     stick_ms: float | None = None  # [ms] from the stick to the thruster
     screen_ms: float | None = None  # [ms] from the sensor to the screen
-    alarm: str = ""  # what is wrong with the link
+    alarms: tuple[Notice, ...] = ()  # what is wrong with the link
     altitude_m: float | None = None  # above the bottom
     altitude_wanted_m: float | None = None  # that is held
 
@@ -123,7 +123,8 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "doing": _doing(status),
         "armed": status.armed,
         "failsafe": status.failsafe,
-        "words": status.words,
+        "acting": tuple(each for each in status.acting if _name(each) in status.conditions),
+        "ended": tuple(filter(lambda n: n not in status.conditions, map(_name, status.acting))),
         "pilot": status.pilot,
         "depth_m": _known(status.depth),
         "heading_deg": None if status.heading is UNSET else bearing(status.heading),
@@ -138,11 +139,15 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "next_s": _seconds(now, status.next_ns),
         "resumable": status.resumable,
         "returns": status.returns,
-        "note": status.note,
-        "wet": LEAK.name in status.conditions and status.failsafe != LEAK.name,
+        "notices": status.notices,
         "altitude_m": _known(status.altitude),
         "altitude_wanted_m": _known(status.altitude_wanted),
     }
+
+
+def _name(notice: Notice) -> str:
+    """Of its condition."""
+    return notice.code.partition(":")[2]
 
 
 def _doing(status: VehicleStatus) -> str:
@@ -182,7 +187,6 @@ def _battery(battery: BatterySample | None) -> dict[str, Any]:
     return {
         "battery_v": round(battery.voltage, 2),
         "used_wh": None if battery.used_wh is None else round(battery.used_wh, 1),
-        "capacity_wh": battery.capacity_wh,
         "charge": None if battery.charge is None else round(max(0.0, battery.charge), 3),
     }
 
@@ -203,7 +207,7 @@ def _link(newest: Newest, now: Ns) -> dict[str, Any]:
             "stick_ms": _tenth(latency.stick_to_thruster_ms),
             "screen_ms": _tenth(latency.sensor_to_screen_ms),
             "lost_s": _tenth(latency.lost_s),
-            "alarm": latency.alarm,
+            "alarms": latency.alarms,
         }
     return found
 

@@ -2,9 +2,10 @@
 
 from typing import Literal, NamedTuple
 
-from messages.events import FAILSAFE_ACTED, short
+from messages import events
+from messages.events import FAILSAFE_ACTED, LEAK, RETURN, note, short, told
 from services.marine.outputs import LIGHT
-from services.vehicle_view.view import VehicleView
+from services.vehicle_view.view import DOES, NOT_OBEYED, VehicleView
 
 UNKNOWN = "–"
 # Armed is amber everywhere: the propellers may turn, which asks for care. Red is for danger alone,
@@ -13,6 +14,13 @@ Tone = Literal["plain", "warning", "alarm"]
 
 
 STOPPING = "stopping: centre the sticks; they act again once the drone is at rest"
+
+
+# By `doing`: what a failsafe makes the drone do.
+DONE = {doing: events.DOES[reaction] for reaction, doing in DOES.items()} | {
+    "stopping": "the drone comes to rest",
+    NOT_OBEYED: "nothing moves the drone: its board or control does not answer",
+}
 
 
 class Said(NamedTuple):
@@ -41,7 +49,7 @@ def head_up(view: VehicleView) -> list[Said]:
         Said(", ".join(f"{label} {text}" for label, text in numbers(view)), "plain"),
         Said(
             f"round trip {number(view.rtt_ms, '.0f')} ms; depth and heading {age}",
-            "alarm" if view.alarm else "warning" if late else "plain",
+            "alarm" if view.alarms else "warning" if late else "plain",
         ),
         Said("; ".join(each.text for each in told), "alarm" if alarm else "warning"),
     ]
@@ -55,22 +63,32 @@ def said(view: VehicleView) -> list[Said]:
 
 def others(view: VehicleView) -> list[Said]:
     """What is wrong beside what makes the drone act by itself."""
-    link = [Said(f"LINK {view.alarm}")] if view.alarm else []
+    link = [Said(f"LINK {alarm(view)}")] if view.alarms else []
     # Water inside does not become a small matter because the pilot flies on.
-    grave = view.note if view.wet else ""
-    return [*link, *(Said(note, "alarm" if note == grave else "warning") for note in notes(view))]
+    grave = [told(each) for each in view.notices if each.code == LEAK.noticed.name]
+    return [*link, *(Said(text, "alarm" if text in grave else "warning") for text in notes(view))]
 
 
 def acting(view: VehicleView) -> str:
     """What is lost, what the drone does now, and what ends it; empty: nothing acts."""
-    return f"{known(view)}{view.words}" if view.words else ""
+    if not view.acts:
+        return ""
+    ended = [f"{short(FAILSAFE_ACTED(name).name)} has ended" for name in view.ended]
+    ends = [] if view.returns is None else [RETURN[view.returns]]
+    does = DONE.get(view.doing, view.doing)
+    return known(view) + "; ".join([*map(told, view.acting), *ended, does, *ends])
 
 
 def notes(view: VehicleView) -> list[str]:
     """What the pilot has to know and what is no alarm."""
     stopping = view.activity == "stopping" and not view.acts
     silence = "" if view.silent_s is None else f"no status from the drone for {view.silent_s:.0f} s"
-    return [*filter(None, (STOPPING if stopping else "", silence, view.note))]
+    return [*filter(None, (STOPPING if stopping else "", silence)), *map(told, view.notices)]
+
+
+def alarm(view: VehicleView) -> str:
+    """What is wrong with the link; empty: nothing."""
+    return note(view.alarms)
 
 
 def number(value: float | None, form: str) -> str:

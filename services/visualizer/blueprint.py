@@ -1,6 +1,7 @@
 """Layout of the viewer: the page a pilot looks at first, and five more pages."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -13,6 +14,18 @@ TIMELINE = "dive"  # [s] since the dive began
 WATER = 0x0A1E2BFF
 # [s] Shown before the cursor, and after it: room for the legend, which else hides the curves.
 BEFORE_S, AFTER_S = 45.0, 17.0
+ALL = ("$origin/**",)  # below a path
+
+
+class Plot(NamedTuple):
+    """One plot: its path, what stands above it, and what is in it."""
+
+    path: str
+    name: str
+    contents: Sequence[str] = ALL
+
+
+Cell = Plot | tuple[Plot, ...] | rrb.View
 
 
 def camera_path(camera: str) -> str:
@@ -26,8 +39,8 @@ def blueprint(vehicle: Vehicle, further: Sequence[str] = ()) -> rrb.Blueprint:
     Args:
         further: cameras beside the first one.
     """
-    shown = {**PAGES, "camera": lambda: _camera(further)}
-    pages = [_dive(vehicle), *(page() for page in shown.values())]
+    grids = _grid("Motion", MOTION), _grid("Control", CONTROL), _grid("Sensors", SENSORS)
+    pages = [_dive(vehicle), *grids, _link(), _camera(further), _grid("Health", HEALTH)]
     return rrb.Blueprint(
         rrb.Tabs(contents=pages, active_tab=0),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
@@ -98,169 +111,42 @@ def _log(name: str, contents: list[str] | None = None) -> rrb.TextLogView:
     )
 
 
-def _motion() -> rrb.Grid:
-    return rrb.Grid(
-        _plot("depth_rate", "Depth rate [m/s], positive down"),
-        _plot("yaw_rate", "Yaw rate [°/s]"),
-        _plot("attitude", "Roll and pitch [°]"),
-        _plot("velocity", "Velocity, body [m/s]"),
-        _plot("depth_acceleration", "Depth acceleration [m/s²]"),
-        _plot("yaw_acceleration", "Yaw acceleration of the reference [°/s²]"),
-        rrb.Tabs(
-            _plot("jerk/heave", "Jerk of the reference, heave [m/s³]"),
-            _plot("jerk/yaw", "Jerk of the reference, yaw [°/s³]"),
-            _plot("tilt", "Camera tilt [°], up"),
-        ),
-        _plot("track", "Place [m], NED"),
-        rrb.Tabs(
-            _plot("current", "Current of the water [m/s], NED"),
-            _plot("uncertainty/depth", "Depth, one standard deviation [cm]"),
-            _plot("uncertainty/heading", "Heading, one standard deviation [°]"),
-        ),
-        grid_columns=3,
-        name="Motion",
-    )
+def _grid(name: str, cells: Sequence[Cell], columns: int = 3) -> rrb.Grid:
+    """A page of equal panels."""
+    return rrb.Grid(*map(_cell, cells), grid_columns=columns, name=name)
 
 
-def _control() -> rrb.Grid:
-    return rrb.Grid(
-        _plot("force", "Force wanted [N]"),
-        _plot("moment", "Moment wanted [N m]"),
-        _plot("thrust_command", "Thrust asked for [N]"),
-        _plot("force_achieved", "Force achieved [N]"),
-        _plot("moment_achieved", "Moment achieved [N m]"),
-        _plot("force_reference", "Force reference [N]"),
-        rrb.Tabs(
-            _plot("disturbance/force", "Disturbance learnt [N]"),
-            _plot("disturbance/moment", "Disturbance learnt [N m]"),
-        ),
-        rrb.Tabs(
-            _plot("integral/depth", "Integrator [N]"),
-            _plot("integral/yaw", "Integrator [N m]"),
-            _plot("tether_pull", "Pull of the tether [N], NED"),
-        ),
-        rrb.Tabs(
-            _plot("drive_power", "Electrical power [W]"),
-            _plot("device_age", "Age of the pad's answer [ms]"),
-        ),
-        grid_columns=3,
-        name="Control",
-    )
-
-
-def _sensors() -> rrb.Grid:
-    return rrb.Grid(
-        _plot("specific_force", "Specific force [m/s²]"),
-        _plot("angular_rate", "Angular rate [°/s]"),
-        _plot("magnetic_field", "Magnetic field [µT]"),
-        rrb.Tabs(
-            _plot("pressure", "Pressure [kPa]"),
-            _plot("pressure_age", "Age of the pressure sample [ms]"),
-            _plot("altitude", "Height above the bottom [m]"),
-        ),
-        rrb.Tabs(
-            _plot("compass", "Heading with magnetometer [°], turns added"),
-            _plot("power/voltage", "Battery [V]"),
-            _plot("power/current", "Battery [A]"),
-            _plot("power/used", "Battery, used [Wh]"),
-            _plot(
-                "power",
-                "Temperature [°C]",
-                contents=["$origin/temperature", "$origin/enclosure"],
-            ),
-            _plot("power/leak", "Leak, 1: wet"),
-        ),
-        *_innovations(),
-        grid_columns=3,
-        name="Sensors",
-    )
-
-
-def _innovations() -> list[rrb.Tabs]:
-    """What the estimator made of the measurements: each within its band, unless it is rejected."""
-    return [
-        rrb.Tabs(*(_plot(f"aiding/{source}", f"Innovation: {words}") for source, words in group))
-        for group in INNOVATIONS
-    ]
-
-
-def _link() -> rrb.Grid:
-    """The whole first, then what the link does to the messages, then what is made of it."""
-    ends = ["$origin/**", "/latency/stick", "/latency/sensor"]
-    logs = [f"$origin/{name}" for name in ("link_monitor", "tether", "predictor")]
-    return rrb.Grid(
-        _plot("whole", "End to end [ms]", contents=ends),
-        rrb.Tabs(
-            _plot("budget", "Stick to thruster [ms]"),
-            _plot("budget_up", "Sensor to screen [ms]"),
-            _plot("shown", "Screens [ms]"),
-        ),
-        _plot("link_p99", "Link delay p99, round trip [ms]"),
-        _plot("link_loss", "Lost [%]"),
-        _plot("link_queue", "Messages on the link"),
-        _plot("link_rate", "Carried [kbit/s]"),
-        rrb.Tabs(
-            _plot("foresight", "Depth prediction error [cm]"),
-            _plot("foresight_heading", "Heading prediction error [°]"),
-        ),
-        rrb.Tabs(
-            _plot("clock", "Clocks: drone minus topside [ms]"),
-            _plot("pings", "Pings sent"),
-        ),
-        _log("Link alarms", logs),
-        grid_columns=3,
-        name="Link",
-    )
+def _cell(cell: Cell) -> rrb.View | rrb.Tabs:
+    if isinstance(cell, Plot):
+        return _plot(*cell)
+    return rrb.Tabs(*(_plot(*tab) for tab in cell)) if isinstance(cell, tuple) else cell
 
 
 def _camera(further: Sequence[str] = ()) -> rrb.Grid:
     """What the drone sees, and how late the pilot sees it."""
     pictures = {FIRST if further else "Picture": FIRST, **{name: name for name in further}}
-    return rrb.Grid(
-        *(
-            rrb.Spatial2DView(origin=f"/{camera_path(camera)}", name=name)
-            for name, camera in pictures.items()
-        ),
-        _plot("picture", "Age of the picture [ms], by stage"),
-        rrb.Tabs(
-            _plot("picture_rate/pictures", "Pictures [1/s]"),
-            _plot("picture_rate/carried", "Carried [kbit/s]"),
-            _plot("picture_rate/all", "All cameras may send [kbit/s], by the large one"),
-        ),
-        grid_columns=2,
-        name="Camera",
-    )
+    views = [
+        rrb.Spatial2DView(origin=f"/{camera_path(camera)}", name=name)
+        for name, camera in pictures.items()
+    ]
+    return _grid("Camera", [*views, *PICTURES], columns=2)
 
 
-def _health() -> rrb.Grid:
-    return rrb.Grid(
-        rrb.Tabs(
-            _plot("health/counted", "Dropped, stale, refused …"),
-            _plot("health/sent", "Sent"),
-            _plot("health/received", "Received"),
-        ),
-        _plot("health/calls", "Handler calls [1/s]"),
-        rrb.Tabs(
-            _plot("health/late_p99", "Lateness p99 [ms]"),
-            _plot("health/late_p50", "Lateness p50 [ms]"),
-        ),
-        _plot("health/processor", "Processor [% of a core]"),
-        _plot("health/memory", "Memory [MB]"),
-        grid_columns=3,
-        name="Health",
-    )
+def _link() -> rrb.Grid:
+    """The whole first, then what the link does to the messages, then what is made of it."""
+    logs = [f"$origin/{name}" for name in ("link_monitor", "tether", "predictor")]
+    return _grid("Link", [*LINK, _log("Link alarms", logs)])
 
 
 def _plot(
     path: str,
     name: str,
-    *,
+    contents: Sequence[str] = ALL,
     limits: tuple[float, float] | None = None,
-    contents: list[str] | None = None,
 ) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=f"/{path}",
-        contents=contents or "$origin/**",
+        contents=list(contents),
         name=name,
         axis_x=_window(),
         axis_y=None if limits is None else rrb.ScalarAxis(range=limits),
@@ -275,32 +161,117 @@ def _window() -> rrb.TimeAxis:
     return rrb.TimeAxis(view_range=rr.TimeRange(edge(seconds=-BEFORE_S), edge(seconds=AFTER_S)))
 
 
-# Panels of the Sensors page, each with a tab for every source of `messages/aiding.py` in it.
-INNOVATIONS = (
-    (("pressure", "depth [m]"),),
+# A panel is a plot, or several in tabs: their path and what stands above them.
+MOTION = (
+    Plot("depth_rate", "Depth rate [m/s], positive down"),
+    Plot("yaw_rate", "Yaw rate [°/s]"),
+    Plot("attitude", "Roll and pitch [°]"),
+    Plot("velocity", "Velocity, body [m/s]"),
+    Plot("depth_acceleration", "Depth acceleration [m/s²]"),
+    Plot("yaw_acceleration", "Yaw acceleration of the reference [°/s²]"),
     (
-        ("compass", "compass [°]"),
-        ("rest_x", "gyroscope at rest, x [°/s]"),
-        ("rest_y", "gyroscope at rest, y [°/s]"),
-        ("rest_z", "gyroscope at rest, z [°/s]"),
+        Plot("jerk/heave", "Jerk of the reference, heave [m/s³]"),
+        Plot("jerk/yaw", "Jerk of the reference, yaw [°/s³]"),
+        Plot("tilt", "Camera tilt [°], up"),
     ),
+    Plot("track", "Place [m], NED"),
     (
-        ("hull_north", "thrust and drag, north [m/s²]"),
-        ("hull_east", "thrust and drag, east [m/s²]"),
-    ),
-    (
-        ("dvl_surge", "DVL, surge [m/s]"),
-        ("dvl_sway", "DVL, sway [m/s]"),
-        ("usbl_north", "USBL, north [m]"),
-        ("usbl_east", "USBL, east [m]"),
+        Plot("current", "Current of the water [m/s], NED"),
+        Plot("uncertainty/depth", "Depth, one standard deviation [cm]"),
+        Plot("uncertainty/heading", "Heading, one standard deviation [°]"),
     ),
 )
-# The pages behind the first one, which alone depends on the vehicle.
-PAGES: dict[str, Callable[[], rrb.Grid]] = {
-    "motion": _motion,
-    "control": _control,
-    "sensors": _sensors,
-    "link": _link,
-    "camera": _camera,
-    "health": _health,
-}
+CONTROL = (
+    Plot("force", "Force wanted [N]"),
+    Plot("moment", "Moment wanted [N m]"),
+    Plot("thrust_command", "Thrust asked for [N]"),
+    Plot("force_achieved", "Force achieved [N]"),
+    Plot("moment_achieved", "Moment achieved [N m]"),
+    Plot("force_reference", "Force reference [N]"),
+    (
+        Plot("disturbance/force", "Disturbance learnt [N]"),
+        Plot("disturbance/moment", "Disturbance learnt [N m]"),
+    ),
+    (
+        Plot("integral/depth", "Integrator [N]"),
+        Plot("integral/yaw", "Integrator [N m]"),
+        Plot("tether_pull", "Pull of the tether [N], NED"),
+    ),
+    (
+        Plot("drive_power", "Electrical power [W]"),
+        Plot("device_age", "Age of the pad's answer [ms]"),
+    ),
+)
+SENSORS = (
+    Plot("specific_force", "Specific force [m/s²]"),
+    Plot("angular_rate", "Angular rate [°/s]"),
+    Plot("magnetic_field", "Magnetic field [µT]"),
+    (
+        Plot("pressure", "Pressure [kPa]"),
+        Plot("pressure_age", "Age of the pressure sample [ms]"),
+        Plot("altitude", "Height above the bottom [m]"),
+    ),
+    (
+        Plot("compass", "Heading with magnetometer [°], turns added"),
+        Plot("power/voltage", "Battery [V]"),
+        Plot("power/current", "Battery [A]"),
+        Plot("power/used", "Battery, used [Wh]"),
+        Plot("power", "Temperature [°C]", ("$origin/temperature", "$origin/enclosure")),
+        Plot("power/leak", "Leak, 1: wet"),
+    ),
+    # What the estimator made of each source of `messages/aiding.py`: within its band, unless it is
+    # rejected.
+    (Plot("aiding/pressure", "Innovation: depth [m]"),),
+    (
+        Plot("aiding/compass", "Innovation: compass [°]"),
+        Plot("aiding/rest_x", "Innovation: gyroscope at rest, x [°/s]"),
+        Plot("aiding/rest_y", "Innovation: gyroscope at rest, y [°/s]"),
+        Plot("aiding/rest_z", "Innovation: gyroscope at rest, z [°/s]"),
+    ),
+    (
+        Plot("aiding/hull_north", "Innovation: thrust and drag, north [m/s²]"),
+        Plot("aiding/hull_east", "Innovation: thrust and drag, east [m/s²]"),
+    ),
+    (
+        Plot("aiding/dvl_surge", "Innovation: DVL, surge [m/s]"),
+        Plot("aiding/dvl_sway", "Innovation: DVL, sway [m/s]"),
+        Plot("aiding/usbl_north", "Innovation: USBL, north [m]"),
+        Plot("aiding/usbl_east", "Innovation: USBL, east [m]"),
+    ),
+)
+LINK = (
+    Plot("whole", "End to end [ms]", (*ALL, "/latency/stick", "/latency/sensor")),
+    (
+        Plot("budget", "Stick to thruster [ms]"),
+        Plot("budget_up", "Sensor to screen [ms]"),
+        Plot("shown", "Screens [ms]"),
+    ),
+    Plot("link_p99", "Link delay p99, round trip [ms]"),
+    Plot("link_loss", "Lost [%]"),
+    Plot("link_queue", "Messages on the link"),
+    Plot("link_rate", "Carried [kbit/s]"),
+    (
+        Plot("foresight", "Depth prediction error [cm]"),
+        Plot("foresight_heading", "Heading prediction error [°]"),
+    ),
+    (Plot("clock", "Clocks: drone minus topside [ms]"), Plot("pings", "Pings sent")),
+)
+PICTURES = (
+    Plot("picture", "Age of the picture [ms], by stage"),
+    (
+        Plot("picture_rate/pictures", "Pictures [1/s]"),
+        Plot("picture_rate/carried", "Carried [kbit/s]"),
+        Plot("picture_rate/all", "All cameras may send [kbit/s], by the large one"),
+    ),
+)
+HEALTH = (
+    (
+        Plot("health/counted", "Dropped, stale, refused …"),
+        Plot("health/sent", "Sent"),
+        Plot("health/received", "Received"),
+    ),
+    Plot("health/calls", "Handler calls [1/s]"),
+    (Plot("health/late_p99", "Lateness p99 [ms]"), Plot("health/late_p50", "Lateness p50 [ms]")),
+    Plot("health/processor", "Processor [% of a core]"),
+    Plot("health/memory", "Memory [MB]"),
+)

@@ -8,11 +8,13 @@ from typing import Any
 import msgspec
 
 from messages.control import ThrusterCommand
+from messages.events import note
 from messages.film import FilmAnswer, FilmRequest
 from messages.health import LogLine
 from messages.identity import SideIdentity
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
 from messages.message import Message
+from messages.notice import Notice
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import BatterySample
@@ -65,7 +67,7 @@ class Status:
         self._newest: dict[type[Message], Message] = {}
         self._heard_ns: dict[type[Message], int] = {}
         self._requests = deque[str](maxlen=REQUESTS_KEPT)  # ids that were shown
-        self._last_note = ""
+        self._last_notices: tuple[Notice, ...] = ()
         self._large_camera = ""
         self._sides: dict[str, str] = {}  # which Lindy each side runs
         self._page = ""  # as last shown
@@ -106,9 +108,9 @@ class Status:
             word = change or "granted" if message.accepted else f"refused: {message.reason}"
             level = "info" if message.accepted else "warning"
             return [_line("pilot", time, f"answer: {word}", level)]
-        if isinstance(message, VehicleStatus) and message.note != self._last_note:
-            self._last_note = message.note
-            return [_line("vehicle", time, message.note)] if message.note else []
+        if isinstance(message, VehicleStatus) and message.notices != self._last_notices:
+            self._last_notices = message.notices
+            return [_line("vehicle", time, note(message.notices))] if message.notices else []
         if isinstance(message, CameraChoice) and message.camera != self._large_camera:
             self._large_camera = message.camera  # it is said again and again
             return [_line("pilot", time, f"the large camera: {message.camera}")]
@@ -124,33 +126,13 @@ class Status:
         return [_line("vehicle", time, text)]
 
     def _status(self, now: int) -> str:
-        view, link, clock = self._view(now), self._newest.get(LinkStatus), self._newest.get(Clock)
-        armed = f"**{words.armed(view)}**" if view.armed else words.armed(view)
-        acts = f" · **{words.failsafe(view)}**" if view.acts else ""
-        does = f"{words.known(view)}**{words.doing(view)}**, {words.flight_mode(view)}"
-        depth, heading = words.number(view.depth_m, ".1f"), _bearing(view.heading_deg)
-        old = f", {words.old(view)}" if view.old else ""
-        rows = [
-            ("activity", f"{does} · {armed}{acts}"),
-            ("pilot", words.sticks(view)),
-            ("failsafe", words.acting(view)),
-            *(("note", note) for note in words.notes(view)),
-            ("depth", f"{depth} m → {words.number(view.depth_wanted_m, '.1f')} m{old}"),
-            ("heading", f"{heading} → {_bearing(view.heading_wanted_deg)}{old}"),
-            *words.numbers(view),
-        ]
-        if isinstance(link, LinkStatus):
-            up = words.UNKNOWN if view.link_up is None else "up" if view.link_up else "**DOWN**"
-            rtt = f"rtt {_ms(view.rtt_ms)} · lost {words.number(view.lost_s, '.1f')} s"
-            rows.append(("link", f"{link.profile} · {up} · {rtt}"))
-        rows.append(("alarm", f"**{view.alarm}**" if view.alarm else ""))
-        delays = f"stick to thruster {_ms(view.stick_ms)} · to screen {_ms(view.screen_ms)}"
-        rows.append(("latency", delays))
-        if isinstance(clock, Clock) and clock.offset_ns is not None and clock.bound_ns is not None:
-            offset, bound = clock.offset_ns / 1e6, clock.bound_ns / 1e6
-            rows.append(("clocks", f"{offset:+.1f} ± {bound:.1f} ms apart"))
-        lines = [f"| {name} | {text} |" for name, text in rows if text]
-        return "\n".join([lines[0], "|---|---|", *lines[1:]])
+        """The lines of a pilot's window, one below the other, and who has the sticks; what is wrong
+        is bold."""
+        view = self._view(now)
+        lines = *words.head_up(view), words.Said(words.sticks(view), "plain")
+        return "\n\n".join(
+            f"**{text}**" if tone != "plain" else text for text, tone in lines if text
+        )
 
     def _view(self, now: int) -> VehicleView:
         """By the times of arrival: stamps may be of another machine's clock."""
@@ -173,11 +155,6 @@ def part_of_path(name: str) -> str:
     return re.sub(r"[^a-z0-9_]", "_", name)
 
 
-def _bearing(heading_deg: float | None) -> str:
-    """Compass heading, 0° to 359°."""
-    return words.UNKNOWN if heading_deg is None else f"{round(heading_deg) % 360}°"
-
-
 def _asked(message: REQUESTS) -> str:
     if isinstance(message, FaultRequest):
         return f"{message.part} {message.fault}"
@@ -195,7 +172,3 @@ def _asked(message: REQUESTS) -> str:
 
 def _line(who: str, time: int, text: str, level: str = "info") -> Note:
     return Note(f"log/{who}", time, "log", f"{time / 1e9:6.1f} s  {text}", level)
-
-
-def _ms(value: float | None) -> str:
-    return "–" if value is None else f"{value:.1f} ms"

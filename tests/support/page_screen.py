@@ -58,11 +58,12 @@ READY: dict[str, Any] = {"activity": "ready", "doing": "ready", "armed": False}
 OLD: dict[str, Any] = {"age_ms": 2300.0}
 SILENT: dict[str, Any] = {"silent_s": 9.0, "depth_m": None, "heading_deg": None, "age_ms": None}
 SAID: dict[str, Any] = {
-    "notes": [["link", "link.silent", {"s": 3.0}, ""], ["note", "notice:near_floor", {}, ""]]
+    "alarms": [{"code": "link.silent", "numbers": {"s": 3.0}}],
+    "notices": [{"code": "notice:near_floor"}],
 }
 WATCHED: dict[str, Any] = {  # the second camera, small
     "cameras": [["front", False], ["down", False]], "large": "front", "looks_deg": [-20.0, 0.0],
-    "notes": [["note", "notice:service_late", {}, " (ardusub)"]],
+    "notices": [{"code": "notice:service_late", "about": ["ardusub"]}],
 }  # fmt: skip
 STATES = {"flown": {}, "ready": READY, "acting": {**ACTING, **SAID}, "old": OLD, "silent": SILENT}
 

@@ -58,8 +58,16 @@ def typescript(kind: inspect.Type) -> str:
             return f"({typescript(item)})[]"
         case inspect.StructType(array_like=True, fields=fields):
             return f"[{', '.join(f'{f.encode_name}: {typescript(f.type)}' for f in fields)}]"
+        case inspect.StructType(fields=fields):
+            named = (f"{f.encode_name}{_may(f)}: {typescript(f.type)};" for f in fields)
+            return f"{{ {' '.join(named)} }}"
         case _:
             raise TypeError(f"a page knows no {kind}")
+
+
+def _may(field: inspect.Field) -> str:
+    """What is as by default is left out of a text."""
+    return "" if field.required else "?"
 
 
 def interface(struct: type[msgspec.Struct]) -> str:
@@ -67,8 +75,7 @@ def interface(struct: type[msgspec.Struct]) -> str:
     found: Any = inspect.type_info(struct)
     tag = [] if found.tag_field is None else [f'  {found.tag_field}: "{found.tag}";']
     rows = [
-        f"  {field.encode_name}{'' if field.required else '?'}: {typescript(field.type)};"
-        for field in found.fields
+        f"  {field.encode_name}{_may(field)}: {typescript(field.type)};" for field in found.fields
     ]
     return "\n".join([f"interface {struct.__name__} {{", *tag, *rows, "}"])
 

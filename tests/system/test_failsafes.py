@@ -114,10 +114,11 @@ def test_moving_sticks_do_nothing_and_resume_hands_back() -> None:
     assert abs(dive.depth - 2.0) < 0.15
     assert dive.status.reaction == "stop"
     assert dive.status.resumable
-    assert "has ended" in dive.status.words
+    assert [each.code for each in dive.status.acting] == ["failsafe:pilot_lost"]
+    assert "pilot_lost" not in dive.status.conditions  # it has ended
     assert dive.ask("goto", depth=1.0) == "a failsafe acts; first resume"
     assert dive.ask("resume") == ""
-    assert (dive.status.failsafe, dive.status.words) == ("none", "")
+    assert (dive.status.failsafe, dive.status.acting) == ("none", ())
     dive.run(2.0)
     assert dive.depth > 2.3
     dive.check()

@@ -11,6 +11,7 @@ import msgspec
 import pytest
 
 from messages import topics
+from messages.events import note
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
@@ -66,7 +67,7 @@ def test_a_driver_of_a_user_that_falls_silent_is_named_to_the_pilot() -> None:
         host.run(host.now + 4 * SECOND)
         assert (after := status.newest(host.now)) is not None
         assert "service_silent" in after.conditions
-        assert "a service on board does not answer (driver)" in after.note
+        assert "a service on board does not answer (driver)" in note(after.notices)
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import pytest
 
+from messages.events import note
 from messages.simulator import FaultKind
 from tests.support.dive import DEEP
 from tests.support.sortie import HANDS_OFF, Sortie
@@ -54,7 +55,7 @@ def test_a_step_of_the_gyroscopes_bias_is_found_and_learnt(bias: float) -> None:
     assert state.pitch.value == pytest.approx(truth.pitch, abs=0.05)
     assert state.heading.valid  # gravity says nothing about it, the magnetometer does
     assert abs(truth.heading - flight.sortie.truth[-100].heading) < 0.05
-    assert flight.sortie.status.note == ""
+    assert note(flight.sortie.status.notices) == ""
 
 
 @pytest.mark.slow
@@ -119,13 +120,13 @@ def test_an_imu_that_is_silent_is_said_for_as_long_as_it_lasts() -> None:
     for state in flight.sortie.states[-400:]:
         assert state.depth.valid
         assert not any(part.valid for part in (state.heading, state.roll, state.yaw_rate))
-    assert flight.sortie.status.note.startswith("the heading is not known and not held")
+    assert note(flight.sortie.status.notices).startswith("the heading is not known and not held")
     assert flight.sortie.status.failsafe in ("imu_lost", "state_lost")
     assert "imu_lost" in flight.sortie.status.conditions
     flight.sortie.set_faults("sensor/imu", "none")
     flight.sortie.until(flight.sortie.t + 3.0)
     assert flight.sortie.counts["regained:sensor/imu"] == 1
-    assert "not known" not in flight.sortie.status.note
+    assert "not known" not in note(flight.sortie.status.notices)
     assert "imu_lost" not in flight.sortie.status.conditions
 
 
@@ -134,12 +135,12 @@ def test_without_pressure_it_drifts_slowly_and_says_so() -> None:
     flight = fly("sensor/pressure", "silent", None, 15.0)
     assert flight.speed < 0.15
     assert flight.counts["unusable:sensor/pressure"] == flight.counts["unheld:depth"] == 1
-    assert flight.sortie.status.note == "the depth is not known and not held"
+    assert note(flight.sortie.status.notices) == "the depth is not known and not held"
     flight.sortie.set_faults("sensor/pressure", "none")
     there = flight.sortie.truth[-1].position[2]
     flight.sortie.until(flight.sortie.t + 4.0)
     assert flight.sortie.truth[-1].position[2] == pytest.approx(there, abs=0.15)
-    assert flight.sortie.status.note == ""
+    assert note(flight.sortie.status.notices) == ""
 
 
 @pytest.mark.slow

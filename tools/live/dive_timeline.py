@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from messages.events import TOLD, note
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 
@@ -27,13 +28,15 @@ class DiveTimeline:
     armed_ns: int | None = None  # [ns] when the drone was first armed
     controlled: bool = False  # this side's pilot has control
     armed: bool = False  # now, by this side's pilot
-    note: str = "no status from the drone yet"
+    note: str = TOLD["no_status"]
+    calibrating: bool = False
 
     def see(self, status: VehicleStatus, now: int) -> None:
         """The newest status arrived at `now` [ns]."""
         self.controlled = self.in_control(status)
         self.armed = status.armed and self.controlled
-        self.note = status.note or status.activity
+        self.calibrating = any(each.code == "calibrating" for each in status.notices)
+        self.note = note(status.notices) or status.activity
         if status.pilot and not self.controlled:
             self.note = f"{status.pilot} has control"
             self.began_ns = now  # it is watched until it is free

@@ -104,8 +104,8 @@ def plain(view: View) -> str:
         parts.append(acts)
     if acting := words.acting(view):
         parts.append(acting)
-    if view.alarm:
-        parts.append(f"LINK {view.alarm}")
+    if view.alarms:
+        parts.append(f"LINK {words.alarm(view)}")
     if view.picture:
         parts.append(f"CAMERA {view.picture}")
     if view.silent:
@@ -144,7 +144,7 @@ def _alarms(view: View, width: int) -> list[Text]:
     """Rows of their own, the gravest first; none when all is well."""
     alarms = [("DRONE", acting)] if (acting := words.acting(view)) else []
     alarms += [("SILENT", _silent(view))] if view.silent else []
-    alarms += [("LINK", view.alarm)] if view.alarm else []
+    alarms += [("LINK", words.alarm(view))] if view.alarms else []
     alarms += [("CAMERA", view.picture)] if view.picture else []
     return [row for name, text in alarms for row in _wrapped(name, text, "bold red", width)]
 
@@ -158,7 +158,7 @@ def _wrapped(name: str, text: str, style: str, width: int) -> list[Text]:
 def _alarms_in_short(view: View) -> list[Text]:
     """At most two rows; their ends may be cut."""
     alarms = [f"SILENT {_silent(view)}"] if view.silent else []
-    alarms += [f"LINK   {view.alarm}"] if view.alarm else []
+    alarms += [f"LINK   {words.alarm(view)}"] if view.alarms else []
     alarms += [f"CAMERA {view.picture}"] if view.picture else []
     rows = [f"DRONE  {acting}"] if (acting := words.acting(view)) else []
     rows += ["  ".join(alarms)] if alarms else []

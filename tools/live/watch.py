@@ -8,6 +8,7 @@ from messages import events, topics
 from messages.cameras import FIRST, age
 from messages.health import Health, LogLine
 from messages.link import Shown
+from messages.notice import Notice
 from services.runtime.node.node import Node
 from services.vehicle_view import ages
 from services.vehicle_view.io.ports import LOOK_HZ, VehiclePorts
@@ -74,7 +75,7 @@ class Watch:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
         seen = vehicle_view(newest, now)
         if newest.status is None:
-            seen = msgspec.structs.replace(seen, note=timeline.note)
+            seen = msgspec.structs.replace(seen, notices=(Notice("no_status"),))
         return View(
             **msgspec.structs.asdict(seen),
             title=title,

@@ -32,6 +32,9 @@ VERSION = b"@VERSION@"  # stands in the page for the version
 REGISTRATION = "register_service.json"  # by which BlueOS knows an extension's page
 NAMES = {"/": INDEX, "/watch": INDEX, "/register_service": REGISTRATION}
 
+# Events that are not said by themselves, and which the notice of a sensor in trouble is about.
+TROUBLES = (events.SILENT, events.FROZEN, events.NOISY, events.DISTURBED)
+
 
 def registration() -> dict[str, str | bool]:
     """What the file says, as of BlueOS' helper. The page is opened as a page of its own, below a
@@ -54,6 +57,7 @@ def sentences() -> dict[str, str]:
     when it is noticed and when it acts."""
     said = [row for row in events.ALL.values() if row.said in ("warning", "error")]
     found = {row.name: row.sentence for row in said if row.kind != events.FAILSAFE_ACTED.kind}
+    found |= events.TOLD | {row.name: row.sentence for row in TROUBLES}
     for condition in events.CONDITIONS.values():
         if condition.acted.short:  # one that acts, said in four lines
             found[f"{condition.noticed.name}.short"] = condition.acted.short

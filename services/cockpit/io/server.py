@@ -258,12 +258,14 @@ class PageServer:
 
     def _add(self, event: PageEvent) -> None:
         with self._lock:
-            last = self._events[-1] if self._events else None
-            if _supersedes(event, last):
-                self._events.pop()
-            elif len(self._events) >= WAITING and isinstance(event, PageSaid):
-                self._outbox.tell(events.OVERFLOWED("page"))
-                return
+            match self._events[-1] if self._events else None, event:
+                case PageSaid(page, PageSticks()), PageSaid(sender, PageSticks()) if page == sender:
+                    self._events.pop()  # of stick positions only the newest counts
+                case _, PageSaid() if len(self._events) >= WAITING:
+                    self._outbox.tell(events.OVERFLOWED("page"))
+                    return
+                case _:
+                    pass
             self._events.append(event)
         self._notify()
 
@@ -300,17 +302,6 @@ class CountedConnection(ServerConnection):
     def connection_lost(self, exc: Exception | None) -> None:
         self._all.connections -= 1
         super().connection_lost(exc)
-
-
-def _supersedes(newer: PageEvent, older: PageEvent | None) -> bool:
-    """Are both stick positions of one page, of which only the newest counts?"""
-    return (
-        isinstance(newer, PageSaid)
-        and isinstance(older, PageSaid)
-        and newer.page == older.page
-        and isinstance(newer.message, PageSticks)
-        and isinstance(older.message, PageSticks)
-    )
 
 
 def _tls(settings: Settings) -> ssl.SSLContext | None:

@@ -7,56 +7,51 @@ import { units } from "./units.js";
 
 const STEP_M = 0.5, STEP_DEG = 10; // of a key
 
-export class Goto {
-  // view(): the drone; wish(what, fields); say(key): why not
-  constructor(view, wish, say) {
-    this.view = view;
-    this.wish = wish;
-    this.say = say;
-    $("goto").addEventListener("submit", (e) => { e.preventDefault(); this.go(); });
-    for (const button of $("goto").querySelectorAll("[data-step]"))
-      button.addEventListener("click", () => this.turn(button.parentElement.querySelector("input"), Number(button.dataset.step)));
-  }
+// view(): the drone; wish(what, fields); say(key): why not
+/** @param {() => PageView} view */
+export function gotoPanel(view, wish, say) {
+  const depthWanted = () => view().depth_wanted_m ?? view().depth_m;
+  const headingWanted = () => view().heading_wanted_deg ?? view().heading_deg;
 
-  // The fields say what the drone holds now.
-  fill() {
-    const view = this.view(), depth = units.length(view.depth_wanted_m ?? view.depth_m);
-    $("goto-depth").value = depth === undefined ? "" : depth.toFixed(1);
-    const heading = view.heading_wanted_deg ?? view.heading_deg;
-    $("goto-heading").value = heading === undefined ? "" : String(Math.round(heading) % 360);
-    $("goto").querySelector(".unit").textContent = units.lengthUnit;
-  }
-
-  turn(input, by) {
+  function turn(input, by) {
     const value = (number(input) ?? 0) + by;
     input.value = input.id === "goto-heading" ? String(((value % 360) + 360) % 360) : Math.max(0, value).toFixed(1);
   }
 
-  go() {
+  function go() {
     const depth = number($("goto-depth")), heading_deg = number($("goto-heading"));
-    if (depth === undefined && heading_deg === undefined) return this.say("goto.nothing");
-    if (depth < 0 || Number.isNaN(depth) || !(Math.abs(heading_deg ?? 0) <= 360)) return this.say("goto.wrong");
-    this.wish("goto", {
-      ...(depth === undefined ? {} : { depth: units.metres(depth) }),
-      ...(heading_deg === undefined ? {} : { heading_deg }),
+    if (depth === undefined && heading_deg === undefined) return say("goto.nothing");
+    if (depth < 0 || Number.isNaN(depth) || !(Math.abs(heading_deg ?? 0) <= 360)) return say("goto.wrong");
+    wish("goto", { // what is undefined is left out of a text
+      depth: depth === undefined ? undefined : units.metres(depth), heading_deg,
     });
     blur();
   }
 
-  deeper(way) {
-    const view = this.view(), from = view.depth_wanted_m ?? view.depth_m;
-    if (from !== undefined) this.wish("goto", { depth: Math.max(0, from + way * STEP_M) });
-  }
-
-  turned(way) {
-    const view = this.view(), from = view.heading_wanted_deg ?? view.heading_deg;
-    if (from !== undefined) this.wish("goto", { heading_deg: (from + way * STEP_DEG + 360) % 360 });
-  }
-
-  light(way) {
-    const value = stepped(this.view().light, way);
-    if (value !== undefined) this.wish("light", { value });
-  }
+  $("goto").addEventListener("submit", (e) => { e.preventDefault(); go(); });
+  for (const button of $("goto").querySelectorAll("[data-step]"))
+    button.addEventListener("click", () => turn(button.parentElement.querySelector("input"), Number(button.dataset.step)));
+  return {
+    // The fields say what the drone holds now.
+    fill() {
+      const depth = units.length(depthWanted()), heading = headingWanted();
+      $("goto-depth").value = depth === undefined ? "" : depth.toFixed(1);
+      $("goto-heading").value = heading === undefined ? "" : String(Math.round(heading) % 360);
+      $("goto").querySelector(".unit").textContent = units.lengthUnit;
+    },
+    deeper(way) {
+      const from = depthWanted();
+      if (from !== undefined) wish("goto", { depth: Math.max(0, from + way * STEP_M) });
+    },
+    turned(way) {
+      const from = headingWanted();
+      if (from !== undefined) wish("goto", { heading_deg: (from + way * STEP_DEG + 360) % 360 });
+    },
+    light(way) {
+      const value = stepped(view().light, way);
+      if (value !== undefined) wish("light", { value });
+    },
+  };
 }
 
 // undefined: empty; NaN: no number. A comma is a point: that is how half of the pilots write it.

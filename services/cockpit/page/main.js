@@ -1,22 +1,22 @@
 // The pilot's page: devices → connection → service, and pictures of the drone → screen.
 
 import { Alarms } from "./alarms.js";
-import { Cameras } from "./cameras.js";
+import { cameraTiles } from "./cameras.js";
 import { Connection } from "./connection.js";
 import { $ } from "./dom.js";
-import { Goto } from "./goto.js";
-import { HoldButton } from "./hold_button.js";
+import { gotoPanel } from "./goto.js";
+import { holdButton } from "./hold_button.js";
 import { Hud } from "./hud.js";
-import { Keyboard } from "./keyboard.js";
+import { watchKeyboard } from "./keyboard.js";
 import { SeaMap } from "./map.js";
 import { codeOf, messages, Stopped } from "./messages.js";
 import { Pad } from "./pad.js";
 import { buttons, digits, figures, stale, status, tell } from "./panel.js";
-import { Picture } from "./picture.js";
+import { placePicture } from "./picture.js";
 import { Settings } from "./settings.js";
-import { Card, keyName, Keys, Menu, padName, PadSheet } from "./sheets.js";
-import { Steering, TouchStick } from "./steering.js";
-import { Tools } from "./tools.js";
+import { card, keyName, loadKeys, padName, padSheet, sheets } from "./sheets.js";
+import { steeringBy, touchStick } from "./steering.js";
+import { toolPanel } from "./tools.js";
 import { units } from "./units.js";
 import { Video } from "./video.js";
 import { LANGUAGES, words } from "./words.js";
@@ -35,8 +35,7 @@ const FOV_DEG = 80; // where the service does not say how wide the picture is
 const connection = new Connection();
 const hud = new Hud($("hud"));
 export const video = new Video($("picture"), connection);
-const cameras = new Cameras(video, connection, (name) => connection.wish("camera", { camera: name }));
-const picture = new Picture($("picture"));
+const cameras = cameraTiles(video, connection, (name) => connection.wish("camera", { camera: name }));
 const settings = new Settings(apply);
 const alarms = new Alarms(settings, words);
 const stopped = new Stopped();
@@ -51,14 +50,14 @@ const wish = (what, fields = {}) => (what === "stop" ? connection.halt() : conne
 let halted = false; // a STOP was confirmed
 connection.stopHeard = () => { halted = true; };
 $("stop").addEventListener("pointerdown", (e) => { e.preventDefault(); wish("stop"); });
-const goto = new Goto(view, wish, (key) => say(words.t(key)));
+const goto = gotoPanel(view, wish, (key) => say(words.t(key)));
 
 // Holding begins to steer, so that positions have arrived when it ends.
 function takeFirst() {
   if (!you().has_sticks && !you().taken) wish("take");
 }
 const deliberate = (id, meaning, begin = takeFirst) =>
-  new HoldButton($(id), meaning, begin, (what) => wish(what), () => say(words.t("void")));
+  holdButton($(id), meaning, begin, (what) => wish(what), () => say(words.t("void")));
 const held = {
   arm: deliberate("arm", () => arming),
   disarm: deliberate("disarm", () => "disarm"),
@@ -73,18 +72,17 @@ const OWN = { // what the page does itself
 };
 const press = (what) => (what in OWN ? OWN[what]() : wish(what));
 const by = (device, act) => (...what) => { steering.used(device); act(...what); };
-const keys = await Keys.load();
+const keys = await loadKeys();
 const pad = new Pad(by("pad", press), by("pad", hold));
-const padSheet = new PadSheet(pad);
-const card = new Card(pad);
-const keyboard = new Keyboard(keys, by("keyboard", press), by("keyboard", hold), steer, (e) => {
+const drawPad = padSheet(pad), showCard = card(pad);
+const keyboard = watchKeyboard(keys, by("keyboard", press), by("keyboard", hold), steer, (e) => {
   if (e.key.length === 1 && e.key !== "?") say(words.t("key.none", { key: keyName(e.code) }));
 });
-const thumbs = ["left", "right"].map((id) => new TouchStick($(id), steer));
-const tools = new Tools(wish, steer);
-const steering = new Steering(thumbs[0], thumbs[1], keyboard, pad, tools);
+const thumbs = ["left", "right"].map((id) => touchStick($(id), steer));
+const tools = toolPanel(wish, steer);
+const steering = steeringBy(thumbs[0], thumbs[1], keyboard, pad, tools);
 const map = new SeaMap(connection, settings, mine, wish, (key) => say(words.t(key)));
-const menu = new Menu((name) => {
+const menu = sheets((name) => {
   if (name === "menu") goto.fill();
   if (name === "keys") keys.draw();
   draw();
@@ -174,7 +172,7 @@ async function apply(changed) {
   $("silence").title = words.t("silence");
   drawnAt = 0;
   wake();
-  if (menu.open) menu.opened(menu.open);
+  if (menu.open) menu.show(menu.open);
 }
 for (const id of CHOICES) $(id).addEventListener("click", () => settings.next(id));
 $("language").append(...Object.entries(LANGUAGES).map(([code, called]) => new Option(called, code)));
@@ -246,11 +244,10 @@ function draw() {
   const now = (wordsAt = performance.now()), seen = view();
   cameras.show(seen.cameras, seen.large);
   status(connection, you(), seen, steering.device, cameras.large);
-  picture.use(cameras.large.canvas);
   map.draw();
   arming = buttons(you(), seen, connection.watching);
   figures(you(), seen, Number(settings.speed));
-  card.show(seen, connection.watching);
+  showCard(seen, connection.watching);
   tools.show(seen.tools ?? [], mine());
   notice();
   if (now - ownAt > SAID_MS) own = "";
@@ -263,7 +260,7 @@ function draw() {
   const loud = all.filter((each) => each.loud);
   alarms.look(loud.map(({ code, text }) => [code, text]), now);
   $("silence").hidden = !loud.length || settings.sound === "off";
-  if (menu.open === "pad") padSheet.draw();
+  if (menu.open === "pad") drawPad();
   boxes = Object.fromEntries(["heading", "depth", "buttons"].map((id) => [id, $(id).getBoundingClientRect()]));
   drawMotion();
 }
@@ -271,7 +268,7 @@ function draw() {
 function drawMotion() {
   const seen = view(), old = stale(connection, you(), seen);
   digits(seen, old);
-  const axis = picture.place({
+  const axis = placePicture(cameras.large.canvas, {
     stripe: cameras.large.stripe ?? 0, fov: seen.fov_deg ?? FOV_DEG, whole: settings.crop === "whole",
     free: [boxes.heading.bottom, boxes.buttons.top],
   });

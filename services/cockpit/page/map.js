@@ -2,7 +2,7 @@
 // a place; a held button sends the drone there. North and east are those of the drone's state.
 
 import { $, write } from "./dom.js";
-import { HoldButton } from "./hold_button.js";
+import { holdButton } from "./hold_button.js";
 import { units } from "./units.js";
 import { words } from "./words.js";
 
@@ -43,7 +43,7 @@ export class SeaMap {
     click("map-up", () => settings.next("up"));
     click("map-centre", () => (this.centre = this.wanted = null));
     click("map-home", () => this.choose(this.view.home));
-    this.hold = new HoldButton($("map-go"), () => String(this.wanted), () => {}, () => this.go(), () => say("void"));
+    holdButton($("map-go"), () => String(this.wanted), () => {}, () => this.go(), () => say("void"));
   }
 
   /** @returns {PageView} */

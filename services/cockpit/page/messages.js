@@ -7,6 +7,7 @@ import { words } from "./words.js";
 
 const BACK = ["link_lost", "pilot_lost", "state_lost"]; // failsafes that are over once they can be resumed
 const BUSY = "notice:service_late"; // is nothing to fly by
+const WET = "notice:leak";
 
 /** @typedef {{ code: string, tone: "alarm" | "warning" | "plain" | "past", text: string, loud: boolean }} Message */
 
@@ -31,34 +32,28 @@ export const codeOf = (name) => name.replace(/^(notice|failsafe):/, "");
 export function messages(view, you, page) {
   /** @type {Message[]} */
   const all = [];
-  const notes = view.notes ?? [], silent = view.silent_s !== undefined;
+  const notices = view.notices ?? [], silent = view.silent_s !== undefined;
   const add = (code, tone, ...parts) => all.push({ code, tone, text: sentences(parts), loud: tone === "alarm" });
   if (page.stop) add(page.stop, "alarm", words.t(page.stop));
-  if (view.wet) add(LEAK, "alarm", words.t("notice:leak"), words.t("notice:leak.do"));
+  if (notices.some(({ code }) => code === WET)) add(LEAK, "alarm", words.t(WET), words.t(`${WET}.do`));
   if (page.cut === "connecting") add("cut", "plain", words.t(page.cut));
   else if (page.cut) add("cut", "alarm", words.t(page.cut), page.watching ? "" : words.t("pilot_lost"));
   if (silent && view.armed) add("silent", "alarm", words.t("link.gone"), gone(view));
   else if (acts(view)) all.push(failsafe(view, you));
   else if (you.lost && view.armed) add("pilot_lost", "alarm", words.t(you.lost));
-  if (!silent) for (const note of notes) if (note[0] === "link") add("link", "alarm", `${words.t("LINK")} ${said(note)}`);
+  if (!silent) for (const notice of view.alarms ?? []) add("link", "alarm", `${words.t("LINK")} ${words.notice(notice)}`);
   if (you.wants_rest) add("wants_rest", "warning", words.t("wants_rest"));
   if (page.stopped) add("stopped", "warning", words.t(view.activity === "stopping" ? "stopping.rest" : "stopped"));
   const { recent } = page;
   if (recent && !all.some(({ code }) => code === recent.code)) add(recent.code, "warning", recent.text);
-  for (const note of notes) {
-    const [kind, key] = note, code = codeOf(key);
-    if (kind === "link" || all.some((each) => each.code === code && code)) continue;
-    if (key === BUSY) add(code, "past", words.t("busy"));
-    else add(code, key === "calibrating" ? "plain" : "warning", said(note));
+  for (const notice of notices) {
+    const code = codeOf(notice.code);
+    if (all.some((each) => each.code === code)) continue;
+    if (notice.code === BUSY) add(code, "past", words.t("busy"));
+    else add(code, code === "calibrating" ? "plain" : "warning", words.notice(notice));
   }
   if (page.hint) add("hint", "plain", page.hint);
   return all;
-}
-
-// What the drone says beside its event stays as it says it.
-function said([, key, numbers, more]) {
-  const own = Object.entries(numbers).map(([name, value]) => [name, units.number(value, Number.isInteger(value) ? 0 : 1)]);
-  return (key ? words.t(key, Object.fromEntries(own)) : "") + more;
 }
 
 // What a drone does that hears nobody either.

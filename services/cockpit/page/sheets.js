@@ -7,32 +7,30 @@ import { words } from "./words.js";
 
 const SHEETS = { menu: "menu-open", keys: "keys-open", pad: "pad-open", drawer: "drawer-open" }; // and what opens them
 
-export class Menu {
-  // opened(name): a sheet is shown
-  constructor(opened) {
-    this.opened = opened;
-    this.open = "";
-    for (const [name, button] of Object.entries(SHEETS)) {
-      $(button).addEventListener("click", () => this.toggle(name));
-      $(name).querySelector(".close").addEventListener("click", () => this.show(""));
-    }
-    addEventListener("keydown", (e) => {
-      if (e.key === "Escape") this.show("");
-      if (e.key === "?" && !(e.target instanceof HTMLInputElement)) this.toggle("keys");
-    });
-  }
+// opened(name): a sheet is shown
+export function sheets(opened) {
+  let open = "";
 
-  toggle(name) { this.show(this.open === name ? "" : name); }
-
-  show(name) {
-    this.open = name;
+  function show(name) {
+    open = name;
     for (const [each, button] of Object.entries(SHEETS)) {
       $(each).hidden = each !== name;
       $(button).setAttribute("aria-expanded", String(each === name));
     }
     document.body.classList.toggle("panelled", Boolean(name));
-    if (name) this.opened(name);
+    if (name) opened(name);
   }
+
+  const toggle = (name) => show(open === name ? "" : name);
+  for (const [name, button] of Object.entries(SHEETS)) {
+    $(button).addEventListener("click", () => toggle(name));
+    $(name).querySelector(".close").addEventListener("click", () => show(""));
+  }
+  addEventListener("keydown", (e) => {
+    if (e.key === "Escape") show("");
+    if (e.key === "?" && !(e.target instanceof HTMLInputElement)) toggle("keys");
+  });
+  return { show, get open() { return open; } };
 }
 
 // Which key does what: the table of services/piloting/keys.py. Keys are named by their place on the
@@ -40,24 +38,17 @@ export class Menu {
 
 const ARROWS = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→" };
 
-export class Keys {
-  constructor(table) {
-    this.table = table;
-    this.actions = new Map(); // row by code
-    for (const row of table) for (const code of row.codes) this.actions.set(code, row);
-  }
-
-  static async load() { return new Keys(await (await fetch("keys.json")).json()); }
-
-  codes(action) { return this.table.find((each) => each.action === action).codes; }
-
-  // The list of them.
-  draw() {
-    $("keys").querySelector("dl").replaceChildren(...this.table.flatMap(({ action, kind, codes }) => [
+export async function loadKeys() {
+  const table = await (await fetch("keys.json")).json();
+  return {
+    actions: new Map(table.flatMap((row) => row.codes.map((code) => [code, row]))), // row by code
+    codes: (action) => table.find((each) => each.action === action).codes,
+    // The list of them.
+    draw: () => $("keys").querySelector("dl").replaceChildren(...table.flatMap(({ action, kind, codes }) => [
       make("dt", [...new Set(codes.map(keyName))].join(", ")),
       make("dd", kind === "hold" ? `${words.t(`key.${action}`)} (${words.t("hold")})` : words.t(`key.${action}`)),
-    ]));
-  }
+    ])),
+  };
 }
 
 // How a key is called.
@@ -69,59 +60,50 @@ export function keyName(code) {
 
 const STORE = "flown";
 
-export class Card {
-  constructor(pad) {
-    this.pad = pad;
-    this.flown = remembered(STORE) !== null;
-    $("card-shut").addEventListener("click", () => this.end());
-  }
+export function card(pad) {
+  let flown = remembered(STORE) !== null;
 
-  end() {
-    this.flown = true;
+  function end() {
+    flown = true;
     remember(STORE, "yes");
   }
 
-  /** @param {PageView} view */
-  show(view, watching) {
-    if (view.armed && !this.flown) this.end();
-    const hidden = this.flown || watching;
+  $("card-shut").addEventListener("click", end);
+  return (view, watching) => {
+    if (view.armed && !flown) end();
+    const hidden = flown || watching;
     $("card").hidden = hidden;
     document.body.classList.toggle("first", !hidden);
-    if (hidden) return;
-    put("card-pad", this.pad.any ? padName(this.pad.any) : words.t("pad"), this.pad.any ? "on" : "");
-  }
+    if (!hidden) put("card-pad", pad.any ? padName(pad.any) : words.t("pad"), pad.any ? "on" : "");
+  };
 }
 
 // Browsers add maker and product to it.
 export const padName = (raw) => raw.id.replace(/\s*\(.*/, "") || raw.id;
 
 // What of a pad does what: choose an action, then press what it is to have. What is pressed lights up.
-
-export class PadSheet {
-  constructor(pad) {
-    this.pad = pad;
-    $("pad-reset").addEventListener("click", () => pad.reset());
-    $("pad").querySelector("ul").replaceChildren(...PAD_ACTIONS.map((action) => {
-      const row = make("li"), name = make("span"), button = make("button");
-      name.dataset.t = `key.${action}`;
-      button.dataset.action = action;
-      button.addEventListener("click", () => pad.wait(pad.waits?.action === action ? null : action));
-      row.append(name, button);
-      return row;
-    }));
-  }
-
-  draw() {
-    const { any, waits } = this.pad, map = this.pad.pad ? this.pad.map : {};
+// Returns what draws it.
+export function padSheet(pad) {
+  $("pad-reset").addEventListener("click", () => pad.reset());
+  const rows = PAD_ACTIONS.map((action) => {
+    const row = make("li"), name = make("span"), button = make("button");
+    [name.dataset.t, button.dataset.action] = [`key.${action}`, action];
+    button.addEventListener("click", () => pad.wait(pad.waits?.action === action ? null : action));
+    row.append(name, button);
+    return { row, action, button };
+  });
+  $("pad").querySelector("ul").replaceChildren(...rows.map(({ row }) => row));
+  return () => {
+    const { any, waits } = pad, map = pad.pad ? pad.map : {};
     write($("pad-name"), any ? any.id : words.t("pad.none"));
-    for (const button of $("pad").querySelectorAll("li button")) {
-      const { action } = button.dataset, to = map[action], here = action === waits?.action;
+    for (const { action, button } of rows) {
+      const to = map[action], here = action === waits?.action;
       write(button, here ? words.t("press_now") : called(to));
       const on = Array.isArray(to) ? Math.abs(any?.axes[to[0]] ?? 0) > 0.5 : any?.buttons[to]?.pressed;
       button.className = here ? "waits" : on ? "on" : "";
       button.disabled = !any;
     }
-  }
+  };
 }
 
 function called(to) {

@@ -23,105 +23,81 @@ export function stepped(now, way) {
 }
 
 // One stick for one thumb. It is centred where it is drawn, and returns when it is let go.
+// moved(): it was moved
+export function touchStick(element, moved) {
+  const knob = element.querySelector("i"), stick = {
+    x: 0, // [-] + right
+    y: 0, // [-] + down
+    get down() { return pointer !== null; },
+    release() {
+      pointer = null;
+      element.classList.remove("down");
+      show(0, 0);
+    },
+  };
+  let pointer = null;
 
-export class TouchStick {
-  // moved(): it was moved
-  constructor(element, moved) {
-    this.moved = moved;
-    this.x = 0; // [-] + right
-    this.y = 0; // [-] + down
-    this.pointer = null;
-    this.knob = element.querySelector("i");
-    this.element = element;
-    element.addEventListener("pointerdown", (e) => {
-      if (this.pointer !== null || e.pointerType === "mouse") return;
-      e.preventDefault();
-      this.pointer = e.pointerId;
-      element.setPointerCapture(e.pointerId);
-      element.classList.add("down");
-      this.move(e);
-    });
-    element.addEventListener("pointermove", (e) => e.pointerId === this.pointer && this.move(e));
-    for (const name of ["pointerup", "pointercancel", "lostpointercapture"])
-      element.addEventListener(name, (e) => e.pointerId === this.pointer && this.release());
+  function move(event) {
+    const box = element.getBoundingClientRect(), reach = box.width * 0.42;
+    const x = (event.clientX - box.left - box.width / 2) / reach, y = (event.clientY - box.top - box.height / 2) / reach;
+    const beyond = Math.max(1, Math.hypot(x, y));
+    show(x / beyond, y / beyond);
   }
 
-  move(event) {
-    const box = this.element.getBoundingClientRect();
-    const reach = box.width * 0.42;
-    let x = (event.clientX - box.left - box.width / 2) / reach;
-    let y = (event.clientY - box.top - box.height / 2) / reach;
-    const length = Math.hypot(x, y);
-    if (length > 1) { x /= length; y /= length; }
-    this.show(x, y);
+  function show(x, y) {
+    [stick.x, stick.y] = [x, y];
+    moved();
+    const reach = element.clientWidth * 0.33;
+    knob.style.transform = `translate(calc(-50% + ${x * reach}px), calc(-50% + ${y * reach}px))`;
   }
 
-  release() {
-    this.pointer = null;
-    this.element.classList.remove("down");
-    this.show(0, 0);
-  }
-
-  show(x, y) {
-    this.x = x;
-    this.y = y;
-    this.moved();
-    const reach = this.element.clientWidth * 0.33;
-    this.knob.style.transform = `translate(calc(-50% + ${x * reach}px), calc(-50% + ${y * reach}px))`;
-  }
-
-  get down() { return this.pointer !== null; }
+  element.addEventListener("pointerdown", (e) => {
+    if (pointer !== null || e.pointerType === "mouse") return;
+    e.preventDefault();
+    pointer = e.pointerId;
+    element.setPointerCapture(e.pointerId);
+    element.classList.add("down");
+    move(e);
+  });
+  element.addEventListener("pointermove", (e) => e.pointerId === pointer && move(e));
+  for (const name of ["pointerup", "pointercancel", "lostpointercapture"])
+    element.addEventListener(name, (e) => e.pointerId === pointer && stick.release());
+  return stick;
 }
 
 // Which device steers: the one that was moved last.
+export function steeringBy(left, right, keyboard, pad, tools) {
+  let device = "touch";
+  const touched = () => left.down || right.down;
+  const padName = () => `pad ${pad.id}`.slice(0, 100);
 
-export class Steering {
-  constructor(left, right, keyboard, pad, tools) {
-    this.left = left;
-    this.right = right;
-    this.keyboard = keyboard;
-    this.pad = pad;
-    this.tools = tools;
-    this.device = "touch";
-  }
-
-  // What the service is told: sticks with their device, or null when the device has gone.
-  read(limit) {
-    const sticks = this.sticks(limit);
-    const gripper = this.tools.gripper + this.keyboard.gripper + this.pad.gripper;
-    return sticks && { ...sticks, gripper: Math.max(-1, Math.min(1, gripper)) };
-  }
-
-  sticks(limit) {
-    this.pad.look();
-    if (this.left.down || this.right.down) this.device = "touch";
-    else if (this.keyboard.moving) this.device = "keyboard";
-    else if (this.pad.active) this.device = "pad";
-    if (this.device === "pad" && !this.pad.pad) return null;
-    if (this.device === "pad" && (!this.pad.trusted || this.pad.waits)) return { ...CENTRED, device: this.name };
-    if (this.device === "pad")
-      return { ...this.pad.sticks(limit), device: this.name, device_ms: this.pad.age };
-    if (this.device === "keyboard") return { ...this.keyboard.sticks(limit), device: "keyboard" };
+  function sticks(limit) {
+    pad.look();
+    if (touched()) device = "touch";
+    else if (keyboard.moving) device = "keyboard";
+    else if (pad.active) device = "pad";
+    if (device === "pad" && !pad.pad) return null;
+    if (device === "pad" && (!pad.trusted || pad.waits)) return { ...CENTRED, device: padName() };
+    if (device === "pad") return { ...pad.sticks(limit), device: padName(), device_ms: pad.age };
+    if (device === "keyboard") return { ...keyboard.sticks(limit), device };
     const of = (travel) => limit * shape(travel, DEAD_BAND, EXPO);
-    return {
-      surge: of(-this.right.y), sway: of(this.right.x), heave: of(this.left.y),
-      yaw: of(this.left.x), tilt: 0, device: "touch",
-    };
+    return { surge: of(-right.y), sway: of(right.x), heave: of(left.y), yaw: of(left.x), tilt: 0, device };
   }
 
-  get moving() { return this.left.down || this.right.down || this.keyboard.moving || this.pad.active; }
-
-  get name() { return `pad ${this.pad.id}`.slice(0, 100); }
-
-  // It was pressed: of two that steer nothing it is the one that the pilot has in his hands.
-  used(device) {
-    if (this.device === "touch" && !this.left.down && !this.right.down) this.device = device;
-  }
-
-  release() {
-    this.left.release();
-    this.right.release();
-    this.keyboard.release();
-    this.tools.release();
-  }
+  return {
+    get device() { return device; },
+    get moving() { return touched() || keyboard.moving || pad.active; },
+    // What the service is told: sticks with their device, or null when the device has gone.
+    read(limit) {
+      const read = sticks(limit), gripper = tools.gripper + keyboard.gripper + pad.gripper;
+      return read && { ...read, gripper: Math.max(-1, Math.min(1, gripper)) };
+    },
+    // It was pressed: of two that steer nothing it is the one that the pilot has in his hands.
+    used(pressed) {
+      if (device === "touch" && !touched()) device = pressed;
+    },
+    release() {
+      for (const each of [left, right, keyboard, tools]) each.release();
+    },
+  };
 }

@@ -6,95 +6,89 @@ import { stepped } from "./steering.js";
 import { units } from "./units.js";
 import { words } from "./words.js";
 
-export class Tools {
-  // wish(what, fields): ask the drone; moved(): the gripper is held, or no longer
-  constructor(wish, moved) {
-    this.wish = wish;
-    this.moved = moved;
-    this.gripper = 0; // [-] + opens, while it is held here
-    this.made = ""; // for which outputs, in which language
-    this.values = {}; // [-] newest, by name
-    $("tools-open").addEventListener("click", () => this.open($("tools").hidden));
-    addEventListener("blur", () => this.release());
+// wish(what, fields): ask the drone; moved(): the gripper is held, or no longer
+export function toolPanel(wish, moved) {
+  let gripper = 0; // [-] + opens, while it is held here
+  let made = ""; // for which outputs, in which language
+  const values = {}; // [-] newest, by name
+  const set = (output, value) => wish("output", { output, value });
+  const release = () => hold(0);
+
+  function hold(way) {
+    if (way === gripper) return;
+    gripper = way;
+    for (const each of $("tools").querySelectorAll("[data-way]")) each.classList.toggle("down", Number(each.dataset.way) === way);
+    moved();
   }
 
-  open(open) {
-    if (!open) this.release();
-    $("tools").hidden = !open;
-    $("tools-open").setAttribute("aria-expanded", String(open));
-    document.body.classList.toggle("equipped", open);
+  function open(opens) {
+    if (!opens) release();
+    $("tools").hidden = !opens;
+    $("tools-open").setAttribute("aria-expanded", String(opens));
+    document.body.classList.toggle("equipped", opens);
   }
 
-  release() { this.hold(0); }
-
-  hold(way) {
-    if (way === this.gripper) return;
-    this.gripper = way;
-    for (const button of $("tools").querySelectorAll("[data-way]"))
-      button.classList.toggle("down", Number(button.dataset.way) === way);
-    this.moved();
+  function button(text, click, kind = "") {
+    const element = make("button", text, kind);
+    element.addEventListener("click", click);
+    return element;
   }
 
-  // outputs: [name, kind, value] of each, undefined: not known; mine: this page has the sticks.
-  show(outputs, mine) {
-    $("tools-open").hidden = !outputs.length;
-    if (!outputs.length && !$("tools").hidden) this.open(false);
-    if (!mine) this.release();
-    const made = words.language + outputs.map(([name, kind]) => `${name} ${kind}`).join();
-    if (made !== this.made) {
-      this.release();
-      this.made = made;
-      $("tools").replaceChildren(...outputs.map(([name, kind]) => this.row(name, kind)));
-    }
-    outputs.forEach(([name, kind, value], k) => {
-      this.values[name] = value;
-      const row = $("tools").children[k];
-      for (const button of row.querySelectorAll("button")) if (button.disabled === mine) button.disabled = !mine;
-      const said = row.querySelector(".value"), text = this.text(kind, value);
-      if (said) write(said, text);
-      if (kind === "switch") said.setAttribute("aria-pressed", String(Boolean(value)));
-    });
-  }
-
-  text(kind, value) {
-    if (value === undefined || value === null) return "–";
-    return kind === "switch" ? words.t(value ? "on" : "off") : units.share(value);
-  }
-
-  row(name, kind) {
-    const row = make("div");
-    row.append(make("b", name === "light" ? words.t("light") : name.replaceAll("_", " ")));
-    if (kind === "gripper") row.append(this.held(-1), this.held(1));
-    else if (kind === "switch") row.append(this.button("–", () => this.set(name, this.values[name] ? 0 : 1), "value"));
-    else {
-      row.append(this.button("−", () => this.step(name, -1)), make("output", "", "value"), this.button("+", () => this.step(name, 1)));
-    }
-    return row;
-  }
-
-  button(text, click, kind = "") {
-    const button = make("button", text, kind);
-    button.addEventListener("click", click);
-    return button;
-  }
-
-  held(way) {
-    const button = this.button(words.t(way > 0 ? "gripper.open" : "gripper.close"), () => {});
-    button.dataset.way = way;
-    button.addEventListener("pointerdown", (e) => {
+  function held(way) {
+    const element = make("button", words.t(way > 0 ? "gripper.open" : "gripper.close"));
+    element.dataset.way = way;
+    element.addEventListener("pointerdown", (e) => {
       e.preventDefault();
-      button.setPointerCapture(e.pointerId);
-      this.hold(way);
+      element.setPointerCapture(e.pointerId);
+      hold(way);
     });
     for (const name of ["pointerup", "pointercancel", "lostpointercapture"])
-      button.addEventListener(name, () => this.gripper === way && this.release());
-    return button;
+      element.addEventListener(name, () => gripper === way && release());
+    return element;
   }
 
-  step(name, way) {
-    const next = stepped(this.values[name], way);
-    if (next !== undefined) this.set(name, next);
+  function step(name, way) {
+    const next = stepped(values[name], way);
+    if (next !== undefined) set(name, next);
   }
 
-  set(name, value) { this.wish("output", { output: name, value }); }
+  function row([name, kind]) {
+    const line = make("div");
+    line.append(make("b", name === "light" ? words.t("light") : name.replaceAll("_", " ")));
+    if (kind === "gripper") line.append(held(-1), held(1));
+    else if (kind === "switch") line.append(button("–", () => set(name, values[name] ? 0 : 1), "value"));
+    else line.append(button("−", () => step(name, -1)), make("output", "", "value"), button("+", () => step(name, 1)));
+    return line;
+  }
+
+  $("tools-open").addEventListener("click", () => open($("tools").hidden));
+  addEventListener("blur", release);
+  return {
+    release,
+    get gripper() { return gripper; },
+    // outputs: [name, kind, value] of each, undefined: not known; mine: this page has the sticks.
+    show(outputs, mine) {
+      $("tools-open").hidden = !outputs.length;
+      if (!outputs.length && !$("tools").hidden) open(false);
+      if (!mine) release();
+      const wanted = words.language + outputs.map(([name, kind]) => `${name} ${kind}`).join();
+      if (wanted !== made) {
+        release();
+        made = wanted;
+        $("tools").replaceChildren(...outputs.map(row));
+      }
+      outputs.forEach(([name, kind, value], k) => {
+        values[name] = value;
+        const line = $("tools").children[k], said = line.querySelector(".value");
+        for (const each of line.querySelectorAll("button")) if (each.disabled === mine) each.disabled = !mine;
+        if (said) write(said, text(kind, value));
+        if (kind === "switch") said.setAttribute("aria-pressed", String(Boolean(value)));
+      });
+    },
+  };
+}
+
+function text(kind, value) {
+  if (value === undefined || value === null) return "–";
+  return kind === "switch" ? words.t(value ? "on" : "off") : units.share(value);
 }

@@ -26,17 +26,12 @@ from dataclasses import dataclass, field
 import msgspec
 from msgspec.structs import replace
 
-from messages.events import RESUMED_SHORT_LOSS, RETURN, UNMOVED, Outbox, short
+from messages.events import DOES, RESUMED_SHORT_LOSS, Outbox, Row, detail
+from messages.notice import Notice
 from messages.units import Ns
 from messages.vehicle import Reaction, Returns
 from services.reference.failsafe.table import ACTING, SEVERITY, SHORT_NS, FailsafeRow, Holding
 
-DOES: dict[Reaction, str] = {
-    "stop": "the drone has stopped and holds",
-    "ascend": "the drone rises slowly",
-    "surface": "the drone stays at the surface",
-}
-CANNOT_MOVE = "nothing moves the drone: its board or control does not answer"
 Conditions = Mapping[str, Holding]  # by the names of the table
 
 
@@ -145,7 +140,9 @@ class FailsafeMachine:
         if armed and _acts(row, after) and not acted:
             self.outbox.tell(row.condition.acted(detail=DOES[stages[after.stage].reaction]))
         elif is_new and row.told and stages[0].reaction not in ACTING:
-            self.outbox.tell(row.condition.noticed(detail=held.detail))
+            self.outbox.tell(
+                row.condition.noticed(detail=detail(self._notice(row, row.condition.noticed)))
+            )
         return after
 
     def _remember(self, memory: Mapping[str, Memory]) -> None:
@@ -223,29 +220,20 @@ class FailsafeMachine:
         return tuple(self._holding)
 
     @property
-    def words(self) -> str:
-        """Everything that acts, what the drone does, and what ends it; empty: nothing acts."""
-        if (reaction := self.reaction) is None:
-            return ""
-        held = [self._sentence(row) for row, memory in self._acting if memory.holds]
-        ended = [
-            f"{short(row.condition.acted.name)} has ended"
-            for row, memory in self._acting
-            if not memory.holds
-        ]
-        does = DOES[reaction] if UNMOVED.isdisjoint(self._holding) else CANNOT_MOVE
-        return "; ".join([*held, *ended, does, RETURN[self.returns or "wait"]])
+    def acts(self) -> tuple[Notice, ...]:
+        """Every condition that acts, also what has ended."""
+        return tuple(self._notice(row, row.condition.acted) for row, _ in self._acting)
 
     @property
-    def notices(self) -> str:
+    def notices(self) -> tuple[Notice, ...]:
         """Every condition that holds and does not act."""
         acting = [row for row, _ in self._acting]
         said = [row for row in self.rows if row.name in self._holding and row not in acting]
-        return "; ".join(map(self._sentence, said))
+        return tuple(self._notice(row, row.condition.noticed) for row in said)
 
-    def _sentence(self, row: FailsafeRow) -> str:
-        held, words = self._holding.get(row.name), row.condition.sentence
-        return f"{words} ({held.detail})" if held is not None and held.detail else words
+    def _notice(self, row: FailsafeRow, event: Row) -> Notice:
+        held = self._holding.get(row.name, Holding())
+        return Notice(event.name, dict(held.numbers), held.about)
 
 
 def _acts(row: FailsafeRow, memory: Memory) -> bool:

@@ -6,11 +6,11 @@ and what ends it. And what is known of the vehicle and its services, by which th
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, cast, get_args
 
 from messages import events
 from messages.control import Wrench
-from messages.events import Condition, sentence
+from messages.events import Condition
 from messages.health import LATE_MS, Health
 from messages.pilot import TTL_MS, PilotCommand
 from messages.sensors import AltitudeSample, BatterySample, DvlSample, LeakSample, TemperatureSample
@@ -55,11 +55,13 @@ class Holding(NamedTuple):
     """A condition that holds now."""
 
     level: int = 0  # [-] how bad; a greater one is worse
-    detail: str = ""  # which sensor, thruster, service …
+    numbers: Mapping[str, float] = {}  # as in a notice
+    about: tuple[str, ...] = ()  # which sensor, thruster, service …
 
 
-# Whether a condition holds by what its source gives: True, or what is to be said of it.
-Predicate = Callable[[Any, "ConditionWatch"], Holding | str | bool]
+# Whether a condition holds by what its source gives: True, a number with its name, or what it is
+# about.
+Predicate = Callable[[Any, "ConditionWatch"], Holding | dict[str, float] | Sequence[str] | bool]
 
 
 @dataclass(slots=True)
@@ -133,8 +135,8 @@ class ConditionWatch:
             "troubles": None if running is None else running.troubles or None,
             "no pilot": True if self.armed and not present and not waits else None,
             "unheld": self.unheld or None,
-            "limited": f"{s.depth_limit:g} m" if self.limited else None,
-            "above floor": f"{s.floor_distance:g} m" if self.above_floor else None,
+            "limited": {"m": s.depth_limit} if self.limited else None,
+            "above floor": {"m": s.floor_distance} if self.above_floor else None,
             "silent": silent or None,
             "late": late or None,
             "counted": self._counted_ns or None,
@@ -146,8 +148,10 @@ class ConditionWatch:
             said = given if row.holds is None else row.holds(given, self)
             if isinstance(said, Holding):
                 found[row.name] = said
+            elif isinstance(said, dict):
+                found[row.name] = Holding(numbers=cast(dict[str, float], said))
             elif said:
-                found[row.name] = Holding(detail="" if said is True else said)
+                found[row.name] = Holding(about=() if said is True else tuple(said))
         return found
 
     @property
@@ -171,20 +175,20 @@ def _battery_critical(charge: float, seen: ConditionWatch) -> Holding | bool:
     left, critical = max(-1.0, charge), seen.settings.battery_critical
     if left > critical:
         return False
-    return Holding(int((critical - left) / WORSE), f"{max(0.0, left):.0%} left")
+    return Holding(int((critical - left) / WORSE), {"left": round(max(0.0, left), 2)})
 
 
-def _battery_low(charge: float, seen: ConditionWatch) -> str | bool:
+def _battery_low(charge: float, seen: ConditionWatch) -> dict[str, float] | bool:
     low = seen.settings.battery_critical < charge <= seen.settings.battery_low
-    return low and f"{charge:.0%} left"
+    return low and {"left": round(charge, 2)}
 
 
-def _too_deep(state: VehicleState, seen: ConditionWatch) -> str | bool:
+def _too_deep(state: VehicleState, seen: ConditionWatch) -> dict[str, float] | bool:
     limit, depth = seen.settings.depth_limit, state.depth
-    return depth.valid and depth.value > limit + TOO_DEEP and f"{limit:g} m"
+    return depth.valid and depth.value > limit + TOO_DEEP and {"m": limit}
 
 
-def _sensor_trouble(troubles: Sequence[str], seen: ConditionWatch) -> str:
+def _sensor_trouble(troubles: Sequence[str], seen: ConditionWatch) -> list[str]:
     """Of sensors for which no other row stands: not of an IMU that is lost, nor of a pressure
     sensor without which the depth is lost."""
     state, said = seen.state, list[str]()
@@ -195,16 +199,16 @@ def _sensor_trouble(troubles: Sequence[str], seen: ConditionWatch) -> str:
             or (sensor == "sensor/pressure" and not state.depth.valid)
         )
         if not lost:
-            said.append(sentence(trouble))
-    return ", ".join(said)
+            said.append(trouble)
+    return said
 
 
-def _too_hot(sample: TemperatureSample, seen: ConditionWatch) -> str | bool:
-    return sample.temperature >= seen.settings.hot and f"{sample.temperature:.0f} °C"
+def _too_hot(sample: TemperatureSample, seen: ConditionWatch) -> dict[str, float] | bool:
+    return sample.temperature >= seen.settings.hot and {"celsius": round(sample.temperature)}
 
 
-def _service_silent(names: Sequence[str], seen: ConditionWatch) -> str:
-    return ", ".join(n for n in names if seen.watched[n] in ("motion", "keeper"))
+def _service_silent(names: Sequence[str], seen: ConditionWatch) -> list[str]:
+    return [n for n in names if seen.watched[n] in ("motion", "keeper")]
 
 
 # The table.
@@ -319,7 +323,7 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
             events.NEAR_FLOOR,
             "`sensor/dvl` or `sensor/altitude`: altitude less than `floor_distance`",
             "altitude",
-            lambda altitude, _: altitude < s.floor_distance and f"{altitude:.1f} m",
+            lambda altitude, _: altitude < s.floor_distance and {"m": round(altitude, 1)},
         ),
         FailsafeRow(
             events.DEPTH_LOST,
@@ -367,7 +371,7 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
             "`health` of the vehicle side, estimation, control or a module of yours on board: 1 % "
             "of its messages of a second handled over 40 ms late, in the last 10 s",
             "late",
-            lambda names, _: ", ".join(names),
+            lambda names, _: names,
         ),
         FailsafeRow(
             events.RECORDER_DOWN,

@@ -6,17 +6,17 @@ visualizer: only a thread waits for it. It ends by itself, even when its parent 
 The viewer's window stays open after the dive, until the user closes it.
 """
 
-import contextlib
 import os
 import socket
 import subprocess
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
+from queue import Full, Queue
 from typing import IO, TYPE_CHECKING, BinaryIO
 
 import msgspec
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from services.visualizer.io.rerun_writer import RerunWriter
 
 os.environ.setdefault("RUST_LOG", "warn")  # rerun's own log on stderr, before it is imported
-WAITING_BYTES = 16_000_000  # with more than this unread, a batch is dropped
+MOST_WAITING = 256  # batches that are not read yet, ten seconds; more are dropped
 LENGTH_BYTES = 4  # before each batch
 END_S = 2.0  # for the viewer process to finish after the pipe is closed
 OPEN_S = 20.0  # for the viewer to listen
@@ -57,10 +57,7 @@ class LiveViewer:
     ) -> None:
         self._tell = tell
         self._log = log
-        self._waiting = deque[bytes]()  # for the pipe
-        self._changed = threading.Condition()  # of it, and of:
-        self._size = 0  # [bytes] of what waits
-        self._closing = self._broken = False
+        self._waiting: Queue[bytes | None] = Queue(MOST_WAITING)  # for the pipe; None: the end
         self._encode = msgspec.msgpack.Encoder().encode
         launch = msgspec.json.encode(ViewerLaunch(recording_id, vehicle, viewer)).decode()
         self.process: subprocess.Popen[bytes] | None = subprocess.Popen(
@@ -68,11 +65,11 @@ class LiveViewer:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            bufsize=0,
             **system.APART,  # Ctrl-C ends the dive first; the dive ends this process
         )
         assert self.process.stdin is not None
-        threading.Thread(target=self._feed, args=(self.process.stdin,), daemon=True).start()
+        self._feeder = threading.Thread(target=self._feed, args=(self.process.stdin,), daemon=True)
+        self._feeder.start()
         log(
             "info",
             "opening the rerun viewer (it sends usage statistics to its developers unless you "
@@ -83,16 +80,12 @@ class LiveViewer:
         """Send a batch, or drop and count it. Never blocks."""
         if self.process is None:
             return
-        frame = self._encode(batch)
-        with self._changed:
-            broken, full = self._broken, self._size + len(frame) > WAITING_BYTES
-            if not full:
-                self._waiting.append(len(frame).to_bytes(LENGTH_BYTES, "big") + frame)
-                self._size += len(frame)
-                self._changed.notify()
-        if broken:
+        if not self._feeder.is_alive():  # the pipe is broken
             self._lose()
-        elif full:
+            return
+        try:
+            self._waiting.put_nowait(self._encode(batch))
+        except Full:
             self._tell(events.DROPPED_LIVE())
 
     def close(self) -> None:
@@ -111,9 +104,8 @@ class LiveViewer:
 
     def _end(self, process: subprocess.Popen[bytes]) -> None:
         self.process = None
-        with self._changed:
-            self._closing = True
-            self._changed.notify()
+        with suppress(Full):
+            self._waiting.put_nowait(None)
         try:
             process.wait(END_S)
         except subprocess.TimeoutExpired:
@@ -122,22 +114,10 @@ class LiveViewer:
 
     def _feed(self, pipe: IO[bytes]) -> None:
         """On the thread of its own: everything that waits, then the end."""
-        with contextlib.suppress(OSError), pipe:
-            while (frame := self._next()) is not None:
-                while frame:
-                    frame = frame[pipe.write(frame) :]
-        with self._changed:
-            self._broken = True
-
-    def _next(self) -> bytes | None:
-        """Wait for what is to be sent; None: there is nothing, and nothing will come."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._waiting or self._closing)
-            if not self._waiting:
-                return None
-            frame = self._waiting.popleft()
-            self._size -= len(frame) - LENGTH_BYTES
-            return frame
+        with suppress(OSError), pipe:
+            while (frame := self._waiting.get()) is not None:
+                pipe.write(len(frame).to_bytes(LENGTH_BYTES, "big") + frame)
+                pipe.flush()
 
 
 def viewer_command() -> list[str]:

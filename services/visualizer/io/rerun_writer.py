@@ -163,8 +163,16 @@ class RerunWriter:
         self._rec.send_columns("world/here", when, rr.Transform3D.columns(translation=here))
         self._rec.send_columns("world/plumb", when, rr.LineStrips3D.columns(strips=plumbs))
         self._arrows([frame for frame in frames if frame.thrust])
-        self._ghost(frames)
-        self._predicted(frames)
+        # Two ghosts: the reference where the vehicle is, at its own depth and heading, and the
+        # predicted present pose, ahead of the delayed one.
+        wanted = [
+            (frame.time, (*frame.position[:2], frame.wanted_depth), frame.wanted_heading)
+            for frame in frames
+            if frame.wanted_depth is not None and frame.wanted_heading is not None
+        ]
+        ahead = [(f.time, f.now, f.now_heading) for f in frames if f.now is not None]
+        self._level("world/reference", wanted)
+        self._level("world/predicted", ahead)
 
     def _arrows(self, frames: list[Frame]) -> None:
         if not frames:
@@ -178,29 +186,6 @@ class RerunWriter:
         columns = rr.Arrows3D.columns(vectors=vectors).partition([len(thrusters)] * len(frames))
         self._rec.send_columns(
             "world/vehicle/thrust", [_index([frame.time for frame in frames])], columns
-        )
-
-    def _ghost(self, frames: list[Frame]) -> None:
-        """The reference: at the vehicle's horizontal position, at the reference's depth and
-        heading."""
-        self._level(
-            "world/reference",
-            [
-                (frame.time, (*frame.position[:2], frame.wanted_depth), frame.wanted_heading)
-                for frame in frames
-                if frame.wanted_depth is not None and frame.wanted_heading is not None
-            ],
-        )
-
-    def _predicted(self, frames: list[Frame]) -> None:
-        """A second ghost: the predicted present pose, ahead of the delayed one."""
-        self._level(
-            "world/predicted",
-            [
-                (frame.time, frame.now, frame.now_heading)
-                for frame in frames
-                if frame.now is not None
-            ],
         )
 
     def _level(self, entity: str, poses: list[tuple[int, Vec3, float]]) -> None:

@@ -17,7 +17,7 @@ const { words, LANGUAGES } = await load("words");
 const { units } = await load("units");
 const { messages, Stopped, codeOf } = await load("messages");
 const { Alarms } = await load("alarms");
-const { HoldButton } = await load("hold_button");
+const { holdButton } = await load("hold_button");
 
 const ME = { has_sticks: true, in_control: true };
 const FLIES = { activity: "piloted", doing: "piloted", armed: true, depth_m: 1.25 };
@@ -58,11 +58,19 @@ test("red is danger, amber is what asks for the pilot, and what is over is not r
 });
 
 test("the gravest is first, and each is there once", () => {
-  const notes = [["link", "link.never", {}, ""], ["note", "notice:leak", {}, ""], ["note", "notice:battery_low", {}, " (20 %)"]];
+  const notices = [{ code: "notice:leak" }, { code: "notice:battery_low", numbers: { left: 0.2 } }], alarms = [{ code: "link.never" }];
   const recent = { code: "battery_low", text: "the battery is low" };
-  const all = messages({ ...LOST, notes, wet: true }, ME, { stop: "stop.unheard", recent });
+  const all = messages({ ...LOST, notices, alarms }, ME, { stop: "stop.unheard", recent });
   assert.deepEqual(all.map(({ code }) => code), ["stop.unheard", "leak", "pilot_lost", "link", "battery_low"]);
-  assert.deepEqual(messages({ ...FLIES, silent_s: 9, notes }, ME, {}).map(({ code }) => code), ["silent", "leak", "battery_low"]);
+  assert.deepEqual(messages({ ...FLIES, silent_s: 9, notices, alarms }, ME, {}).map(({ code }) => code), ["leak", "silent", "battery_low"]);
+});
+
+test("a notice is a sentence with its numbers and what it is about", () => {
+  assert.equal(words.notice({ code: "link.rtt", numbers: { from: 40, to: 900 } }), "round trip has risen from 40 to 900 ms");
+  assert.equal(words.notice({ code: "notice:near_floor", numbers: { m: 0.5 } }), "the bottom is close (0.5 m)");
+  const [noisy, silent] = ["noisy:sensor/imu", "recorder"].map((name) => words.notice({ code: "notice:sensor", about: [name] }));
+  assert.equal(noisy, "a sensor is in trouble (a sensor is very noisy: it has less weight (sensor/imu))");
+  assert.equal(silent, "a sensor is in trouble (recorder)");
 });
 
 test("a cut connection is red for who flies and for who watches, and a page that begins is calm", () => {
@@ -72,8 +80,8 @@ test("a cut connection is red for who flies and for who watches, and a page that
 });
 
 test("a busy computer is one grey word", () => {
-  const notes = [["note", "notice:service_late", {}, " (ardusub)"]];
-  const [busy, ...others] = messages({ ...FLIES, notes }, ME, {});
+  const notices = [{ code: "notice:service_late", about: ["ardusub"] }];
+  const [busy, ...others] = messages({ ...FLIES, notices }, ME, {});
   assert.deepEqual([busy.tone, busy.text, others.length], ["past", "Computer busy.", 0]);
 });
 
@@ -161,8 +169,8 @@ function button() {
     addEventListener: (name, act) => (hears[name] = act),
   };
   const state = { means: "arm" };
-  const hold = new HoldButton(element, () => state.means, () => {}, (what) => done.push(what), () => done.push("void"));
-  const after = (ms) => { now += ms; if (hold.since !== null) hold.grow(); };
+  const hold = holdButton(element, () => state.means, () => {}, (what) => done.push(what), () => done.push("void"));
+  const after = (ms) => { now += ms; hold.grow(); };
   return { hold, hears, done, state, element, after };
 }
 

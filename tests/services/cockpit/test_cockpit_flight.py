@@ -26,7 +26,7 @@ def test_a_page_sees_what_the_drone_does_and_chooses_its_mode_and_light(dive: Pa
     assert view["depth_wanted_m"] == pytest.approx(dive.depth, abs=0.2)
     assert (view["armed"], view["pilot"]) == (True, "ann")
     assert dive.you() == {
-        "has_sticks": True, "in_control": True, "pages": 1, "who": "you have the sticks",
+        "has_sticks": True, "in_control": True, "who": "you have the sticks",
         "delay_ms": dive.you()["delay_ms"],
     }  # fmt: skip
     dive.wish("mode", flight_mode="manual").steer(0.3)

@@ -9,9 +9,10 @@ import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
+from messages import events
+from messages.notice import Notice
 from services.cockpit.core import Patience
 from services.cockpit.io.files import PageFiles
-from services.cockpit.page_view import notes
 from services.link_monitor.core import LinkAlarm
 from services.piloting.keys import KEYS
 from services.reference.failsafe.table import table
@@ -67,20 +68,15 @@ def test_whatever_the_drone_does_by_itself_can_be_said():
     assert keys <= set(ENGLISH)
 
 
-def test_what_is_wrong_is_sent_by_its_key_with_what_the_drone_adds():
-    note = (
-        "the battery is low (20 %); a sensor is in trouble; calibrating: keep the drone still, 3 s"
-    )
-    view = VehicleView(
-        note=f"{note}; not ready: nobody knows", alarm="no answer from the drone yet"
-    )
-    assert [(each.key, each.more) for each in notes(view)] == [
-        ("link.never", ""),
-        ("notice:battery_low", " (20 %)"),
-        ("notice:sensor", ""),
-        ("calibrating", ", 3 s"),
-        ("", "not ready: nobody knows"),
-    ]
+def test_whatever_the_drone_can_say_has_a_sentence_in_every_language():
+    """By its code: nothing is parsed, and no screen has to know the English of it."""
+    codes = {f"notice:{row.name}" for row in table(FailsafeSettings())}
+    codes |= {*events.TOLD, events.ALARM_PEERS.name, events.ALARM_JUNK.name}
+    codes.add(events.CLAMPED_HORIZONTAL.name)
+    assert codes <= set(ENGLISH)
+    names = {name[1:-1] for key in codes for name in numbers(ENGLISH[key])}
+    assert names == {"s", "from", "to"}
+    assert set(re.findall(r"(\w+): \(", PAGE["words.js"])) >= set(events.AMOUNTS)
 
 
 def test_a_drone_that_is_not_heard_rises_when_its_failsafe_says_so():
@@ -94,19 +90,22 @@ def test_a_drone_that_is_not_heard_rises_when_its_failsafe_says_so():
 def test_an_alarm_of_the_link_is_known_in_every_language_whatever_its_numbers():
     alarm = LinkAlarm()
     alarm.sent(0)
-    said = {"link.never": alarm.text(60 * S)}
+    said = [alarm.notice(60 * S)]
     for k in range(40):
         alarm.answered(40.0)
         alarm.sent(k)
     for _ in range(20):
         alarm.answered(900.0)
-    said["link.rtt"] = alarm.text(0)
+    said.append(alarm.notice(0))
     alarm.sent(60 * S)
-    said["link.silent"] = alarm.text(90 * S)
-    for key, text in said.items():
-        assert notes(VehicleView(alarm=text))[0].key == key
-        template = re.sub(r"\\\{\w+\\\}", "[0-9.]+", re.escape(ENGLISH[key]))
-        assert re.fullmatch(template, text), (key, text)
+    said.append(alarm.notice(90 * S))
+    assert said == [
+        Notice("link.never"),
+        Notice("link.rtt", {"from": 40, "to": 900}),
+        Notice("link.silent", {"s": 30.0}),
+    ]
+    for notice in filter(None, said):
+        assert [f"{{{name}}}" for name in sorted(notice.numbers)] == numbers(ENGLISH[notice.code])
 
 
 def test_what_is_wrong_with_the_picture_is_said_in_every_language():

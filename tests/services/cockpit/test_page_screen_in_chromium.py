@@ -1,7 +1,5 @@
 """What is on the page's screen, in a real browser. Skipped where there is no Chromium."""
 
-from typing import Any
-
 import pytest
 
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
@@ -93,7 +91,7 @@ def test_a_note_is_said_in_the_pilots_language_and_who_lacks_the_sticks_is_told_
     choice = "document.getElementById('language')"
     page.look(f"{choice}.value = 'de'; {choice}.dispatchEvent(new Event('change'))")
     page.wait("document.documentElement.lang === 'de'")
-    served.becomes(page, notes=[["note", "notice:battery_low", {}, " (20 %)"]])
+    served.becomes(page, notices=[{"code": "notice:battery_low", "numbers": {"left": 0.2}}])
     assert page.look(NOW) == "Die Batterie ist schwach (20 %)."
     assert "15,9 V, 80 %" in page.look("document.getElementById('numbers').textContent")
     resume = "document.getElementById('arm').checkVisibility({ visibilityProperty: true })"
@@ -251,9 +249,9 @@ def test_what_lies_abeam_of_the_axis_is_there_on_the_tape_and_the_horizon(
     page.look(f"void {look}")
     found = page.wait("window.seen")
     assert found["elevation"] == pytest.approx(-0.3, abs=0.01)  # pitch and tilt, hardly rolled
-    place = """void import('/picture.js').then(({ Picture }) => {
+    place = """void import('/picture.js').then(({ placePicture }) => {
       const canvas = document.getElementById('picture');
-      window.axis = new Picture(canvas).place({ stripe: 18, fov: 80, whole: true, free: [0, 375] });
+      window.axis = placePicture(canvas, { stripe: 18, fov: 80, whole: true, free: [0, 375] });
     })"""
     page.look(place)
     axis = page.wait("window.axis")
@@ -363,10 +361,10 @@ def test_a_stop_that_does_not_arrive_is_said_and_sent_again(browser: Browser, se
 def test_what_is_grave_is_red(browser: Browser, served: Served):
     page = served.open(browser, SIZES[5])
     colour = "getComputedStyle(document.getElementById('now')).backgroundColor"
-    close: list[Any] = ["note", "notice:near_floor", {}, ""]
-    served.becomes(page, notes=[close])
+    close = {"code": "notice:near_floor"}
+    served.becomes(page, notices=[close])
     before = page.look(colour)
-    served.becomes(page, notes=[close, ["note", "notice:leak", {}, ""]], wet=True)
+    served.becomes(page, notices=[close, {"code": "notice:leak"}])
     assert page.look(colour) != before
     assert page.look(NOW).startswith("Water in the enclosure. Bring the drone up")
     assert page.look("document.getElementById('drawer-open').textContent") == "1"

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.events import Outbox
+from messages.notice import Notice
 from messages.vehicle import VehicleStatus
 from services.gamepad.io import sdl
 from services.gamepad.service import Connected
@@ -25,7 +26,7 @@ from services.gamepad.io.window import SIZE, PilotWindow, pause_ns  # noqa: E402
 
 S = 1_000_000_000  # [ns]
 LONG = VehicleView(
-    words="the drone has stopped and holds; " * 20, alarm="x" * 300, depth_m=-12345.678
+    failsafe="leak", acting=(Notice("leak"),) * 20, alarms=(Notice("x" * 300),), depth_m=-12345.678
 )
 
 
@@ -120,5 +121,7 @@ def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):
 @example("\u0301")
 @example("W" * 100_000)
 def test_no_text_from_the_bus_ends_the_drawing(surface: pygame.Surface, text: str):
-    view = VehicleView(activity=text, flight_mode=text, words=text, note=text, alarm=text)
+    view = VehicleView(
+        activity=text, flight_mode=text, doing=text, notices=(Notice(text),), alarms=(Notice(text),)
+    )
     PilotWindow(surface, HELP).draw(view)

@@ -11,8 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
+from messages.events import note
 from messages.health import Health
 from messages.link import Clock
+from messages.notice import Notice
 from services.link_monitor.core import JunkWatch, LinkAlarm
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
@@ -37,7 +39,7 @@ def sound(rtts_ms: Sequence[float | None]) -> list[tuple[int, str]]:
             alarm.answered(back.pop(0)[1])
         if now % PING == 0:
             alarm.sent(now)
-        texts.append((now, alarm.text(now)))
+        texts.append((now, note(filter(None, [alarm.notice(now)]))))
     return texts
 
 
@@ -88,9 +90,9 @@ def test_more_than_so_many_in_a_second_are_a_flood(more: list[int]) -> None:
         others = {"expired:x": 9**9 * second, "malformed:sensor/imu": 9**9 * second}
         watch.health(health({"malformed:state": total, **others}), second * S)
         floods = [n > 20 for n in more[max(0, second - 3) : second]]
-        assert bool(watch.words(second * S)) == any(floods)
+        assert bool(watch.notice(second * S)) == any(floods)
     watch.health(health({"malformed:state": 3}), (len(more) + 4) * S)  # it has started again
-    assert watch.words((len(more) + 4) * S) == ""
+    assert watch.notice((len(more) + 4) * S) is None
 
 
 @given(st.lists(st.tuples(st.integers(0, 1), st.integers(0, 5)), max_size=30))
@@ -103,7 +105,7 @@ def test_two_topsides_of_one_drone_are_no_flood_whatever_each_has_counted(
         watch.health(
             health({"malformed:state": counted[topside]}, "recorder_topside", topside), at * S // 2
         )
-        assert watch.words(at * S // 2) == ""
+        assert watch.notice(at * S // 2) is None
 
 
 def test_however_many_processes_there_were_a_flood_is_noticed() -> None:
@@ -112,7 +114,7 @@ def test_however_many_processes_there_were_a_flood_is_noticed() -> None:
         watch.health(health({}, instance=number), number * S)
     for second in range(3):
         watch.health(health({"malformed:x": 100 * second}, "new"), (1000 + second) * S)
-    assert watch.words(1002 * S).startswith("new cannot read 100 messages a second")
+    assert watch.notice(1002 * S) == Notice("alarm:junk", {"hz": 100}, ("new",))
 
 
 def test_the_pilot_reads_of_a_flood_and_of_its_end_and_of_no_other_lindy() -> None:
@@ -123,7 +125,7 @@ def test_the_pilot_reads_of_a_flood_and_of_its_end_and_of_no_other_lindy() -> No
     alarms: list[str] = []
     told: list[str] = []
     screen = host.node("screen", ["topside"])
-    screen.each(topics.LATENCY, lambda budget, _: alarms.append(budget.alarm))
+    screen.each(topics.LATENCY, lambda budget, _: alarms.append(note(budget.alarms)))
     screen.each(topics.LOG, lambda line, _: told.append(line.text))
     port = host.side("topside")
 
@@ -136,12 +138,12 @@ def test_the_pilot_reads_of_a_flood_and_of_its_end_and_of_no_other_lindy() -> No
     junk = host.node("junk", ["topside"])
     junk.every(50.0, spit)
     host.run(4 * S)
-    assert alarms[-1].startswith("gamepad cannot read")
+    assert "a second, gamepad)" in alarms[-1]
     assert [text for text in told if "another Lindy" in text or "unknown version" in text] == []
     host.kill("junk")
     host.run(9 * S)
-    assert "a stranger sends" not in alarms[-1]
-    assert sum("a stranger sends" in text for text in told) == 1
+    assert "cannot read" not in alarms[-1]
+    assert sum("cannot read" in text for text in told) == 1
 
 
 EVERY = Registry.read()

@@ -10,7 +10,7 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from messages.control import Wrench
-from messages.events import Outbox
+from messages.events import Outbox, note
 from messages.pilot import Course, PilotRequest, RequestKind
 from messages.reference import Reference
 from messages.state import VehicleState
@@ -42,17 +42,17 @@ def test_it_does_not_arm_before_the_estimator_is_ready() -> None:
 def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
     generator = Drone().generator
 
-    def note(seen: VehicleState | None) -> str:
+    def said(seen: VehicleState | None) -> str:
         generator.step(seen, None, DT)
-        return generator.status(DT).note
+        return note(generator.status(DT).notices)
 
     calibrating = replace(state(DT, phase="calibrating"), calibration_left=7.0)
-    assert note(None).startswith("not ready: no state of the drone: no usable samples of its IMU")
-    assert note(calibrating) == "calibrating: keep the drone still, 7 s to go"
+    assert said(None).startswith("not ready: no usable samples of the drone's IMU")
+    assert said(calibrating) == "calibrating: keep the drone still (7 s to go)"
     blocked = replace(calibrating, calibration_left=None, blocked_by="upside_down:sensor/imu")
-    assert note(blocked).startswith("not ready: the IMU reads as if the drone lay upside down")
-    assert note(None).startswith("not ready: no state")
-    assert note(state(DT)) == ""
+    assert "(the IMU reads as if the drone lay upside down)" in said(blocked)
+    assert said(None).startswith("not ready: no usable")
+    assert said(state(DT)) == ""
 
 
 def test_it_does_not_arm_with_a_deflected_stick() -> None:

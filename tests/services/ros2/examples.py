@@ -5,6 +5,7 @@ from typing import Any
 from messages import topics
 from messages.health import Health, LogLine
 from messages.message import Estimate
+from messages.notice import Notice
 from messages.pilot import PilotCommand
 from messages.sensors import (
     BatterySample,
@@ -66,7 +67,7 @@ EVERY: list[tuple[AnyTopic, str, Any]] = [
         stamp_ns=1, surge=0.5, sway=-0.25, heave=1.0, yaw=-1.0, tilt=-1.0)),
     (topics.STATUS, "vehicle/status", VehicleStatus(
         stamp_ns=1, activity="piloted", armed=True, failsafe="leak", conditions=("leak",),
-        pilot="ann", words="water in the enclosure")),
+        pilot="ann", reaction="ascend", returns="resume", acting=(Notice("failsafe:leak"),))),
     (topics.HEALTH, "health/control", HEALTH),
     (topics.LOG, "log/control", LogLine(
         stamp_ns=1, service="control", level="warning", text="späte Zeile")),

@@ -156,7 +156,10 @@ def test_current_out_of_the_battery_is_negative_and_what_is_not_measured_no_numb
 
 def test_a_failsafe_is_an_error_and_a_late_service_a_warning() -> None:
     failed = made(*EVERY[8])["/diagnostics"].made.status[0]
-    assert (failed.level, failed.message) == (mapping.ERROR, "water in the enclosure")
+    assert (failed.level, failed.message) == (
+        mapping.ERROR,
+        "water in the enclosure; the drone rises slowly; press resume to continue",
+    )
     topic, key, health = EVERY[9]
     assert made(topic, key, health)["/diagnostics"].made.status[0].level == mapping.OK
     late = made(topic, key, structs.replace(health, lateness_p99_ms=90.0))[

@@ -8,7 +8,9 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.control import ThrusterCommand
+from messages.events import CONDITIONS, short, told
 from messages.message import Estimate
+from messages.notice import Notice
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
@@ -57,21 +59,30 @@ def test_what_is_old_is_said_so_and_what_is_gone_is_not_shown(now: int):
 def test_in_a_failsafe_nobody_is_told_that_he_has_the_sticks(
     failsafe: Failsafe, reaction: Reaction, yours: bool, pilot: str
 ):
-    acts = status(failsafe=failsafe, reaction=reaction, words="what", pilot=pilot, since_ns=0)
+    acts = status(
+        failsafe=failsafe, reaction=reaction, pilot=pilot, since_ns=0, returns="centre",
+        acting=(Notice(f"failsafe:{failsafe}"),), conditions=(failsafe,),
+    )  # fmt: skip
     view = vehicle_view(Newest(status=acts), S // 2)
     assert "has the sticks" not in words.sticks(view, yours=yours)
     assert "you have" not in words.sticks(view, yours=yours)
     assert view.doing != "piloted"
     assert words.said(view)[0].tone == "alarm"
-    assert words.said(view)[0].text.endswith(": what")
+    text = words.said(view)[0].text
+    assert f": {CONDITIONS[failsafe].sentence}; the drone " in text
+    assert text.endswith("; centre the sticks to continue")
+    ended = vehicle_view(Newest(status=msgspec.structs.replace(acts, conditions=())), S // 2)
+    assert f"{short(f'failsafe:{failsafe}')} has ended; the drone" in words.acting(ended)
 
 
 def test_a_drone_that_nobody_moves_holds_nothing() -> None:
-    acts = status(failsafe="state_lost", reaction="stop", words="what", since_ns=0)
+    acts = status(failsafe="state_lost", reaction="stop", since_ns=0)
     for conditions in ((), ("board_silent",), ("control_silent", "service_silent")):
-        told = msgspec.structs.replace(acts, conditions=conditions)
-        doing = vehicle_view(Newest(status=told), 0).doing
-        assert doing == ("not obeyed" if conditions else "holding")
+        said = msgspec.structs.replace(acts, conditions=conditions)
+        seen = vehicle_view(Newest(status=said), 0)
+        assert seen.doing == ("not obeyed" if conditions else "holding")
+        nobody = "nothing moves the drone: its board or control does not answer"
+        assert words.acting(seen) == (nobody if conditions else "the drone has stopped and holds")
 
 
 def test_a_pilot_who_has_stopped_the_drone_is_told_to_centre_the_sticks():
@@ -101,17 +112,12 @@ def test_charge_is_known_where_the_capacity_is(capacity: float | None, used: flo
     assert charge is None or 0.0 <= charge <= 1.0
 
 
-@pytest.mark.parametrize(
-    ("conditions", "tone"), [((), "warning"), (("battery_low", "leak"), "alarm")]
-)
-def test_water_inside_is_an_alarm_also_where_the_pilot_flies_on(
-    conditions: tuple[str, ...], tone: str
-):
-    """By its name, whatever the sentence says."""
-    status = VehicleStatus(
-        stamp_ns=0, activity="piloted", armed=True, conditions=conditions, note="look here"
-    )
-    assert words.others(vehicle_view(Newest(status), 0)) == [("look here", tone)]
+@pytest.mark.parametrize(("name", "tone"), [("battery_low", "warning"), ("leak", "alarm")])
+def test_water_inside_is_an_alarm_also_where_the_pilot_flies_on(name: str, tone: str):
+    """By its code, whatever the sentence says."""
+    notice = Notice(f"notice:{name}")
+    status = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, notices=(notice,))
+    assert words.others(vehicle_view(Newest(status), 0)) == [(told(notice), tone)]
 
 
 # The head-up numbers: everything that a pilot must see, each always in its place.
@@ -124,7 +130,6 @@ CALM = VehicleView(
     light=0.5,
     battery_v=15.94,
     used_wh=12.3,
-    capacity_wh=266.0,
     charge=0.95,
     armed=True,
     age_ms=42.0,
@@ -136,14 +141,15 @@ CALM = VehicleView(
 )
 number = st.none() | st.floats(-1e4, 1e4)
 text = st.text(max_size=300)
+noted = st.lists(st.builds(Notice, text, more=text), max_size=3).map(tuple)
 views = st.builds(
     VehicleView,
     activity=text, doing=text, flight_mode=text, light=number,
-    battery_v=number, used_wh=number, capacity_wh=number,
+    battery_v=number, used_wh=number,
     armed=st.booleans(), silent_s=number, failsafe=st.sampled_from(["none", "pilot_lost"]),
-    since_s=number, next_s=number, words=text, note=text, age_ms=number, depth_m=number,
+    since_s=number, next_s=number, acting=noted, notices=noted, age_ms=number, depth_m=number,
     depth_wanted_m=number, heading_deg=number, heading_wanted_deg=number, rtt_ms=number,
-    alarm=text,
+    alarms=noted,
 )  # fmt: skip
 
 
@@ -155,9 +161,10 @@ def test_every_line_of_a_window_stays_in_its_place_with_all_words_of_what_is_wro
     assert len(lines) == len(head_up(VehicleView()))
     shown = lines[-1]
     assert (shown.tone == "alarm") == bool(
-        view.failsafe != "none" or view.next_s is not None or view.words or view.alarm
+        view.failsafe != "none" or view.next_s is not None or view.alarms
     )
-    for part in (view.words, view.alarm, view.note):
+    acts = view.acting if view.acts else ()
+    for part in (each.more for each in (*acts, *view.alarms, *view.notices)):
         assert part in shown.text
 
 

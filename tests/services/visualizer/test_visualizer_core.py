@@ -204,7 +204,7 @@ def test_the_status_page_says_what_a_pilot_asks_first(sample: Sample) -> None:
     for topic in topics.ALL:
         collector.hear(topic, key_of(topic), sample(topic.key, 0), 0)
     pages = {n.path: n.text for n in collector.drain(0).notes if n.kind == "document"}
-    for word in ("piloted", "ARMED", "1.0 m", "57°", "16.0 V", "rtt 2.0 ms", "nobody has"):
+    for word in ("piloted", "ARMED", "1.00 m", "57.3°", "16.0 V", "round trip 2 ms", "nobody has"):
         assert word in pages["status"]
     assert not [n for n in collector.drain(0).notes if n.kind == "document"]
 
@@ -217,7 +217,7 @@ def test_the_status_page_says_headings_as_a_compass_does(turns: int, degree: int
     collector = Collector(VEHICLE)
     collector.hear(topics.STATE, "state", state, 0)
     [page] = [n.text for n in collector.drain(0).notes if n.path == "status"]
-    assert f"| {degree}° → – |" in page
+    assert f"   {degree}.0°" in page
 
 
 @pytest.mark.parametrize("ahead", [-DAY, DAY])

@@ -8,6 +8,7 @@ import msgspec
 from messages import topics
 from messages.link import DirectionReport, Stage
 from messages.message import Estimate
+from messages.notice import Notice
 from messages.pilot import Course, StopDistance
 from messages.prediction import Miss
 from messages.reference import Motion
@@ -46,6 +47,7 @@ def page() -> str:
         Course,
         StopDistance,
         PlaceAhead,
+        Notice,
     ]  # parts of messages
     return "\n".join([HEADING, *rows, "", *map(section, kinds)])
 

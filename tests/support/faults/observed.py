@@ -7,13 +7,17 @@ from typing import Any, NamedTuple
 from msgspec.structs import replace
 
 from messages import topics
+from messages.events import note
 from messages.health import LogLine
 from messages.link import LatencyBudget, LinkRequest
+from messages.notice import Notice
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.reference import Reference
 from messages.simulator import FaultKind, FaultRequest
 from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.runtime.node.node import Node
+from services.vehicle_view import words
+from services.vehicle_view.view import Newest, vehicle_view
 from tests.support.faults.modes import VERTICAL
 
 # What the simulator says of a fault it was asked for; a real vehicle says nothing.
@@ -38,7 +42,8 @@ class Observed:
     said: list[ReadText] = field(default_factory=list[ReadText])
     answers: list[PilotAnswer] = field(default_factory=list[PilotAnswer])
     shown: VehicleStatus | None = None  # the newest that the pilot's side has
-    _alarm: str = ""
+    _alarms: tuple[Notice, ...] = ()
+    _acting: str = ""
 
     @property
     def armed(self) -> bool:
@@ -69,15 +74,17 @@ class Observed:
         before, self.shown = self.shown, status
         if status.failsafe != "none" and (before is None or before.failsafe != status.failsafe):
             self.tell(now, f"FAILSAFE {status.failsafe}")
-        if status.words and (before is None or before.words != status.words):
-            self.tell(now, status.words)
-        if status.note and (before is None or before.note != status.note):
-            self.tell(now, status.note)
+        acting = words.acting(vehicle_view(Newest(status=status), status.stamp_ns))
+        if acting and acting != self._acting:
+            self.tell(now, acting)
+        self._acting = acting
+        if status.notices and (before is None or before.notices != status.notices):
+            self.tell(now, note(status.notices))
 
     def _warn(self, budget: LatencyBudget, now: int) -> None:
-        if budget.alarm and budget.alarm != self._alarm:
-            self.tell(now, f"LINK {budget.alarm}")
-        self._alarm = budget.alarm
+        if budget.alarms and budget.alarms != self._alarms:
+            self.tell(now, f"LINK {note(budget.alarms)}")
+        self._alarms = budget.alarms
 
     def _read(self, line: LogLine, now: int) -> None:
         if line.level != "info" and not line.text.startswith(ITS_OWN):

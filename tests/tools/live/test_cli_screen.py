@@ -9,7 +9,10 @@ from msgspec.structs import replace
 from rich.console import Console
 from rich.text import Text
 
+from messages.events import note, told
 from messages.health import LogLine
+from messages.notice import Notice
+from services.vehicle_view import words
 from services.vehicle_view.log_lines import LogEntry, LogLines
 from tools.live.display import drawn_anew
 from tools.live.screen import LINES, ServiceView, View, plain, render
@@ -22,6 +25,7 @@ def text_of_line(n: int) -> str:
     return f"line {n} [ms] " + "long " * 40
 
 
+RISEN = Notice("link.rtt", {"from": 1234, "to": 12345})
 FULL = View(
     title="pioneer · wifi_buoy · script first_dive",
     elapsed_s=83.0,
@@ -32,8 +36,8 @@ FULL = View(
     failsafe="pilot_lost",
     since_s=17.0,
     next_s=43.0,
-    words="the drone has stopped and holds; resume once this has ended: pilot lost",
-    note="calibrating: keep the drone still",
+    acting=(Notice("failsafe:pilot_lost"),),
+    notices=(Notice("calibrating"),),
     depth_m=12.345,
     depth_wanted_m=12.4,
     heading_deg=359.9,
@@ -44,12 +48,11 @@ FULL = View(
     rtt_ms=221.2,
     lost_s=1234.5,
     silent=("link_monitor_drone", "hub_drone"),
-    alarm="round trip has risen from 1234 to 12345 ms",
+    alarms=(RISEN,),
     flight_mode="station_keeping",
     light=0.5,
     battery_v=15.94,
     used_wh=123.4,
-    capacity_wh=266.0,
     charge=0.46,
     services=(
         *(ServiceView(name, True, 444.4, 12.34, 99.9, 0, 1234567, "onboard") for name in NAMES),
@@ -73,8 +76,16 @@ def text_of(view: View, width: int, height: int | None = None) -> list[str]:
 
 @WIDTHS
 def test_a_full_screen_fits_and_has_as_many_lines_as_one_of_unknowns(width: int):
-    note = "x" * 73  # too long for the row of the state
-    blank = View(title="x", alarm="x", words="x", silent=("x",), note=note, services=FULL.services)
+    long = (Notice("x" * 73),)  # too long for the row of the state
+    blank = View(
+        title="x",
+        alarms=long,
+        failsafe="leak",
+        acting=(Notice("x"),),
+        silent=("x",),
+        notices=long,
+        services=FULL.services,
+    )
     full, empty = text_of(FULL, width), text_of(blank, width)
     assert max(map(len, full)) <= width
     assert len(full) == len(empty)
@@ -87,7 +98,7 @@ def test_every_value_is_shown_whole(width: int):
         "12.35 m", "12.40 m", "359.9°", "0.1°", "112.3 ms", "108.9 ms", "221.2 ms", "lost 1234.5 s",
         "01:23 of 01:35", "ARMED", "stopping", "FAILSAFE pilot lost for 17 s, rises in 43 s",
         "+0.50", "-1.00", "-0.25",
-        "visualizer gone", "1234567", FULL.alarm, "station keeping", "50 %", "15.9 V",
+        "visualizer gone", "1234567", told(RISEN), "station keeping", "50 %", "15.9 V",
         "46 %", "late p99 [ms]", "CPU [%]", "SILENT link_monitor_drone +1",
     ):  # fmt: skip
         assert value in text
@@ -100,7 +111,7 @@ def test_whatever_the_height_nothing_that_a_pilot_needs_is_cut(
     height: int, services: int, alarm: bool
 ):
     rows = tuple(ServiceView(f"service_{n}", n != services - 1) for n in range(services))
-    view = replace(FULL, services=rows, alarm=FULL.alarm if alarm else "")
+    view = replace(FULL, services=rows, alarms=FULL.alarms if alarm else ())
     lines = text_of(view, 80, height)
     text = "\n".join(lines)
     assert len(lines) <= height
@@ -108,8 +119,8 @@ def test_whatever_the_height_nothing_that_a_pilot_needs_is_cut(
     assert "12.35 m" in text
     assert "15.9 V" in text
     assert "lost 1234.5 s" in text
-    assert (FULL.alarm in text) == alarm
-    assert FULL.words in text
+    assert (told(RISEN) in text) == alarm
+    assert words.acting(FULL) in text
     if height >= 10 + alarm + 1 + LINES:  # there is room for every log line
         assert all(f"line {n} [ms]" in text for n in range(3, LINES + 3))
     if height >= 10 + alarm + 1 + LINES + 4 and services:  # … and for a service or two
@@ -132,25 +143,26 @@ def test_one_plain_line_says_the_same():
 
 @pytest.mark.parametrize("known", [True, False])
 def test_the_state_of_a_drone_that_is_not_heard_is_said_to_be_the_last_known(known: bool) -> None:
-    view = replace(FULL, silent_s=4.0 if known else None, words="the drone rises slowly")
+    view = replace(FULL, silent_s=4.0 if known else None, doing="rising")
     state, *_ = text_of(view, 80)[1:]
     (drone,) = [line for line in text_of(view, 80) if line.startswith("DRONE")]
     assert state.startswith("last known:  ARMED ") == known
-    assert ("last known: the drone rises" in drone) == known
+    assert ("last known: pilot lost" in drone) == known
+    assert "the drone rises" in drone
 
 
 WORST = replace(
     FULL,
     silent_s=1234.0,
     failsafe="imu_lost",
-    words="the drone has stopped and holds; resume to have the sticks: the IMU cannot be used: no "
-    "attitude and heading, depth from pressure alone",
-    note="",
+    acting=(Notice("failsafe:imu_lost"),),
+    returns="resume",
+    notices=(),
     age_ms=2_950.0,
     depth_m=123.45,
     depth_wanted_m=123.46,
     heading_wanted_deg=359.8,
-    alarm="the other side runs Lindy 0.1.0, not 0.2.0; round trip has risen from 12 to 1234 ms",
+    alarms=(Notice("alarm:peers", more="the other side runs Lindy 0.1.0, not 0.2.0"), RISEN),
     silent=("recorder", "control", "estimation"),
     lines=(),
 )
@@ -168,9 +180,11 @@ def test_everything_at_once_is_shown_whole_on_80_by_24():
     assert len(lines) <= 23
     assert max(map(len, lines)) <= 80
     for whole in (
-        "last known: ARMED", "FAILSAFE IMU lost for 17 s, rises in 43 s", WORST.words,
+        "last known: ARMED", "FAILSAFE IMU lost for 17 s, rises in 43 s",
+        words.acting(WORST),
         "no status from the drone for 1234 s",
-        WORST.alarm, "SILENT recorder +2", "123.45 m", "123.46 m", "359.9°", "359.8°", "3.0 s old",
+        note(WORST.alarms), "SILENT recorder +2",
+        "123.45 m", "123.46 m", "359.9°", "359.8°", "3.0 s old",
         "station keeping", "50 %", "15.9 V, 46 %", "+0.50", "lost 1234.5 s",
         "2.0 s reference: battery low", "1.0 s reference: tether pulled",
         "0.0 s reference: water in the enclosure", "toy49: all is well",

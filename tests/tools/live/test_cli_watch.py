@@ -12,6 +12,7 @@ from messages.cameras import age
 from messages.health import Health, LogLine
 from messages.link import DirectionReport, LinkStatus
 from messages.message import Message
+from messages.notice import Notice
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.vehicle import VehicleStatus
@@ -111,14 +112,14 @@ def test_link_status_and_log_lines_of_others_and_of_our_own_are_shown():
     below, above = DirectionReport(2.0, 3.0, 10, 1, 0), DirectionReport(5.0, 6.0, 10, 2, 0)
     link = LinkStatus(stamp_ns=0, profile="x", up=True, down_link=below, up_link=above, rtt_ms=7.0)
     scene.stack.publisher(topics.LINK).put(link)
-    status = VehicleStatus(stamp_ns=0, activity="ready", armed=False, note="sea too wet")
+    status = VehicleStatus(stamp_ns=0, activity="ready", armed=False, notices=(Notice("sea"),))
     scene.stack.publisher(topics.STATUS).put(status)
     scene.stack.log("warning", "theirs")
     scene.node.log("error", "ours")
     scene.host.run(SECOND // 20)
     view = scene.view()
     assert (view.down_ms, view.up_ms, view.rtt_ms) == (2.0, 5.0, 7.0)
-    assert (view.activity, view.note) == ("ready", "sea too wet")
+    assert (view.activity, view.notices) == ("ready", (Notice("sea"),))
     assert sorted(told.line.text for told in view.lines) == ["ours", "theirs"]
     assert sorted(line.text for line in scene.shown) == ["ours", "theirs"]
 
@@ -213,10 +214,10 @@ def test_the_end_of_a_dive_is_asked_in_the_name_of_this_sides_pilot():
 
 def test_a_status_that_is_not_repeated_is_said_to_be_old():
     scene = Scene()
-    status = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, note="sea too wet")
+    status = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, notices=(Notice("sea"),))
     scene.stack.publisher(topics.STATUS).put(status)
     scene.host.run(SECOND)
-    assert scene.view().note == "sea too wet"
+    assert scene.view().notices == (Notice("sea"),)
     assert "last known" not in plain(scene.view())
     scene.host.run(4 * SECOND)
     view = scene.view()

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.notice import Notice
 from messages.vehicle import VehicleStatus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -25,9 +26,12 @@ def ns(seconds: float) -> int:
     return round(seconds * 1e9)
 
 
-def status(armed: bool, note: str = "") -> VehicleStatus:
+def status(armed: bool, *codes: str) -> VehicleStatus:
     return VehicleStatus(
-        stamp_ns=0, activity="piloted" if armed else "starting", armed=armed, note=note
+        stamp_ns=0,
+        activity="piloted" if armed else "starting",
+        armed=armed,
+        notices=tuple(map(Notice, codes)),
     )
 
 
@@ -72,16 +76,17 @@ def test_a_drone_that_never_disarms_does_not_hold_the_dive_for_ever():
 
 def test_a_script_that_waits_too_long_for_arming_ends_with_the_drones_own_reason():
     timeline = DiveTimeline(script_s=10.0)
-    timeline.see(status(armed=False, note="calibrating: keep the drone still"), 0)
+    timeline.see(status(False, "calibrating"), 0)
     with pytest.raises(LindyError, match=r"did not arm .* keep the drone still"):
         timeline.over(ns(ARMING_S) + 1)
 
 
 def test_what_crashed_is_named_before_what_it_left_undone():
     timeline = DiveTimeline(script_s=10.0, crashed=lambda: ["driver 10 ×"])
-    timeline.see(status(armed=False, note="no usable samples of its IMU"), 0)
+    timeline.see(status(False, "no_state"), 0)
     with pytest.raises(
-        LindyError, match=r"30 s: started again: driver 10 ×, its lines say why; no usable"
+        LindyError,
+        match=r"30 s: started again: driver 10 ×, its lines say why; not ready: no usable",
     ):
         timeline.over(ns(ARMING_S) + 1)
 

@@ -265,7 +265,7 @@ def test_a_service_that_falls_silent_is_said_by_its_role(service: str, silence_n
     assert ("service_silent" in found) == (long and role in ("motion", "keeper"))
     assert ("recorder_down" in found) == (long and role == "recorder")
     if "service_silent" in found:
-        assert found["service_silent"].detail == service
+        assert found["service_silent"].about == (service,)
 
 
 def test_a_silent_board_is_said_while_its_silence_is_counted() -> None:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from messages.events import note
 from messages.pilot import FlightMode
 from messages.reference import Reference
 from messages.state import VehicleState
@@ -298,10 +299,10 @@ def test_it_is_said_only_where_something_is_taken_away() -> None:
     drone = flight()
     drone.at(2.0, 2.0 * MOST, surge=0.0)
     assert drone.told == 0
-    assert "tilts" not in drone.status.note
+    assert "tilts" not in note(drone.status.notices)
     drone.at(1.0, 2.0 * MOST)
     assert drone.told == 1
-    assert "tilts" in drone.status.note
+    assert "tilts" in note(drone.status.notices)
 
 
 @pytest.mark.parametrize("hold", ["manual", "heading_hold"])
