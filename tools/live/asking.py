@@ -15,7 +15,6 @@ from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
 from services.runtime.node.requests import GIVE_UP_NS, A, Q
 
-
 NO_PILOT = "nobody flies from this side now, so control cannot change hands"
 
 
