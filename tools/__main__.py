@@ -105,7 +105,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
     "Study": {
         "sweep": Verb("sweep.sweep:sweep", "Simulate many dives on all cores, into one table."),
         "path": Verb("path:path", "Print a path (JSON), or the reference along it (CSV)."),
-        "profile": Verb("profile:profile", "Print one motion of the reference model."),
+        "profile": Verb("path:profile", "Print one motion of the reference model."),
         "ramp": Verb("ramp:ramp", "Turn a stick log into a smooth reference (CSV)."),
         "figures": Verb(f"{RESEARCH}.papers.command:figures", "Draw the two papers' figures."),
         "bench": Verb(f"{RESEARCH}.bench:bench", "Compare speed with other implementations."),
