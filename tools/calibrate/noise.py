@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from messages import topics
-from tools.recordings.allan import AllanNoise, Floats
-from tools.recordings.allan import noise as noise_of
-from tools.recordings.at_rest import RestingSamples, RestStatistics, rate, read, resting
+from tools.calibrate.allan import AllanNoise, Floats
+from tools.calibrate.allan import noise as noise_of
+from tools.calibrate.at_rest import RestingSamples, RestStatistics, read, resting
 from tools.recordings.recording import open_recording
 
 
@@ -62,7 +62,7 @@ def measured(heard: dict[str, RestingSamples]) -> Iterator[NoiseAxis]:
         topics.PRESSURE.key: [("pressure", "Pa")],
     }
     for key, samples in heard.items():
-        hz = rate(samples)
+        hz = samples.rate
         for column, (name, unit) in enumerate(names[key]):
             values: Floats = samples.values[:, column]
             different: list[float] = sorted(set(values.tolist()))

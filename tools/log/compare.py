@@ -22,8 +22,7 @@ from tools.log.flatten import FlattenedRows, Kind, Row, TableColumn
 from tools.recordings.columns import Array
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
-from tools.report import report_on
-from tools.report.report import Extras
+from tools.report.report import Extras, report_on
 from tools.report.summary import is_loss
 from tools.text_table import aligned
 

@@ -19,7 +19,7 @@ from messages import events
 from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.analysis.stops import StopAxis
-from tools.report import Report
+from tools.report.report import Report
 from tools.sweep.axes import PlannedDive
 
 Cell = str | int | float | None

@@ -29,8 +29,7 @@ from tools.log.recover import recovered
 from tools.recordings.recording import is_whole, open_recording
 from tools.replay.command import span_of
 from tools.replay.source import open_source, remarks
-from tools.report import report_on
-from tools.report.report import Extras, Report
+from tools.report.report import Extras, Report, report_on
 
 KEY = topics.PRESSURE.key
 CHUNKS, PER_CHUNK, PER_FLUSH = 3, 40, 10

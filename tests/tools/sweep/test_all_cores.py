@@ -42,7 +42,7 @@ def test_an_error_in_a_job_is_raised():
         list(on_all_cores(fail, [1], 1))
 
 
-def die(number: int) -> None:
+def die(_: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 

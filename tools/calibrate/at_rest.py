@@ -12,7 +12,7 @@ from messages import topics
 from messages.sensors import ImuSample, MagnetometerSample
 from services.estimation.rest import MOST_FORCE_STD, MOST_RATE_STD
 from services.runtime.config.errors import LindyError
-from tools.recordings.allan import Floats
+from tools.calibrate.allan import Floats
 from tools.recordings.columns import ARRIVAL, Figures, StreamFigures, read_streams
 from tools.recordings.recording import Recording
 
@@ -25,6 +25,8 @@ HOW = (
     "to make such a recording, let nobody arm the drone: `lindy up drone --out dives/on_the_bench`"
     " without a topside, and Ctrl-C after a minute or longer"
 )
+MOST_STD = np.array([MOST_RATE_STD] * 3 + [MOST_FORCE_STD] * 3)  # [rad/s, m/s²]
+Span = tuple[float, float]  # [s] from and to
 
 
 def _imu(m: ImuSample) -> Figures:
@@ -47,8 +49,18 @@ class RestingSamples(NamedTuple):
     t: Floats  # [s] stamps, shape (n,)
     values: Floats  # shape (n, axes)
 
+    @property
+    def rate(self) -> float:
+        """[1/s]"""
+        return float(1.0 / np.median(np.diff(self.t)))
 
-Span = tuple[float, float]  # [s] from and to
+    def blocks(self, seconds: float) -> Iterator[tuple[float, Floats]]:
+        """Begin [s] and values of each whole block."""
+        t = self.t - self.t[0]
+        edges = np.searchsorted(t, np.arange(0.0, t[-1], seconds)).tolist()
+        for begin, end in pairwise(edges):
+            if end > begin:
+                yield float(t[begin]), self.values[begin:end]
 
 
 class HeardAtRest(NamedTuple):
@@ -106,81 +118,48 @@ def resting(heard: HeardAtRest, recording: Path) -> RestStatistics:
             f"{recording} is not at rest: the drone {why}; the longest rest is"
             f" {end - begin:.1f} s, noise needs at least {SHORTEST:.0f} s; {HOW}"
         )
-    cut = {
-        key: _between(each, imu.t[0] + begin, imu.t[0] + end) for key, each in heard.samples.items()
-    }
-    rest = RestStatistics(
-        heard.first + begin, end - begin, {key: s for key, s in cut.items() if len(s.t) >= FEWEST}
-    )
-    if topics.PRESSURE.key in rest.samples:
-        _check_depth(rest.samples[topics.PRESSURE.key], recording)
-    return rest
-
-
-def _between(samples: RestingSamples, begin: float, end: float) -> RestingSamples:
-    inside = (samples.t >= begin) & (samples.t < end)
-    return RestingSamples(samples.t[inside], samples.values[inside])
+    samples: dict[str, RestingSamples] = {}
+    for key, each in heard.samples.items():
+        inside = (each.t >= imu.t[0] + begin) & (each.t < imu.t[0] + end)
+        if np.count_nonzero(inside) >= FEWEST:
+            samples[key] = RestingSamples(each.t[inside], each.values[inside])
+    if topics.PRESSURE.key in samples:
+        _check_depth(samples[topics.PRESSURE.key], recording)
+    return RestStatistics(heard.first + begin, end - begin, samples)
 
 
 def _longest(imu: RestingSamples, heard: HeardAtRest) -> tuple[Span, str]:
     """The longest span [s] after the first sample without motion, and what ended rest first."""
     spans: list[Span] = []
-    why = ""
+    why, pose = "", np.zeros(6)  # mean of the first block of this rest
     since: float | None = None  # [s] None: not at rest
-    pose = np.zeros(imu.values.shape[1])  # mean at the beginning of this rest
     begin = 0.0
-    for begin, block in _blocks(imu, BLOCK):
-        mean = block.mean(axis=0)
-        armed = _armed_within(heard.armed, imu.t[0] + begin)
-        what = "was armed" if armed is not None else _beyond(np.std(block, axis=0))
-        if not what and since is not None:
-            what = _beyond(np.abs(mean - pose))
-        if not what and since is None:
-            since, pose = begin, mean
-        if what:
-            after = begin if armed is None else max(begin, armed - imu.t[0])
-            why = why or f"{what} after {heard.first + after:.1f} s"
-            spans += [] if since is None else [(since, begin)]
-            since = None
+    for begin, block in imu.blocks(BLOCK):
+        at, mean = imu.t[0] + begin, block.mean(axis=0)
+        armed = next((a for a, b in heard.armed if a < at + BLOCK and at < b), None)
+        pose = mean if since is None else pose
+        beyond = (np.std(block, axis=0) > MOST_STD) | (np.abs(mean - pose) > MOST_STD)
+        if armed is None and not beyond.any():
+            since = begin if since is None else since
+            continue
+        what, after = "turns" if beyond[:3].any() else "is pushed", begin
+        if armed is not None:
+            what, after = "was armed", max(begin, armed - imu.t[0])
+        why = why or f"{what} after {heard.first + after:.1f} s"
+        spans += [] if since is None else [(since, begin)]
+        since = None
     if since is not None:
         spans.append((since, begin + BLOCK))
     return max(spans, key=lambda span: span[1] - span[0], default=(0.0, 0.0)), why
 
 
-def _armed_within(armed: list[Span], begin: float) -> float | None:
-    """[s] By the clock of the stamps: when a time armed began that reaches into a block."""
-    return next((a for a, b in armed if a < begin + BLOCK and begin < b), None)
-
-
-def _beyond(spread: Floats) -> str:
-    """The motion in six numbers [rad/s, m/s²], in words; empty for a drone at rest."""
-    if np.any(spread[:3] > MOST_RATE_STD):
-        return "turns"
-    return "is pushed" if np.any(spread[3:] > MOST_FORCE_STD) else ""
-
-
 def _check_depth(samples: RestingSamples, recording: Path) -> None:
-    means = [float(block.mean()) for _, block in _blocks(samples, 1.0)]
+    means = [float(block.mean()) for _, block in samples.blocks(1.0)]
     steps: Floats = np.diff(samples.values[:, 0])
     single = float(np.std(steps)) / sqrt(2.0)  # slow motion left out
     change = max(means) - min(means)
-    if change > SINKING + 6.0 * single / sqrt(rate(samples)):
+    if change > SINKING + 6.0 * single / sqrt(samples.rate):
         raise LindyError(
             f"{recording} is not at rest: the pressure wanders by {change:.0f} Pa between its"
             " seconds"
         )
-
-
-def _blocks(samples: RestingSamples, seconds: float) -> Iterator[tuple[float, Floats]]:
-    """Begin [s] and values of each whole block."""
-    t = samples.t - samples.t[0]
-    edges = np.searchsorted(t, np.arange(0.0, t[-1], seconds)).tolist()
-    for begin, end in pairwise(edges):
-        if end > begin:
-            yield float(t[begin]), samples.values[begin:end]
-
-
-def rate(samples: RestingSamples) -> float:
-    """[1/s]"""
-    periods: Floats = np.diff(samples.t)
-    return float(1.0 / np.median(periods))
