@@ -125,7 +125,7 @@ LOG: dict[str, Verb] = {
     "info": Verb("log.info:info", "What a recording is of, and what is in it."),
     "check": Verb("log.check:check", "Is everything in it that was sent, and what was lost where?"),
     "cut": Verb("log.cut:cut", "Cut a part out, as a recording of its own."),
-    "recover": Verb("log.recover:recover", "Save what can be read of a damaged recording."),
+    "recover": Verb("log.cut:recover", "Save what can be read of a damaged recording."),
     "export": Verb(
         "log.export:export",
         "Write tables, a bag of ROS 2, a stick log, a link's trace, or rerun's file.",

@@ -18,7 +18,7 @@ from messages.vehicle import OWN_WAY, VehicleStatus
 from services.runtime.config.errors import LindyError
 from tools.choices import Json
 from tools.exit_status import DONE, LOST
-from tools.log.armed_spans import ArmedSpan, ArmedSpans
+from tools.log.cut import ArmedSpan, ArmedSpans
 from tools.recordings.dive_file import FlownDive, flown_dive
 from tools.recordings.progress import reading
 from tools.recordings.recording import Raw, Recording, is_whole, open_recording

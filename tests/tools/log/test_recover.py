@@ -23,9 +23,9 @@ from services.runtime.config.errors import LindyError
 from tests.support.recorded import ShortDive, foreign
 from tools.__main__ import main
 from tools.analysis.dive import RecordedDive, read_dive
-from tools.log import recover
 from tools.log.compare import figures
-from tools.log.recover import recovered
+from tools.log.cut import recovered
+from tools.recordings import recording as reader
 from tools.recordings.recording import is_whole, open_recording
 from tools.replay.command import span_of
 from tools.replay.source import open_source, remarks
@@ -186,7 +186,7 @@ def test_a_recording_that_is_still_written_is_not_called_damaged(
     data, _ = whole_file()
     path = tmp_path / "dive.mcap"
     path.write_bytes(data[: round(end * len(data))])
-    records = recover.records
+    records = reader.records
 
     def beside_its_recorder(*args: Any, **more: Any) -> Iterator[Any]:
         for number, record in enumerate(records(*args, **more)):
@@ -195,7 +195,7 @@ def test_a_recording_that_is_still_written_is_not_called_damaged(
                     file.write(bytes(20))
             yield record
 
-    monkeypatch.setattr(recover, "records", beside_its_recorder)
+    monkeypatch.setattr(reader, "records", beside_its_recorder)
     found = recovered(path, tmp_path / "mended.mcap")
     assert found.messages > 0
     assert found.wrong == ["dive.mcap is still being written: look again when the dive has ended"]
