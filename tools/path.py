@@ -15,8 +15,7 @@ from services.reference.paths.turn import SmoothTurn, Turn
 from services.reference.trajectory.minimum_jerk import Limits, MotionProfile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
-from tools.generators.clothoid import TwinClothoids
-from tools.generators.route import MotionLaw, Route, furthest, route, stretch
+from tools.generators.route import MotionLaw, Route, TwinClothoids, furthest, route, stretch
 
 MOST_ROWS = 10_000_000
 Step = Annotated[float | None, Parameter(help="[s] between samples, for the reference")]

@@ -24,9 +24,8 @@ from tools.fresh import write_fresh
 from tools.health_sums import HealthOfAll
 from tools.recordings.progress import reading
 from tools.recordings.recording import log_hash, merge_parts, open_recording
-from tools.report.report import Extras, Report, encode, report_on
+from tools.report.report import Extras, Report, counted, encode, ending, processes, report_on
 from tools.report.summary import Elsewhere, elsewhere, lined_up, summary, unrecorded
-from tools.report.troubles import counted, ending, processes
 
 SAID = f"exit status {LOST}: data was lost, or a service did not work for a while"
 RECORDER, HUB = "recorder", "hub_"

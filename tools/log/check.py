@@ -28,7 +28,7 @@ from tools.choices import Json
 from tools.health_sums import HealthSums
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
-from tools.report.troubles import times
+from tools.report.report import times
 from tools.text_table import aligned
 
 COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing", "duplicated")

@@ -20,7 +20,7 @@ from messages.message import Message
 from messages.payload import UNDECODABLE
 from messages.topic import AnyTopic
 from services.recorder.foxglove.channel import is_view
-from services.recorder.io.open_chunk import MAGIC
+from services.recorder.io.mcap_file import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError

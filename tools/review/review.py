@@ -15,9 +15,8 @@ from tools.review.estimated import Measurement, MeasurementSection, estimate, pl
 from tools.review.estimation import EstimationSection, ReviewedEstimation
 from tools.review.recorded import read
 from tools.review.section import ReviewSection
-from tools.review.sensors import SensorSection, SensorStream
+from tools.review.sensors import AxisVibration, SensorSection, SensorStream, VibrationSection
 from tools.review.stops import ReviewedStop, StopSection, StopsWithLindySection, reviewed_stops
-from tools.review.vibration import AxisVibration, VibrationSection
 from tools.review.with_lindy import stops_with_lindy
 
 SHOWN = 3  # keys that a sentence names

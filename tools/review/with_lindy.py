@@ -10,9 +10,8 @@ import msgspec
 from services.runtime.config.errors import LindyError
 from services.runtime.hosts.registry import Registry
 from tools.choices import Choices
-from tools.identify.identify import identify_dive
-from tools.identify.results import identified
-from tools.identify.vehicle_file import rewritten, rounded
+from tools.identify.command import identify_dive
+from tools.identify.results import identified, rewritten, rounded
 from tools.live.cockpit import VIEWER
 from tools.log.sticks import as_csv, sticks_of
 from tools.recordings.recording import open_recording

@@ -19,15 +19,15 @@ from services.runtime.config.stack import Stack
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Dvl, Settings
 from tools.__main__ import main
-from tools.calibrate.allan import Floats
 from tools.calibrate.dvl import DvlGuide
-from tools.calibrate.results import (
+from tools.calibrate.guide import (
     CalibrationError,
     SensorFound,
     Setting,
     with_settings,
 )
-from tools.identify.vehicle_file import read_vehicle
+from tools.calibrate.noise import Floats
+from tools.identify.results import read_vehicle
 
 DT_NS = 10_000_000  # [ns] of the IMU
 DEVICE = Dvl(rate=10.0, std=0.005)

@@ -23,10 +23,18 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings as Simulator
-from tools.calibrate.allan import deviation
-from tools.calibrate.allan import noise as noise_of
-from tools.calibrate.at_rest import HeardAtRest, RestingSamples, read, resting
-from tools.calibrate.noise import NoiseAxis, lines, measured, noise
+from tools.calibrate.noise import (
+    HeardAtRest,
+    NoiseAxis,
+    RestingSamples,
+    deviation,
+    lines,
+    measured,
+    noise,
+    read,
+    resting,
+)
+from tools.calibrate.noise import noise_of as noise_of
 from tools.recordings.recording import open_recording
 from tools.up import on_side
 
