@@ -2,7 +2,7 @@
 
 import contextlib
 import json
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
@@ -12,17 +12,16 @@ import msgspec
 from cyclopts import Parameter
 
 from messages import events
-from messages.events import Level, Outbox
 from messages.text import harmless
-from messages.units import Ns
 from services.marine.vehicle import Vehicle
 from services.recorder.core import Intake
 from services.recorder.foxglove.views import Views
 from services.recorder.io.attachments import AttachedFile, attachments
-from services.recorder.io.mcap_session import McapSession, RecordingCheckpoint
+from services.recorder.io.mcap_session import McapSession
 from services.recorder.io.parts import part_path
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
+from services.runtime.hosts.virtual_host import VirtualHost
 from tools.choices import named
 from tools.fresh import write_fresh
 from tools.importing.ardupilot_files import DataflashFile, TlogFile
@@ -38,34 +37,6 @@ from tools.live.dive_folder import DIVES, out_folder, point_latest
 
 FLUSHED = 5_000  # messages between two flushes
 BEFORE_NS = 10_000_000_000  # [ns] by the clock of the stamps at the first message
-
-
-class ImportNode:
-    """What the recorder's session needs of a service's node: here there is no service."""
-
-    sides: Mapping[str, object] = {"drone": None}
-
-    def __init__(self, first_ns: Ns) -> None:
-        """
-        Args:
-            first_ns: [ns] UTC of the first message.
-        """
-        self.outbox = Outbox()
-        self.wall_offset_ns = first_ns - BEFORE_NS
-        self.said: list[str] = []  # errors of the disk
-
-    def now(self) -> Ns:
-        return BEFORE_NS
-
-    def log(self, level: Level, text: str) -> None:
-        if level == "error":
-            self.said.append(text)
-
-    def restore_checkpoint(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None:
-        """None: it is the first time."""
-
-    def save_checkpoint(self, what: RecordingCheckpoint) -> None:
-        """It is not started again."""
 
 
 def record(
@@ -85,10 +56,18 @@ def record(
     own_map = AttachedFile(used.name, "application/toml", data, changed_ns)
     attached, views = [*attachments(stack), own_map], Views(vehicle)
     first = next(messages)
-    node = ImportNode(first.arrival_ns)
-    offset, encode = node.wall_offset_ns, msgspec.msgpack.Encoder().encode
-    intake = Intake(node.outbox, offset, views=views)
+    host, said = VirtualHost(), list[str]()  # what the disk failed with
+    host.now = BEFORE_NS
+    node = host.node("import", ["drone"])
+    node.wall_offset_ns = offset = first.arrival_ns - BEFORE_NS
+    node.show = lambda line: said.append(line.text) if line.level == "error" else None
+    encode, intake = msgspec.msgpack.Encoder().encode, Intake(node.outbox, offset, views=views)
     session = McapSession(node, stack, attached, {"imported": log})
+
+    def require_disk() -> None:
+        if said or node.outbox.counts[events.NOT_RECORDED().name]:
+            raise LindyError(" ".join(said) or "the recording could not be written")
+
     try:
         for number, (topic, message, arrival) in enumerate(chain([first], messages), 1):
             # By the clock of the services of a dive, which is never UTC.
@@ -102,16 +81,11 @@ def record(
                 session.write(row)
             if number % FLUSHED == 0:
                 session.flush(node.now())
-                _require_disk(node)
+                require_disk()
         session.flush(node.now())
     finally:
         session.close(intake.log_hash())
-    _require_disk(node)
-
-
-def _require_disk(node: ImportNode) -> None:
-    if node.said or node.outbox.counts[events.NOT_RECORDED().name]:
-        raise LindyError(" ".join(node.said) or "the recording could not be written")
+    require_disk()
 
 
 @contextmanager
