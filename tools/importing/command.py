@@ -25,14 +25,13 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from tools.choices import named
 from tools.fresh import write_fresh
 from tools.importing.ardupilot_files import DataflashFile, TlogFile
+from tools.importing.column_files import TableFile, UlogFile
 from tools.importing.contradictions import Oddity
 from tools.importing.conversion import Conversion, Imported
 from tools.importing.log_file import BY_FILE, LogFile, chosen, listed, missing, unfit, untaken
 from tools.importing.map_file import read_map
 from tools.importing.rosbag_file import McapLog, RosbagFile, is_rosbag
 from tools.importing.several_files import SeveralFiles
-from tools.importing.table_file import TableFile
-from tools.importing.ulog_file import UlogFile
 from tools.live.dive_folder import DIVES, out_folder, point_latest
 
 FLUSHED = 5_000  # messages between two flushes

@@ -103,7 +103,7 @@ def export(
 
             return write_sticks(recording, out or free_name(place, "sticks", ".csv"))
         case "trace":
-            from tools.log.link_trace import write_trace
+            from tools.log.sticks import write_trace
 
             return write_trace(recording, out or free_name(place, "trace", ".csv"))
         case "rrd":

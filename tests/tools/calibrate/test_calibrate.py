@@ -19,7 +19,7 @@ from services.marine.attitude import from_euler
 from services.marine.calibration import SensorCalibration
 from services.marine.mounting import ImuMount, Mounting, Turned
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack

@@ -16,7 +16,7 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.estimation.settings import Settings
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.sensors import PressureSample
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from tests.support.recorded import ShortDive, foreign

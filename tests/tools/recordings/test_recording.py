@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 
 from messages import topics
 from messages.sensors import PressureSample
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import MAGIC, McapFile
 from services.runtime.config.errors import LindyError
 from tools.recordings.mcap_records import Damage, StoredMessage, records

@@ -18,7 +18,7 @@ from messages.reference import Motion
 from messages.sensors import BatterySample, PressureSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from tests.support import said as told
 from tools.analysis.dive import read_dive
