@@ -70,7 +70,7 @@ class Accounts(msgspec.Struct, kw_only=True):
         return sum(account.missing for account in self.topics.values())
 
 
-def check(recording: Path, *, json: Json = False) -> int:
+def check(recording: Path, /, *, json: Json = False) -> int:
     """Is everything in it that was sent, and what was lost where?
 
     RECORDING is a dive's folder or its MCAP file. For every topic: sent, recorded, and lost.

@@ -70,7 +70,7 @@ class Differences(msgspec.Struct):
         return not self.counts and not self.fields
 
 
-def compare(a: Path, b: Path, *, json: Json = False) -> int:
+def compare(a: Path, b: Path, /, *, json: Json = False) -> int:
     """What differs between two recordings, when first.
 
     And by how much, by stream and field. A and B are dives' folders or MCAP files, of one vehicle.

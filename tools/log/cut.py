@@ -149,6 +149,7 @@ class WantedPart(NamedTuple):
 
 def cut(
     recording: Path,
+    /,
     *,
     out: NewFile,
     from_: Annotated[
@@ -234,7 +235,7 @@ class Recovered(NamedTuple):
     wrong: list[str]  # what was wrong with the files; empty: nothing was missing
 
 
-def recover(recording: Path, *, out: NewFile) -> int:
+def recover(recording: Path, /, *, out: NewFile) -> int:
     """Save what can be read of a damaged recording.
 
     RECORDING is a dive's folder or its MCAP file, of whatever length, cut off or damaged. All that

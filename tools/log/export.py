@@ -61,6 +61,7 @@ NewTable = Callable[[Path, list[TableColumn]], RowTable]
 
 def export(
     recording: Path,
+    /,
     *,
     as_: Annotated[
         Kind,

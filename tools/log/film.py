@@ -227,6 +227,7 @@ Spans = Sequence[tuple[int, float]]  # [ns] UTC from when to when
 
 def film(
     recording: Path,
+    /,
     *,
     out: NewFile,
     marked: Annotated[

@@ -129,7 +129,7 @@ class Gathered:
             self.events.append(SeenEvent(round(t, 3), over or acts))
 
 
-def info(recording: Path, *, json: Json = False) -> int:
+def info(recording: Path, /, *, json: Json = False) -> int:
     """What a recording is of, and what is in it.
 
     Vehicle, versions, length, events, topics. RECORDING is a dive's folder or its MCAP file. Exit

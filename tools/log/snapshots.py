@@ -34,6 +34,7 @@ ASCII = b"ASCII\0\0\0"  # of UserComment
 
 def snapshots(
     recording: Path,
+    /,
     *,
     out: Annotated[Path, Parameter(converter=named, help="the folder to write into")],
     at: Annotated[

@@ -24,6 +24,7 @@ SHOWN = 20  # differences that are printed
 
 def replay(
     recording: Annotated[Path, Parameter(converter=named)],
+    /,
     *,
     speed: Annotated[float, Parameter(help="recorded seconds per second")] = 1.0,
     from_: Annotated[

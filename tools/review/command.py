@@ -227,6 +227,7 @@ def review(
             help="a dive's folder or its MCAP file, or a log that `lindy import` reads",
         ),
     ],
+    /,
     *,
     out: Annotated[
         Path | None,
