@@ -147,7 +147,6 @@ AXES = (
     *(("accelerometer surge", "m/s²"), ("accelerometer sway", "m/s²")),
     ("accelerometer heave", "m/s²"),
 )
-FORCE = slice(3, 6)  # columns of the specific force
 WINDOW_S, FEWEST = 2.0, 64  # [s], samples: the longer of the two is a window
 PART = 0.2  # [-] of all windows: the quietest, and the most shaken
 LEAST_WINDOWS = 5
