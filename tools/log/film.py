@@ -22,12 +22,11 @@ from messages.state import VehicleState
 from messages.text import harmless
 from messages.vehicle import VehicleStatus
 from messages.video import Assembler, VideoPart
-from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from tools.choices import NewFile
 from tools.exit_status import DONE, LOST
-from tools.fresh import EXISTS, refuse_existing, write_fresh
+from tools.fresh import new_file, refuse_existing, write_fresh
 from tools.packages import require_package
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
@@ -305,23 +304,13 @@ def _written(path: Path, shown: Iterator[FilmedPicture]) -> str:
     subtitles, count = Subtitles(), 0
     picture = first = next(shown)
     refuse_existing(srt := path.with_suffix(".srt"))
-    try:
-        file = path.open("xb")
-        try:
-            with file:
-                film = CopiedFilm(file, first)
-                for picture in chain([first], shown):
-                    film.add(picture)
-                    count += 1
-                    subtitles.add(max(0, picture.light_ns - first.light_ns), picture.drone.words)
-                film.close()
-        except BaseException:
-            path.unlink()
-            raise
-    except FileExistsError:
-        raise LindyError(f"cannot write {path}: {EXISTS.format('--out')}") from None
-    except OSError as error:
-        raise LindyError(f"cannot write {path}: {reason(error)}") from None
+    with new_file(path) as file:
+        film = CopiedFilm(file, first)
+        for picture in chain([first], shown):
+            film.add(picture)
+            count += 1
+            subtitles.add(max(0, picture.light_ns - first.light_ns), picture.drone.words)
+        film.close()
     write_fresh(srt, subtitles.text().encode())
     seconds = (picture.light_ns - first.light_ns) / 1e9
     return f"{count} pictures, {seconds:.1f} s, in {path} and {srt}"
