@@ -178,8 +178,8 @@ def page(of: Reviewed) -> str:
         f"<title>Review of {escape(found.file)}</title><style>{STYLE}</style></head><body>"
         f'<h1>Your dive, reviewed</h1><p class="about">{escape(found.file)}: {escape(about)}</p>'
         f'{remarks}<h2>In short</h2><ul class="short">{short}</ul>{sections}'
-        f'<p class="about">Made by lindy reviewed. The same figures: '
-        f"lindy reviewed --json {escape(found.file)}</p></body></html>\n"
+        f'<p class="about">Made by lindy review. The same figures: '
+        f"lindy review --json {escape(found.file)}</p></body></html>\n"
     )
 
 

@@ -31,10 +31,10 @@ from tools.calibrate.noise import (
     lines,
     measured,
     noise,
+    noise_of,
     read,
     resting,
 )
-from tools.calibrate.noise import noise_of as noise_of
 from tools.recordings.recording import open_recording
 from tools.up import on_side
 

@@ -49,6 +49,7 @@ def test_a_page_that_loads_nothing_and_overwrites_nothing(
     first = (dive / "review-2.html").read_text()
     for section in ReviewSection.__subclasses__():
         assert section.heading in first.replace("&#x27;", "'")
+    assert "The same figures: lindy review --json" in first
     assert "http" not in first
     assert first.count("<img") == first.count('src="data:image/png;base64,')
     assert first.count("<img") >= 3
