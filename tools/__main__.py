@@ -105,7 +105,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
     "Study": {
         "sweep": Verb("sweep.sweep:sweep", "Simulate many dives on all cores, into one table."),
         "path": Verb("path:path", "Print a path (JSON), or the reference along it (CSV)."),
-        "profile": Verb("profile:profile", "Print one motion of the reference model."),
+        "profile": Verb("path:profile", "Print one motion of the reference model."),
         "ramp": Verb("ramp:ramp", "Turn a stick log into a smooth reference (CSV)."),
         "figures": Verb(f"{RESEARCH}.papers.command:figures", "Draw the two papers' figures."),
         "bench": Verb(f"{RESEARCH}.bench:bench", "Compare speed with other implementations."),
@@ -125,7 +125,7 @@ LOG: dict[str, Verb] = {
     "info": Verb("log.info:info", "What a recording is of, and what is in it."),
     "check": Verb("log.check:check", "Is everything in it that was sent, and what was lost where?"),
     "cut": Verb("log.cut:cut", "Cut a part out, as a recording of its own."),
-    "recover": Verb("log.recover:recover", "Save what can be read of a damaged recording."),
+    "recover": Verb("log.cut:recover", "Save what can be read of a damaged recording."),
     "export": Verb(
         "log.export:export",
         "Write tables, a bag of ROS 2, a stick log, a link's trace, or rerun's file.",

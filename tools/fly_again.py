@@ -135,17 +135,14 @@ def _judged(
             )
         print(f"log hash          the same as in {path}: {before[:16]}…", flush=True)
         return flown.status
-    differences = dive.differences(lindy(), computer())
     why = (
-        f"it was recorded with {'; '.join(differences)}"
-        if differences
-        else "with the same Lindy on the same kind of computer: was it interrupted, or the code "
-        "changed?"
+        "with the same Lindy on the same kind of computer: was it interrupted, or the code changed?"
     )
-    more = (
-        "" if flown.folder is None else f"; `lindy log compare {path} {flown.folder}` shows where"
-    )
+    if differences := dive.differences(lindy(), computer()):
+        why = f"it was recorded with {'; '.join(differences)}"
+    if flown.folder is not None:
+        why += f"; `lindy log compare {path} {flown.folder}` shows where"
     raise LindyError(
         f"the log hash is not the same as in {path} ({before[:16]}…, now "
-        f"{flown.log_hash[:16]}…): {why}{more}"
+        f"{flown.log_hash[:16]}…): {why}"
     )

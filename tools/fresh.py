@@ -1,7 +1,10 @@
 """New files. Nothing that exists is ever deleted or overwritten."""
 
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
+from typing import BinaryIO
 
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
@@ -50,8 +53,9 @@ def require_picture(path: Path, option: str) -> None:
     refuse_existing(path, option)
 
 
-def write_fresh(path: Path, data: bytes, option: str = "--out") -> None:
-    """Write a new file, whole or not at all.
+@contextmanager
+def new_file(path: Path, option: str = "--out") -> Generator[BinaryIO]:
+    """A new file, whole or not at all.
 
     Args:
         option: that names it.
@@ -62,12 +66,20 @@ def write_fresh(path: Path, data: bytes, option: str = "--out") -> None:
     try:
         with path.open("xb") as file:
             try:
-                file.write(data)
+                yield file
                 file.flush()
             except BaseException:
+                with suppress(OSError):  # of what is not written yet, on a full disk
+                    file.close()
                 path.unlink()  # an incomplete file would block the next attempt
                 raise
     except FileExistsError:
         raise LindyError(f"cannot write {path}: {EXISTS.format(option)}") from None
     except OSError as error:
         raise LindyError(f"cannot write {path}: {reason(error)}") from None
+
+
+def write_fresh(path: Path, data: bytes, option: str = "--out") -> None:
+    """Write a new file. Arguments and errors as of `new_file`."""
+    with new_file(path, option) as file:
+        file.write(data)

@@ -1,8 +1,9 @@
-"""`lindy path`: a path of lines and clothoids through waypoints, and the motion along it."""
+"""`lindy path`: a path of lines and clothoids through waypoints, and the motion along it; `lindy
+profile`: one motion of the reference model of Fernandes et al. 2015."""
 
 import json
 from collections.abc import Iterator
-from math import exp
+from math import ceil, exp, isfinite
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -14,9 +15,10 @@ from services.reference.paths.turn import SmoothTurn, Turn
 from services.reference.trajectory.minimum_jerk import Limits, MotionProfile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
-from tools.generators.clothoid import TwinClothoids
-from tools.generators.route import MotionLaw, Route, furthest, route, stretch
-from tools.profile import rows
+from tools.generators.route import MotionLaw, Route, TwinClothoids, furthest, route, stretch
+
+MOST_ROWS = 10_000_000
+Step = Annotated[float | None, Parameter(help="[s] between samples, for the reference")]
 
 
 class PlannedPathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -40,11 +42,7 @@ class PlannedPathFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     xi: float = 15.0  # [-] fernandes: ξ_a = ξ_d
 
 
-def path(
-    file: str,
-    *,
-    dt: Annotated[float | None, Parameter(help="[s] between samples, for the reference")] = None,
-) -> int:
+def path(file: str, /, *, dt: Step = None) -> int:
     """Print a path (JSON), or the reference along it (CSV).
 
     FILE is a TOML file or a name in deploy/paths. Keys: waypoints, min_radius, kind, smooth_yaw;
@@ -159,3 +157,53 @@ def samples(route: Route, steps: int, dt: float) -> Iterator[str]:
     """CSV lines, one per step of `dt` [s] from 0 to the first one at or after the arrival."""
     for k in range(steps + 1):
         yield ",".join(map(repr, route.at(k * dt)))
+
+
+def rows(duration: float, dt: float) -> int:
+    """How many steps of `dt` [s] reach the arrival after `duration` [s].
+
+    Raises:
+        LindyError: dt is no step for this motion.
+    """
+    if not (isfinite(dt) and dt > 0):
+        raise LindyError(f"--dt is {dt}, expected more than 0 s")
+    steps = duration / dt
+    if steps > MOST_ROWS:
+        raise LindyError(f"--dt {dt} gives {steps:.3g} rows, expected at most {MOST_ROWS}")
+    return ceil(steps)
+
+
+def profile(
+    *, length: float, cruise: float, accel_time: float, decel_time: float, dt: Step = None
+) -> int:
+    """Print one motion of the reference model.
+
+    From rest to rest, with the paper's usual tuning: its numbers (JSON), or its samples (CSV).
+
+    Example: lindy profile --length 50 --cruise 0.3 --accel-time 20 --decel-time 20 --dt 0.1
+
+    Without --dt: v_m, v_c, a_m, d_m, the ends of the five phases in time (t) and position (P).
+    With --dt: t,p,v,a from the start to the first sample at or after the arrival.
+
+    Args:
+        length: [m] or [rad]; negative goes backwards.
+        cruise: per s; negative goes backwards. Lower where the length does not allow it.
+        accel_time: [s] from 0 to cruise.
+        decel_time: [s] from cruise to 0.
+    """
+    from tools.generators.fernandes import MotionRequest, plan
+
+    try:
+        motion = plan(MotionRequest(length, cruise, accel_time, decel_time))
+    except ValueError as error:
+        raise LindyError(str(error)) from error
+    if dt is None:
+        named = {name: getattr(motion, name) for name in ("v_m", "v_c", "a_m", "d_m", "t", "P")}
+        print(json.dumps(named, allow_nan=False))
+        return 0
+    steps = rows(motion.duration, dt)
+    print("t,p,v,a")
+    for k in range(steps + 1):
+        here = motion.at(k * dt)
+        print(f"{k * dt!r},{here.position!r},{here.velocity!r},{here.acceleration!r}")
+    return 0

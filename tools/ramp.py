@@ -1,10 +1,9 @@
 """`lindy ramp`: a reference generator as a filter, CSV in and CSV out, or one plan as JSON."""
 
-import csv
 import json
 import sys
 from collections.abc import Iterable, Iterator
-from math import floor, inf, isfinite
+from math import floor, inf, isfinite, nan
 from typing import TYPE_CHECKING, Literal, TextIO
 
 from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, solve
@@ -19,7 +18,7 @@ TargetRow = tuple[float, float]  # t [s], target
 MOST_SAMPLES = 5_000_000
 SAME = 1e-9  # of dt: an input closer than this to a sample is at the sample
 HEADER = ["t", "target"]
-BYTE_ORDER_MARK = "\ufeff"  # spreadsheets like to begin with one
+BLANK = "\ufeff \t\r\n"  # spreadsheets like to begin with a byte order mark
 TOO_LARGE = "the numbers are too large or too small to calculate with"
 
 
@@ -29,10 +28,6 @@ def ramp(
     jerk: float | None = None,
     accel: float | None = None,
     dt: float | None = None,
-    v0: float = 0.0,
-    a0: float = 0.0,
-    frequency: float = 10.0,
-    damping: float = 0.8,
     plan: bool = False,
     to: float | None = None,
 ) -> int:
@@ -44,7 +39,8 @@ def ramp(
     samples. Samples are at the first input time and every dt from there, the last input time
     included where it falls on one. The sample at which a target changes already shows the new
     plan's jerk; position, velocity and acceleration are continuous there (velocity is not with
-    --rule direct). Position starts at 0, velocity and acceleration at --v0 and --a0.
+    --rule direct). Position, velocity and acceleration start at 0. The filter has 10 rad/s and a
+    damping of 0.8.
 
     Example: printf 't,target\\n0,0.3\\n2,0\\n' | lindy ramp --jerk 3 --accel 0.5 --dt 0.1
 
@@ -60,23 +56,19 @@ def ramp(
         most acceleration [per s²], of bounded and minimum-time
     dt
         [s] between samples
-    v0
-        velocity at the beginning
-    a0
-        acceleration at the beginning
-    frequency
-        [rad/s] of the filter
-    damping
-        [-] of the filter
     plan
         print one transition as JSON instead; reads nothing
     to
         target velocity of --plan
     """
-    _check({"jerk": jerk, "accel": accel, "dt": dt}, {"v0": v0, "a0": a0, "to": to})
-    generator = _generator(rule, jerk, accel, v0, a0, frequency, damping)
+    for name, value in (("jerk", jerk), ("accel", accel), ("dt", dt)):
+        if value is not None and not (isfinite(value) and value > 0):
+            raise LindyError(f"--{name} is {value}, expected a finite number above 0")
+    if to is not None and not isfinite(to):
+        raise LindyError(f"--to is {to}, expected a finite number")
+    generator = generator_of(rule, jerk, accel)
     if plan:
-        print(_plan(rule, generator, to))
+        print(plan_of(rule, generator, to))
         return 0
     if to is not None:
         raise LindyError("--to belongs to --plan; without it the targets come from stdin")
@@ -101,20 +93,26 @@ def read(source: TextIO) -> list[TargetRow]:
         LindyError: empty, not two finite numbers on a line, or times that go back.
     """
     rows: list[TargetRow] = []
-    lines = csv.reader(source)
     try:
-        for cells in lines:
-            cells = [cell.strip(BYTE_ORDER_MARK).strip() for cell in cells]
+        for number, line in enumerate(source, 1):
+            cells = [cell.strip() for cell in line.strip(BLANK).split(",")]
             if not any(cells) or (not rows and cells == HEADER):
                 continue
-            rows.append(_row(cells, lines.line_num))
-            if len(rows) > 1 and rows[-1][0] < rows[-2][0]:
+            try:
+                t, target = map(float, cells)
+            except ValueError:
+                t = target = nan
+            if not isfinite(t) or not isfinite(target):
+                said = f"expected two finite numbers t,target, found {','.join(cells)!r}"
+                raise LindyError(f"stdin, line {number}: {said}")
+            if rows and t < rows[-1][0]:
                 raise LindyError(
-                    f"stdin, line {lines.line_num}: time {rows[-1][0]} is before {rows[-2][0]} "
-                    "on the line above; times must not go back"
+                    f"stdin, line {number}: time {t} is before {rows[-1][0]} on the line above; "
+                    f"times must not go back"
                 )
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise LindyError(f"stdin, line {lines.line_num + 1}: not a CSV file: {error}") from None
+            rows.append((t, target))
+    except UnicodeDecodeError as error:
+        raise LindyError(f"stdin is not a CSV file: {error}") from None
     if not rows:
         raise LindyError("stdin holds no targets; expected CSV lines t,target")
     return rows
@@ -144,43 +142,14 @@ def samples(
         yield t, here
 
 
-def _row(cells: list[str], line: int) -> TargetRow:
-    if len(cells) != 2:
-        raise LindyError(f"stdin, line {line}: expected t,target, found {','.join(cells)!r}")
-    try:
-        t, target = float(cells[0]), float(cells[1])
-    except ValueError:
-        raise LindyError(
-            f"stdin, line {line}: expected two numbers t,target, found {','.join(cells)!r}"
-        ) from None
-    if not (isfinite(t) and isfinite(target)):
-        raise LindyError(f"stdin, line {line}: numbers must be finite, found {','.join(cells)!r}")
-    return t, target
-
-
-def _check(above_0: dict[str, float | None], finite: dict[str, float | None]) -> None:
-    for name, value in above_0.items():
-        if value is not None and not (isfinite(value) and value > 0):
-            raise LindyError(f"--{name} is {value}, expected a finite number above 0")
-    for name, value in finite.items():
-        if value is not None and not isfinite(value):
-            raise LindyError(f"--{name} is {value}, expected a finite number")
-
-
-def _generator(
-    rule: Rule, jerk: float | None, accel: float | None, v0: float, a0: float,
-    frequency: float, damping: float,
-) -> "BaselineReference":  # fmt: skip
+def generator_of(rule: Rule, jerk: float | None, accel: float | None) -> "BaselineReference":
     from tools.generators import thesis_rule
     from tools.generators.baselines import Direct, Filter, PlannedBaseline, minimum_time
 
     if accel is not None and rule not in ("bounded", "minimum-time"):
         print(f"lindy: --accel has no effect: --rule {rule} has no such limit", file=sys.stderr)
-    if rule == "direct":
-        return Direct(target=v0)
-    if rule == "filter":
-        _check({"frequency": frequency, "damping": damping}, {})
-        return Filter(frequency, damping, velocity=v0, acceleration=a0, target=v0)
+    if rule in ("direct", "filter"):
+        return Direct() if rule == "direct" else Filter()
     if jerk is None:
         raise LindyError(f"--jerk is missing: --rule {rule} needs the most jerk, e.g. --jerk 3")
     limits = Limits(jerk, inf if accel is None else accel)
@@ -191,10 +160,10 @@ def _generator(
             return [] if part is None else [part]
         return (minimum_time if rule == "minimum-time" else solve)(v, a, target, limits)
 
-    return PlannedBaseline(plan, velocity=v0, acceleration=a0)
+    return PlannedBaseline(plan)
 
 
-def _plan(rule: Rule, generator: "BaselineReference", to: float | None) -> str:
+def plan_of(rule: Rule, generator: "BaselineReference", to: float | None) -> str:
     from tools.generators.baselines import PlannedBaseline
 
     if to is None:

@@ -26,7 +26,7 @@ from tools.live.outcome import Outcome, title
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import Advance, MemoryRecorder, fly, without_files
 from tools.recordings.recording import log_hash
-from tools.report import summary
+from tools.report.summary import summary
 from tools.start import as_given, settled
 
 LINE_S = 10.0  # [s] of virtual time between two lines

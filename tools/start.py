@@ -27,7 +27,7 @@ from tools.live.resume import mark_ended
 from tools.live.session import DroneSide, PilotedDive, followed_by
 from tools.live.stop_signals import StopSignals
 from tools.packages import require_packages
-from tools.report import Elsewhere
+from tools.report.summary import Elsewhere
 
 RECORDER_HERE = f"{RECORDER}_topside"  # records what the topside hears
 

@@ -1,6 +1,6 @@
 """Reference generators. Pure: the time is an argument.
 
-`Ramp`, `VectorRamp` and `PositionMove` are what flies, and `stop` is its stop of any motion. The
+`Ramp`, `VectorRamp` and `PositionMove` are what flies; `Ramp.take` stops any other motion. The
 others are there to compare with: the usual filters, the rule of Andrén 2023, the reference model of
 Fernandes et al. 2015."""
 
@@ -16,7 +16,6 @@ from tools.generators.baselines import (
     PlannedBaseline,
     minimum_time,
 )
-from tools.generators.emergency_stop import StoppedMotion, stop
 from tools.generators.fernandes import MotionRequest, ReferenceModel, plan
 
 __all__ = [
@@ -31,12 +30,10 @@ __all__ = [
     "ReferenceModel",
     "Sample",
     "Segment",
-    "StoppedMotion",
     "VectorRamp",
     "minimum_time",
     "plan",
     "position_move",
     "solve",
-    "stop",
     "thesis_rule",
 ]

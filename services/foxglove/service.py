@@ -1,8 +1,6 @@
 """Foxglove service: what the recorder writes, live, for any number of viewers. It publishes nothing
 but its health, and whoever watches can command nothing."""
 
-from collections import deque
-
 import msgspec
 
 from messages import events
@@ -19,7 +17,6 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 LATEST_NS = 2**63 - 1  # [ns] the protocol has unsigned times, viewers signed ones
-REFUSED = 1000  # refusals kept between two looks
 SHOW_HZ = 25.0  # [1/s] how often what has arrived is sent on
 
 
@@ -35,10 +32,7 @@ def wire(node: Node, stack: Stack) -> None:
     settings = stack.section("foxglove", Settings)
     tree = read_toml(stack.vehicle_path)
     override(tree, stack.overrides)
-    refused, told = deque[str](maxlen=REFUSED), set[str]()
-    server = FoxgloveServer(
-        settings, f"lindy {stack.vehicle_name}", parameters(tree), refused.append
-    )
+    server = FoxgloveServer(settings, f"lindy {stack.vehicle_name}", parameters(tree))
     node.on_close(server.close)
     node.log("info", f"Foxglove connects to ws://{settings.host}:{settings.port}")
     if settings.host not in LOOPBACK:
@@ -55,20 +49,6 @@ def wire(node: Node, stack: Stack) -> None:
             channel.log(encode(message), log_time=utc_ns)
         for view in views.of(topic, message, utc_ns, key):
             server.channel(view.key, view.schema).log(view.data, log_time=utc_ns)
-        return
 
     node.watch(show)
-
-    def look(_: int) -> None:  # the step of the node hands over what has arrived
-        while refused:
-            tell_refusal(node, refused.popleft(), told)
-
-    node.every(SHOW_HZ, look)
-
-
-def tell_refusal(node: Node, why: str, told: set[str]) -> None:
-    """Count it, and say each reason once: a page may try for hours."""
-    node.tell(events.REFUSED_PAGE())
-    if why not in told:
-        told.add(why)
-        node.log("warning", f"somebody was not let in: {why}")
+    node.every(SHOW_HZ, lambda _: None)  # a step of the node hands over what has arrived

@@ -14,7 +14,7 @@ import msgspec
 
 from messages import topics
 from messages.topic import AnyTopic
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.recorder.io.mcap_session import about
 from services.runtime.config.stack import Stack

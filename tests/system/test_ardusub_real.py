@@ -36,8 +36,8 @@ from tests.support.ardusub_double.wire import (
 from tests.support.doors import free_port
 from tests.support.patience import until
 from tests.support.started import Started
+from tools.analysis.dive import read_dive
 from tools.recordings.recording import open_recording
-from tools.report import read_dive
 
 SCRIPT = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n5,0,0,0,0\n9,0,0,0,0\n"
 THRUSTER = "[[vehicle.thruster]]"

@@ -17,10 +17,10 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.started import lindy
 from tools.__main__ import main
+from tools.analysis.dive import read_dive
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
 from tools.recordings.recording import log_hash, open_recording
-from tools.report import read_dive
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "point_vehicle"
 SIDE = ("--stack", f"{EXAMPLE}/stack.toml", "--vehicle", f"{EXAMPLE}/vehicle.toml")

@@ -26,8 +26,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from tools.choices import Choices
 from tools.live.cockpit import with_further_cameras
-from tools.log.film import filmed
-from tools.log.film_scenes import filmed_cameras, pictures
+from tools.log.film import filmed, filmed_cameras, pictures
 from tools.log.snapshots import taken
 from tools.recordings.recording import open_recording
 from tools.report.report import Extras, encode, make_report

@@ -8,7 +8,7 @@ import pytest
 from tests.support import recorded
 from tests.support.once import once
 from tests.support.recorded import ShortDive
-from tools.log.film_scenes import FilmedPicture, pictures
+from tools.log.film import FilmedPicture, pictures
 from tools.recordings.recording import open_recording
 
 

@@ -33,7 +33,7 @@ sys.exit(main())
 """
 
 
-@pytest.mark.parametrize("module", ["cyclopts", "tools.tuning.lq"])
+@pytest.mark.parametrize("module", ["cyclopts", "tools.gains"])
 def test_an_early_ctrl_c_is_one_sentence(module: str):
     lindy = subprocess.Popen(
         [sys.executable, "-P", "-c", BEGINNING.format(root=str(ROOT), module=module), "gains"],

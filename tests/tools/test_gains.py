@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from services.control.axis.axis import Gains
 from services.control.axis.plant import Plant
 from services.runtime.config.errors import LindyError
-from tools.gains import gains
-from tools.tuning.lq import Worth, feedback, regulator, sampled
+from tools.gains import Worth, feedback, gains, regulator, sampled
 
 IDENTIFIED = Plant(13.3, 6.5)  # Andrén 2023, Table 6.1, as identified
 

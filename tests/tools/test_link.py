@@ -29,7 +29,7 @@ from tools.__main__ import main
 from tools.link import link, require_link
 from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
 from tools.live.asking import OneRequest, at_once
-from tools.log.link_trace import trace_of
+from tools.log.sticks import trace_of
 
 S = 1_000_000_000  # [ns]
 Lines = list[dict[str, str]]

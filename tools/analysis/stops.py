@@ -20,7 +20,7 @@ from messages import topics
 from messages.vehicle import OWN_WAY
 from services.reference.guidance.axes import CENTRED
 from tools.analysis.dive import FIELD, STICKS, RecordedDive
-from tools.log.armed_spans import ArmedSpan
+from tools.log.cut import ArmedSpan
 from tools.recordings.columns import Array, Flags
 
 StopAxis = Literal["heave", "yaw"]

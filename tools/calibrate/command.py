@@ -11,14 +11,13 @@ from services.runtime.config.errors import LindyError
 from tools.ask import dive_in
 from tools.calibrate.compass import CompassGuide
 from tools.calibrate.dvl import DvlGuide
-from tools.calibrate.guide import CalibrationGuide, guide_live, replay
+from tools.calibrate.guide import CalibrationGuide, guide_live, replay, table, with_settings
 from tools.calibrate.imu import AccelerometerGuide, GyroscopeGuide
 from tools.calibrate.noise import noise
 from tools.calibrate.pressure import PressureGuide
-from tools.calibrate.results import table, with_settings
 from tools.choices import RunningDive, named
 from tools.fresh import refuse_existing, write_fresh
-from tools.identify.vehicle_file import read_vehicle, vehicle_in
+from tools.identify.results import read_vehicle, vehicle_in
 from tools.recordings.recording import open_recording
 
 Sensor = Literal["gyroscope", "accelerometer", "compass", "pressure", "dvl", "noise"]

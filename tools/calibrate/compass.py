@@ -22,8 +22,8 @@ from messages.sensors import ImuSample, MagnetometerSample
 from messages.units import Vec3
 from services.marine.mounting import ALONG, Mounting
 from services.vehicle.mounting import MountedAxes
-from tools.calibrate.results import CalibrationError, SensorFound, Setting
-from tools.recordings.allan import Floats
+from tools.calibrate.guide import CalibrationError, SensorFound, Setting
+from tools.calibrate.noise import Floats
 
 BIN = 0.25  # [s] of samples averaged to one point
 SECTORS = 24  # of 15° each; all are needed

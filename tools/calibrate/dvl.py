@@ -10,8 +10,8 @@ from messages.sensors import DvlSample, ImuSample
 from services.marine.vehicle import SEA_WATER, Vehicle
 from services.vehicle.mounting import AtOrigin
 from tools.calibrate.dvl_fit import DvlFit, fitted, stretches
-from tools.calibrate.results import CalibrationError, SensorFound, Setting
-from tools.recordings.allan import Floats
+from tools.calibrate.guide import CalibrationError, SensorFound, Setting
+from tools.calibrate.noise import Floats
 
 MANOEUVRE = "surge, stop, sway, stop, turn on the spot, dive and rise"
 DVL_TABLE = "vehicle.mounting.dvl"

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tools.recordings.allan import Floats
+from tools.calibrate.noise import Floats
 
 LONGEST = 15.0  # [s] of a stretch: noise of the gyroscope adds up to more than a DVL's
 DVL_GAP, IMU_GAP = 3.0, 0.1  # [s] a longer one ends a stretch

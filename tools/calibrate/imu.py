@@ -21,8 +21,8 @@ from messages.sensors import ImuSample
 from services.estimation.rest import MOST_FORCE_STD, MOST_RATE_STD
 from services.estimation.settings import CalibrationSettings
 from services.marine.vehicle import GRAVITY
-from tools.calibrate.results import CalibrationError, SensorFound, Setting
-from tools.recordings.allan import Floats
+from tools.calibrate.guide import CalibrationError, SensorFound, Setting
+from tools.calibrate.noise import Floats
 
 BLOCK = 0.5  # [s] judged together
 STILL = CalibrationSettings()

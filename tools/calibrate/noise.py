@@ -1,18 +1,249 @@
-"""`lindy calibrate noise`: noise of the sensors, from a recording of a drone at rest."""
+"""`lindy calibrate noise`: noise of the sensors, from the longest rest in a recording.
+
+The Allan deviation separates white noise, bias instability and random walk. Source: IEEE Std
+952-1997, annex C: for white noise of density N, bias instability B and random walk K the Allan
+variance over τ is N²/τ + (2 ln 2 / π) B² + K² τ / 3.
+"""
 
 from collections.abc import Iterator
-from itertools import pairwise
-from math import sqrt
+from itertools import combinations, pairwise
+from math import inf, log, log10, pi, sqrt
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from messages import topics
-from tools.recordings.allan import AllanNoise, Floats
-from tools.recordings.allan import noise as noise_of
-from tools.recordings.at_rest import RestingSamples, RestStatistics, rate, read, resting
-from tools.recordings.recording import open_recording
+from messages.sensors import ImuSample, MagnetometerSample
+from services.estimation.rest import MOST_FORCE_STD, MOST_RATE_STD
+from services.runtime.config.errors import LindyError
+from tools.recordings.columns import ARRIVAL, Figures, StreamFigures, read_streams
+from tools.recordings.recording import Recording, open_recording
+
+Floats = NDArray[np.float64]
+FLAT = 2.0 * log(2.0) / pi  # [-] share of B² in the variance, where the curve is flat
+LONGEST = 9.0  # parts: averages longer than a ninth of the recording are too uncertain
+PER_DECADE = 10
+SURE = 3.0  # [σ] of the white noise's scatter that slow drift must exceed
+
+
+class AllanNoise(NamedTuple):
+    """Noise of one axis, in the sensor's unit."""
+
+    density: float  # [unit/√Hz] white noise
+    instability: float | None  # [unit] None: not seen, the recording is too short for it
+    walk: float | None  # [unit/√s] likewise
+    drift_below: float  # [unit] slow drift is not larger than this over the longest average
+
+
+def deviation(values: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Overlapping Allan deviation of evenly spaced samples.
+
+    Args:
+        values: shape (n,), n ≥ 20.
+        rate: [1/s]
+
+    Returns:
+        Averaging times [s] and the deviation [unit] over each.
+    """
+    most = max(1, int(len(values) / LONGEST))
+    steps = range(int(PER_DECADE * log10(most)) + 1)
+    lengths = sorted({round(10.0 ** (k / PER_DECADE)) for k in steps})
+    # Without the mean, so that the sum stays small and exact.
+    total = np.concatenate(([0.0], np.cumsum(values - np.mean(values))))
+    found = [_variance(total, length) for length in lengths]
+    return np.array(lengths) / rate, np.sqrt(np.array(found))
+
+
+def _variance(total: Floats, length: int) -> float:
+    """Half the mean square difference of neighbouring means over `length` samples."""
+    differences = total[2 * length :] - 2.0 * total[length:-length] + total[: -2 * length]
+    return float(np.mean(differences**2)) / (2.0 * length**2)
+
+
+def noise_of(values: Floats, rate: float) -> AllanNoise:
+    """White noise, bias instability and random walk of a sensor at rest.
+
+    Args:
+        values: shape (n,), n ≥ 20, any unit.
+        rate: [1/s]
+    """
+    tau, adev = deviation(values, rate)
+    scatter = np.sqrt(2.0 * tau * rate / len(values))  # relative, of each variance
+    drift_below = float(adev[-1]) / sqrt(FLAT)
+    density = float(np.sqrt(np.average(adev**2 * tau, weights=scatter**-2 * (tau <= 1.0))))
+    white = density**2 / tau[-1]
+    if density == 0.0 or adev[-1] ** 2 <= white * (1.0 + SURE * scatter[-1]):
+        return AllanNoise(density, None, None, drift_below)
+    terms = np.column_stack([1.0 / tau, np.full_like(tau, FLAT), tau / 3.0])
+    weights = 1.0 / (adev**2 * scatter)
+    n2, b2, k2 = _not_negative(terms * weights[:, None], adev**2 * weights)
+    return AllanNoise(sqrt(n2), sqrt(b2) or None, sqrt(k2) or None, drift_below)
+
+
+def _not_negative(terms: Floats, right: Floats) -> list[float]:
+    """Least squares with no negative coefficient, by trying every choice of terms."""
+    best, least = [0.0] * terms.shape[1], float(right @ right)
+    for size in range(1, terms.shape[1] + 1):
+        for chosen in combinations(range(terms.shape[1]), size):
+            found = np.linalg.lstsq(terms[:, chosen], right, rcond=None)[0]
+            error = right - terms[:, chosen] @ found
+            if np.all(found > 0.0) and float(error @ error) < least:
+                least = float(error @ error)
+                best = [0.0] * terms.shape[1]
+                for place, value in zip(chosen, found.tolist(), strict=True):
+                    best[place] = value
+    return best
+
+
+SHORTEST = 20.0  # [s]
+FEWEST = 100  # samples that a sensor must have
+BLOCK = 0.5  # [s] over which rest is checked
+SINKING = 500.0  # [Pa] 5 cm: a larger change between seconds is not rest
+CALM = 5.0  # [s] after disarming, for the drone and the water to come to rest
+HOW = (
+    "to make such a recording, let nobody arm the drone: `lindy up drone --out dives/on_the_bench`"
+    " without a topside, and Ctrl-C after a minute or longer"
+)
+MOST_STD = np.array([MOST_RATE_STD] * 3 + [MOST_FORCE_STD] * 3)  # [rad/s, m/s²]
+Span = tuple[float, float]  # [s] from and to
+
+
+def _imu(m: ImuSample) -> Figures:
+    return *m.angular_rate, *m.specific_force
+
+
+def _field(m: MagnetometerSample) -> Figures:
+    return tuple(1e6 * component for component in m.field)  # [µT]
+
+
+SENSORS = (
+    StreamFigures(topics.IMU, ("stamp_ns",), ("p", "q", "r", "x", "y", "z"), _imu),
+    StreamFigures(topics.MAGNETOMETER, ("stamp_ns",), ("x", "y", "z"), _field),
+    StreamFigures(topics.PRESSURE, ("stamp_ns", "pressure")),
+)
+STATUS = StreamFigures(topics.STATUS, ("stamp_ns", "armed"))
+
+
+class RestingSamples(NamedTuple):
+    t: Floats  # [s] stamps, shape (n,)
+    values: Floats  # shape (n, axes)
+
+    @property
+    def rate(self) -> float:
+        """[1/s]"""
+        return float(1.0 / np.median(np.diff(self.t)))
+
+    def blocks(self, seconds: float) -> Iterator[tuple[float, Floats]]:
+        """Begin [s] and values of each whole block."""
+        t = self.t - self.t[0]
+        edges = np.searchsorted(t, np.arange(0.0, t[-1], seconds)).tolist()
+        for begin, end in pairwise(edges):
+            if end > begin:
+                yield float(t[begin]), self.values[begin:end]
+
+
+class HeardAtRest(NamedTuple):
+    samples: dict[str, RestingSamples]  # of each sensor; those whose stamps rise
+    armed: list[Span]  # when the drone was armed, by the clock of the stamps
+    first: float = 0.0  # [s] when the first IMU sample arrived, since the recording began
+
+
+class RestStatistics(NamedTuple):
+    """The longest time at rest in a recording."""
+
+    begin: float  # [s] since the recording began
+    seconds: float
+    samples: dict[str, RestingSamples]
+
+
+def read(recording: Recording) -> HeardAtRest:
+    """The samples of each sensor, and when the drone was armed."""
+    streams = read_streams(recording, (*SENSORS, STATUS))
+    samples: dict[str, RestingSamples] = {}
+    for sensor in SENSORS:
+        heard = streams[sensor.topic.key].rising()
+        if heard.count >= FEWEST:
+            values = np.column_stack([heard[name] for name in (*sensor.fields[1:], *sensor.more)])
+            samples[sensor.topic.key] = RestingSamples(heard["stamp_ns"] * 1e-9, values)
+    status = streams[STATUS.topic.key]
+    times = (status["stamp_ns"] * 1e-9).tolist()
+    spans = zip(times, [*times[1:], inf], status["armed"].tolist(), strict=False)
+    arrivals, origin = streams[topics.IMU.key][ARRIVAL], recording.origin_ns()
+    first = 0.0 if origin is None or not len(arrivals) else (arrivals[0] - origin) / 1e9
+    # From an armed status to `CALM` after the next one.
+    return HeardAtRest(samples, [(at, end + CALM) for at, end, armed in spans if armed], first)
+
+
+def resting(heard: HeardAtRest, recording: Path) -> RestStatistics:
+    """The samples in the longest time at rest.
+
+    Raises:
+        LindyError: too few samples, too short, or the drone was never long enough at rest.
+    """
+    if topics.IMU.key not in heard.samples:
+        raise LindyError(
+            f"{recording} holds fewer than {FEWEST} IMU samples, which are needed to find out"
+            " whether the drone was at rest"
+        )
+    imu = heard.samples[topics.IMU.key]
+    if (seconds := imu.t[-1] - imu.t[0]) < SHORTEST:
+        raise LindyError(
+            f"{recording} is too short: {seconds:.1f} s of IMU samples, noise needs at least"
+            f" {SHORTEST:.0f} s at rest; {HOW}"
+        )
+    (begin, end), why = _longest(imu, heard)
+    if end - begin < SHORTEST:
+        raise LindyError(
+            f"{recording} is not at rest: the drone {why}; the longest rest is"
+            f" {end - begin:.1f} s, noise needs at least {SHORTEST:.0f} s; {HOW}"
+        )
+    samples: dict[str, RestingSamples] = {}
+    for key, each in heard.samples.items():
+        inside = (each.t >= imu.t[0] + begin) & (each.t < imu.t[0] + end)
+        if np.count_nonzero(inside) >= FEWEST:
+            samples[key] = RestingSamples(each.t[inside], each.values[inside])
+    if topics.PRESSURE.key in samples:
+        _check_depth(samples[topics.PRESSURE.key], recording)
+    return RestStatistics(heard.first + begin, end - begin, samples)
+
+
+def _longest(imu: RestingSamples, heard: HeardAtRest) -> tuple[Span, str]:
+    """The longest span [s] after the first sample without motion, and what ended rest first."""
+    spans: list[Span] = []
+    why, pose = "", np.zeros(6)  # mean of the first block of this rest
+    since: float | None = None  # [s] None: not at rest
+    begin = 0.0
+    for begin, block in imu.blocks(BLOCK):
+        at, mean = imu.t[0] + begin, block.mean(axis=0)
+        armed = next((a for a, b in heard.armed if a < at + BLOCK and at < b), None)
+        pose = mean if since is None else pose
+        beyond = (np.std(block, axis=0) > MOST_STD) | (np.abs(mean - pose) > MOST_STD)
+        if armed is None and not beyond.any():
+            since = begin if since is None else since
+            continue
+        what, after = "turns" if beyond[:3].any() else "is pushed", begin
+        if armed is not None:
+            what, after = "was armed", max(begin, armed - imu.t[0])
+        why = why or f"{what} after {heard.first + after:.1f} s"
+        spans += [] if since is None else [(since, begin)]
+        since = None
+    if since is not None:
+        spans.append((since, begin + BLOCK))
+    return max(spans, key=lambda span: span[1] - span[0], default=(0.0, 0.0)), why
+
+
+def _check_depth(samples: RestingSamples, recording: Path) -> None:
+    means = [float(block.mean()) for _, block in samples.blocks(1.0)]
+    steps: Floats = np.diff(samples.values[:, 0])
+    single = float(np.std(steps)) / sqrt(2.0)  # slow motion left out
+    change = max(means) - min(means)
+    if change > SINKING + 6.0 * single / sqrt(samples.rate):
+        raise LindyError(
+            f"{recording} is not at rest: the pressure wanders by {change:.0f} Pa between its"
+            " seconds"
+        )
 
 
 class NoiseAxis(NamedTuple):
@@ -62,7 +293,7 @@ def measured(heard: dict[str, RestingSamples]) -> Iterator[NoiseAxis]:
         topics.PRESSURE.key: [("pressure", "Pa")],
     }
     for key, samples in heard.items():
-        hz = rate(samples)
+        hz = samples.rate
         for column, (name, unit) in enumerate(names[key]):
             values: Floats = samples.values[:, column]
             different: list[float] = sorted(set(values.tolist()))

@@ -6,7 +6,7 @@ import numpy as np
 
 from messages.message import Message
 from messages.sensors import PressureSample
-from tools.calibrate.results import CalibrationError, SensorFound, Setting
+from tools.calibrate.guide import CalibrationError, SensorFound, Setting
 
 ENOUGH = 20.0  # [s]
 LEAST, FEWEST = 10.0, 50  # [s] and samples of a recording

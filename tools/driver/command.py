@@ -21,6 +21,7 @@ TURNS = (
 def check_driver(
     stack: Annotated[str, Parameter(help="a name in deploy/stacks, or the path of a TOML file")],
     vehicle: Annotated[str, Parameter(help="a name, or the path of a TOML file")],
+    /,
     *,
     still: Annotated[
         bool, Parameter(help="the vehicle is out of the water: leave out what needs motion")

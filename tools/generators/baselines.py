@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import cos, cosh, exp, inf, isfinite, sin, sinh, sqrt
 from typing import Protocol
 
-from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment
+from services.reference.trajectory.minimum_jerk import Limits, Sample, Segment, along
 
 Planner = Callable[[float, float, float], list[Segment]]  # velocity, acceleration, target
 
@@ -139,16 +139,10 @@ class PlannedBaseline:
     target: float = inf  # nothing was aimed at yet
 
     def at(self, t: float) -> Sample:
-        t, position = t - self.since, self.position
-        for part in self.segments:
-            if t < part.duration:
-                here = part.at(t)
-                return here._replace(position=position + here.position)
-            position += part.at(part.duration).position
-            t -= part.duration
         if self.target == inf:
-            return Sample(position, self.velocity, self.acceleration, 0.0)
-        return Sample(position + self.target * t, self.target, 0.0, 0.0)
+            return Sample(self.position, self.velocity, self.acceleration, 0.0)
+        here = along(self.segments, t - self.since, self.target)
+        return here._replace(position=self.position + here.position)
 
     def aim(self, target: float, t: float) -> None:
         if target == self.target:

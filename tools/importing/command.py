@@ -1,7 +1,9 @@
-"""`lindy import`: a real log becomes a recording."""
+"""`lindy import`: a real log becomes a recording, written by what writes that of a dive."""
 
+import contextlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import Annotated
@@ -9,23 +11,103 @@ from typing import Annotated
 import msgspec
 from cyclopts import Parameter
 
+from messages import events
 from messages.text import harmless
 from services.marine.vehicle import Vehicle
+from services.recorder.core import Intake
+from services.recorder.foxglove.views import Views
+from services.recorder.io.attachments import AttachedFile, attachments
+from services.recorder.io.mcap_session import McapSession
+from services.recorder.io.parts import part_path
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
+from services.runtime.hosts.virtual_host import VirtualHost
 from tools.choices import named
 from tools.fresh import write_fresh
 from tools.importing.ardupilot_files import DataflashFile, TlogFile
-from tools.importing.conversion import Conversion
+from tools.importing.column_files import TableFile, UlogFile
+from tools.importing.contradictions import Oddity
+from tools.importing.conversion import Conversion, Imported
 from tools.importing.log_file import BY_FILE, LogFile, chosen, listed, missing, unfit, untaken
 from tools.importing.map_file import read_map
-from tools.importing.new_recording import new_folder, record
-from tools.importing.oddities import Oddity
 from tools.importing.rosbag_file import McapLog, RosbagFile, is_rosbag
 from tools.importing.several_files import SeveralFiles
-from tools.importing.table_file import TableFile
-from tools.importing.ulog_file import UlogFile
-from tools.live.dive_folder import DIVES
+from tools.live.dive_folder import DIVES, out_folder, point_latest
+
+FLUSHED = 5_000  # messages between two flushes
+BEFORE_NS = 10_000_000_000  # [ns] by the clock of the stamps at the first message
+
+
+def record(
+    messages: Iterator[Imported], stack: Stack, vehicle: Vehicle, used: Path, log: str
+) -> None:
+    """
+    Args:
+        messages: one or more, in the order of their arrival.
+        stack: of which vehicle, into which folder.
+        used: the map.
+        log: name of the file that they are from.
+
+    Raises:
+        LindyError: the disk fails, or a message is none of ours.
+    """
+    data, changed_ns = used.read_bytes(), used.stat().st_mtime_ns
+    own_map = AttachedFile(used.name, "application/toml", data, changed_ns)
+    attached, views = [*attachments(stack), own_map], Views(vehicle)
+    first = next(messages)
+    host, said = VirtualHost(), list[str]()  # what the disk failed with
+    host.now = BEFORE_NS
+    node = host.node("import", ["drone"])
+    node.wall_offset_ns = offset = first.arrival_ns - BEFORE_NS
+    node.show = lambda line: said.append(line.text) if line.level == "error" else None
+    encode, intake = msgspec.msgpack.Encoder().encode, Intake(node.outbox, offset, views=views)
+    session = McapSession(node, stack, attached, {"imported": log})
+
+    def require_disk() -> None:
+        if said or node.outbox.counts[events.NOT_RECORDED().name]:
+            raise LindyError(" ".join(said) or "the recording could not be written")
+
+    try:
+        for number, (topic, message, arrival) in enumerate(chain([first], messages), 1):
+            # By the clock of the services of a dive, which is never UTC.
+            stamps = ((name, getattr(message, name, None)) for name in ("stamp_ns", "actuated_ns"))
+            changed = {name: at - offset for name, at in stamps if at is not None}
+            ours = msgspec.structs.replace(message, **changed)
+            checked = intake.check(topic.key, topic.encoding, encode(ours), arrival - offset)
+            if checked is None:
+                raise LindyError(f"{topic.key}: this cannot be recorded: {ours}")
+            for row in intake.rows(topic.key, checked):
+                session.write(row)
+            if number % FLUSHED == 0:
+                session.flush(node.now())
+                require_disk()
+        session.flush(node.now())
+    finally:
+        session.close(intake.log_hash())
+    require_disk()
+
+
+@contextmanager
+def new_folder(out: Path) -> Generator[Path]:
+    """A folder for a recording, as `lindy dive` makes it; where the import fails, nothing of it
+    stays.
+
+    Raises:
+        LindyError: it cannot be made or written to.
+    """
+    missing = [path for path in (out.resolve(), *out.resolve().parents) if not path.exists()]
+    folder = out_folder(out)
+    new = [folder] if folder not in missing else missing
+    try:
+        yield folder
+    except BaseException:
+        part_path(folder, 1).unlink(missing_ok=True)
+        for path in new:
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        raise
+    point_latest(folder)
+
 
 REPORT = "import.json"
 UNTAKEN = 8  # of what a log also has, so many are printed

@@ -17,12 +17,10 @@ from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.mounting import ALONG, Rotation
 from services.runtime.config.errors import LindyError
-from tools.importing.clocks import LoggerClock
-from tools.importing.contradictions import SensorsHeard, unbelieved
+from tools.importing.contradictions import GapWatch, Oddities, SensorsHeard, unbelieved
 from tools.importing.log_file import CHUNK, LogRow, Wanted, getter
 from tools.importing.map_file import QUANTITIES, TakenMessage, remedy
-from tools.importing.oddities import GapWatch, Oddities
-from tools.importing.streams import Floats, LogStream, Take
+from tools.importing.streams import Floats, LoggerClock, LogStream, Take
 
 JUDGED = 100  # samples by which the unit of a field is judged
 MEASURED = ("sensor/imu", "sensor/magnetometer", "sensor/pressure", "sensor/dvl")

@@ -12,8 +12,8 @@ import numpy as np
 
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
-from tools.importing.clocks import LONGEST_PAUSE_NS
 from tools.importing.log_file import LogFile, LogRow, LogSource, Wanted, listed
+from tools.importing.streams import LONGEST_PAUSE_NS
 
 BORDER_NS = 1_000_000_000  # [ns] by which two pieces of one log may overlap
 

@@ -17,28 +17,15 @@ from services.recorder.io.parts import parts_in
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
+from tools.analysis.dive import RecordedDive, read_dive
+from tools.analysis.losses import losses
 from tools.exit_status import DONE, LOST
 from tools.fresh import write_fresh
 from tools.health_sums import HealthOfAll
 from tools.recordings.progress import reading
 from tools.recordings.recording import log_hash, merge_parts, open_recording
-from tools.report import (
-    Elsewhere,
-    Extras,
-    RecordedDive,
-    Report,
-    counted,
-    elsewhere,
-    encode,
-    ending,
-    lined_up,
-    losses,
-    processes,
-    read_dive,
-    report_on,
-    summary,
-    unrecorded,
-)
+from tools.report.report import Extras, Report, counted, encode, ending, processes, report_on
+from tools.report.summary import Elsewhere, elsewhere, lined_up, summary, unrecorded
 
 SAID = f"exit status {LOST}: data was lost, or a service did not work for a while"
 RECORDER, HUB = "recorder", "hub_"

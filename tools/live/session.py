@@ -20,7 +20,7 @@ from tools.live.outcome import Outcome, title
 from tools.live.screen import View
 from tools.live.stop_signals import StopSignals
 from tools.live.watch import Watch
-from tools.report import restarted
+from tools.report.summary import restarted
 
 KNOWN_S = 0.25  # [s] until a status tells who has control now
 DISARM_S = 1.0  # [s] at most, for the drone's answer at the end

@@ -19,10 +19,10 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.launch.supervisor import NAME
 from services.runtime.node.node import Node
+from tools.analysis.dive import GatheredDive, RecordedDive
 from tools.live.cockpit import VIEWER
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import RECORDER, Outcome
-from tools.report import GatheredDive, RecordedDive
 
 STRIDE_NS = 100_000_000  # [ns] of virtual time between two checks of the dive
 INTERRUPTED = "interrupted"  # how a dive ended that was to stop

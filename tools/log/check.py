@@ -28,7 +28,7 @@ from tools.choices import Json
 from tools.health_sums import HealthSums
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
-from tools.report.troubles import times
+from tools.report.report import times
 from tools.text_table import aligned
 
 COLUMNS = ("link", "thinned", "queue", "refused", "recorder", "unreported", "missing", "duplicated")
@@ -70,7 +70,7 @@ class Accounts(msgspec.Struct, kw_only=True):
         return sum(account.missing for account in self.topics.values())
 
 
-def check(recording: Path, *, json: Json = False) -> int:
+def check(recording: Path, /, *, json: Json = False) -> int:
     """Is everything in it that was sent, and what was lost where?
 
     RECORDING is a dive's folder or its MCAP file. For every topic: sent, recorded, and lost.

@@ -22,8 +22,7 @@ from tools.log.flatten import FlattenedRows, Kind, Row, TableColumn
 from tools.recordings.columns import Array
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
-from tools.report import report_on
-from tools.report.report import Extras
+from tools.report.report import Extras, report_on
 from tools.report.summary import is_loss
 from tools.text_table import aligned
 
@@ -71,7 +70,7 @@ class Differences(msgspec.Struct):
         return not self.counts and not self.fields
 
 
-def compare(a: Path, b: Path, *, json: Json = False) -> int:
+def compare(a: Path, b: Path, /, *, json: Json = False) -> int:
     """What differs between two recordings, when first.
 
     And by how much, by stream and field. A and B are dives' folders or MCAP files, of one vehicle.

@@ -11,19 +11,24 @@ from typing import Annotated, Any, Literal, Protocol
 import msgspec
 from cyclopts import Parameter
 
+from messages import topics
+from messages.events import Level
 from messages.text import harmless
+from messages.units import Ns
 from services.marine.vehicle import Vehicle
 from services.runtime.config.disk import fresh_folder, reason
 from services.runtime.config.errors import EndedByUserError, LindyError
+from services.visualizer.core import Collector
 from tools.choices import named
 from tools.exit_status import DONE, LOST
-from tools.fresh import EXISTS, free_name
+from tools.fresh import EXISTS, free_name, refuse_existing
+from tools.log.cut import Topics, is_chosen, require_known
 from tools.log.flatten import FlattenedRows, Row, TableColumn
-from tools.log.topic_patterns import Topics, is_chosen, require_known
 from tools.packages import require_package
 from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+from tools.replay.source import ReplaySource, open_source
 
 # Of every table: [s] since the recording began; [ns] UTC of arrival, and of the message's stamp.
 TIMES = [
@@ -56,6 +61,7 @@ NewTable = Callable[[Path, list[TableColumn]], RowTable]
 
 def export(
     recording: Path,
+    /,
     *,
     as_: Annotated[
         Kind,
@@ -98,11 +104,11 @@ def export(
 
             return write_sticks(recording, out or free_name(place, "sticks", ".csv"))
         case "trace":
-            from tools.log.link_trace import write_trace
+            from tools.log.sticks import write_trace
 
             return write_trace(recording, out or free_name(place, "trace", ".csv"))
         case "rrd":
-            from tools.log.rrd import write_rrd
+            from tools.log.export import write_rrd
 
             return write_rrd(recording, out or free_name(place, "dive", ".rrd"))
 
@@ -264,3 +270,66 @@ class ParquetTable:
             ) from None
         self._writer.write_table(self._pyarrow.Table.from_arrays(arrays, schema=self._schema))
         self._rows.clear()
+
+
+FRAME_NS = 100_000_000  # [ns] between two places of the vehicle, as in a dive
+BATCH_NS = 12_000_000_000  # [ns] that are written at once
+
+
+def write_rrd(recording: Path, rrd: Path) -> int:
+    """Write a file for rerun, and say so. Returns the exit status.
+
+    Raises:
+        LindyError: as `draw`, or the file is there already.
+    """
+    refuse_existing(rrd)
+    source = open_source(recording)
+    draw(source, rrd)
+    print(harmless(f"written {rrd} ({rrd.stat().st_size / 1e6:.1f} MB)"), flush=True)
+    return 0
+
+
+def draw(source: ReplaySource, rrd: Path) -> None:
+    """Draw a dive as the visualizer does.
+
+    Args:
+        rrd: a new file.
+
+    Raises:
+        LindyError: rerun is not installed, the vehicle is not in the recording, or the disk fails.
+    """
+    require_package("rerun", "viewer", "a file for rerun")
+    from services.visualizer.io.rerun_writer import RerunWriter
+    from services.visualizer.io.rrd_file import RrdFile
+
+    with source.stack() as stack:
+        vehicle = stack.section("vehicle", Vehicle)
+    failed: list[str] = []
+
+    def say(level: Level, text: str) -> None:
+        if level == "warning":
+            failed.append(text)
+
+    collector = Collector(vehicle)
+    writer = RerunWriter(rrd.parent.name, vehicle)
+    writer.save(RrdFile(rrd, lambda _: None, say))
+    framed: Ns = 0
+    written: Ns | None = None
+    now: Ns = 0
+    for raw in source.raw():
+        topic, message = topics.find(raw.key), source.recording.decode(raw)
+        if topic is None or message is None:
+            continue
+        now = raw.log_ns - source.utc_offset_ns
+        written = now if written is None else written
+        if now - framed >= FRAME_NS:
+            collector.keep_frame()
+            framed = now
+        if now - written >= BATCH_NS:
+            writer.write(collector.drain(now))
+            written = now
+        collector.hear(topic, raw.key, message, now)
+    writer.write(collector.drain(now))
+    writer.close()
+    if failed:
+        raise LindyError(failed[0])

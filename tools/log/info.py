@@ -18,7 +18,7 @@ from messages.vehicle import OWN_WAY, VehicleStatus
 from services.runtime.config.errors import LindyError
 from tools.choices import Json
 from tools.exit_status import DONE, LOST
-from tools.log.armed_spans import ArmedSpan, ArmedSpans
+from tools.log.cut import ArmedSpan, ArmedSpans
 from tools.recordings.dive_file import FlownDive, flown_dive
 from tools.recordings.progress import reading
 from tools.recordings.recording import Raw, Recording, is_whole, open_recording
@@ -129,7 +129,7 @@ class Gathered:
             self.events.append(SeenEvent(round(t, 3), over or acts))
 
 
-def info(recording: Path, *, json: Json = False) -> int:
+def info(recording: Path, /, *, json: Json = False) -> int:
     """What a recording is of, and what is in it.
 
     Vehicle, versions, length, events, topics. RECORDING is a dive's folder or its MCAP file. Exit

@@ -17,7 +17,7 @@ from services.runtime.config.errors import LindyError
 from tools.choices import named
 from tools.exit_status import DONE, LOST
 from tools.fresh import write_fresh
-from tools.log.film_scenes import Camera, FilmedPicture, FilmPlace, chosen, marks, pictures
+from tools.log.film import Camera, FilmedPicture, FilmPlace, chosen, marks, pictures
 from tools.packages import require_package
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
@@ -34,6 +34,7 @@ ASCII = b"ASCII\0\0\0"  # of UserComment
 
 def snapshots(
     recording: Path,
+    /,
     *,
     out: Annotated[Path, Parameter(converter=named, help="the folder to write into")],
     at: Annotated[

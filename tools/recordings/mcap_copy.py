@@ -8,9 +8,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import Writer
 
 from services.recorder.foxglove.channel import is_view
-from services.runtime.config.disk import reason
-from services.runtime.config.errors import LindyError
-from tools.fresh import EXISTS
+from tools.fresh import new_file
 from tools.recordings.mcap_records import Described, StoredMessage
 
 CHUNK_BYTES = 512 * 1024  # before compression
@@ -99,26 +97,9 @@ class McapCopy:
 
 @contextmanager
 def new_mcap(path: Path) -> Generator[McapCopy]:
-    """A new file, whole or not at all.
-
-    Raises:
-        LindyError: there is such a file already, or it cannot be written.
-    """
-    try:
-        file = path.open("xb")
-    except FileExistsError:
-        raise LindyError(f"cannot write {path}: {EXISTS.format('--out')}") from None
-    except OSError as error:
-        raise LindyError(f"cannot write {path}: {reason(error)}") from None
-    try:
-        with file:
-            writer = Writer(file, chunk_size=CHUNK_BYTES)
-            writer.start(profile="", library="lindy")
-            yield McapCopy(writer)
-            writer.finish()
-    except OSError as error:
-        path.unlink()
-        raise LindyError(f"cannot write {path}: {reason(error)}") from None
-    except BaseException:
-        path.unlink()
-        raise
+    """A new file. Errors as of `new_file`."""
+    with new_file(path) as file:
+        writer = Writer(file, chunk_size=CHUNK_BYTES)
+        writer.start(profile="", library="lindy")
+        yield McapCopy(writer)
+        writer.finish()

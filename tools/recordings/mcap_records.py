@@ -26,7 +26,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
-from services.recorder.io.open_chunk import CHUNK_HEAD, MAGIC
+from services.recorder.io.mcap_file import CHUNK_HEAD, MAGIC
 
 DIVE, HASH, LOSSES, MERGED = "dive", "hash", "losses", "merged"  # metadata of Lindy's files
 MENDED_BY = "lindy log recover makes a whole file of the rest"

@@ -8,7 +8,7 @@ arrival at the recorder, which is the order of `log_ns`.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from messages.message import Message
 from messages.payload import UNDECODABLE
 from messages.topic import AnyTopic
 from services.recorder.foxglove.channel import is_view
-from services.recorder.io.open_chunk import MAGIC
+from services.recorder.io.mcap_file import MAGIC
 from services.recorder.io.parts import FIRST, parts_in
 from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
@@ -124,6 +124,31 @@ class Recording:
 
         yield from records(path, at=at, damage=damage, wants=wants, within=within)
         self._read[path] = damage
+
+    def copy(
+        self,
+        path: Path,
+        to: McapCopy,
+        but: Sequence[str] = (HASH,),
+        wants: Wants = always,
+        within: Span = ALWAYS,
+    ) -> int:
+        """Copy one of its files; how many messages there are in the copy.
+
+        Args:
+            but: names of metadata that are left out; the hash is that of the whole.
+        """
+        before = to.messages
+        to.next_file()
+        begin, end = within
+        for record in self.records(path, wants, within):
+            if isinstance(record, StoredMessage):
+                is_in = begin <= record.log_ns < end
+            else:
+                is_in = not (isinstance(record, Metadata) and record.name in but)
+            if is_in:
+                to.add(record)
+        return to.messages - before
 
     @property
     def damage(self) -> list[str]:
@@ -283,13 +308,14 @@ def merge_parts(folder: Path) -> bool:
     Raises:
         LindyError: as `open_recording`, or the folder cannot be written.
     """
-    parts = open_recording(folder).files
+    recording = open_recording(folder)
+    parts = recording.files
     if len(parts) == 1 and is_whole(parts[0]):
         return False
     try:
         require_room(folder, sum(part.stat().st_size for part in parts) + RESERVE)
         with new_mcap(folder / "merging.mcap") as copy:
-            merged = {part.name: str(_copied(part, copy)) for part in parts}
+            merged = {part.name: str(recording.copy(part, copy)) for part in parts}
             copy.metadata(Metadata(MERGED, merged))
         whole = folder / FIRST
         (folder / "merging.mcap").replace(whole)
@@ -299,16 +325,6 @@ def merge_parts(folder: Path) -> bool:
     except OSError as error:
         raise LindyError(f"cannot merge the recording in {folder}: {reason(error)}") from None
     return True
-
-
-def _copied(part: Path, copy: McapCopy) -> int:
-    """How many messages it had."""
-    before = copy.messages
-    copy.next_file()
-    for record in records(part):
-        if not (isinstance(record, Metadata) and record.name == HASH):
-            copy.add(record)
-    return copy.messages - before
 
 
 def is_whole(path: Path) -> bool:

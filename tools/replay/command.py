@@ -11,7 +11,7 @@ from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.config.errors import LindyError
 from tools.choices import Overrides, StackName, named
 from tools.keys.credentials import is_local
-from tools.log.topic_patterns import Topics
+from tools.log.cut import Topics
 from tools.replay.differences import in_words, parsed
 from tools.replay.play import onto_bus
 from tools.replay.source import ReplaySource, open_source, remarks
@@ -24,6 +24,7 @@ SHOWN = 20  # differences that are printed
 
 def replay(
     recording: Annotated[Path, Parameter(converter=named)],
+    /,
     *,
     speed: Annotated[float, Parameter(help="recorded seconds per second")] = 1.0,
     from_: Annotated[

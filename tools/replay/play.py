@@ -32,7 +32,7 @@ from services.runtime.node.clock_offset import mover
 from services.runtime.os import system
 from tools.live.cockpit import VIEWER
 from tools.live.stop_signals import StopSignals
-from tools.log.topic_patterns import is_chosen
+from tools.log.cut import is_chosen
 from tools.recordings.dive_file import flown_stack
 from tools.recordings.recording import Raw, Recording
 from tools.replay.source import ReplaySource

@@ -1,15 +1,23 @@
 """`report.json`: a dive in numbers. Its keys are fixed, so that tools can rely on them."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import degrees
 from statistics import median
 
 import msgspec
 
+from messages import events
+from messages.events import Promise, row_of, short
 from tools.analysis.dive import RecordedDive, read_dive
-from tools.analysis.energy import Energy, energy
-from tools.analysis.failsafes import ActedReaction, failsafes
+from tools.analysis.figures import (
+    ActedReaction,
+    Energy,
+    energy,
+    error_rms,
+    failsafes,
+    peak_jerk_ratio,
+)
 from tools.analysis.latency import (
     Clocks,
     LatencyReport,
@@ -24,10 +32,82 @@ from tools.analysis.latency import (
 from tools.analysis.losses import losses
 from tools.analysis.spectra import Smoothness, smoothness
 from tools.analysis.stops import StickStop, stops
-from tools.analysis.tracking import error_rms, peak_jerk_ratio
 from tools.health_sums import HealthSums
 from tools.recordings.recording import Recording
-from tools.report.troubles import counted, processes
+
+NAMED = 3  # services by name; of more only the number
+
+
+def counted(counts: Mapping[str, int]) -> list[str]:
+    """What the services' counts say.
+
+    Args:
+        counts: name → times, as in a report's losses.
+    """
+    there = {name: count for name, count in counts.items() if count}
+    broken: dict[Promise, dict[str, int]] = {}
+    for name, count in there.items():
+        if (promise := row_of(name).breaks) is not None:
+            broken.setdefault(promise, {})[name] = count
+    refused = sum(broken.get("understood", {}).values())
+    if any(row_of(name) is events.DAMAGED for name in there):  # then it is nobody's fault
+        refused = 0
+    each = {
+        promise: [f"{short(name)} {times(n)}" for name, n in names.items()]
+        for promise, names in broken.items()
+    }
+    return [
+        *each.get("piloted", []),
+        *_few(each.get("answered", []), "services did not answer"),
+        *[f"{refused} message{'s' * (refused > 1)} refused"] * (refused > 0),
+        *["not everything was recorded"] * ("recorded" in broken),
+    ]
+
+
+def processes(
+    restarts: Mapping[str, int], gone: Sequence[str], shared: Mapping[str, str]
+) -> list[str]:
+    """
+    Args:
+        restarts: times each service and hub was started again.
+        gone: services that were not alive at the end.
+        shared: the process of each service that is not alone in a process of its own name.
+    """
+    again = [f"{name} started again {times(n)}" for name, n in by_process(restarts, shared).items()]
+    missing = [f"{name} not alive at the end" for name in gone]
+    return [
+        *_few(again, "processes started again"),
+        *_few(missing, "services not alive at the end"),
+    ]
+
+
+def ending(exit_reason: str, troubles: Sequence[str]) -> str:
+    """How a dive ended, in words: cleanly only without any trouble.
+
+    Args:
+        exit_reason: `clean`, or why it was aborted.
+    """
+    if exit_reason != "clean":
+        return f"broke off: {exit_reason}"
+    return f"ended; {', '.join(troubles)}" if troubles else "ended cleanly"
+
+
+def by_process(restarts: Mapping[str, int], shared: Mapping[str, str]) -> dict[str, int]:
+    """Times each process was started again, of those that were. Arguments as of `processes`."""
+    most: dict[str, int] = {}
+    for name, count in restarts.items():
+        process = shared.get(name, name)
+        most[process] = max(count, most.get(process, 0))
+    return {process: count for process, count in sorted(most.items()) if count}
+
+
+def _few(each: Sequence[str], together: str) -> Sequence[str]:
+    return each if len(each) <= NAMED else [f"{len(each)} {together}"]
+
+
+def times(count: int) -> str:
+    """In words."""
+    return "once" if count == 1 else f"{count} times"
 
 
 class Extras(msgspec.Struct, frozen=True):

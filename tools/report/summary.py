@@ -14,8 +14,7 @@ from messages.events import FAILSAFE, ROUTINE, Severity, row_of
 from messages.vehicle import Reaction
 from services.marine.summation import plain_sum
 from tools.analysis.stops import StopAxis
-from tools.report.report import Hole, Report
-from tools.report.troubles import by_process, ending
+from tools.report.report import Hole, Report, by_process, ending
 
 LABEL = 18  # columns before the values
 DISK = "the disk was full or failed"

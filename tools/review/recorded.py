@@ -16,7 +16,7 @@ from services.reference.settings import Settings as ReferenceSettings
 from services.vehicle.mounting import AtOrigin
 from tools.analysis.dive import RecordedDive, read_dive
 from tools.analysis.stops import counting
-from tools.log.armed_spans import ArmedSpan, ArmedSpans
+from tools.log.cut import ArmedSpan, ArmedSpans
 from tools.recordings.columns import ARRIVAL, Array, Figures, StreamColumns, StreamFigures
 from tools.recordings.progress import reading
 from tools.replay.source import ReplaySource, open_source

@@ -25,9 +25,9 @@ from services.reference.trajectory.position import travelled
 from tools.analysis.dive import RecordedDive
 from tools.analysis.spectra import BAND, LEAST, RATE, jerk_spectrum
 from tools.analysis.stops import armed_until, releases
-from tools.log.armed_spans import ArmedSpan
+from tools.log.cut import ArmedSpan
 from tools.recordings.columns import Array
-from tools.report.troubles import times
+from tools.report.report import times
 from tools.review.recorded import SensorColumns, Track, digits, true_track
 from tools.review.recorded import at as track_at
 from tools.review.section import (

@@ -6,7 +6,6 @@ start, and a worker whose parent is gone, however it ended, ends too.
 
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -40,8 +39,7 @@ def on_all_cores(
     stop: Callable[[], bool] = lambda: False,
 ) -> Generator[tuple[int, R] | None]:
     """(index of the job, its result) in the order in which they are finished, and None every now
-    and then while nothing is. When a worker is killed, what is left is begun again, that which was
-    at hand last.
+    and then while nothing is.
 
     Args:
         work: can be pickled, as its arguments and results can; it may ask `asked_to_stop`.
@@ -49,35 +47,11 @@ def on_all_cores(
         stop: ask for the end; the jobs at hand are then finished, and no others are begun.
 
     Raises:
-        LindyError: workers were killed twice before anything was done.
+        LindyError: a worker was killed.
         Exception: what `work` raised.
     """
-    left, futile = dict(enumerate(jobs)), 0
-    while left and not stop():
-        before = len(left)
-        try:
-            yield from _in_one_pool(work, left, workers or system.cores(), stop)
-        except BrokenProcessPool:
-            if stop():  # a signal to the whole process group has ended the workers, too
-                return
-            futile = futile + 1 if len(left) == before else 0
-            if futile == 2:
-                raise LindyError(KILLED) from None
-            print(f"lindy: {KILLED}; what is left is begun again", file=sys.stderr, flush=True)
-
-
-def _in_one_pool(
-    work: Callable[[J], R], left: dict[int, J], workers: int, stop: Callable[[], bool]
-) -> Generator[tuple[int, R] | None]:
-    """As `on_all_cores`, until a worker is killed.
-
-    Args:
-        left: the jobs, by their index; those that are done are taken out, those at hand come last.
-
-    Raises:
-        BrokenProcessPool: a worker was killed.
-    """
-    jobs, pending, told = iter(list(left.items())), dict[Future[R], int](), SPAWN.Event()
+    workers, left = workers or system.cores(), iter(enumerate(jobs))
+    pending, told = dict[Future[R], int](), SPAWN.Event()
     pool = ProcessPoolExecutor(workers, SPAWN, _begin, (told,))
     try:
         while True:
@@ -88,7 +62,7 @@ def _in_one_pool(
                 # started meanwhile.
                 let_go = system.hold_back([signal.SIGINT])
                 try:
-                    for index, job in islice(jobs, workers - len(pending)):
+                    for index, job in islice(left, workers - len(pending)):
                         pending[pool.submit(work, job)] = index
                 finally:
                     let_go()
@@ -96,16 +70,15 @@ def _in_one_pool(
                 return
             done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
             for future in sorted(done, key=lambda one: one.exception() is not None):
-                result, index = future.result(), pending.pop(future)  # none is lost with an error
-                del left[index]
-                yield index, result
+                yield pending.pop(future), future.result()  # none is lost with an error
             if not done:
                 yield None
+    except BrokenProcessPool:
+        if not stop():  # else a signal to the whole process group has ended the workers, too
+            raise LindyError(KILLED) from None
     finally:
         told.set()
         pool.shutdown(cancel_futures=True)
-        for index in pending.values():
-            left[index] = left.pop(index)
 
 
 def in_order(work: Callable[[J], R], jobs: Sequence[J], workers: int | None = None) -> list[R]:

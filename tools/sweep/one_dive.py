@@ -16,6 +16,7 @@ from services.runtime.config.disk import fresh_folder, reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
+from tools.analysis.dive import read_dive
 from tools.checks import pilot_of, read_besides
 from tools.fresh import write_fresh
 from tools.live.dive_folder import holds_dive
@@ -23,7 +24,7 @@ from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import Outcome
 from tools.live.virtual_dive import INTERRUPTED, MemoryRecorder, fly, without_files
 from tools.recordings.recording import log_hash, open_recording
-from tools.report import encode, read_dive
+from tools.report.report import encode
 from tools.sweep.all_cores import asked_to_stop
 from tools.sweep.axes import PlannedDive
 from tools.sweep.rows import CLEAN, Flown, Row, row_of

@@ -23,10 +23,17 @@ from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import without_files
 from tools.sweep.all_cores import on_all_cores
 from tools.sweep.axes import SweepAxes, axes
-from tools.sweep.finished import About, FinishedDives, rows_file
 from tools.sweep.one_dive import Job, fly_one
-from tools.sweep.picture import drawn
-from tools.sweep.rows import CLEAN, Row, check_table, encoded
+from tools.sweep.rows import (
+    CLEAN,
+    About,
+    FinishedDives,
+    Row,
+    check_table,
+    drawn,
+    encoded,
+    rows_file,
+)
 
 LINE_S = 10.0  # [s] between two lines where there is no terminal
 Values = tuple[str, ...]

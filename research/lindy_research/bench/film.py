@@ -17,7 +17,7 @@ from typing import Any
 from lindy.api.recordings import open_recording
 from lindy_research.bench.real_dive import LINDY
 from lindy_research.bench.table import Figure
-from tools.log.film_scenes import pictures
+from tools.log.film import pictures
 
 SECONDS = 60.0  # [s] of the dive, armed
 DIVE = (

@@ -20,12 +20,11 @@ from lindy.api.laws import Settings as ReferenceSettings
 from lindy.api.vehicle import Vehicle, system_inertia
 from lindy_research.bench.table import Figure
 from services.simulator.hull import Hull, in_the_water
+from tools.identify.command import compare, identify_dive, read_dive
 from tools.identify.fit import drag_at
-from tools.identify.identify import compare, identify_dive, read_dive
 from tools.identify.motion_model import AXES, LAG
 from tools.identify.plan import as_csv, plan
-from tools.identify.results import SURE, identified, rows
-from tools.identify.vehicle_file import rounded
+from tools.identify.results import SURE, identified, rounded, rows
 from tools.sweep.all_cores import in_order
 from tools.sweep.axes import Combination, PlannedDive
 from tools.sweep.one_dive import Job, fly_one

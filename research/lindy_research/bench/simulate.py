@@ -16,7 +16,7 @@ from lindy.api.recordings import open_recording
 from lindy_research.bench.table import Figure
 from lindy_research.dives import CHAIN
 from services.runtime.hosts.loop import rare_collections
-from tools.report import Extras, make_report
+from tools.report.report import Extras, make_report
 
 SECONDS = 60  # [s] of each dive
 TURNS = 2

@@ -32,8 +32,7 @@ from lindy_research.papers.setups import (
 )
 from lindy_research.papers.unwrapped import accumulate
 from services.reference.paths.path import Path
-from tools.generators.clothoid import TwinClothoids
-from tools.generators.route import ProfileSequence, Route, sequence
+from tools.generators.route import ProfileSequence, Route, TwinClothoids, sequence
 
 PAPER = "Fernandes et al. 2015"
 TABLE_3_TIMES = (50.0, 140.3, 313.1, 430.6, 603.5, 731.5)  # [s]

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from lindy_research.papers import style
 from lindy_research.papers.setups import LANE_OFFSET, MIN_RADIUS
 from services.reference.paths.path import Path
-from tools.generators.clothoid import TwinClothoids
-from tools.generators.route import furthest
+from tools.generators.route import TwinClothoids, furthest
 
 CORNERS = ((0.0, 0.0), (50.0, 0.0), (65.0, 55.0), (20.0, 75.0), (65.0, 120.0))  # [m] ours
 STRAIGHT = 20.0  # [m] lines of figure 5

@@ -8,8 +8,7 @@ from math import exp
 from lindy.api.references import Limits, MotionRequest, plan
 from services.reference.paths.path import Path
 from services.reference.paths.turn import SmoothTurn
-from tools.generators.clothoid import TwinClothoids
-from tools.generators.route import ProfileSequence, Route, sequence
+from tools.generators.route import ProfileSequence, Route, TwinClothoids, sequence
 
 # Andrén 2023, figures 4.2 and 4.3.
 JERK = 10.0  # [m/s³]

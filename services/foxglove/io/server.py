@@ -1,13 +1,12 @@
 """Foxglove's own WebSocket server (foxglove-sdk). It offers channels and parameters. Publishing by
 clients, services, files and playback are not among its capabilities, so it refuses them itself."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from foxglove import Channel, Context, Schema, start_server
 from foxglove.websocket import Capability, Client, Parameter, ServerListener
 
-from services.foxglove.core import LOOPBACK, Settings, Value
-from services.foxglove.io.gate import FrontGate, private_address
+from services.foxglove.core import Settings, Value
 from services.recorder.foxglove.channel import NamedSchema
 from services.runtime.config.errors import LindyError
 from services.runtime.config.passwords import without_passwords
@@ -17,17 +16,8 @@ class FoxgloveServer:
     """Sends to every client what it has subscribed to. Never waits for one: where a client does not
     read, the SDK drops its oldest messages."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        name: str,
-        parameters: Mapping[str, Value],
-        refused: Callable[[str], None] = lambda _: None,
-    ) -> None:
+    def __init__(self, settings: Settings, name: str, parameters: Mapping[str, Value]) -> None:
         """Listen.
-
-        Args:
-            refused: told why somebody is not let in, on another thread.
 
         Raises:
             LindyError: the address cannot be used.
@@ -37,18 +27,11 @@ class FoxgloveServer:
         try:
             self._server = start_server(
                 name=name,
-                host=(private := private_address()),
-                port=0,
+                host=settings.host,
+                port=settings.port,
                 capabilities=[Capability.Parameters],
                 server_listener=ShownParameters(parameters),
                 context=self._context,
-            )
-            self._gate = FrontGate(
-                settings.host,
-                settings.port,
-                (private, self._server.port),
-                refused,
-                local=settings.host in LOOPBACK,
             )
         except (OSError, RuntimeError, ValueError) as error:
             raise LindyError(
@@ -69,7 +52,6 @@ class FoxgloveServer:
         return channel
 
     def close(self) -> None:
-        self._gate.close()
         self._server.stop()
 
 

@@ -13,12 +13,10 @@ Existing files are never written to.
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import msgspec
 
 from messages import events, topics
-from messages.events import Level, Outbox
 from messages.film import FilmAnswer, FilmRequest
 from messages.link import Clock
 from services.recorder.core import RecordedRow
@@ -29,6 +27,7 @@ from services.runtime.config.disk import reason, require_room
 from services.runtime.config.errors import LindyError
 from services.runtime.config.passwords import without_passwords
 from services.runtime.config.stack import Stack
+from services.runtime.node.node import Node
 
 RESERVE = 256_000  # [bytes] left free for the report and for the end of the file
 RETRY_NS = 5_000_000_000  # [ns] between two attempts to record again
@@ -47,26 +46,12 @@ class RecordingCheckpoint(msgspec.Struct):
     utc_minus_stamp_ns: int | None = None
 
 
-class SessionNode(Protocol):
-    """What the session needs of the service's node: outbox, log and checkpoints."""
-
-    outbox: Outbox
-    wall_offset_ns: int  # [ns] UTC minus the clock of stamps
-
-    @property
-    def sides(self) -> Mapping[str, object]: ...  # its home first
-    def now(self) -> int: ...
-    def log(self, level: Level, text: str) -> None: ...
-    def restore_checkpoint(self, kind: type[RecordingCheckpoint]) -> RecordingCheckpoint | None: ...
-    def save_checkpoint(self, what: RecordingCheckpoint) -> None: ...
-
-
 class McapSession:
     """Writes the rows of one dive, part after part."""
 
     def __init__(
         self,
-        node: SessionNode,
+        node: Node,
         stack: Stack,
         attached: Sequence[AttachedFile] | None = None,
         described: Mapping[str, str] | None = None,

@@ -93,6 +93,16 @@ def test_only_this_machine_is_listened_to_unless_told_and_then_it_is_said():
     loud.host.close()
 
 
+@needs_sdk
+def test_no_viewer_is_shown_a_password() -> None:
+    from services.foxglove.io.server import ShownParameters
+
+    tree = {"camera": {"source": "rtsp://ann:secret@10.0.0.2/live?token=x", "rate": 25}}
+    shown = ShownParameters(parameters(tree)).on_get_parameters(None, [])  # type: ignore[arg-type]
+    values = {each.name: each.get_value() for each in shown}
+    assert values == {"camera.source": "rtsp://…@10.0.0.2/live?…", "camera.rate": 25}
+
+
 def test_without_the_sdk_the_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
     for name in [n for n in sys.modules if n.split(".")[0] == "foxglove"]:
         monkeypatch.delitem(sys.modules, name)

@@ -7,7 +7,7 @@ import msgspec
 
 from messages import topics
 from messages.message import Message
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 
 KINDS = sorted({topic.message for topic in topics.ALL}, key=lambda kind: kind.__name__)
 REFUSED = {"$ref", "$defs", "anyOf", "oneOf", "enum", "prefixItems"}

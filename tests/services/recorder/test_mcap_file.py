@@ -16,7 +16,7 @@ from mcap.stream_reader import StreamReader
 
 from messages import topics
 from messages.sensors import PressureSample
-from services.recorder.io import mcap_file, open_chunk
+from services.recorder.io import mcap_file
 from services.recorder.io.mcap_file import McapFile
 from tools.recordings.recording import is_whole, open_recording
 
@@ -118,7 +118,7 @@ def test_killed_within_a_flush_only_that_flush_is_lost(
     write(file, range(500))
     file.flush()
     write(file, range(500, 600))
-    write_at = open_chunk.write_at
+    write_at = mcap_file.write_at
     calls: list[int] = []
 
     def killed(stream: io.FileIO, position: int, data: bytes) -> None:
@@ -126,7 +126,7 @@ def test_killed_within_a_flush_only_that_flush_is_lost(
         if len(calls) <= done:
             write_at(stream, position, data)
 
-    monkeypatch.setattr(open_chunk, "write_at", killed)
+    monkeypatch.setattr(mcap_file, "write_at", killed)
     file.flush()
     assert len(calls) == 2
     assert own(path) == list(range(500))
@@ -142,14 +142,14 @@ def test_a_disk_that_fills_up_within_a_flush_loses_only_that_flush(
     write(file, range(500))
     file.flush()
     write(file, range(500, 600))
-    write_at = open_chunk.write_at
+    write_at = mcap_file.write_at
 
     def full(stream: io.FileIO, position: int, data: bytes) -> None:
         write_at(stream, position, data[:done])
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as disk:
-        disk.setattr(open_chunk, "write_at", full)
+        disk.setattr(mcap_file, "write_at", full)
         with pytest.raises(OSError, match="No space"):
             file.flush()
     assert (file.flushed, file.unflushed) == (500, 100)

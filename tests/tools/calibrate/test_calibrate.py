@@ -19,7 +19,7 @@ from services.marine.attitude import from_euler
 from services.marine.calibration import SensorCalibration
 from services.marine.mounting import ImuMount, Mounting, Turned
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
@@ -30,11 +30,16 @@ from services.simulator.settings import SensorErrors, Settings
 from services.vehicle.mounting import AtOrigin, MountedAxes
 from tools.__main__ import main
 from tools.calibrate.compass import CompassGuide
-from tools.calibrate.guide import CalibrationGuide, listen
+from tools.calibrate.guide import (
+    CalibrationError,
+    CalibrationGuide,
+    SensorFound,
+    listen,
+    with_settings,
+)
 from tools.calibrate.imu import AccelerometerGuide, GyroscopeGuide
 from tools.calibrate.pressure import PressureGuide
-from tools.calibrate.results import CalibrationError, SensorFound, with_settings
-from tools.identify.vehicle_file import read_vehicle
+from tools.identify.results import read_vehicle
 
 REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 STEP_NS = 10_000_000  # [ns] of the IMU

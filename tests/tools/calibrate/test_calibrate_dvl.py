@@ -20,14 +20,14 @@ from services.simulator.sensors import Sensors
 from services.simulator.settings import Dvl, Settings
 from tools.__main__ import main
 from tools.calibrate.dvl import DvlGuide
-from tools.calibrate.results import (
+from tools.calibrate.guide import (
     CalibrationError,
     SensorFound,
     Setting,
     with_settings,
 )
-from tools.identify.vehicle_file import read_vehicle
-from tools.recordings.allan import Floats
+from tools.calibrate.noise import Floats
+from tools.identify.results import read_vehicle
 
 DT_NS = 10_000_000  # [ns] of the IMU
 DEVICE = Dvl(rate=10.0, std=0.005)

@@ -16,17 +16,25 @@ from messages.sensors import ImuSample, MagnetometerSample, PressureSample
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.estimation.settings import Settings
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.simulator.core import Settings as Simulator
-from tools.calibrate.noise import NoiseAxis, lines, measured, noise
-from tools.recordings.allan import deviation
-from tools.recordings.allan import noise as noise_of
-from tools.recordings.at_rest import HeardAtRest, RestingSamples, read, resting
+from tools.calibrate.noise import (
+    HeardAtRest,
+    NoiseAxis,
+    RestingSamples,
+    deviation,
+    lines,
+    measured,
+    noise,
+    noise_of,
+    read,
+    resting,
+)
 from tools.recordings.recording import open_recording
 from tools.up import on_side
 

@@ -17,7 +17,7 @@ from services.runtime.config.settings import DEPLOY, convert
 from services.runtime.config.stack import Stack
 from tools.__main__ import main
 from tools.identify.plan import AXES, PlanAxis, as_csv, plan
-from tools.identify.vehicle_file import VehicleFile, rewritten, rounded
+from tools.identify.results import VehicleFile, rewritten, rounded
 from tools.recordings.recording import Raw, Recording
 from tools.sweep.axes import Combination, PlannedDive
 from tools.sweep.one_dive import Job, fly_one

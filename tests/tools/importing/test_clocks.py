@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tools.importing.clocks import LoggerClock, by_logger, pace
-from tools.importing.oddities import GapWatch
+from tools.importing.contradictions import GapWatch
+from tools.importing.streams import LoggerClock, by_logger, pace
 
 S = 1_000_000_000  # [ns]
 steps = st.integers(1_000_000, 400_000_000)  # [ns] between two samples

@@ -6,7 +6,7 @@ import pytest
 
 from services.runtime.config.settings import DEPLOY
 from tools.__main__ import main
-from tools.identify.identify import identify_dive
+from tools.identify.command import identify_dive
 
 COMMANDS = """
 [[take]]

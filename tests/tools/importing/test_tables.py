@@ -10,7 +10,7 @@ import pytest
 from messages.sensors import PressureSample
 from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
-from tools.importing.table_file import TableFile
+from tools.importing.column_files import TableFile
 
 from .logs import (
     BEGAN_NS,

@@ -21,8 +21,7 @@ import tools.recordings.recording
 from messages import events, topics
 from messages.events import Event
 from messages.link import LinkRequest
-from services.recorder.foxglove.channel import is_view
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema, is_view
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack

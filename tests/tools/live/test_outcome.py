@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import tools.live.outcome
 from messages import topics
 from messages.vehicle import Actuation, VehicleStatus
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack

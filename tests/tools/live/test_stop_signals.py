@@ -15,7 +15,7 @@ import pytest
 
 from messages import topics
 from messages.link import LinkRequest
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.stack import Stack
 from tests.support.patience import PATIENCE_S

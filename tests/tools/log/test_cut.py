@@ -15,9 +15,7 @@ from services.recorder.foxglove.channel import is_view
 from services.runtime.config.errors import LindyError
 from tests.support.recorded import ShortDive, foreign, rewritten
 from tools.__main__ import main
-from tools.log.armed_spans import ArmedSpan, ArmedSpans, armed_spans, around
-from tools.log.cut import WantedPart, cut_out
-from tools.log.recover import recovered
+from tools.log.cut import ArmedSpan, ArmedSpans, WantedPart, armed_spans, around, cut_out, recovered
 from tools.recordings.mcap_records import StoredMessage
 from tools.recordings.recording import is_whole, open_recording
 

@@ -25,10 +25,13 @@ from messages import topics
 from messages.film import FilmKind, FilmRequest
 from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
-from tools.log.film import STEP_NS, TICKS, Subtitles, filmed
-from tools.log.film_scenes import (
+from tools.log.film import (
+    STEP_NS,
+    TICKS,
     FilmedPicture,
     FilmPlace,
+    Subtitles,
+    filmed,
     filmed_spans,
     marks,
     pictures,

@@ -17,20 +17,19 @@ from msgspec.structs import replace
 
 from messages import topics
 from messages.sensors import PressureSample
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from tests.support.recorded import ShortDive, foreign
 from tools.__main__ import main
 from tools.analysis.dive import RecordedDive, read_dive
-from tools.log import recover
 from tools.log.compare import figures
-from tools.log.recover import recovered
+from tools.log.cut import recovered
+from tools.recordings import recording as reader
 from tools.recordings.recording import is_whole, open_recording
 from tools.replay.command import span_of
 from tools.replay.source import open_source, remarks
-from tools.report import report_on
-from tools.report.report import Extras, Report
+from tools.report.report import Extras, Report, report_on
 
 KEY = topics.PRESSURE.key
 CHUNKS, PER_CHUNK, PER_FLUSH = 3, 40, 10
@@ -187,7 +186,7 @@ def test_a_recording_that_is_still_written_is_not_called_damaged(
     data, _ = whole_file()
     path = tmp_path / "dive.mcap"
     path.write_bytes(data[: round(end * len(data))])
-    records = recover.records
+    records = reader.records
 
     def beside_its_recorder(*args: Any, **more: Any) -> Iterator[Any]:
         for number, record in enumerate(records(*args, **more)):
@@ -196,7 +195,7 @@ def test_a_recording_that_is_still_written_is_not_called_damaged(
                     file.write(bytes(20))
             yield record
 
-    monkeypatch.setattr(recover, "records", beside_its_recorder)
+    monkeypatch.setattr(reader, "records", beside_its_recorder)
     found = recovered(path, tmp_path / "mended.mcap")
     assert found.messages > 0
     assert found.wrong == ["dive.mcap is still being written: look again when the dive has ended"]

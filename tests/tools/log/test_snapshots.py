@@ -14,7 +14,7 @@ from PIL.ExifTags import GPS, IFD, Base
 
 from services.marine import time_stripe
 from services.runtime.config.errors import LindyError
-from tools.log.film_scenes import FilmedPicture
+from tools.log.film import FilmedPicture
 from tools.log.snapshots import TEMPERATURE, jpeg, last_of, taken
 from tools.recordings.recording import open_recording
 

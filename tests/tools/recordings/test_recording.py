@@ -15,9 +15,8 @@ from mcap.writer import CompressionType, Writer
 
 from messages import topics
 from messages.sensors import PressureSample
-from services.recorder.foxglove_schema import foxglove_schema
-from services.recorder.io.mcap_file import McapFile
-from services.recorder.io.open_chunk import MAGIC
+from services.recorder.foxglove.channel import foxglove_schema
+from services.recorder.io.mcap_file import MAGIC, McapFile
 from services.runtime.config.errors import LindyError
 from tools.recordings.mcap_records import Damage, StoredMessage, records
 from tools.recordings.recording import is_whole, log_hash, merge_parts, open_recording

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from messages import topics
 from messages.identity import SideIdentity
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort

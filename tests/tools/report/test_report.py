@@ -18,13 +18,14 @@ from messages.reference import Motion
 from messages.sensors import BatterySample, PressureSample
 from messages.state import VehicleState
 from messages.vehicle import VehicleStatus
-from services.recorder.foxglove_schema import foxglove_schema
+from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
 from tests.support import said as told
+from tools.analysis.dive import read_dive
 from tools.health_sums import HealthOfAll
 from tools.recordings.recording import open_recording
-from tools.report import Extras, encode, make_report, read_dive, summary
-from tools.report.report import Report
+from tools.report.report import Extras, Report, encode, make_report
+from tools.report.summary import summary
 
 MS = 1_000_000  # [ns]
 START = 5_000 * MS

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 from messages.health import Health
 from tools.health_sums import HealthOfAll
 from tools.recordings.recording import Recording
-from tools.report import Elsewhere, Extras, elsewhere, make_report, restarted, unrecorded
+from tools.report.report import Extras, make_report
+from tools.report.summary import Elsewhere, elsewhere, restarted, unrecorded
 
 TOPSIDE = ("gamepad", "visualizer", "link_monitor", "predictor")
 PROCESSES = st.sampled_from(["gamepad", "link_monitor", "predictor", "hub_topside"])

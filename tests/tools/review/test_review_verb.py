@@ -12,11 +12,9 @@ from services.runtime.config.errors import LindyError
 from tests.tools.importing.logs import dataflash
 from tools.importing.command import import_log
 from tools.replay.source import open_source
-from tools.review.command import review
+from tools.review.command import Review, review, reviewed
 from tools.review.estimated import estimate
 from tools.review.recorded import read
-from tools.review.review import Review
-from tools.review.review import review as reviewed
 from tools.review.section import ReviewSection
 
 ROOT = Path(__file__).parents[3]
@@ -51,6 +49,7 @@ def test_a_page_that_loads_nothing_and_overwrites_nothing(
     first = (dive / "review-2.html").read_text()
     for section in ReviewSection.__subclasses__():
         assert section.heading in first.replace("&#x27;", "'")
+    assert "The same figures: lindy review --json" in first
     assert "http" not in first
     assert first.count("<img") == first.count('src="data:image/png;base64,')
     assert first.count("<img") >= 3
@@ -124,7 +123,7 @@ def test_quick_flies_nothing_again(
     def flown(*_: object) -> str:
         raise AssertionError("flown again")
 
-    monkeypatch.setattr("tools.review.review.stops_with_lindy", flown)
+    monkeypatch.setattr("tools.review.command.stops_with_lindy", flown)
     assert review(dive, quick=True, json=True) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["stops_with_lindy"] == []

@@ -17,7 +17,7 @@ from services.reference.settings import Settings
 from services.runtime.config.stack import Stack
 from tools.analysis.dive import STICKS, RecordedDive
 from tools.analysis.stops import counting
-from tools.log.armed_spans import ArmedSpan
+from tools.log.cut import ArmedSpan
 from tools.recordings.columns import Gathering, StreamColumns
 from tools.review.estimation import beside
 from tools.review.recorded import STATE, SensorColumns, Track

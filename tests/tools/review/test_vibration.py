@@ -9,8 +9,7 @@ from messages import topics
 from services.estimation.core import AID_SOURCES
 from tools.review.estimated import MEANS, in_words
 from tools.review.recorded import SensorColumns
-from tools.review.sensors import SensorSection
-from tools.review.vibration import vibration
+from tools.review.sensors import SensorSection, vibration
 
 RATE = 100.0
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from services.runtime.config.errors import LindyError
 from tools.sweep.axes import SweepAxes, axes
-from tools.sweep.finished import About, FinishedDives, rows_file
-from tools.sweep.rows import Row
+from tools.sweep.rows import About, FinishedDives, Row, rows_file
 
 
 def read(**options: str) -> SweepAxes:

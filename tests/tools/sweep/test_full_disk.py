@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tools.__main__ import main
-from tools.sweep.finished import rows_file
+from tools.sweep.rows import rows_file
 
 QUICK = "estimation.calibration.still_time=2"  # [s]
 STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.2,0,0,0.6,0.4\n1.5,0,0,0,0\n8,0,0,0,0\n"

@@ -9,9 +9,8 @@ import pytest
 import tools.sweep.sweep as module
 from tools.__main__ import main
 from tools.sweep.axes import Combination, PlannedDive, axes
-from tools.sweep.finished import rows_file
 from tools.sweep.one_dive import Job, fly_one
-from tools.sweep.rows import Row, columns
+from tools.sweep.rows import Row, columns, rows_file
 
 STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.2,0,0,0.6,0.4\n1.5,0,0,0,0\n4,0,0,0,0\n"
 QUICK = "estimation.calibration.still_time=2"  # [s]
@@ -182,7 +181,7 @@ def test_ctrl_c_keeps_what_is_finished(
 
 
 def test_the_picture_is_a_png_with_every_figure():
-    from tools.sweep.picture import combinations, drawn
+    from tools.sweep.rows import combinations, drawn
 
     found = axes(["pioneer"], ["tether", "remote"], ["script:a"], [], ["1..2"])
     empty: Row = dict.fromkeys(columns([]))

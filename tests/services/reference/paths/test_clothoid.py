@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.reference.paths.turn import SmoothTurn, Turn
-from tools.generators.clothoid import TwinClothoids, fresnel
+from tools.generators.route import TwinClothoids, fresnel
 
 SHAPES = pytest.mark.parametrize("shape", [TwinClothoids, SmoothTurn])
 ANGLES = st.floats(1e-8, pi)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from services.marine.attitude import wrapped
 from services.reference.paths.path import Kind, Path, PathPoint
 from services.reference.paths.turn import SmoothTurn
-from tools.generators.clothoid import TwinClothoids
+from tools.generators.route import TwinClothoids
 
 
 def through(

@@ -11,9 +11,8 @@ from services.reference.paths.path import Kind, Path
 from services.reference.paths.turn import SmoothTurn
 from services.reference.trajectory.minimum_jerk import Limits, MotionProfile, solve
 from services.reference.trajectory.position import pair
-from tools.generators.clothoid import TwinClothoids
 from tools.generators.fernandes import MotionRequest, plan
-from tools.generators.route import MotionLaw, Route, route, stretch
+from tools.generators.route import MotionLaw, Route, TwinClothoids, route, stretch
 
 
 def through(

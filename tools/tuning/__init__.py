@@ -1,1 +1,0 @@
-"""Control gains for a vehicle: linear-quadratic design over the sampled loop."""
