@@ -75,7 +75,9 @@ def test_what_a_node_says_is_inside_what_it_is_outside() -> None:
     MemoryBusPort(network).hear("**", outside.append)
     for topic in topics.ALL:
         talker.say(topic)(topic.key.encode())
-    assert [e[:3] for e in inside] == [e[:3] for e in outside]
+    assert [(e.key, e.payload, e.encoding) for e in inside] == [
+        (e.key, e.payload, e.encoding) for e in outside
+    ]
     # The tether carries it on as it would a message of another process.
     assert [e.travelled for e in inside] == [QOS_PROFILES[topic.qos] for topic in topics.ALL]
 
