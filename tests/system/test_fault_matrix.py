@@ -56,7 +56,7 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CellRow]:
     """Flown by a program of its own, on all cores: it goes on in copies of itself, which a process
     with threads must not."""
     kept = tmp_path_factory.mktemp("faults") / "rows.jsonl"
-    command = [sys.executable, "-m", "tests.support.faults", "--world", "virtual"]
+    command = [sys.executable, "-m", "tests.support.faults"]
     run = subprocess.run(
         [*command, "--rows", str(kept), "--cells", *CELLS],
         cwd=ROOT,

@@ -1,20 +1,15 @@
-"""What can be asked of a dive and what is seen of it, in a virtual and in a real one alike."""
+"""What is seen of a dive to which faults happen."""
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
-
-from msgspec.structs import replace
+from typing import NamedTuple
 
 from messages import topics
 from messages.health import LogLine
-from messages.link import LatencyBudget, LinkRequest
-from messages.pilot import PilotAnswer, PilotRequest
+from messages.link import LatencyBudget
+from messages.pilot import PilotAnswer
 from messages.reference import Reference
-from messages.simulator import FaultKind, FaultRequest
 from messages.vehicle import Actuation, Truth, VehicleStatus
 from services.runtime.node.node import Node
-from tests.support.faults.modes import VERTICAL
 
 # What the simulator says of a fault it was asked for; a real vehicle says nothing.
 ITS_OWN = ("simulated fault:", "mended:", "link:")
@@ -82,50 +77,3 @@ class Observed:
     def _read(self, line: LogLine, now: int) -> None:
         if line.level != "info" and not line.text.startswith(ITS_OWN):
             self.tell(now, f"{line.service}: {line.text}")
-
-
-class FaultDive(ABC):
-    """A dive to which faults happen."""
-
-    def __init__(self, vertical: str) -> None:
-        self.seen = Observed()
-        self._vertical = vertical
-        self._asked = 0
-
-    def _connect(self, topside: Node, drone: Node) -> None:
-        self.seen.listen(topside, drone)
-        self._wishes = topside.request(
-            topics.PILOT_REQUEST, topics.PILOT_ANSWER, on_answer=lambda _q, _a, _n: None
-        )
-        self._links = topside.publisher(topics.LINK_REQUEST)
-        self._breaks = drone.publisher(topics.FAULT_REQUEST)
-
-    @property
-    @abstractmethod
-    def now(self) -> int:
-        """[ns] the clock of all stamps."""
-
-    @abstractmethod
-    def run(self, seconds: float) -> None:
-        """Look on."""
-
-    def ask(self, **wish: Any) -> None:
-        """A request of the pilot's side, as `lindy ask` sends it."""
-        epoch = 0 if self.seen.shown is None else self.seen.shown.epoch
-        request = PilotRequest(stamp_ns=self.now, id="", source="voice", epoch=epoch, **wish)
-        self._wishes.ask(request, self.now)
-
-    def part(self, part: str, fault: FaultKind, value: float | None = None) -> None:
-        """Break a part of the vehicle, or mend it with `none`."""
-        part = self._vertical if part == VERTICAL else part
-        self._breaks.put(
-            FaultRequest(stamp_ns=self.now, id=self._name(), part=part, fault=fault, value=value)
-        )
-
-    def link(self, request: LinkRequest) -> None:
-        """Change the link."""
-        self._links.put(replace(request, stamp_ns=self.now, id=self._name()))
-
-    def _name(self) -> str:
-        self._asked += 1
-        return f"fault-{self._asked}"
