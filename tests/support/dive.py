@@ -62,8 +62,9 @@ class Dive:
         if clocks:
             self.rows = self.rows.only({name: self.rows[name] for name in services}).apart()
         self.stack = Stack(
-            out=str(self.folder), overrides=[quick, *overrides], apart=bool(clocks), **choices
-        )
+            out=str(self.folder), services=stack, overrides=[quick, *overrides],
+            apart=bool(clocks), **choices,
+        )  # fmt: skip
         self.host = HinderedHost(clocks, lateness)
         self._wires = wires or {}
         self._ears: dict[Side, Node] = {}

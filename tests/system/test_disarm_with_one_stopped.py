@@ -176,17 +176,6 @@ def test_a_reference_that_lost_the_request_is_told_of_it(dive: StoppedDive) -> N
     assert not dive.turning
 
 
-def test_another_epoch_disarms_nothing(dive: StoppedDive) -> None:
-    dive.stop("reference", 2.0)
-    dive.run(0.15)
-    name = dive.ask("disarm", epoch=99)
-    dive.run(0.5)
-    assert dive.turning
-    assert not dive.answered(name)
-    assert dive.host.nodes["control"].counts["wrong_epoch:pilot/request"] == 1
-    assert dive.host.nodes["simulator"].counts["wrong_epoch:pilot/request"] == 1
-
-
 def test_a_stop_is_answered_while_reference_is_silent_and_done_when_it_wakes(
     dive: StoppedDive,
 ) -> None:

@@ -1,5 +1,5 @@
-"""The cells: all faults in all modes on virtual time, on all cores. Each is flown by a copy (fork) of
-a process with an armed dive, from one instant on.
+"""The cells: all faults in all modes on virtual time, on all cores. Each is flown by a copy (fork)
+of a process with an armed dive, from one instant on.
 """
 
 import gc
