@@ -1,6 +1,6 @@
 """The faults, as data: how each begins and ends, and which goals apply to it. What virtual time
 cannot show (a disk, a processor, the recorder's own process): tests/system/test_dive.py and
-test_failing_disk.py.
+test_recording_survives.py.
 """
 
 from collections.abc import Callable
