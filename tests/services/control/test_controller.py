@@ -365,7 +365,7 @@ def test_a_long_gap_teaches_nothing_and_is_counted_once(gap_ms: int) -> None:
     learnt = [step(k * 10 * MS, 0.0) for k in range(50)][-1].disturbance[2]
     pushed = step((490 + gap_ms) * MS, 0.5).disturbance[2]
     assert (pushed == learnt) == (gap_ms > 50)
-    assert told(law.outbox) == (["gap:seen_at"] if gap_ms > 50 else [])
+    assert told(law.outbox) == (["gap:state"] if gap_ms > 50 else [])
 
 
 @given(st.integers(0, 10**9), st.integers(-100, 100))
