@@ -19,11 +19,10 @@ from statistics import linear_regression, median
 from typing import Any, NamedTuple
 
 from services.runtime.os import system
-from tests.support.faults.catalogue import FAULTS, NONE, FaultCase
+from tests.support.faults.catalogue import FAULTS, NONE, FaultCase, FlownMode
 from tests.support.faults.cells import in_copies
 from tests.support.faults.figures import Figures, figures
 from tests.support.faults.goals import JERK
-from tests.support.faults.modes import FlownMode
 from tests.support.faults.virtual_dive import SECOND, VirtualDive
 
 MODES = ("manual", "depth_hold", "stabilised")

@@ -14,7 +14,7 @@ from services.vehicle_view import words
 from services.vehicle_view.io.ports import VehiclePorts
 from services.vehicle_view.view import VehicleView, vehicle_view
 from tests.support.dive import ON_BOARD, Dive
-from tests.support.jitter import Hindrance
+from tests.support.hindered_host import Hindrance
 
 S = 10**9  # [ns]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.faults.catalogue import MODES
 from tests.support.faults.goals import CellRow, read_rows
-from tests.support.faults.modes import MODES
 from tests.support.faults.virtual_dive import VirtualDive
 
 pytestmark = pytest.mark.slow

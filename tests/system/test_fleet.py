@@ -22,9 +22,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
-from tests.support.doors import free_endpoint
+from tests.support.doors import free_endpoint, router_tree
 from tests.support.patience import PATIENCE_S, until
-from tests.support.router_file import router_tree
 
 
 class World:

@@ -10,7 +10,7 @@ import pytest
 from messages import topics
 from messages.vehicle import Truth
 from tests.support.dive import Dive
-from tests.support.jitter import Jitter, Lateness
+from tests.support.hindered_host import Jitter, Lateness
 
 pytestmark = pytest.mark.slow
 

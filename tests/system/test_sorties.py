@@ -7,8 +7,7 @@ import pytest
 
 from messages.pilot import RequestKind
 from services.estimation.aids import LOST_AFTER
-from tests.support.dive import DEEP
-from tests.support.sortie import HANDS_OFF, Sortie, SortieRow
+from tests.support.dive import DEEP, HANDS_OFF, Sortie, SortieRow
 
 CLEAN = (  # not zero: a sensor without any noise counts as frozen
     "simulator.pressure_std=10",

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import pytest
 
 from messages.simulator import FaultKind
-from tests.support.dive import DEEP
-from tests.support.sortie import HANDS_OFF, Sortie
+from tests.support.dive import DEEP, HANDS_OFF, Sortie
 
 AT = 12.0  # [s] after arming, at rest at 2 m
 DOWN = [(1.0, (0.0, 0.0, 1.0, 0.0)), (5.5, HANDS_OFF)]

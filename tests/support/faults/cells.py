@@ -10,9 +10,8 @@ from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
-from tests.support.faults.catalogue import FAULTS, FaultCase
+from tests.support.faults.catalogue import FAULTS, MODES, FaultCase, FlownMode
 from tests.support.faults.figures import Figures, disarmed, figures, with_disarm
-from tests.support.faults.modes import MODES, FlownMode
 from tests.support.faults.virtual_dive import VirtualDive
 
 REQUEST_S = 6.0  # [s] for which a request is repeated, and thrusters come to rest

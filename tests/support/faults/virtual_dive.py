@@ -26,11 +26,9 @@ from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import HangDetector, Supervisor
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
-from tests.support.faults.modes import VERTICAL, FlownMode
-from tests.support.faults.observed import Observed
-from tests.support.hindered_host import HinderedHost
-from tests.support.jitter import Hindrance
-from tests.support.twin import take_name
+from tests.support.faults.catalogue import VERTICAL, FlownMode
+from tests.support.faults.figures import Observed
+from tests.support.hindered_host import HinderedHost, Hindrance, take_name
 
 SECOND = 1_000_000_000  # [ns]
 STEP_NS = 40_000_000  # [ns] between two steps of the supervisor, at most as in a real dive

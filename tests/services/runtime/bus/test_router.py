@@ -30,9 +30,8 @@ from services.runtime.bus.zenoh_bus import (
     listening,
     open_network,
 )
-from tests.support.doors import CROSS, free_endpoint, one, say
+from tests.support.doors import CROSS, FILE, free_endpoint, one, router_tree, say
 from tests.support.patience import PATIENCE_S, until
-from tests.support.router_file import FILE, router_tree
 from tools.keys.authority import KeyAuthority, own_keys
 from tools.keys.roles import Role, parse
 

@@ -16,7 +16,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.peers import PATIENCE_NS, RECENT_NS, Peers
-from tests.support.twin import take_name
+from tests.support.hindered_host import take_name
 
 S = 1_000_000_000  # [ns]
 TOPSIDE = SideIdentity(side="topside", instance=1, version="0.1", messages="abc", vehicle="pioneer")
