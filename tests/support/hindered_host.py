@@ -1,5 +1,6 @@
-"""Virtual time on which services are late, hubs hang or end, checkpoints are lost, and a service has
-a twin: every wake-up of a busy computer is handled after a random delay, and sometimes it stalls."""
+"""Virtual time on which services are late, hubs hang or end, checkpoints are lost, and a service
+has a twin. On a busy computer every wake-up is handled after a random delay, and sometimes it
+stalls."""
 
 from bisect import bisect_right
 from collections.abc import Callable, Mapping

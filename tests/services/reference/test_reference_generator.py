@@ -20,7 +20,7 @@ from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Sett
 from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
 from services.runtime.config.stack import Stack
-from tests.services.reference.drone import DT, Drone
+from tests.services.reference.drone import DT, Drone, smooth
 from tests.support.said import state, sticks
 from tests.support.told import told
 
@@ -199,20 +199,6 @@ def test_without_a_state_it_stops_smoothly_and_keeps_its_rate() -> None:
     assert guidance.status.failsafe == "state_lost"
 
 
-def continuous(flown: list[Reference]) -> None:
-    """No step in velocity or acceleration on any axis; limits of an emergency stop included."""
-    s = Settings()
-    for before, after in pairwise(flown):
-        for a, b, axis in (
-            (before.depth, after.depth, s.heave),
-            (before.heading, after.heading, s.yaw),
-        ):
-            assert abs(b.velocity - a.velocity) <= axis.stop_acceleration * DT * 1e-9 + 1e-9
-            assert abs(b.acceleration - a.acceleration) <= axis.stop_jerk * DT * 1e-9 + 1e-6
-        pace_a, pace_b = (r.surge.velocity if r.surge else 0.0 for r in (before, after))
-        assert abs(pace_b - pace_a) <= s.place.stop_acceleration * DT * 1e-9 + 1e-9
-
-
 def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
     guidance = armed()
     guidance.fly(6.0, yaw=1.0)
@@ -225,7 +211,7 @@ def test_goto_arrives_exactly_at_depth_and_heading_the_shortest_way() -> None:
     assert abs(wrapped(end.heading.position - 0.5)) < 1e-9
     assert abs(end.heading.position - turned) <= pi
     assert guidance.generator.activity == "piloted"
-    continuous(guidance.flown)
+    smooth(guidance.flown, Settings(), stops=True)
 
 
 @settings(max_examples=15, deadline=None, phases=GENERATE)
@@ -238,7 +224,7 @@ def test_the_pilot_takes_over_from_goto_at_any_moment_without_a_step(
     guidance.fly(when)
     guidance.fly(2.0, heave=heave, yaw=yaw)
     guidance.fly(3.0)
-    continuous(guidance.flown)
+    smooth(guidance.flown, Settings(), stops=True)
 
 
 def course(**more: object) -> Course:
@@ -260,24 +246,7 @@ def test_a_path_is_followed_to_its_end_in_heading_depth_and_pace() -> None:
     assert end.surge is None
     fastest = max(r.surge.velocity for r in guidance.flown if r.surge)
     assert abs(fastest - 0.3) < 1e-9
-    continuous(guidance.flown)
-
-
-@settings(max_examples=15, deadline=None, phases=GENERATE)
-@given(st.floats(0.0, 60.0), touch, touch, st.booleans())
-def test_the_pilot_or_a_stop_ends_a_path_at_any_moment_without_a_step(
-    when: float, heave: float, yaw: float, stop: bool
-) -> None:
-    guidance = armed()
-    guidance.ask("follow", course=course())
-    guidance.fly(when)
-    if stop:
-        guidance.ask("stop")
-    guidance.fly(3.0, heave=heave, yaw=yaw)
-    guidance.fly(3.0)
-    continuous(guidance.flown)
-    ended = stop or max(abs(heave), abs(yaw)) > 0.05
-    assert ended == (guidance.flown[-1].surge is None)
+    smooth(guidance.flown, Settings(), stops=True)
 
 
 @pytest.mark.slow
@@ -409,7 +378,7 @@ def test_goto_a_place_turns_there_runs_the_distance_and_stops() -> None:
     assert abs(end.depth.position - 2.0) < 1e-9
     assert guidance.generator.activity == "piloted"
     assert all(r.surge is None for r in guidance.flown)  # nothing of it was blind
-    continuous(guidance.flown)
+    smooth(guidance.flown, Settings(), stops=True)
 
 
 # On a busy computer: the reference is of the sensors' time, not of when it is handled.
