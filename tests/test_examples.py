@@ -112,6 +112,7 @@ def test_the_ramp_is_plotted_and_keeps_its_limits(tmp_path: Path) -> None:
     assert jerk <= 1.5
 
 
+@pytest.mark.slow
 def test_the_ramp_leaves_a_picture_that_is_there(tmp_path: Path) -> None:
     out = tmp_path / "ramp.png"
     out.write_text("mine")
@@ -120,6 +121,7 @@ def test_the_ramp_leaves_a_picture_that_is_there(tmp_path: Path) -> None:
     assert done.stderr == f"{out} exists already; name another file\n"
 
 
+@pytest.mark.slow
 def test_an_own_controller_flies_the_whole_stack(tmp_path: Path, pilot: tuple[str, str]) -> None:
     out = tmp_path / "out"
     assert main(["simulate", *PD, *QUICK, *pilot, "--out", str(out)]) == 0

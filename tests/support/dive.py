@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from messages import topics
 from messages.message import Message
-from messages.pilot import FlightMode, PilotAnswer, PilotRequest, RequestKind
+from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, RequestKind
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
 from messages.topic import M, Side, Topic
 from messages.vehicle import VehicleStatus
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import Skew
+from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.node import Node
 from tests.support.hindered_host import HinderedHost, Lateness
 
@@ -112,6 +112,53 @@ class Dive:
     @property
     def counts(self) -> Counter[str]:
         return sum((node.counts for node in self.host.nodes.values()), Counter[str]())
+
+
+class Person:
+    """A pilot by hand, whose sticks and requests a test gives."""
+
+    def __init__(self, host: VirtualHost, name: str = "pilot", side: Side = "drone") -> None:
+        node = host.node(name, [side])
+        self.name, self._host, self._asked = name, host, 0
+        self.epoch, self.heave, self.speaks = 0, 0.0, True
+        self.answers: list[PilotAnswer] = []  # to his own requests
+        self._commands = node.publisher(topics.PILOT_COMMAND)
+        self._requests = node.publisher(topics.PILOT_REQUEST)
+        node.every(topics.PILOT_COMMAND.hz, self._speak)
+        node.each(topics.PILOT_ANSWER, self._hear)
+
+    def say(self, kind: RequestKind, **more: Any) -> str:
+        """Ask, and wait for nothing. Returns the name of the request."""
+        self._asked += 1
+        said: dict[str, Any] = {"source": self.name, "epoch": self.epoch} | more
+        request = PilotRequest(
+            stamp_ns=self._host.now, id=f"{self.name}-{kind}-{self._asked}", kind=kind, **said
+        )
+        self._requests.put(request)
+        return request.id
+
+    def ask(self, kind: RequestKind, **more: Any) -> str:
+        """Why it is refused; empty: it is granted."""
+        name = self.say(kind, **more)
+        self._host.run(self._host.now + SECOND // 5)
+        return self.answered(name)[-1].reason
+
+    def answered(self, name: str) -> list[PilotAnswer]:
+        return [answer for answer in self.answers if answer.id == name]
+
+    def _hear(self, answer: PilotAnswer, _: int) -> None:
+        if answer.id.startswith(f"{self.name}-"):
+            self.answers.append(answer)
+            self.epoch = self.epoch if answer.epoch is None else answer.epoch
+
+    def _speak(self, now: int) -> None:
+        if self.speaks:
+            self._commands.put(
+                PilotCommand(
+                    stamp_ns=now, surge=0.0, sway=0.0, heave=self.heave, yaw=0.0,
+                    source=self.name, epoch=self.epoch,
+                )
+            )  # fmt: skip
 
 
 Floats = NDArray[np.float64]

@@ -112,6 +112,7 @@ def test_the_bitrate_follows_the_link_down_within_two_seconds_and_up_again(one: 
     assert max(part.budget_kbit for at, part in one.sent if at > BETTER + 3 * S) > 1000.0
 
 
+@pytest.mark.slow
 def test_what_arrives_is_never_late_and_what_is_not_is_said(one: OneCamera) -> None:
     """On any link: a part waits for 1 s at most, and takes 30 ms and its time to be sent. And no
     part is lost in silence."""

@@ -6,14 +6,12 @@ that miss a goal.
 
 import subprocess
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from tests.support.faults.catalogue import MODES
 from tests.support.faults.goals import CellRow, read_rows
-from tests.support.faults.virtual_dive import VirtualDive
 
 pytestmark = pytest.mark.slow
 
@@ -130,17 +128,3 @@ def test_a_pilot_who_stays_silent_is_waited_for_then_the_drone_rises_and_resumes
 )
 def test_the_pilot_reads_what_is_wrong(rows: dict[str, CellRow], fault: str, words: str) -> None:
     assert words in rows[f"stabilised/{fault}"].figures.texts
-
-
-def test_while_a_service_runs_twice_the_pilot_reads_it_and_the_drone_does_not_arm() -> None:
-    with closing(VirtualDive(MODES[0])) as dive:
-        dive.second("control")
-        dive.run(3.0)
-        twice = "two services call themselves control: pids "
-        assert any(twice in said.text for said in dive.seen.said)
-        dive.ask(kind="disarm")
-        dive.run(1.0)
-        dive.ask(kind="arm")
-        dive.run(1.0)
-        assert [answer.accepted for answer in dive.seen.answers[-2:]] == [True, False]
-        assert dive.seen.answers[-1].reason.startswith(twice)

@@ -17,6 +17,7 @@ from services.runtime.launch import supervisor as module
 from services.runtime.launch.child import Child, OsChild, Task
 from services.runtime.launch.supervisor import Supervisor
 from tests.support.patience import until
+from tests.support.started import exists
 
 SLEEP = "import time\nprint('here', flush=True)\ntime.sleep(600)"
 DEAF = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n" + SLEEP
@@ -60,32 +61,6 @@ def toys(tmp_path: Path) -> Generator[Toys]:
     toys = Toys(tmp_path)
     yield toys
     toys.supervisor.stop()
-
-
-def exists(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    state = Path(f"/proc/{pid}/stat")  # an orphan may wait as a zombie for whoever collects it
-    return not state.exists() or state.read_text().rsplit(")", 1)[1].split()[0] != "Z"
-
-
-def test_a_killed_child_is_started_again_and_it_is_said(toys: Toys):
-    toys.add("toy", SLEEP)
-    first = toys.supervisor.pids["toy"]
-    toys.supervisor.seen("toy")
-    os.kill(first, 9)
-    toys.until(lambda: toys.supervisor.pids.get("toy", first) != first)
-    assert toys.supervisor.restarts == {"toy": 1}
-    assert toys.told == ["toy ended unexpectedly (signal SIGKILL)", "toy is started again"]
-
-
-def test_a_mistake_of_the_users_is_shown_in_the_services_own_words(toys: Toys):
-    toys.add("toy", MISTAKEN)
-    toys.until(lambda: toys.supervisor.failure is not None)
-    assert toys.supervisor.failure == "depth is 7, expected at most 3"
-    assert toys.supervisor.restarts == {"toy": 0}
 
 
 def test_what_is_not_needed_ends_nothing_when_it_cannot_start(toys: Toys, tmp_path: Path):

@@ -3,13 +3,11 @@
 import itertools
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -23,11 +21,10 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.loop import Heartbeat, last_beat
 from services.runtime.hosts.process_host import CallerLog
 from services.runtime.hosts.registry import Registry
-from services.runtime.launch.child import OsChild
-from services.runtime.launch.local_stack import RETRY_NS, LocalStack, RunNote, local_stack
+from services.runtime.launch.local_stack import RETRY_NS, RunNote
 from services.runtime.launch.process_plan import PREFIX, Dive, ProcessPlan, runtime_folder
 from services.runtime.launch.systemd import Systemd
-from tests.support.patience import PATIENCE_S, until
+from tests.support.patience import until
 
 
 def test_a_note_that_cannot_be_written_is_said_once_and_tried_again(tmp_path: Path) -> None:
@@ -295,62 +292,3 @@ def test_a_manager_that_reads_nothing_holds_nobody_up(tmp_path: Path):
         systemd = Systemd({"NOTIFY_SOCKET": str(tmp_path / "notify")}, 1)
         for _ in range(10_000):  # far more than the socket takes; would wait for ever
             systemd.ready()
-
-
-STACK = """
-[services.engine]
-sides = ["drone"]
-vehicle_side = true
-module = "quiet_module"
-
-[services.recorder]
-sides = ["drone"]
-module = "quiet_module"
-"""
-
-
-def spared_by_the_system(_: OsChild) -> None:
-    """A signal that does not end its process."""
-
-
-def made(folder: Path) -> tuple[Stack, Registry]:
-    (folder / "quiet_module.py").write_text("def wire(node, stack):\n    pass\n")
-    (folder / "mine.toml").write_text(STACK)
-    (folder / "out").mkdir()
-    return Stack(out=str(folder / "out")), Registry.read(str(folder / "mine.toml"))
-
-
-def pump_until(local: LocalStack, happened: Callable[[], bool]) -> None:
-    until(happened, meanwhile=local.pump)
-
-
-@pytest.mark.system
-@pytest.mark.parametrize(("name", "spared"), [("engine", False), ("recorder", True)])
-def test_the_watchdog_is_silent_while_what_holds_the_vehicle_hangs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, spared: bool
-):
-    """… and cannot be ended, as what waits for a dead device. What only writes files may hang."""
-    address = str(tmp_path / "notify")
-    monkeypatch.setenv("NOTIFY_SOCKET", address)
-    monkeypatch.setenv("WATCHDOG_USEC", "200000")
-    monkeypatch.setattr(OsChild, "kill", spared_by_the_system)
-    stack, services = made(tmp_path)
-    with manager(address) as hears:
-        with local_stack(Dive(stack, services)) as local:
-            local.start_services()
-            pump_until(local, lambda: not local.missing())
-            assert "READY=1" not in hears.heard()
-            local.wait_alive(PATIENCE_S, lambda: True)
-            assert "READY=1" in hears.heard()
-            pump_until(local, lambda: last_beat(local.plan.heartbeat(name)) is not None)
-            pid = local.supervisor.pids[name]
-            os.kill(pid, signal.SIGSTOP)
-            pump_until(local, lambda: name in local.hang_detector.silent)
-            hears.heard()
-            over = time.monotonic() + 1.0  # [s] five times the watchdog's: silence takes time
-            pump_until(local, lambda: time.monotonic() > over)
-            assert ("WATCHDOG=1" in hears.heard()) == spared
-            os.kill(pid, signal.SIGCONT)
-            pump_until(local, lambda: name not in local.hang_detector.silent)
-            pump_until(local, lambda: "WATCHDOG=1" in hears.heard())
-        assert hears.heard()[-1] == "STOPPING=1"
