@@ -72,11 +72,6 @@ FLOOR_DISTANCE = 0.5  # [m] the Pioneer's
 NEAREST = 1.0  # [m] below the height that is held, on the way up
 
 
-def flown(vehicle_ahead: float) -> Sortie:
-    hands = [(0.5, DIVES), (15.0, HANDS_OFF), (24.0, AHEAD), (24.0 + vehicle_ahead, HANDS_OFF)]
-    return Sortie(hands, overrides=(*SITE, *DVL))
-
-
 def heights(sortie: Sortie, since: float) -> list[float]:
     """[m] True ones of the last so many seconds."""
     newest = sortie.truth[-1].stamp_ns
@@ -90,7 +85,8 @@ def heights(sortie: Sortie, since: float) -> list[float]:
 @pytest.mark.slow
 @pytest.mark.system
 def test_up_a_slope_it_keeps_its_height_and_stops_there() -> None:
-    sortie = flown(15.0).until(20.0)
+    hands = [(0.5, DIVES), (15.0, HANDS_OFF), (24.0, AHEAD), (39.0, HANDS_OFF)]
+    sortie = Sortie(hands, overrides=(*SITE, *DVL)).until(20.0)
     sortie.hold("altitude_hold")
     sortie.until(23.0)
     assert sortie.flight_mode == "altitude_hold"

@@ -107,22 +107,6 @@ def test_a_route_begins_and_ends_at_rest_on_its_ends(name: str) -> None:
         assert here.surge_velocity == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", MOTIONS)
-@pytest.mark.parametrize("kind", ["approximating", "interpolating"])
-def test_smooth_turns_make_the_yaw_acceleration_continuous(name: str, kind: str) -> None:
-    jumps: dict[bool, float] = {}
-    for smooth in (True, False):
-        way = ROUTES[name, kind, smooth, False]
-        joints = [part.begin for part in way.path.parts[1:]]
-        cruising = [when(way, s) for s in joints]
-        jumps[smooth] = max(
-            abs(way.at(t + 1e-5).yaw_acceleration - way.at(t - 1e-5).yaw_acceleration)
-            for t in cruising
-        )
-    assert jumps[False] > 1e-3
-    assert jumps[True] < 1e-5
-
-
 def when(way: Route, s: float) -> float:
     """[s] When a route is at `s` [m]."""
     early, late = 0.0, way.duration
