@@ -26,10 +26,12 @@ class Limits(NamedTuple):
 def test_slow(side, v, lim):
     assert v < 4.0
 
+@settings(max_examples=5)
 @given(st.data())
 def test_drawn(data):
     assert data.draw(st.integers()) < 10
 
+@settings(max_examples=5)
 @given(st.integers())
 def test_that_holds(n):
     assert n == n

@@ -244,19 +244,6 @@ def test_without_an_altitude_the_depth_is_held_until_height_is_asked_for_again(b
     assert (dive.hold_height() == "") == back
 
 
-def test_a_bottom_that_is_not_seen_is_not_followed_down() -> None:
-    dive = Dive(hills([20.0], 100.0, 20.0), 3.0, noise=0.0)
-    assert dive.hold_height() == ""
-    dive.speed = 0.5
-    dive.fly(10.0)
-    seen = dive.bottom(dive.way)
-    dive.altimeter = False
-    dive.fly(PATIENCE_S + 3.0)
-    assert dive.status.flight_mode == "stabilised"
-    assert dive.depth < seen - 3.0 + 0.4
-    smooth(dive.flown, dive.settings)
-
-
 def test_a_vehicle_that_sinks_does_not_move_the_bottom() -> None:
     """An altitude belongs to the depth at its own time."""
     dive = Dive(flat, 6.0, noise=0.0)
