@@ -12,6 +12,7 @@ import pytest
 
 from tests.support.faults.catalogue import MODES
 from tests.support.faults.goals import CellRow, read_rows
+from tests.support.once import once
 
 pytestmark = pytest.mark.slow
 
@@ -50,19 +51,18 @@ CELLS = (
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CellRow]:
+def rows(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> dict[str, CellRow]:
     """Flown by a program of its own, on all cores: it goes on in copies of itself, which a process
     with threads must not."""
-    kept = tmp_path_factory.mktemp("faults") / "rows.jsonl"
-    command = [sys.executable, "-m", "tests.support.faults"]
-    run = subprocess.run(
-        [*command, "--rows", str(kept), "--cells", *CELLS],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
+
+    def fly(folder: Path) -> None:
+        command = [sys.executable, "-m", "tests.support.faults", "--rows", f"{folder}/rows.jsonl"]
+        run = subprocess.run(
+            [*command, "--cells", *CELLS], cwd=ROOT, capture_output=True, text=True, check=False
+        )
+        assert run.returncode == 0, run.stderr
+
+    kept = once(tmp_path_factory, worker_id, "faults", fly) / "rows.jsonl"
     return {f"{row.mode}/{row.fault}": row for row in read_rows(kept)}
 
 

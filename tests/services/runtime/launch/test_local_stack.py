@@ -15,8 +15,6 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.health import LogLine
 from services.marine.vehicle import Vehicle
-from services.runtime.bus.spaces import namespace
-from services.runtime.bus.zenoh_bus import ZenohBus, connected
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file
@@ -30,7 +28,7 @@ from services.runtime.launch.process_plan import Dive, ProcessPlan
 from services.runtime.os import system
 from tests.services.runtime.launch.test_traces import manager
 from tests.support.patience import PATIENCE_S, until
-from tests.support.started import exists
+from tests.support.started import Ear, exists
 
 SIDES = ("topside", "drone")
 STACK = """
@@ -141,12 +139,10 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         began = system.began(os.getpid())
         assert found == Running("pioneer", local.plan.endpoints, os.getpid(), pids, file, began)
         assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
-        said = list[LogLine]()
-        decoder = msgspec.msgpack.Decoder(LogLine)
-        with connected(found.endpoints["drone"], namespace(found.vehicle)) as session:
-            bus = ZenohBus(session)
-            bus.hear(topics.LOG.of("engine").key, lambda e: said.append(decoder.decode(e.payload)))
-            pump_until(local, lambda: bool(said))
+        ear = Ear(found)
+        said = ear.heard(topics.LOG.of("engine"))
+        pump_until(local, lambda: bool(said))
+        ear.close()
         assert said[0].text == "here"
         folders = socket_folders(local)
         assert all(folder.is_dir() for folder in folders)
