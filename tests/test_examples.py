@@ -1,4 +1,4 @@
-"""The programs in examples/ run as a user runs them. The point vehicle: tests/system."""
+"""Programs and notebooks in examples/ run as a user runs them. The point vehicle: tests/system."""
 
 import json
 import re
@@ -7,6 +7,7 @@ import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -72,14 +73,6 @@ def test_the_alarm_is_silent_where_its_table_in_the_vehicle_file_allows_more(
     assert "alarm:depth" not in json.loads((out / "report.json").read_text())["losses"]
 
 
-def test_a_mistyped_setting_of_the_alarm_is_one_sentence(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert main(["simulate", *ALARM, "--set", "depth_alarm.deepst=3"]) == 1
-    said = "lindy: --set depth_alarm.deepst=3: unknown key; did you mean 'deepest'? known: deepest"
-    assert capsys.readouterr().err == f"{said}\n"
-
-
 # The programs of docs/library.md.
 
 LIBRARY = EXAMPLES / "library"
@@ -111,6 +104,7 @@ def test_the_ramp_is_plotted_and_keeps_its_limits(tmp_path: Path) -> None:
     assert jerk <= 1.5
 
 
+@pytest.mark.slow
 def test_the_ramp_leaves_a_picture_that_is_there(tmp_path: Path) -> None:
     out = tmp_path / "ramp.png"
     out.write_text("mine")
@@ -119,6 +113,7 @@ def test_the_ramp_leaves_a_picture_that_is_there(tmp_path: Path) -> None:
     assert done.stderr == f"{out} exists already; name another file\n"
 
 
+@pytest.mark.slow
 def test_an_own_controller_flies_the_whole_stack(tmp_path: Path, pilot: tuple[str, str]) -> None:
     out = tmp_path / "out"
     assert main(["simulate", *PD, *QUICK, *pilot, "--out", str(out)]) == 0
@@ -127,22 +122,6 @@ def test_an_own_controller_flies_the_whole_stack(tmp_path: Path, pilot: tuple[st
     assert "control" not in report["services"]
     assert report["services"]["pd_control"]["sent"] > 1000
     assert report["depth_error_rms_m"] < 0.2  # without thrust it would be a metre
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "instead", "most"), [("own_law", "", 0.05), ("own_estimator", "estimation", 0.1)]
-)
-def test_an_own_law_and_an_own_estimator_fly_the_whole_stack(
-    tmp_path: Path, pilot: tuple[str, str], name: str, instead: str, most: float
-) -> None:
-    out, stack = tmp_path / "out", str(LIBRARY / f"{name}_stack.toml")
-    assert main(["simulate", "--stack", stack, *pilot, "--out", str(out)]) == 0
-    report = json.loads((out / "report.json").read_text())
-    assert report["exit"] == "clean"
-    assert instead not in report["services"]
-    assert not any("law_refused" in loss for loss in report["losses"])
-    assert report["depth_error_rms_m"] < most
 
 
 @pytest.mark.slow
@@ -171,3 +150,46 @@ def test_a_link_that_there_is_not_is_one_sentence() -> None:
     assert done.returncode == 1
     assert done.stderr.startswith("unknown link 'sever'; did you mean 'severe'? known: ")
     assert done.stderr.count("\n") == 1
+
+
+# The notebooks: every cell runs, from the first to the last.
+
+
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "examples/notebooks").glob("*.ipynb"))
+MAKES = {
+    "many_dives": ["dives.parquet", "dives.pdf"],
+    "own_controller": ["controllers.png"],
+    "own_estimator": ["estimators.png"],
+    "own_law": ["laws.png"],
+}
+SHORTER = (  # fewer dives than a reader flies, and shorter ones
+    ("1..10", "1..2"), ("25,50,100,200", "25,100"), ("--seconds 30", "--seconds 15"),
+    ("SECONDS = 60", "SECONDS = 20"),
+)  # fmt: skip
+
+
+def cells(path: Path, kind: str) -> list[dict[str, Any]]:
+    return [c for c in json.loads(path.read_text("utf-8"))["cells"] if c["cell_type"] == kind]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_carries_no_output(path: Path) -> None:
+    for cell in cells(path, "code"):
+        assert (cell["outputs"], cell["execution_count"]) == ([], None)
+    assert len(cells(path, "markdown")) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_every_cell_of_a_notebook_runs(path: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas", reason="pandas is not installed")
+    program = "\n\n".join("".join(cell["source"]) for cell in cells(path, "code"))
+    for said, instead in SHORTER:
+        program = program.replace(said, instead)
+    (tmp_path / "cells.py").write_text(program, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "cells.py"], cwd=tmp_path, capture_output=True, text=True,
+        timeout=5.0 * PATIENCE_S, check=False, env={"MPLBACKEND": "Agg", "HOME": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert all((tmp_path / name).stat().st_size > 1000 for name in MAKES[path.stem])

@@ -14,9 +14,9 @@ from tools.replay.through import ThroughResult, through
 LARGEST = 320_000  # [bytes] of a golden file
 
 
-def replayed(vehicle: str, *overrides: str) -> ThroughResult:
+def replayed(vehicle: str) -> ThroughResult:
     source = open_source(golden(vehicle))
-    return through(source, CHAIN, tolerances=TOLERANCES, overrides=overrides)
+    return through(source, CHAIN, tolerances=TOLERANCES)
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES)
@@ -38,14 +38,6 @@ def test_a_golden_dive_moves_and_is_small(vehicle: str) -> None:
     assert len({getattr(command, "thrust") for command in thrusts}) > 20  # noqa: B009
 
 
-def test_a_changed_gain_is_caught() -> None:
-    found = replayed("pioneer", "control.depth.kp=101")
-    assert {one.key for one in found.differences} >= {"control/wrench", "control/thrusters"}
-    wanted = next(one for one in found.differences if one.field == "wanted[2]")
-    assert wanted.worst > 1e-3
-    assert not any(one.key in ("state", "reference") for one in found.differences)
-
-
 def test_a_flipped_sign_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     rightly = Axis.feed_forward
 
@@ -57,23 +49,17 @@ def test_a_flipped_sign_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {one.key for one in found.differences} >= {"control/wrench", "control/thrusters"}
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "key", "where"),
-    [("pioneer", "sensor/pressure", "state"), ("minerva", "pilot/command", "health/reference")],
-)
-def test_a_dropped_message_is_caught(
-    monkeypatch: pytest.MonkeyPatch, vehicle: str, key: str, where: str
-) -> None:
+def test_a_dropped_message_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     rightly = Inbox.store
     dropped: list[Envelope] = []
 
     def without_one(inbox: Inbox, envelope: Envelope) -> None:
-        if envelope.key == key and not dropped and inbox.stored == 200:
+        if envelope.key == "pilot/command" and not dropped and inbox.stored == 200:
             dropped.append(envelope)
         else:
             rightly(inbox, envelope)
 
     monkeypatch.setattr(Inbox, "store", without_one)
-    found = replayed(vehicle)
+    found = replayed("minerva")
     assert len(dropped) == 1
-    assert where in {one.key for one in found.differences}
+    assert "health/reference" in {one.key for one in found.differences}

@@ -57,7 +57,7 @@ LAWS: dict[str, tuple[str, ...]] = {
     "services/reference/failsafe/machine.py": (f"{REFERENCE}/failsafe",),
     "services/reference/failsafe/table.py": (f"{REFERENCE}/failsafe",),
     "services/control/axis/axis.py": (f"{CONTROL}/axis", f"{CONTROL}/test_stability.py"),
-    "services/control/axis/plant.py": (f"{CONTROL}/axis/test_disturbance_observer.py",),
+    "services/control/axis/plant.py": (f"{CONTROL}/axis",),
     "services/control/allocation/allocation.py": (f"{CONTROL}/allocation",),
     "services/estimation/filter.py": ("tests/services/estimation",),
     "services/estimation/hull.py": ("tests/services/estimation",),

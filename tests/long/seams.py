@@ -1,7 +1,7 @@
 """Small faults where one part meets another: each once went unnoticed by every test.
 
 A law has property tests, whose arguments the test makes; who makes them in the service is easily
-forgotten. `tests/test_seams.py` puts each of these into a copy of the code, and the tests named
+forgotten. `tests/test_long.py` puts each of these into a copy of the code, and the tests named
 beside it must fail.
 """
 

@@ -1,17 +1,16 @@
 """Hours of dives with one random fault after another: is the pilot in control again after each, was
-each said, and does anything grow? `python -m tests.long.soak WORLD HOURS FAULTS SEED`.
+each said, and does anything grow? `python -m tests.long.soak HOURS FAULTS SEED`.
 
-WORLD is `virtual` (one dive for each core, in one process each) or `real` (one dive of processes).
-The dives and faults are those of the fault matrix (tests/support/faults), with random sticks, modes
-and depths. Prints every miss with what repeats it, then a table by the cause of the faults, and
-what grew.
+On virtual time, one dive for each core, in one process each. The dives and faults are those of the
+fault matrix (tests/support/faults), with random sticks, modes and depths. Prints every miss with
+what repeats it, then a table by the cause of the faults, and what grew.
 """
 
 import argparse
 import os
 import random
 import sys
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from functools import partial
@@ -20,13 +19,10 @@ from statistics import linear_regression, median
 from typing import Any, NamedTuple
 
 from services.runtime.os import system
-from tests.support.faults.catalogue import NONE, FaultCase, World, of
+from tests.support.faults.catalogue import FAULTS, NONE, FaultCase, FlownMode
 from tests.support.faults.cells import in_copies
 from tests.support.faults.figures import Figures, figures
 from tests.support.faults.goals import JERK
-from tests.support.faults.modes import FlownMode
-from tests.support.faults.observed import FaultDive
-from tests.support.faults.real_dive import RealFaultDive, real_dive
 from tests.support.faults.virtual_dive import SECOND, VirtualDive
 
 MODES = ("manual", "depth_hold", "stabilised")
@@ -40,9 +36,8 @@ MOST_COUNTS = 500  # names that a service may count
 SETTINGS = ("simulator.battery_capacity=100000",)  # [Wh] the battery is empty when a fault says so
 PAGE = os.sysconf("SC_PAGE_SIZE")  # [B]
 WHAT = ("memory [MB]", "descriptors", "threads")
-PER_HOUR = {"virtual": (8.0, 6.0, 6.0), "real": (15.0, 6.0, 6.0)}  # that a process may grow
+PER_HOUR = 8.0, 6.0, 6.0  # that a process may grow
 WHOLE = 3.0  # a growth below it is none: it may be chance
-OF_VIEWER = 45.0, 8.0  # [MB/h] Rerun's writer keeps some 27, and takes 5 MB in its first minutes
 
 
 class Judged(NamedTuple):
@@ -81,82 +76,52 @@ def sticks(seconds: float, chance: random.Random) -> Iterator[str]:
         yield f"{second},{surge:.2f},{sway:.2f},0,{yaw:.2f},,{event}"
 
 
-def fly(world: World, hours: float, number: int, seed: int) -> Soaked:
+def fly(hours: float, number: int, seed: int) -> Soaked:
     """One dive with so many faults, one after the other, at equal intervals where they allow it."""
     chance = random.Random(seed)
     lasts = 3600.0 * (2.0 * hours + 1.0)  # they may take longer than that
     rows = tuple(sticks(lasts, chance))
     mode = FlownMode("soak", "pioneer", rows, 10.0, holds_depth=False, lasts=lasts)
-    if world == "virtual":
-        with closing(VirtualDive(mode, seed, SETTINGS)) as dive:
-            return _soaked(dive, world, hours, number, seed, chance)
-    more = (word for each in SETTINGS for word in ("--set", each))
-    with real_dive(mode, *more) as dive:
-        return _soaked(dive, world, hours, number, seed, chance)
-
-
-def _soaked(
-    dive: FaultDive, world: World, hours: float, number: int, seed: int, chance: random.Random
-) -> Soaked:
-    faults = [fault for fault in of(world) if fault is not NONE and not fault.alone]
-    judged: list[Judged] = []
-    seen: defaultdict[tuple[str, int], list[tuple[float, ...]]] = defaultdict(list)
-    start, most = dive.now, 0
-    for done in range(number):
-        dive.run(max(1.0, 3600.0 * hours / number * done - (dive.now - start) / SECOND))
-        at_s = (dive.now - start) / SECOND
-        judged.append(one := judge(dive, chance.choice(faults)))
-        for miss in one.misses:
-            print(f"seed {seed}, fault {done} at {at_s:.0f} s, {one.name}: {miss}", flush=True)
-        dive.seen.forget()
-        if isinstance(dive, VirtualDive):
+    faults = [fault for fault in FAULTS if fault is not NONE]
+    judged, seen, most = list[Judged](), list[tuple[float, ...]](), 0
+    with closing(VirtualDive(mode, seed, SETTINGS)) as dive:
+        start = dive.now
+        for done in range(number):
+            dive.run(max(1.0, 3600.0 * hours / number * done - (dive.now - start) / SECOND))
+            at_s = (dive.now - start) / SECOND
+            judged.append(one := judge(dive, chance.choice(faults)))
+            for miss in one.misses:
+                print(f"seed {seed}, fault {done} at {at_s:.0f} s, {one.name}: {miss}", flush=True)
+            dive.seen.forget()
             most = max(most, *(len(node.counts) for node in dive.host.nodes.values()))
-        for who, pid in _processes(dive).items():
-            if (found := sample(pid)) is not None:
-                seen[who, pid].append(((dive.now - start) / SECOND / 3600.0, *found))
-    grown = [words for (who, _), each in seen.items() for words in growths(world, who, each)]
-    if most > MOST_COUNTS:
-        grown.append(f"{most} names are counted")
-    restarts = sum(dive.restarts.values()) if isinstance(dive, VirtualDive) else 0
-    return Soaked(seed, judged, (dive.now - start) / SECOND / 3600.0, grown, restarts)
+            seen.append(((dive.now - start) / SECOND / 3600.0, *sample()))
+        flown_h = (dive.now - start) / SECOND / 3600.0
+        restarts = sum(dive.restarts.values())
+    grown = [*growths(seen), *([f"{most} names are counted"] if most > MOST_COUNTS else [])]
+    return Soaked(seed, judged, flown_h, grown, restarts)
 
 
-def _processes(dive: FaultDive) -> dict[str, int]:
-    if not isinstance(dive, RealFaultDive):
-        return {"dive": os.getpid()}
-    running = dive.lindy.running
-    return {**running.pids, "supervisor": running.supervisor}
+def sample() -> tuple[float, ...]:
+    """Of this process, by WHAT."""
+    folder = Path("/proc/self")
+    rss_mb = int((folder / "statm").read_text().split()[1]) * PAGE / 1e6
+    return rss_mb, *(float(sum(1 for _ in (folder / kind).iterdir())) for kind in ("fd", "task"))
 
 
-def sample(pid: int) -> tuple[float, ...] | None:
-    """Of a process, by WHAT; None: it has just ended."""
-    folder = Path(f"/proc/{pid}")
-    try:
-        rss_mb = int((folder / "statm").read_text().split()[1]) * PAGE / 1e6
-        return (
-            rss_mb,
-            *(float(sum(1 for _ in (folder / kind).iterdir())) for kind in ("fd", "task")),
-        )
-    except OSError:
-        return None
-
-
-def growths(world: World, who: str, seen: Sequence[tuple[float, ...]]) -> Iterator[str]:
-    """What of a process grew too fast, by its regression line over the later part of its life."""
+def growths(seen: Sequence[tuple[float, ...]]) -> Iterator[str]:
+    """What of the process grew too fast, by its regression line over the later part of its life."""
     later = seen[round(YOUNG * len(seen)) :]
     hours = later[-1][0] - later[0][0]
     if len(later) < 3 or hours < LEAST_H:
         return
     at, *values = zip(*later, strict=True)
-    for what, most, each in zip(WHAT, PER_HOUR[world], values, strict=True):
-        viewer = who == "visualizer" and what == WHAT[0]
-        per_hour, whole = OF_VIEWER if viewer else (most, WHOLE)
+    for what, most, each in zip(WHAT, PER_HOUR, values, strict=True):
         slope, _ = linear_regression(at, each)
-        if slope > per_hour and slope * hours > whole:
-            yield f"{who}: {what} {slope:+.1f} per hour, {slope * hours:+.1f} in all"
+        if slope > most and slope * hours > WHOLE:
+            yield f"{what} {slope:+.1f} per hour, {slope * hours:+.1f} in all"
 
 
-def judge(dive: FaultDive, fault: FaultCase) -> Judged:
+def judge(dive: VirtualDive, fault: FaultCase) -> Judged:
     """Let a fault happen, and wait until the pilot is in control again."""
     begin = dive.now
     fault.begin(dive)
@@ -167,7 +132,7 @@ def judge(dive: FaultDive, fault: FaultCase) -> Judged:
     return Judged(fault.name, fault.cause, misses, found.announced is not None, back_s)
 
 
-def until_back(dive: FaultDive, begin: int, ended: int) -> tuple[Figures, float | None]:
+def until_back(dive: VirtualDive, begin: int, ended: int) -> tuple[Figures, float | None]:
     """What was seen until the pilot was in control for `LOOK_S`, and how long that took."""
     asked = ended
     while True:
@@ -219,13 +184,12 @@ def show(dives: Sequence[Soaked]) -> bool:
 
 def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="soak", description=__doc__)
-    parser.add_argument("world", choices=("virtual", "real"))
     parser.add_argument("hours", type=float)
     parser.add_argument("faults", type=int)
     parser.add_argument("seed", type=int)
     args = parser.parse_args(words)
-    many = system.cores() if args.world == "virtual" else 1
-    share = args.world, args.hours / many, args.faults // many
+    many = system.cores()
+    share = args.hours / many, args.faults // many
     jobs = ((seed, partial(fly, *share, seed)) for seed in range(args.seed, args.seed + many))
     dives: list[Any] = [found for _, found in in_copies(jobs, many)]
     return 0 if show(dives) else 1

@@ -10,7 +10,11 @@ from signal import SIGINT, Signals
 from typing import Any, Self
 
 import msgspec
+import zenoh
 
+from messages.topic import M, Side, Topic
+from services.runtime.bus.spaces import namespace
+from services.runtime.bus.zenoh_bus import connected
 from services.runtime.config.running import RUNNING, Running
 from tests.support.patience import PATIENCE_S, until
 
@@ -33,6 +37,27 @@ def exists(pid: int) -> bool:
     except (FileNotFoundError, ProcessLookupError):
         return False
     return stat.rsplit(")", 1)[1].split()[0] != "Z"
+
+
+class Ear:
+    """On a hub of what goes on: a socket file, which no namespace of networks hides."""
+
+    def __init__(self, running: Running, side: Side = "drone") -> None:
+        self._session = connected(running.endpoints[side], namespace(running.vehicle))
+        self._ears = list[object]()
+
+    def heard(self, topic: Topic[M]) -> list[M]:
+        """What is heard of it from now on."""
+        found, decode = list[M](), msgspec.msgpack.Decoder(topic.message).decode
+
+        def hear(sample: zenoh.Sample) -> None:
+            found.append(decode(sample.payload.to_bytes()))
+
+        self._ears.append(self._session.declare_subscriber(topic.key, hear))
+        return found
+
+    def close(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
 
 
 class Started:

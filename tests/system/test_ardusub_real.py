@@ -55,7 +55,7 @@ def port() -> int:
 
 @pytest.mark.slow
 @pytest.mark.system
-@pytest.mark.parametrize("kind", BOARDS)
+@pytest.mark.parametrize("kind", FIRMWARE or [NO_FIRMWARE])
 def test_the_driver_alone_on_the_wire(tmp_path: Path, kind: str, port: int) -> None:
     wire = Wire(port)
     with board_process(kind, port, tmp_path):
@@ -136,7 +136,7 @@ def test_a_bluerov2_with_six_thrusters_dives_and_holds_its_depth(
 @pytest.mark.slow
 @pytest.mark.system
 @pytest.mark.parametrize("wanted", ["disarm", "mode"])
-@pytest.mark.parametrize("kind", BOARDS)
+@pytest.mark.parametrize("kind", FIRMWARE or [NO_FIRMWARE])
 def test_another_ground_station_is_obeyed(
     tmp_path: Path, kind: str, wanted: str, port: int
 ) -> None:

@@ -14,6 +14,7 @@ from mcap.reader import make_reader
 
 from messages import topics
 from services.marine import time_stripe
+from tests.support.once import once
 from tools.__main__ import main
 from tools.recordings.recording import open_recording
 
@@ -25,12 +26,13 @@ Recorded = list[tuple[int, bytes]]  # [ns] time, access unit
 
 
 @pytest.fixture(scope="module")
-def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("camera") / "dive"
-    words = ["simulate", "--stack", "camera", "--seconds", "2", "--out", str(folder)]
-    sets = ["simulator.floor_depth=8", "estimation.calibration.still_time=3", "camera.rate=12"]
-    assert main([*words, *(word for each in sets for word in ("--set", each))]) == 0
-    return folder
+def dive(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    def fly(folder: Path) -> None:
+        words = ["simulate", "--stack", "camera", "--seconds", "2", "--out", str(folder / "dive")]
+        sets = ["simulator.floor_depth=8", "estimation.calibration.still_time=3", "camera.rate=12"]
+        assert main([*words, *(word for each in sets for word in ("--set", each))]) == 0
+
+    return once(tmp_path_factory, worker_id, "camera", fly) / "dive"
 
 
 @pytest.fixture(scope="module")

@@ -1,20 +1,18 @@
 """With any one process of the chain stopped the pilot can disarm, and it stays disarmed when that
 process wakes again. On virtual time; a stopped process handles nothing and keeps what arrives."""
 
-from typing import Any, Self
+from typing import Self
 
 import pytest
-from msgspec.structs import replace
 
 from messages import topics
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.vehicle import Actuation
 from services.vehicle_view import words
 from services.vehicle_view.io.ports import VehiclePorts
 from services.vehicle_view.view import VehicleView, vehicle_view
-from tests.support.dive import ON_BOARD, Dive
-from tests.support.jitter import Hindrance
+from tests.support.dive import ON_BOARD, Dive, Person
+from tests.support.hindered_host import Hindrance
 
 S = 10**9  # [ns]
 
@@ -27,36 +25,18 @@ class StoppedDive(Dive):
         super().__init__(services=ON_BOARD, lateness=self.processes)
         self.actuations = self.heard(topics.ACTUATION)
         self.commands = self.heard(topics.THRUSTERS)
-        node = self.host.node("pilot", ["drone"])
-        self.answers: list[PilotAnswer] = []
-        self.reference: Reference | None = None
-        self.heave, self.asked = 0.0, 0
-        self._sticks = node.publisher(topics.PILOT_COMMAND)
-        self._ask = node.publisher(topics.PILOT_REQUEST)
-        node.each(topics.PILOT_ANSWER, lambda m, _: self.answers.append(m))
-        node.each(topics.REFERENCE, self._see)
-        node.every(topics.PILOT_COMMAND.hz, self._steer)
+        self.pilot = Person(self.host)
+        self.references = self.heard(topics.REFERENCE)
         self._ports = VehiclePorts(self.host.node("screen", ["drone"]))
 
-    def _see(self, reference: Reference, _: int) -> None:
-        self.reference = reference
-
-    def _steer(self, now: int) -> None:
-        self._sticks.put(PilotCommand(stamp_ns=now, surge=0, sway=0, heave=self.heave, yaw=0))
-
-    def ask(self, kind: Any, name: str = "", **more: Any) -> str:
-        self.asked += 1
-        name = name or f"{kind}-{self.asked}"
-        request = PilotRequest(stamp_ns=self.host.now, id=name, kind=kind)
-        self._ask.put(replace(request, **more))
-        return name
+    @property
+    def reference(self) -> Reference:
+        return self.references[-1]
 
     def arm_and_dive(self) -> Self:
         self.run(6.0)
-        self.ask("arm")
-        self.run(0.2)
-        assert self.answers[-1].accepted, self.answers[-1].reason
-        self.heave = 0.8
+        assert self.pilot.ask("arm") == ""
+        self.pilot.heave = 0.8
         self.run(2.0)
         assert self.turning
         return self
@@ -72,9 +52,6 @@ class StoppedDive(Dive):
 
     def stop(self, name: str, seconds: float) -> None:
         self.processes[name].stop(self.host.now + round(seconds * S))
-
-    def answered(self, name: str) -> list[PilotAnswer]:
-        return [answer for answer in self.answers if answer.id == name]
 
     def armed_since(self, ns: int) -> bool:
         return any(c.armed and any(c.thrust) for c in self.commands if c.stamp_ns > ns)
@@ -101,44 +78,41 @@ def test_a_disarm_stops_the_thrusters_and_they_stay_stopped(
 ) -> None:
     dive.stop(stopped, 3.0)
     dive.run(0.15)
-    asked, name = dive.host.now, dive.ask("disarm")
+    asked, name = dive.host.now, dive.pilot.say("disarm")
     dive.run(1.0)
     assert not dive.turning
-    assert [answer.accepted for answer in dive.answered(name)] == [True]
+    assert [answer.accepted for answer in dive.pilot.answered(name)] == [True]
     began = len(dive.actuations)
     dive.run(6.0)  # awake again since three seconds
     assert not any(turns(a) for a in dive.actuations[began:])
-    assert dive.reference is not None
     assert not dive.reference.armed
     assert dive.reference.stamp_ns > asked + 3 * S
 
 
 @pytest.mark.parametrize("stopped", ["control", ELSE])
 def test_an_arm_after_the_disarm_arms_again(dive: StoppedDive, stopped: str) -> None:
-    dive.heave = 0.0
+    dive.pilot.heave = 0.0
     dive.stop(stopped, 1.0)
     dive.run(0.3)
-    dive.ask("disarm")
+    dive.pilot.say("disarm")
     dive.run(2.0)
     assert not dive.turning
-    dive.ask("arm")
-    dive.run(0.2)
-    assert dive.answers[-1].accepted, dive.answers[-1].reason
-    dive.heave = 0.8
+    assert dive.pilot.ask("arm") == ""
+    dive.pilot.heave = 0.8
     dive.run(1.0)
     assert dive.turning
 
 
 @pytest.mark.parametrize("stopped", ["reference", pytest.param("control", marks=pytest.mark.slow)])
 def test_a_disarm_and_a_later_arm_in_one_silence(dive: StoppedDive, stopped: str) -> None:
-    dive.heave = 0.0
+    dive.pilot.heave = 0.0
     dive.stop(stopped, 1.0)
     dive.run(0.05)
-    dive.ask("disarm")
+    dive.pilot.say("disarm")
     dive.run(0.3)
-    dive.ask("arm")
+    dive.pilot.say("arm")
     dive.run(2.0)
-    dive.heave = 0.8
+    dive.pilot.heave = 0.8
     dive.run(1.0)
     assert dive.turning
 
@@ -148,7 +122,7 @@ def test_screens_say_disarmed_while_the_reference_that_says_armed_hangs(dive: St
     assert dive.shown.armed
     dive.stop("reference", 3.0)
     dive.run(0.15)
-    dive.ask("disarm")
+    dive.pilot.say("disarm")
     dive.run(1.0)
     assert not dive.shown.armed
     assert dive.shown.last_known
@@ -162,13 +136,12 @@ def test_a_reference_that_lost_the_request_is_told_of_it(dive: StoppedDive) -> N
     """Killed while it was silent, it starts again with its checkpoint: armed."""
     dive.host.kill("reference")
     dive.run(0.15)
-    name = dive.ask("disarm")
+    name = dive.pilot.say("disarm")
     dive.run(0.3)
-    assert [answer.accepted for answer in dive.answered(name)] == [True]
+    assert [answer.accepted for answer in dive.pilot.answered(name)] == [True]
     woken = dive.host.now
     dive.start("reference")
     dive.run(1.0)
-    assert dive.reference is not None
     assert dive.reference.stamp_ns > woken
     assert not dive.reference.armed
     assert not dive.armed_since(woken)
@@ -176,33 +149,21 @@ def test_a_reference_that_lost_the_request_is_told_of_it(dive: StoppedDive) -> N
     assert not dive.turning
 
 
-def test_another_epoch_disarms_nothing(dive: StoppedDive) -> None:
-    dive.stop("reference", 2.0)
-    dive.run(0.15)
-    name = dive.ask("disarm", epoch=99)
-    dive.run(0.5)
-    assert dive.turning
-    assert not dive.answered(name)
-    assert dive.host.nodes["control"].counts["wrong_epoch:pilot/request"] == 1
-    assert dive.host.nodes["simulator"].counts["wrong_epoch:pilot/request"] == 1
-
-
 def test_a_stop_is_answered_while_reference_is_silent_and_done_when_it_wakes(
     dive: StoppedDive,
 ) -> None:
-    dive.heave = 0.0
+    dive.pilot.heave = 0.0
     dive.run(3.0)
-    dive.ask("goto", depth=8.0)
+    dive.pilot.say("goto", depth=8.0)
     dive.run(1.0)
     dive.host.kill("reference")
     dive.run(0.15)
-    name = dive.ask("stop", epoch=99)  # by anybody
+    name = dive.pilot.say("stop", epoch=99)  # by anybody
     dive.run(0.3)
-    assert [answer.accepted for answer in dive.answered(name)] == [True]
+    assert [answer.accepted for answer in dive.pilot.answered(name)] == [True]
     dive.stop("reference", 0.0)
     dive.start("reference")
     dive.run(5.0)
-    assert dive.reference is not None
     assert dive.reference.armed
     assert abs(dive.reference.depth.velocity) < 0.01
     assert dive.reference.depth.position < 6.0

@@ -6,14 +6,13 @@ that miss a goal.
 
 import subprocess
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from tests.support.faults.catalogue import MODES
 from tests.support.faults.goals import CellRow, read_rows
-from tests.support.faults.modes import MODES
-from tests.support.faults.virtual_dive import VirtualDive
+from tests.support.once import once
 
 pytestmark = pytest.mark.slow
 
@@ -52,19 +51,18 @@ CELLS = (
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CellRow]:
+def rows(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> dict[str, CellRow]:
     """Flown by a program of its own, on all cores: it goes on in copies of itself, which a process
     with threads must not."""
-    kept = tmp_path_factory.mktemp("faults") / "rows.jsonl"
-    command = [sys.executable, "-m", "tests.support.faults", "--world", "virtual"]
-    run = subprocess.run(
-        [*command, "--rows", str(kept), "--cells", *CELLS],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
+
+    def fly(folder: Path) -> None:
+        command = [sys.executable, "-m", "tests.support.faults", "--rows", f"{folder}/rows.jsonl"]
+        run = subprocess.run(
+            [*command, "--cells", *CELLS], cwd=ROOT, capture_output=True, text=True, check=False
+        )
+        assert run.returncode == 0, run.stderr
+
+    kept = once(tmp_path_factory, worker_id, "faults", fly) / "rows.jsonl"
     return {f"{row.mode}/{row.fault}": row for row in read_rows(kept)}
 
 
@@ -130,17 +128,3 @@ def test_a_pilot_who_stays_silent_is_waited_for_then_the_drone_rises_and_resumes
 )
 def test_the_pilot_reads_what_is_wrong(rows: dict[str, CellRow], fault: str, words: str) -> None:
     assert words in rows[f"stabilised/{fault}"].figures.texts
-
-
-def test_while_a_service_runs_twice_the_pilot_reads_it_and_the_drone_does_not_arm() -> None:
-    with closing(VirtualDive(MODES[0])) as dive:
-        dive.second("control")
-        dive.run(3.0)
-        twice = "two services call themselves control: pids "
-        assert any(twice in said.text for said in dive.seen.said)
-        dive.ask(kind="disarm")
-        dive.run(1.0)
-        dive.ask(kind="arm")
-        dive.run(1.0)
-        assert [answer.accepted for answer in dive.seen.answers[-2:]] == [True, False]
-        assert dive.seen.answers[-1].reason.startswith(twice)

@@ -9,18 +9,11 @@ from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-import msgspec
 import pytest
-import zenoh
 
 from messages import topics
-from messages.reference import Reference
-from messages.vehicle import VehicleStatus
-from services.runtime.bus.spaces import namespace
-from services.runtime.bus.zenoh_bus import connected
-from services.runtime.config.running import Running
 from tests.support.patience import until
-from tests.support.started import Started
+from tests.support.started import Ear, Started
 from tools.__main__ import main
 
 pytestmark = [
@@ -68,51 +61,8 @@ class Cable:
             subprocess.run(["ip", "netns", "del", name], check=False, capture_output=True)
 
 
-class Topside:
-    """An ear on the topside's own hub: how many stick positions pass it."""
-
-    def __init__(self, running: Running) -> None:
-        self.commands = 0
-        self.session = connected(running.endpoints["topside"], namespace(running.vehicle))
-        self._ear = self.session.declare_subscriber(topics.PILOT_COMMAND.key, self._hear)
-
-    def _hear(self, _: zenoh.Sample) -> None:
-        self.commands += 1
-
-    def heard_in(self, seconds: float) -> int:
-        before = self.commands
-        time.sleep(seconds)  # what is counted is a rate
-        return self.commands - before
-
-
-class OnBoard:
-    """An ear on the drone's own hub: a socket file, which no namespace hides."""
-
-    def __init__(self, running: Running) -> None:
-        self.statuses: list[tuple[float, VehicleStatus]] = []
-        self.references: list[Reference] = []
-        self.session = connected(running.endpoints["drone"], namespace(running.vehicle))
-        status = msgspec.msgpack.Decoder(VehicleStatus)
-        reference = msgspec.msgpack.Decoder(Reference)
-        self._ears = [
-            self.session.declare_subscriber(
-                topics.STATUS.key,
-                lambda s: self.statuses.append(
-                    (time.monotonic(), status.decode(s.payload.to_bytes()))
-                ),
-            ),
-            self.session.declare_subscriber(
-                topics.REFERENCE.key,
-                lambda s: self.references.append(reference.decode(s.payload.to_bytes())),
-            ),
-        ]
-
-    def failsafe(self) -> str:
-        return self.statuses[-1][1].failsafe if self.statuses else "no word"
-
-
 @contextmanager
-def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, Started, Started]]:
+def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, Ear, Started, Started]]:
     cable, keys = Cable(), ("--keys", str(tmp_path / "keys"))
     endpoint = f"tls/{cable.address}:7447"
     assert main(["keys", "new", *keys]) == 0
@@ -130,48 +80,54 @@ def two_machines(tmp_path: Path, *way: str) -> Generator[tuple[Cable, OnBoard, S
         drone.until(lambda: drone.pid("reference"))
         topside = up(cable.topside, "topside", "--connect", endpoint, *way, script=HANDS)
         topside.until(lambda: topside.pid("gamepad"))
-        port = OnBoard(drone.running)
-        try:
-            yield cable, port, drone, topside
-        finally:
-            port.session.close()
+        ear = Ear(drone.running)
+        exits.callback(ear.close)
+        yield cable, ear, drone, topside
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("way", [(), ("--gateway", "--link", "perfect")], ids=["plain", "gateway"])
 def test_a_cable_that_is_pulled_and_put_back(tmp_path: Path, way: tuple[str, ...]) -> None:
-    with two_machines(tmp_path, *way) as (cable, port, drone, topside):
+    with two_machines(tmp_path, *way) as (cable, ear, drone, topside):
+        statuses, references = ear.heard(topics.STATUS), ear.heard(topics.REFERENCE)
+
+        def failsafe() -> str:
+            return statuses[-1].failsafe if statuses else "no word"
 
         def said() -> str:
-            return f"{port.failsafe()}\ndrone:\n{drone.said}\ntopside:\n{topside.said}"
+            return f"{failsafe()}\ndrone:\n{drone.said}\ntopside:\n{topside.said}"
 
         def armed() -> bool:
-            return bool(port.statuses) and port.statuses[-1][1].activity == "piloted"
+            return bool(statuses) and statuses[-1].activity == "piloted"
 
         until(armed, said)
         pids = drone.running.pids, topside.running.pids
-        until(lambda: bool(port.references) and port.references[-1].depth.velocity > 0.1, said)
+        until(lambda: bool(references) and references[-1].depth.velocity > 0.1, said)
 
-        ashore = Topside(topside.running)
-        usual = ashore.heard_in(CUT_S)
+        ashore = Ear(topside.running, "topside")
+        commands = ashore.heard(topics.PILOT_COMMAND)
+        time.sleep(CUT_S)  # what is counted is a rate
+        usual = len(commands)
 
         cable.pull()
-        until(lambda: port.failsafe() == "pilot_lost", said)
+        until(lambda: failsafe() == "pilot_lost", said)
         # The cut is to outlast the lease, so that the link has to come again. What is topside goes
         # on meanwhile: its hub does not wait for the end of a link that nobody acknowledges.
-        assert ashore.heard_in(CUT_S) > 0.5 * usual > 0
-        ashore.session.close()
-        assert port.references[-1].depth.velocity == 0.0, "it came to rest and holds"
+        commands.clear()
+        time.sleep(CUT_S)
+        assert len(commands) > 0.5 * usual > 0
+        ashore.close()
+        assert references[-1].depth.velocity == 0.0, "it came to rest and holds"
 
         cable.put_back()
         back = time.monotonic()
-        until(lambda: port.failsafe() == "none", said)
+        until(lambda: failsafe() == "none", said)
         assert time.monotonic() - back <= 2.0
 
         # The viewer starts last, on a busy computer perhaps only now.
         now = drone.running.pids, topside.running.pids
         same = [before.items() <= after.items() for before, after in zip(pids, now, strict=True)]
         assert same == [True, True], "no process was restarted"
-        for reference in port.references:
+        for reference in references:
             if reference.pilot_ns is not None:
                 assert reference.stamp_ns - reference.pilot_ns <= TTL_S * 1e9

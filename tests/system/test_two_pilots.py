@@ -5,17 +5,12 @@ import re
 from contextlib import ExitStack
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from messages import topics
-from messages.vehicle import VehicleStatus
-from services.runtime.bus.spaces import namespace
-from services.runtime.bus.zenoh_bus import connected
-from services.runtime.config.running import Running
 from tests.support.doors import free_endpoint
 from tests.support.patience import until
-from tests.support.started import Started, lindy
+from tests.support.started import Ear, Started, lindy
 
 pytestmark = pytest.mark.system
 
@@ -27,27 +22,6 @@ def asked(side: Started, *words: str) -> str:
     """What `lindy ask` says in the name of the pilot of this side."""
     done = lindy("ask", *words, "--dive", str(side.out))
     return (done.stdout + done.stderr).strip()
-
-
-class Statuses:
-    """An ear on the drone's own hub."""
-
-    def __init__(self, running: Running) -> None:
-        self.all: list[VehicleStatus] = []
-        self._session = connected(running.endpoints["drone"], namespace(running.vehicle))
-        decoder = msgspec.msgpack.Decoder(VehicleStatus)
-        self._ear = self._session.declare_subscriber(
-            topics.STATUS.key, lambda s: self.all.append(decoder.decode(s.payload.to_bytes()))
-        )
-
-    def close(self) -> None:
-        self._session.close()  # type: ignore[no-untyped-call]
-
-    def until(self, pilot: str, *, armed: bool) -> None:
-        until(lambda: self._is(pilot, armed), lambda: self.all[-1:])
-
-    def _is(self, pilot: str, armed: bool) -> bool:
-        return bool(self.all) and (self.all[-1].pilot, self.all[-1].armed) == (pilot, armed)
 
 
 @pytest.mark.slow
@@ -70,10 +44,18 @@ def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
         drone = Started(tmp_path / "drone", "up", "drone", "--listen", endpoint, "--grouped")
         sides.enter_context(drone)
         drone.until(lambda: drone.pid("reference"))
-        heard = Statuses(drone.running)
-        sides.callback(heard.close)
+        ear = Ear(drone.running)
+        sides.callback(ear.close)
+        heard = ear.heard(topics.STATUS)
+
+        def until_flown(pilot: str, *, armed: bool) -> None:
+            def flown() -> bool:
+                return bool(heard) and (heard[-1].pilot, heard[-1].armed) == (pilot, armed)
+
+            until(flown, lambda: heard[-1:])
+
         ann = topside("ann", REST)
-        heard.until("ann", armed=True)
+        until_flown("ann", armed=True)
         bob = topside("bob", DIVE)
         bob.until_said("ann has control; waiting")
         reason = asked(bob, "take")
@@ -83,21 +65,21 @@ def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
         ), reason
         assert "refuses (disarm): ann has control since" in asked(bob, "disarm")
         bob.end()
-        begin = len(heard.all)
-        until(lambda: len(heard.all) > begin + 5, lambda: heard.all[-1:])
-        assert {(s.pilot, s.armed) for s in heard.all[begin:]} == {("ann", True)}
+        begin = len(heard)
+        until(lambda: len(heard) > begin + 5, lambda: heard[-1:])
+        assert {(s.pilot, s.armed) for s in heard[begin:]} == {("ann", True)}
 
         again = topside("bob2", DIVE)
         again.until_said("ann has control; waiting")
         assert asked(ann, "offer", "--to", "bob2").endswith(": offer: accepted")
         assert asked(again, "take").endswith(": take: accepted")
-        heard.until("bob2", armed=True)
+        until_flown("bob2", armed=True)
         assert "refuses (light): bob2 has control" in asked(ann, "light", "--value", "1")
         assert asked(again, "light", "--value", "1").endswith(": light: accepted")
         for who, name in ((ann, "ann"), (again, "bob2")):
             assert asked(who, "take", "--force").endswith(": take: accepted")
-            heard.until(name, armed=True)
+            until_flown(name, armed=True)
         again.end()  # it has control: its end disarms and gives control up
-        heard.until("", armed=False)
-        epochs = [s.epoch for s in heard.all]
+        until_flown("", armed=False)
+        epochs = [s.epoch for s in heard]
         assert epochs == sorted(epochs)

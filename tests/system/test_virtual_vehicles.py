@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from messages.pilot import FlightMode
 from messages.simulator import FaultKind
-from tests.support.dive import DEEP
-from tests.support.sortie import HANDS_OFF, Sortie, SortieRow
+from tests.support.dive import DEEP, HANDS_OFF, Sortie, SortieRow
 
 pytestmark = pytest.mark.slow
 

@@ -1,6 +1,9 @@
-"""The vehicle's controller: what it does when its inputs are missing."""
+"""The vehicle's controller: what it does when its inputs are missing, late or wild."""
 
 import math
+import re
+from math import cos, sin
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -13,10 +16,13 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from services.control.axis.axis import Gains
-from services.control.core import Controller, Settings
+from services.control.core import LONGEST_NS, Controller, Settings, at_sample
 from services.control.settings import RollPitchGains
 from services.marine.vehicle import Vehicle
+from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
+from services.runtime.hosts.stack_file import ServiceSpec
+from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support import said
 from tests.support.told import told
 
@@ -52,7 +58,7 @@ def test_the_command_says_whether_thrusters_may_turn_at_all() -> None:
         _, blind = controller().step(reference(armed=armed), None, 0)
         assert (blind.armed, set(blind.thrust)) == (armed, {0.0})  # a state may come back
     _, nothing_heard = controller().step(None, state(), 0)
-    assert not nothing_heard.armed
+    assert (nothing_heard.armed, set(nothing_heard.thrust)) == (False, {0.0})
 
 
 def test_disarmed_means_no_thrust_whatever_else_is_said() -> None:
@@ -74,11 +80,6 @@ def test_when_the_reference_dies_the_last_position_is_held_without_surge() -> No
     assert wrench.wanted[0] == 0.0
     assert abs(wrench.wanted[2]) < 1.0
     assert law.step(None, state(depth=1.0), 20_000_000)[0].wanted[2] > 5.0
-
-
-def test_before_any_reference_there_is_no_thrust() -> None:
-    _, command = controller().step(None, state(), 0)
-    assert set(command.thrust) == {0.0}
 
 
 def test_an_invalid_depth_is_not_fed_back() -> None:
@@ -293,7 +294,98 @@ def test_a_demand_that_cannot_be_met_is_told_once() -> None:
     assert told(law.outbox) == ["undriven:sway"]
 
 
-def test_a_vehicle_that_nobody_can_fly_is_refused() -> None:
-    grounded = msgspec.structs.replace(PIONEER, thruster=PIONEER.thruster[:3])
-    with pytest.raises(ValueError, match="cannot drive heave independently"):
-        Controller(Settings(), grounded, Outbox())
+# On a busy computer: what is measured counts, and not when it is handled.
+
+
+MS = 1_000_000  # [ns]
+GAINS = Stack().section("control", Settings)
+
+
+def swinging(at: int) -> Reference:
+    t = at / 1e9
+    swing = Motion(0.2 * sin(t), 0.2 * cos(t), -0.2 * sin(t), -0.2 * cos(t))
+    depth = msgspec.structs.replace(swing, position=2.0 + swing.position)
+    return said.reference(at, depth=depth, heading=swing, surge_force=3.0)
+
+
+def late(at: int) -> VehicleState:
+    """A vehicle that does what it should, a little late."""
+    t = at / 1e9 - 0.1
+    rate, angle = 0.2 * cos(t), 0.2 * sin(t)
+    return said.state(
+        at, depth=2.0 + angle, depth_rate=rate, depth_acceleration=-angle, heading=angle,
+        yaw_rate=rate,
+    )  # fmt: skip
+
+
+def wrenches(steps: list[tuple[int, int]], *, delayed: bool) -> list[Wrench]:
+    """Steps of (period, delay) [ms]; a period of 0 is another step with the same sample."""
+    law, sensor_ns = Controller(GAINS, PIONEER, Outbox()), 1000 * MS
+    said: list[Wrench] = []
+    for period, delay in steps:
+        sensor_ns += period * MS
+        now = sensor_ns + (delay * MS if delayed else 0)
+        wrench, _ = law.step(swinging(sensor_ns), late(sensor_ns), now)
+        said.append(msgspec.structs.replace(wrench, stamp_ns=0))
+    return said
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([0, 10, 10, 10, 20, 40, 100]), st.integers(0, 45)),
+        min_size=10,
+        max_size=60,
+    )
+)
+def test_handling_delays_change_no_wrench(steps: list[tuple[int, int]]) -> None:
+    assert wrenches(steps, delayed=True) == wrenches(steps, delayed=False)
+
+
+@pytest.mark.parametrize("gap_ms", [10, 300])
+def test_a_long_gap_teaches_nothing_and_is_counted_once(gap_ms: int) -> None:
+    law, rest = Controller(GAINS, PIONEER, Outbox()), Motion(2.0, 0.0, 0.0, 0.0)
+
+    def step(at: int, rate: float) -> Wrench:
+        asked = msgspec.structs.replace(swinging(at), depth=rest)
+        seen = said.state(at, depth=2.0, depth_rate=rate)
+        return law.step(asked, seen, at)[0]
+
+    learnt = [step(k * 10 * MS, 0.0) for k in range(50)][-1].disturbance[2]
+    pushed = step((490 + gap_ms) * MS, 0.5).disturbance[2]
+    assert (pushed == learnt) == (gap_ms > 50)
+    assert told(law.outbox) == (["gap:state"] if gap_ms > 50 else [])
+
+
+@given(st.integers(0, 10**9), st.integers(-100, 100))
+def test_a_reference_is_run_on_to_the_sample_of_the_state(at: int, lead: int) -> None:
+    there = at + 10**9 + lead * MS
+    ahead, asked = at_sample(swinging(at + 10**9), there), swinging(there)
+    error = 0.2 * (lead / 1e3) ** 4 / 24 + 1e-12  # of the fourth derivative
+    assert ahead.depth.position == pytest.approx(asked.depth.position, abs=error)
+    assert ahead.heading.position == pytest.approx(asked.heading.position, abs=error)
+    assert ahead.depth.velocity == pytest.approx(asked.depth.velocity, abs=2e-4)
+
+
+def test_a_reference_of_no_sample_or_of_another_clock_stays_as_it_is() -> None:
+    asked = swinging(10**9)
+    assert at_sample(asked, 10**9) is asked
+    assert at_sample(asked, 10**9 + LONGEST_NS + 1) is asked
+    alone = msgspec.structs.replace(asked, sensor_ns=None)
+    assert at_sample(alone, 10**9 + MS) is alone
+
+
+ROW = ServiceSpec(sides=["drone"])
+
+
+def test_a_vehicle_that_cannot_be_flown_is_refused_by_the_name_of_its_file(tmp_path: Path) -> None:
+    sound, broken = Stack().vehicle_path.read_text(), tmp_path / "broken.toml"
+    vertical = r'name = "vertical"(.*?)direction = \[0.0, 0.0, 1.0\]'
+    broken.write_text(
+        re.sub(
+            vertical, r'name = "vertical"\1direction = [0.0, 1.0, 0.0]', sound,
+            count=1, flags=re.DOTALL,
+        )
+    )  # fmt: skip
+    with pytest.raises(LindyError, match=r"broken\.toml(:\d+)?: .*cannot drive heave"):
+        VirtualHost().add("control", ROW, Stack(vehicle=str(broken)))

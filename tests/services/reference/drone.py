@@ -1,5 +1,7 @@
 """A drone with its reference generator, as the tests of this room fly it."""
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, Self
 
 from msgspec import UNSET
@@ -15,6 +17,28 @@ from services.reference.failsafe.table import WatchedMessages
 from tests.support import said
 
 DT = 10_000_000  # [ns] of a step
+ROUNDING = 1e-9
+
+
+def smooth(flown: Sequence[Reference], s: Settings, *, stops: bool = False) -> None:
+    """No step in position, velocity or acceleration of depth and heading, and none in the pace;
+    jerk and acceleration within the limits of the axis, or of a stop."""
+    step = DT * 1e-9
+    for before, after in pairwise(flown):
+        for a, b, axis in (
+            (before.depth, after.depth, s.heave),
+            (before.heading, after.heading, s.yaw),
+        ):
+            most = axis.stop if stops else axis.limits
+            mean = (a.velocity + b.velocity) / 2
+            assert abs(b.position - a.position - mean * step) <= most.jerk * step**3 + ROUNDING
+            assert abs(b.velocity - a.velocity) <= most.acceleration * step + ROUNDING
+            assert abs(b.acceleration - a.acceleration) <= most.jerk * step + 1e-6
+            assert abs(b.acceleration) <= most.acceleration * (1 + ROUNDING) + ROUNDING
+            assert abs(b.jerk) <= most.jerk * (1 + ROUNDING)
+        paces = (r.surge.velocity if r.surge else 0.0 for r in (before, after))
+        first, second = paces
+        assert abs(second - first) <= s.place.stop_acceleration * step + ROUNDING
 
 
 class Drone:

@@ -2,6 +2,6 @@
 `research/measurements/faults.csv`, and `docs/faults.md` sums them up.
 
 The faults are data (`catalogue`), the modes too (`modes`). A cell is one fault in one mode
-(`cells`), on virtual time (`virtual_dive`) or with real processes (`real_dive`). Both leave the
-same observations, from which `figures` are computed and judged by `goals`.
+(`cells`), on virtual time (`virtual_dive`). It leaves observations, from which `figures` are
+computed and judged by `goals`.
 """

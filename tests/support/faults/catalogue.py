@@ -1,30 +1,82 @@
-"""The faults, as data: how each begins and ends, in which world, and which goals apply to it.
-
-A fault that virtual time cannot show (a disk, a processor, the recorder's own process) is for real
-dives alone; one that real processes cannot have on demand (an exception), for virtual time alone.
-"""
+"""The faults, and the modes in which they happen, as data: how each begins and ends, and which
+goals apply to it. What virtual time cannot show (a disk, a processor, the recorder's own process):
+tests/system/test_dive.py and test_recording_survives.py."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from operator import methodcaller
-from typing import Any, Literal
+from typing import Any, NamedTuple
 
 from messages.link import LinkRequest
 from messages.simulator import FaultKind
-from tests.support.faults.modes import VERTICAL
-from tests.support.jitter import Jitter
+from tests.support.hindered_host import Jitter
 
-World = Literal["virtual", "real"]
-Deed = Callable[[Any], object]  # to a dive of such a world
-VIRTUAL: tuple[World, ...] = ("virtual",)
-REAL: tuple[World, ...] = ("real",)
-BOTH: tuple[World, ...] = ("virtual", "real")
+# The modes: a vehicle, and what its pilot does before and meanwhile.
+
+
+HEADING = "t,surge,sway,heave,yaw,tilt,event"
+
+
+class FlownMode(NamedTuple):
+    """Times are seconds after the pilot has taken the sticks."""
+
+    name: str
+    vehicle: str
+    rows: tuple[str, ...]  # of the stick log, the last one lasting
+    settled: float  # [s] then a fault begins
+    holds_depth: bool = True
+    vertical: str = "vertical"  # name of a vertical thruster
+    depth_limit: float = 6.0  # [m] of the failsafe, within reach of the sticks
+    lasts: float = 7200.0  # [s] until its last row
+
+    @property
+    def script(self) -> str:
+        return "\n".join([HEADING, *self.rows, f"{self.lasts:.0f},0,0,0,0,,", ""])
+
+
+# Two metres down with the stick, then rest; a stick that stays deflected shows a lost pilot.
+DOWN = ("0,0,0,0,0,,", "0.5,0,0,1,0,,", "5,0,0,0,0,,")
+DEEPER = ("0,0,0,0,0,,", "0.5,0,0,1,0,,", "17,0,0,0,0,,")
+VERTICAL = "VERTICAL"  # of a fault: stands for the vehicle's
+MODES = (
+    FlownMode("manual", "pioneer", (*DOWN, "7,0.3,0,0,0,,mode manual"), 10.0, holds_depth=False),
+    FlownMode("depth_hold", "pioneer", (*DOWN, "7,0.3,0,0,0,,mode depth_hold"), 10.0),
+    FlownMode("stabilised", "pioneer", (*DOWN, "7,0.3,0,0,0,,"), 10.0),
+    FlownMode(
+        "station_keeping",
+        "minerva",
+        (*DOWN, "8,0,0,0,0,,mode station_keeping"),
+        16.0,
+        vertical="vertical_port",
+        depth_limit=4.0,
+    ),
+    FlownMode(
+        "follow",
+        "minerva",
+        (*DOWN, "8,0,0,0,0,,follow inspection_box"),
+        16.0,
+        vertical="vertical_port",
+        depth_limit=4.0,
+    ),
+    FlownMode(
+        "surfacing",
+        "pioneer",
+        (*DEEPER, "19,0,0,0,0,,goto depth=0.5"),
+        21.0,
+        depth_limit=11.0,
+    ),
+)
+
+
+# The faults.
+
+
+Deed = Callable[[Any], object]  # to a dive
 HANGS = "process hangs"  # a cause
 HANGS_S = 3.0  # [s]
 ON_BOARD = ("simulator", "estimation", "reference", "control")
 PROCESSES = (*ON_BOARD, "tether", "gamepad", "link_monitor", "hub_drone", "hub_topside")
 SERVICES = tuple(name for name in PROCESSES if not name.startswith("hub_"))
-ONLOOKERS = ("recorder", "visualizer")  # in real dives alone
 # Between the pilot and the reference. Without its hub the drone hears nobody either, but
 # then nobody hears when it notices.
 BETWEEN = ("tether", "gamepad", "hub_topside")
@@ -32,7 +84,6 @@ DEAF = ("simulator", "hub_drone")  # without it no sample arrives
 KILL_S, HANG_S, RESUME_S = 1.5, 3.0, 2.0  # [s] goals
 STOPS = (0.3, 2.0, 20.0)  # [s]
 TOO_SLOW_S = 0.1  # [s] ten periods of the chain
-WRITES_S = 14.0  # [s] what writes files is given ten seconds before it is ended
 
 
 def nothing(_: object) -> None:
@@ -47,13 +98,9 @@ class FaultCase:
     cause: str  # the group it belongs to
     begin: Deed
     end: Deed = nothing
-    worlds: tuple[World, ...] = VIRTUAL
     lasts: float = 6.0  # [s] from its beginning to its end
     after: float = 3.0  # [s] looked at after its end
     ask_at: float = 0.3  # [s] after its beginning, when the disarm is asked for
-    alone: bool = False  # in real processes: in a dive of its own
-    # What else is to be said of a real one (dive, beginning [ns]).
-    note: Callable[[Any, int], str] = lambda _dive, _begin: ""
     # Which goals apply besides those for every cell.
     lives: bool = True  # the sensors do: a held depth is held
     no_pilot: bool = False  # the drone hears nobody for longer than 0.3 s
@@ -63,30 +110,25 @@ class FaultCase:
     @property
     def flown(self) -> float:
         """[s] How long it is looked at before its end. The supervisor ends what hangs for longer
-        than a second, and gives a slow disk ten: the rest of twenty seconds shows nothing more."""
+        than a second: the rest of twenty seconds shows nothing more."""
         return min(self.lasts, HANGS_S) if self.cause == HANGS else self.lasts
 
 
-def _killed(name: str, words: str, deed: str, worlds: tuple[World, ...]) -> FaultCase:
+def _killed(name: str, words: str, deed: str) -> FaultCase:
     return FaultCase(
         name=f"{words} {name}", cause="process ends", begin=methodcaller(deed, name),
-        worlds=worlds, lasts=0.0, after=3.5, back=KILL_S, lives=name not in DEAF,
-        no_control=name == "control",
-        note=lambda dive, begin: dive.lost(begin) if name == "recorder" else "",
+        lasts=0.0, after=3.5, back=KILL_S, lives=name not in DEAF, no_control=name == "control",
     )  # fmt: skip
 
 
 def _stopped(name: str, seconds: float) -> FaultCase:
     """For less and for more than the supervisor waits."""
-    longer, writes = seconds > 1.0, seconds > 10.0 and name in ONLOOKERS
+    longer = seconds > 1.0
     return FaultCase(
         name=f"SIGSTOP {name} {seconds:g} s", cause=HANGS, begin=methodcaller("stop", name),
-        end=nothing if writes else methodcaller("go_on", name),
-        worlds=REAL if name in ONLOOKERS else BOTH, lasts=seconds,
-        after=WRITES_S if writes else 3.0 if seconds < 10.0 else 2.0, lives=name not in DEAF,
-        no_pilot=longer and name in BETWEEN, no_control=name == "control",
+        end=methodcaller("go_on", name), lasts=seconds, after=3.0 if seconds < 10.0 else 2.0,
+        lives=name not in DEAF, no_pilot=longer and name in BETWEEN, no_control=name == "control",
         back=HANG_S if longer else None,
-        note=lambda dive, begin: dive.lost(begin) if name == "recorder" else "",
     )  # fmt: skip
 
 
@@ -108,7 +150,7 @@ def _part(
         name=f"{part.removeprefix('sensor/').lower()} {words}",
         cause="sensor" if part.startswith("sensor/") else "thruster",
         begin=methodcaller("part", part, kind, value), end=methodcaller("part", part, "none"),
-        worlds=BOTH, lasts=lasts, lives=lives, back=lasts + RESUME_S if acts else None,
+        lasts=lasts, lives=lives, back=lasts + RESUME_S if acts else None,
     )  # fmt: skip
 
 
@@ -116,9 +158,7 @@ def _link(
     name: str, bad: LinkRequest, good: LinkRequest, seconds: float, **goals: Any
 ) -> FaultCase:
     begin, end = methodcaller("link", bad), methodcaller("link", good)
-    return FaultCase(
-        name=name, cause="link", begin=begin, end=end, worlds=BOTH, lasts=seconds, **goals
-    )
+    return FaultCase(name=name, cause="link", begin=begin, end=end, lasts=seconds, **goals)
 
 
 def _cable(seconds: float) -> FaultCase:
@@ -183,19 +223,18 @@ def _another_pilot(deed: Deed) -> tuple[Deed, Deed]:
 
 OLDER = _another_pilot(methodcaller("stranger", source="older"))  # a version that knew no epochs
 STICK_DOWN = _another_pilot(methodcaller("sticks", heave=1.0))  # whatever the script says
-NONE = FaultCase(name="none", cause="none", begin=nothing, worlds=BOTH)
+NONE = FaultCase(name="none", cause="none", begin=nothing)
 IMU, PRESSURE, FIELD = "sensor/imu", "sensor/pressure", "sensor/magnetometer"
 FAULTS: tuple[FaultCase, ...] = (
     NONE,
     *(
         fault
-        for name in (*PROCESSES, *ONLOOKERS)
+        for name in PROCESSES
         for fault in (
-            _killed(name, "kill -9", "kill", REAL if name in ONLOOKERS else BOTH),
-            *(_stopped(name, seconds) for seconds in STOPS),
+            _killed(name, "kill -9", "kill"), *(_stopped(name, seconds) for seconds in STOPS)
         )
     ),
-    *(_killed(name, "exception in", "fail", VIRTUAL) for name in SERVICES),
+    *(_killed(name, "exception in", "fail") for name in SERVICES),
     *(_slow(name) for name in SERVICES),
     FaultCase(
         name="drone side restarted, memory lost", cause="process ends", lasts=0.0, after=8.0,
@@ -259,31 +298,7 @@ FAULTS: tuple[FaultCase, ...] = (
         begin=methodcaller("ask", kind="goto", depth=20.0),
     ),
     FaultCase(
-        name="goto 1e5", cause="vehicle", lasts=10.0, worlds=BOTH,
+        name="goto 1e5", cause="vehicle", lasts=10.0,
         begin=methodcaller("ask", kind="goto", depth=1e5),
     ),
-    FaultCase(
-        name="4 busy processes", cause="too slow", lasts=8.0, worlds=REAL, alone=True,
-        begin=methodcaller("hog", 4), end=methodcaller("rest"),
-    ),
-    FaultCase(
-        name="disk full", cause="disk", lasts=8.0, worlds=REAL, alone=True,
-        begin=methodcaller("fill_disk"), end=methodcaller("free_disk"),
-        note=lambda dive, _: f"the dive ends with status {dive.status}",
-    ),
-    FaultCase(
-        name="folder removed, control killed", cause="disk", back=KILL_S, worlds=REAL, alone=True,
-        begin=methodcaller("lose_folder"),
-        note=lambda dive, _: "the dive goes on" if dive.lasted else "the dive has ended",
-    ),
-    FaultCase(
-        name="kill -9 supervisor", cause="process ends", lasts=0.0, worlds=REAL, alone=True,
-        begin=methodcaller("kill_supervisor"),
-        note=lambda dive, _: f"{dive.gone}; nothing is started again",
-    ),
 )  # fmt: skip
-
-
-def of(world: World) -> tuple[FaultCase, ...]:
-    """The faults that such a dive can show."""
-    return tuple(fault for fault in FAULTS if world in fault.worlds)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from tests.support.faults.catalogue import NONE, FaultCase, World
+from tests.support.faults.catalogue import NONE, FaultCase
 from tests.support.faults.cells import FlownCell
 from tests.support.faults.figures import STEP_NS, Figures
 
@@ -83,24 +83,22 @@ GOALS = (
 class CellRow(msgspec.Struct, frozen=True):
     """One cell."""
 
-    world: World
     mode: str
     cause: str
     fault: str
     figures: Figures
     goals: dict[str, bool]  # those that apply: are they met?
-    note: str = ""
 
     @property
     def missed(self) -> list[str]:
         return [name for name, met in self.goals.items() if not met]
 
 
-def row_of(world: World, flown: FlownCell) -> CellRow:
-    (mode, fault), found, note = flown
+def row_of(flown: FlownCell) -> CellRow:
+    (mode, fault), found = flown
     judged = {goal.name: goal.met(fault, found) for goal in GOALS}
     goals = {name: met for name, met in judged.items() if met is not None}
-    return CellRow(world, mode.name, fault.cause, fault.name, found, goals, note)
+    return CellRow(mode.name, fault.cause, fault.name, found, goals)
 
 
 def write_row(path: Path, row: CellRow) -> None:

@@ -57,24 +57,23 @@ COLUMNS = ("world", "mode", "fault", "note", "reaction", *FIGURES, "missed")
 
 
 def write_data(rows: Sequence[CellRow], planned: int, conditions: str, folder: Path = DATA) -> None:
-    """
+    """What was once done in real processes stays as it is.
+
     Args:
         planned: cells that there are on virtual time.
         conditions: of the run, in a sentence.
     """
-    _write(folder / CELLS, COLUMNS, map(_cell, rows))
+    once, real = list[GoalCount](), list[list[str]]()
+    if (folder / CELLS).exists():
+        once = [goal for goal in flown(folder).goals if goal.world == "real"]
+        real = [[*cell.values()] for cell in cells(folder) if cell["world"] == "real"]
+    _write(folder / CELLS, COLUMNS, [*map(_cell, rows), *real])
     texts: defaultdict[str, dict[str, None]] = defaultdict(dict)
     for row in rows:
         texts[row.fault].update(dict.fromkeys(FOLDER.sub("", text) for text in row.figures.texts))
     _write(folder / READ, ("fault", "read"), ((name, "; ".join(t)) for name, t in texts.items()))
-    goals = [
-        GoalCount(
-            goal.name, goal.words, world, *_met((r for r in rows if r.world == world), goal.name)
-        )
-        for goal in GOALS
-        for world in WORLDS
-    ]
-    told = msgspec.json.encode(FlownMatrix(planned, conditions, goals))
+    goals = [GoalCount(goal.name, goal.words, "virtual", *_met(rows, goal.name)) for goal in GOALS]
+    told = msgspec.json.encode(FlownMatrix(planned, conditions, [*goals, *once]))
     (folder / FLOWN).write_bytes(msgspec.json.format(told, indent=1) + b"\n")
 
 
@@ -86,7 +85,7 @@ def _write(path: Path, heads: Sequence[str], lines: Iterable[Sequence[str]]) -> 
 def _cell(row: CellRow) -> list[str]:
     figures = [shown(row.figures) for shown in FIGURES.values()]
     reaction = _reaction(row.figures)
-    return [row.world, row.mode, row.fault, row.note, reaction, *figures, ", ".join(row.missed)]
+    return ["virtual", row.mode, row.fault, "", reaction, *figures, ", ".join(row.missed)]
 
 
 def _reaction(figures: Figures) -> str:
@@ -156,8 +155,8 @@ HEAD = """# Faults
 Written by `python -m tests.support.faults` from `research/measurements/faults.csv`, which has
 every cell; do not edit.
 
-Every fault meets every mode on virtual time; some are done again in real processes, with signals,
-disks and processors. The pilot is a script, which resumes by itself when a
+Every fault meets every mode on virtual time; some were done again, once, in real processes, with
+signals, disks and processors. The pilot is a script, which resumes by itself when a
 [failsafe](failsafes.md) can be ended; a person's time to do so comes on top. On virtual time the
 drone rises after 8 s without a pilot instead of 60.
 """

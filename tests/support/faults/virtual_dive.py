@@ -9,12 +9,15 @@ takes to start; that was measured in real dives.
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from messages import topics
 from messages.identity import SideIdentity
+from messages.link import LinkRequest
 from messages.pilot import PilotCommand, PilotRequest
+from messages.simulator import FaultKind, FaultRequest
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -23,11 +26,9 @@ from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import HangDetector, Supervisor
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.node import Node
-from tests.support.faults.modes import FlownMode
-from tests.support.faults.observed import FaultDive
-from tests.support.hindered_host import HinderedHost
-from tests.support.jitter import Hindrance
-from tests.support.twin import take_name
+from tests.support.faults.catalogue import VERTICAL, FlownMode
+from tests.support.faults.figures import Observed
+from tests.support.hindered_host import HinderedHost, Hindrance, take_name
 
 SECOND = 1_000_000_000  # [ns]
 STEP_NS = 40_000_000  # [ns] between two steps of the supervisor, at most as in a real dive
@@ -75,7 +76,7 @@ class VirtualProcess:
             self._end()
 
 
-class VirtualDive(FaultDive):
+class VirtualDive:
     """Armed and settled in a mode when the constructor returns."""
 
     def __init__(self, mode: FlownMode, seed: int = 0, settings: Sequence[str] = ()) -> None:
@@ -86,7 +87,7 @@ class VirtualDive(FaultDive):
         Raises:
             RuntimeError: the drone does not arm.
         """
-        super().__init__(mode.vertical)
+        self.seen, self._vertical, self._asked = Observed(), mode.vertical, 0
         self.hindrances = {
             name: Hindrance(lambda: self.host.now, seed + n) for n, name in enumerate(SERVICES)
         }
@@ -119,7 +120,12 @@ class VirtualDive(FaultDive):
         self._supervisor.add(Task(name, [], Path()) for name in names)
         self._supervisor.step()
         ears, board = self.host.node("screen", ["topside"]), self.host.node("observer", ["drone"])
-        self._connect(ears, board)
+        self.seen.listen(ears, board)
+        self._wishes = ears.request(
+            topics.PILOT_REQUEST, topics.PILOT_ANSWER, on_answer=lambda _q, _a, _n: None
+        )
+        self._links = ears.publisher(topics.LINK_REQUEST)
+        self._breaks = board.publisher(topics.FAULT_REQUEST)
         while not self.seen.armed:
             if self.host.now > LONGEST_START_S * SECOND:
                 raise RuntimeError(f"the drone is not armed after {LONGEST_START_S:.0f} s")
@@ -135,6 +141,7 @@ class VirtualDive(FaultDive):
 
     @property
     def now(self) -> int:
+        """[ns]"""
         return self.host.now
 
     def run(self, seconds: float) -> None:
@@ -166,6 +173,28 @@ class VirtualDive(FaultDive):
 
     def _tell(self, _level: str, text: str) -> None:
         self.seen.tell(self.host.now, f"supervisor: {text}")
+
+    # What the pilot's side asks, as `lindy ask`, `fault` and `link` do.
+
+    def ask(self, **wish: Any) -> None:
+        epoch = 0 if self.seen.shown is None else self.seen.shown.epoch
+        request = PilotRequest(stamp_ns=self.now, id="", source="voice", epoch=epoch, **wish)
+        self._wishes.ask(request, self.now)
+
+    def part(self, part: str, fault: FaultKind, value: float | None = None) -> None:
+        """Break a part of the vehicle, or mend it with `none`."""
+        part = self._vertical if part == VERTICAL else part
+        self._breaks.put(
+            FaultRequest(stamp_ns=self.now, id=self._name(), part=part, fault=fault, value=value)
+        )
+
+    def link(self, request: LinkRequest) -> None:
+        """Change the link."""
+        self._links.put(msgspec.structs.replace(request, stamp_ns=self.now, id=self._name()))
+
+    def _name(self) -> str:
+        self._asked += 1
+        return f"fault-{self._asked}"
 
     # Processes.
 

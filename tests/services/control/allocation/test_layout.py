@@ -126,13 +126,6 @@ def test_a_refusal_names_the_axes(pioneer: Vehicle, names: list[str], missing: s
         require_pilotable(vehicle)
 
 
-def test_two_thrusters_on_the_same_line_do_not_give_yaw(pioneer: Vehicle) -> None:
-    port, starboard, _, vertical = pioneer.thruster
-    same = msgspec.structs.replace(starboard, position=(0.1, *port.position[1:]))
-    with pytest.raises(ValueError, match="cannot drive surge independently"):
-        require_pilotable(with_thrusters(pioneer, port, same, vertical))
-
-
 def test_a_direction_without_length_is_refused(pioneer: Vehicle) -> None:
     for nowhere in ((0.0, 0.0, 0.0), (0.0, -1e-200, 0.0)):
         with pytest.raises(ValueError, match="port: direction must not be"):

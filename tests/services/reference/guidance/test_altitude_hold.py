@@ -20,7 +20,7 @@ from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Sett
 from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.bottom import BAND, PATIENCE_S
 from services.reference.settings import FailsafeSettings, VelocityAxis
-from tests.services.reference.drone import DT, Drone
+from tests.services.reference.drone import DT, Drone, smooth
 from tests.support.said import state, sticks
 from tests.support.told import told
 
@@ -30,7 +30,6 @@ FLOOR = 0.5  # [m] floor_distance
 SLOWER = VelocityAxis(0.2, 0.1, 0.15, 0.3, 0.15, 0.5)  # Minerva's
 # [m] nearer than `floor_distance` at 0.5 m/s, where a slope of 20° down becomes one of 20° up.
 NEARER, NEARER_SLOWER = 0.45, 0.9
-SMALL = 1e-9
 STILL = Motion(0.0, 0.0, 0.0, 0.0)
 BottomAt = Callable[[float], float]  # [m] depth at a way [m]
 
@@ -119,20 +118,6 @@ def hills(slopes: list[float], length: float, start: float) -> BottomAt:
     return depth
 
 
-def is_continuous(dive: Dive) -> bool:
-    """No step, and never more jerk and acceleration than in depth hold."""
-    axis, dt = dive.settings.heave, DT / 1e9
-    for a, b in pairwise(reference.depth for reference in dive.flown):
-        mean = (a.velocity + b.velocity) / 2
-        if abs(b.position - a.position - mean * dt) > axis.jerk * dt**3 + SMALL:
-            return False
-        if abs(b.acceleration - a.acceleration) > axis.jerk * dt + SMALL:
-            return False
-        if abs(b.acceleration) > axis.max_acceleration + SMALL or abs(b.jerk) > axis.jerk + SMALL:
-            return False
-    return True
-
-
 @pytest.mark.parametrize(("speed", "least"), [(0.0, 0.65), (0.2, 0.95), (0.4, 1.25)])
 def test_the_faster_it_goes_the_higher_a_stick_that_leads_down_ends(
     speed: float, least: float
@@ -178,7 +163,7 @@ def test_over_slopes_it_is_never_too_near_and_never_steps(
     dive.fly(20.0)
     assert dive.height == pytest.approx(FLOOR + BAND, abs=0.25)
     assert dive.status.flight_mode == "altitude_hold"
-    assert is_continuous(dive)
+    smooth(dive.flown, dive.settings)
 
 
 @settings(max_examples=20, deadline=None)
@@ -195,7 +180,7 @@ def test_a_step_of_the_bottom_is_climbed_once_it_is_below(
     dive.fly(20.0)
     assert dive.nearest >= height + min(0.0, step) - 3 * NOISE
     assert dive.height == pytest.approx(height, abs=0.25)
-    assert is_continuous(dive)
+    smooth(dive.flown, dive.settings)
 
 
 @settings(max_examples=15, deadline=None)
@@ -251,25 +236,12 @@ def test_without_an_altitude_the_depth_is_held_until_height_is_asked_for_again(b
     dive.speed = 0.0
     after = dive.fly(10.0).depth
     assert after.position == before.position
-    assert is_continuous(dive)
+    smooth(dive.flown, dive.settings)
     for kind in ("disarm", "arm"):
         assert dive.ask(kind) == ""
         dive.fly(1.0)
     assert dive.status.flight_mode == "stabilised"
     assert (dive.hold_height() == "") == back
-
-
-def test_a_bottom_that_is_not_seen_is_not_followed_down() -> None:
-    dive = Dive(hills([20.0], 100.0, 20.0), 3.0, noise=0.0)
-    assert dive.hold_height() == ""
-    dive.speed = 0.5
-    dive.fly(10.0)
-    seen = dive.bottom(dive.way)
-    dive.altimeter = False
-    dive.fly(PATIENCE_S + 3.0)
-    assert dive.status.flight_mode == "stabilised"
-    assert dive.depth < seen - 3.0 + 0.4
-    assert is_continuous(dive)
 
 
 def test_a_vehicle_that_sinks_does_not_move_the_bottom() -> None:
@@ -355,7 +327,7 @@ def test_where_a_depth_is_held_no_stick_leads_into_the_bottom(
     assert dive.nearest >= FLOOR + BAND - 3 * NOISE
     assert dive.height == pytest.approx(FLOOR + BAND, abs=3 * NOISE)
     assert dive.flown[-1].depth.velocity == pytest.approx(0.0, abs=2 * NOISE)
-    assert is_continuous(dive)
+    smooth(dive.flown, dive.settings)
 
 
 @settings(max_examples=15, deadline=None)
@@ -395,7 +367,7 @@ def test_a_stick_held_down_at_the_floor_leads_no_deeper_without_an_altitude(mode
     dive.fly(0.1)
     again = dive.fly(3.0, heave=1.0)  # let go of: it is the pilot's
     assert again.depth.velocity == dive.settings.heave.max_velocity
-    assert is_continuous(dive)
+    smooth(dive.flown, dive.settings)
 
 
 def test_what_was_released_or_typed_or_set_goes_to_the_bottom() -> None:

@@ -630,25 +630,3 @@ def test_a_path_whose_place_is_lost_goes_on_blind_at_the_same_pace() -> None:
     assert sea.generator.activity == "follow"
     assert told(sea.generator.outbox) == ["lost:place"]
     check(sea)
-
-
-@settings(max_examples=12, deadline=None, phases=GENERATE)
-@given(st.floats(0.0, 25.0), st.sampled_from(["surge", "yaw", "heave"]), st.booleans())
-def test_a_stick_takes_over_from_a_measured_path_without_a_step(
-    when: float, axis: str, keeps: bool
-) -> None:
-    sea = armed("station_keeping" if keeps else "stabilised", offset=0.7)
-    sea.ask("follow", course=WAY)
-    sea.sail(when)
-    before = sea.seen[-1][0]
-    after = sea.sail(DT, sticks(**{axis: 1.0}))
-    assert sea.generator.activity == "piloted"
-    if before.north is not None and before.east is not None:
-        speed = hypot(before.north.velocity, before.east.velocity)
-        if keeps:
-            assert after.north is not None
-        else:  # the rest of the speed is ramped out along the heading
-            ramped = 0.0 if after.surge is None else after.surge.velocity
-            assert abs(ramped - speed) < 0.02
-    sea.sail(3.0)
-    check(sea)

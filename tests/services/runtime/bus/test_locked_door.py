@@ -19,7 +19,7 @@ from messages import topics
 from messages.topic import AnyTopic, Direction
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.key_files import Credentials, KeyFiles
+from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, config, connected, listening, watch_callers
 from services.runtime.config.errors import LindyError
@@ -139,10 +139,16 @@ def drone(keys: Keys, tmp_path_factory: pytest.TempPathFactory) -> Generator[Dro
 # Who is let in at all.
 
 
-@pytest.mark.parametrize("who", ["foreign/pilot-ann", "ours/pilot-late"])
-def test_another_authoritys_or_an_expired_certificate_is_refused(drone: Drone, who: str) -> None:
-    with pytest.raises(LindyError, match="no hub answers"):
-        drone.session(who)
+def test_another_authoritys_or_an_expired_certificate_is_refused(
+    drone: Drone, tmp_path: Path
+) -> None:
+    """And one that somebody signed alone."""
+    KeyAuthority(tmp_path).make(NOW)
+    own, ours = str(tmp_path / "authority/ca.pem"), drone.keys.mixed("ours/pilot-ann").authority
+    alone = KeyFiles(ours, own, own.replace(".pem", ".key"))
+    for files in (*map(drone.keys.mixed, ("foreign/pilot-ann", "ours/pilot-late")), alone):
+        with pytest.raises(LindyError, match="no hub answers"):
+            connected(drone.address, SPACE, REFUSED_S, keys=files)
 
 
 def test_without_a_certificate_or_without_tls_nobody_connects(drone: Drone) -> None:
@@ -156,21 +162,7 @@ def test_without_a_certificate_or_without_tls_nobody_connects(drone: Drone) -> N
             zenoh.open(settings)
 
 
-def test_a_certificate_that_somebody_signed_alone_is_refused(drone: Drone, tmp_path: Path) -> None:
-    KeyAuthority(tmp_path).make(NOW)
-    own = str(tmp_path / "authority/ca.pem")
-    files = KeyFiles(drone.keys.mixed("ours/pilot-ann").authority, own, own.replace(".pem", ".key"))
-    with pytest.raises(LindyError, match="no hub answers"):
-        connected(drone.address, SPACE, REFUSED_S, keys=files)
-
-
 # What each may say.
-
-
-@pytest.mark.parametrize("who", ["ours/pilot-ann", "ours/observer-eve"])
-def test_nobody_plays_a_replay_to_the_drones_hub(drone: Drone, who: str) -> None:
-    assert drone.attacked_by(who, say_all, space=namespace(f"{REPLAY}/pioneer")) == set()
-    assert not any(REPLAY in key for key in drone.everything)
 
 
 def test_a_pilot_says_the_rows_that_go_down_and_no_others(drone: Drone) -> None:
@@ -212,31 +204,29 @@ def test_observers_the_revoked_and_other_drones_say_nothing(drone: Drone, who: s
     assert drone.everything == [f"{SPACE}/log/end"]
 
 
-def test_a_pilots_wildcard_reaches_nothing(drone: Drone) -> None:
-    def attack(session: zenoh.Session) -> None:
-        for key in ("**", "*", "*/*", "control/*", "sensor/**", "simulator/*", "p$*/*"):
-            say(session, key, b"x")
-
-    assert drone.attacked_by("ours/pilot-ann", attack) == set()
-    assert drone.everything == [f"{SPACE}/log/end"]
-
-
-def test_a_pilot_reaches_no_other_vehicle_version_or_namespace(drone: Drone) -> None:
-    def attack(session: zenoh.Session) -> None:
-        for key in (
-            f"{namespace('another')}/pilot/command", "lindy/@v2/pioneer/pilot/command",
-            "pilot/command", "@v9/pilot/command", f"{SPACE}/pilot/command/more",
-            f"{SPACE}/alive/control",
-        ):  # fmt: skip
-            say(session, key, b"x")
-
-    assert drone.attacked_by("ours/pilot-ann", attack, space=None) == set()
-    assert drone.everything == [f"{SPACE}/log/end"]
+REPLAYED = namespace(f"{REPLAY}/pioneer")
+WILD = ("**", "*", "*/*", "control/*", "sensor/**", "simulator/*", "p$*/*")
+ELSEWHERE = (
+    f"{namespace('another')}/pilot/command", "lindy/@v2/pioneer/pilot/command", "pilot/command",
+    "@v9/pilot/command", f"{SPACE}/pilot/command/more", f"{SPACE}/alive/control",
+)  # fmt: skip
+OWN = [topic for topic in topics.ALL if topic.way in (Direction.UP, Direction.STAY)]
+# In whose name, in which namespace, and what is done.
+ASTRAY: dict[str, tuple[str, str | None, Callable[[zenoh.Session], object]]] = {
+    "a pilot's wildcards": ("ours/pilot-ann", SPACE, lambda s: [say(s, k, b"x") for k in WILD]),
+    "other drones and versions": (
+        "ours/pilot-ann", None, lambda s: [say(s, key, b"x") for key in ELSEWHERE],
+    ),
+    "what is the drone's own, deleted": ("ours/pilot-ann", SPACE, lambda s: delete(s, OWN)),
+    "a pilot's replay": ("ours/pilot-ann", REPLAYED, say_all),
+    "an observer's replay": ("ours/observer-eve", REPLAYED, say_all),
+}  # fmt: skip
 
 
-def test_a_pilot_deletes_nothing_of_the_drones_own(drone: Drone) -> None:
-    own = [topic for topic in topics.ALL if topic.way in (Direction.UP, Direction.STAY)]
-    drone.attacked_by("ours/pilot-ann", lambda s: delete(s, own))
+@pytest.mark.parametrize("what", ASTRAY)
+def test_what_is_no_row_of_this_drone_reaches_nobody_on_board(drone: Drone, what: str) -> None:
+    who, space, act = ASTRAY[what]
+    assert drone.attacked_by(who, act, space=space) == set()
     assert drone.everything == [f"{SPACE}/log/end"]
 
 
@@ -374,51 +364,3 @@ def test_a_pilot_speaks_to_a_drone_on_the_list_only(
                 time.sleep(0.02)
             assert (heard, shown) == ([], [])
             assert came == (["pilot:ann"] if server == "ours/drone-other" else [])
-
-
-# A list that was changed.
-
-
-def test_a_revoked_pilot_is_out_when_the_drone_starts_again(tmp_path: Path) -> None:
-    place, address = tmp_path / "keys", free_endpoint("tls")
-    private = f"unixsock-stream/{tmp_path}/hub.sock"
-    KeyAuthority(place).make(NOW)
-    for name in ("drone:pioneer", "pilot:ann", "pilot:bob"):
-        KeyAuthority(place).add(parse(name), NOW, 10)
-
-    def hub() -> zenoh.Session:
-        credentials: Credentials = own_keys(place, ("drone",), NOW)[1]
-        return listening(address, private, hub_side=HubSide("drone", SPACE, credentials))
-
-    def heard_of(session: zenoh.Session, bus: ZenohBus, key: str) -> Callable[[], bool]:
-        heard = list[Envelope]()
-        bus.hear(key, heard.append)
-
-        def came() -> bool:
-            session.put(key, b"x")
-            return bool(heard)
-
-        return came
-
-    with ExitStack() as exits:
-
-        def pilot(name: str) -> zenoh.Session:
-            keys = own_keys(place / name, ("pilot",), NOW)[1].keys
-            return exits.enter_context(connected(address, SPACE, PATIENCE_S, keys=keys))
-
-        with hub(), connected(private, SPACE, PATIENCE_S) as board:
-            sessions = {"ann": pilot("pilot-ann"), "bob": pilot("pilot-bob")}
-            for name, session in sessions.items():
-                until(heard_of(session, ZenohBus(board), f"log/{name}"))
-        KeyAuthority(place).revoke(parse("pilot:ann"))
-        with hub(), connected(private, SPACE, PATIENCE_S) as board:
-            bus, ann = ZenohBus(board), list[Envelope]()
-            bus.hear("log/ann", ann.append)
-            bob = heard_of(sessions["bob"], bus, "log/bob")
-
-            def both() -> bool:
-                sessions["ann"].put("log/ann", b"x")
-                return bob()
-
-            until(both)
-            assert ann == []

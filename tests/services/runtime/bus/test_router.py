@@ -12,11 +12,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import zenoh
 
 from messages import topics
+from messages.pilot import PilotAnswer, PilotRequest
 from messages.topic import Direction, Side
+from services.reference.service import wire
 from services.runtime.bus.access_control import HubSide
 from services.runtime.bus.access_control import keys as keys_of
 from services.runtime.bus.envelope import Envelope
@@ -30,9 +33,12 @@ from services.runtime.bus.zenoh_bus import (
     listening,
     open_network,
 )
-from tests.support.doors import CROSS, free_endpoint, one, say
+from services.runtime.config.stack import Stack
+from services.runtime.node.checkpoint import VolatileCheckpoint
+from services.runtime.node.loop_stats import Instance
+from services.runtime.node.node import Node
+from tests.support.doors import CROSS, FILE, free_endpoint, one, router_tree, say
 from tests.support.patience import PATIENCE_S, until
-from tests.support.router_file import FILE, router_tree
 from tools.keys.authority import KeyAuthority, own_keys
 from tools.keys.roles import Role, parse
 
@@ -302,3 +308,42 @@ def test_whoever_is_on_no_list_may_do_nothing_and_the_rows_are_those_of_the_tabl
     up, down = (set(keys_of(EVERY_SPACE, way)) for way in (Direction.UP, Direction.DOWN))
     assert rows["up"] == rows["ask_up"] == up
     assert rows["down"] == down
+
+
+@pytest.mark.slow
+def test_of_two_drones_of_one_name_that_meet_later_none_arms(tmp_path: Path) -> None:
+    """A router that was away when the second one started could not be asked."""
+    endpoint, nodes = free_endpoint(), list[Node]()
+    with ExitStack() as exits:
+        exits.enter_context(zenohd(tmp_path, router_tree([endpoint])))
+        halves = [Half("topside", "a", endpoint, tmp_path, exits)]
+        for number in (1, 2):
+            (folder := tmp_path / f"{number}").mkdir()
+            halves.append(Half("drone", "a", endpoint, folder, exits))
+            bus = {"drone": halves[-1].bus}
+            node = Node("reference", bus, time.monotonic_ns, VolatileCheckpoint())
+            node.instance = Instance(number, number)
+            wire(node, Stack(name="a"))
+            nodes.append(node)
+        desk, *drones = halves
+        ask, decode = desk.bus.say(topics.PILOT_REQUEST), msgspec.msgpack.Decoder(PilotAnswer)
+
+        def reasons() -> list[str]:
+            answers = [e for e in desk.heard if e.key == topics.PILOT_ANSWER.key]
+            return [decode.decode(e.payload).reason for e in answers]
+
+        def both_refuse() -> bool:
+            now = time.monotonic_ns()
+            request = PilotRequest(id=f"ann-{now}", kind="arm", source="ann", stamp_ns=now)
+            ask(msgspec.msgpack.encode(request))
+            return sum("two services call themselves reference" in why for why in reasons()) >= 2
+
+        def step() -> None:
+            for node in nodes:
+                node.step()
+
+        until(both_refuse, meanwhile=step)
+        assert "" not in reasons()
+        for drone in drones:
+            said = {e.key for e in drone.heard if e.key.startswith(("pilot/", "link/"))}
+            assert said - {topics.PILOT_ANSWER.key} == {topics.PILOT_REQUEST.key}

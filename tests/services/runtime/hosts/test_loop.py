@@ -158,26 +158,6 @@ def answering(node: Node, hears: str, says: str, then: Callable[[], None]) -> No
     on_line(node, hears, answer)
 
 
-def test_two_nodes_that_keep_waking_each_other_starve_no_timer_of_a_third() -> None:
-    machine, rung = Machine(), list[int]()
-    ping, pong, third = (machine.node(name) for name in ("ping", "pong", "third"))
-    answers = list[int]()
-
-    def take_a_while() -> None:
-        machine.now += MS
-        answers.append(machine.now)
-
-    answering(ping, hears="b", says="a", then=take_a_while)
-    answering(pong, hears="a", says="b", then=take_a_while)
-    third.every(100.0, rung.append)
-    host = machine.host(ping, pong, third)
-    ping.publisher(topics.LOG.of("a")).put(line(0))
-    machine.run(host, 1000 * MS)
-    assert len(answers) == 1000  # they never rest
-    assert len(rung) == 99 or len(rung) == 100
-    assert max(late for late in (at % (10 * MS) for at in rung)) <= 2 * MS
-
-
 def test_a_flood_from_outside_is_handled_in_parts_so_that_the_others_get_their_turns() -> None:
     machine, rung, heard = Machine(), list[int](), list[int]()
     ear, other = machine.node("ear"), machine.node("other")

@@ -16,6 +16,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.process_host import Launch
 from services.runtime.hosts.stack_file import ServiceSpec
 from tests.support.patience import PATIENCE_S, until
+from tests.support.started import exists
 
 PYTHON = [sys.executable, "-P", "-m", "services"]
 TOY = """
@@ -34,7 +35,6 @@ def wire(node, stack):
     node.on_close(lambda: print("closed", flush=True))
 """
 HANGING = TOY + "    node.every(20.0, lambda now: time.sleep(600))\n"
-MISTAKEN = TOY + "    raise LindyError('the port is taken; choose another')\n"
 ENDING = (
     TOY
     + """
@@ -50,14 +50,6 @@ toy = subprocess.Popen(sys.argv[1:], stdin=subprocess.PIPE)
 print(toy.pid, flush=True)
 time.sleep(600)
 """
-
-
-def exists(pid: int) -> bool:
-    """An orphan may wait as a zombie for whoever collects it."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
 
 
 class Bench:
@@ -142,14 +134,6 @@ def test_a_service_ends_when_its_parent_dies_even_if_it_hangs(bench: Bench) -> N
     parent.kill()
     until(lambda: not exists(toy))
     until(lambda: bench.alive == [True, False])
-
-
-def test_a_mistake_of_the_users_is_one_sentence_and_status_1(bench: Bench) -> None:
-    toy = bench.start(bench.command(MISTAKEN))
-    assert toy.communicate(timeout=PATIENCE_S) == (
-        "", "lindy toy: the port is taken; choose another\n",
-    )  # fmt: skip
-    assert (toy.returncode, bench.alive) == (1, [])
 
 
 @pytest.mark.parametrize(

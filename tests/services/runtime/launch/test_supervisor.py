@@ -1,19 +1,23 @@
-"""The supervisor with toy processes. Deadlines are generous: a test waits for what must come."""
+"""The supervisor with toy processes, and the log of each. A test waits for what must come."""
 
 import errno
 import os
+import stat
 import sys
+import threading
 from collections.abc import Callable, Generator
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.runtime.launch import supervisor as module
-from services.runtime.launch.child import Child, Task
+from services.runtime.launch.child import Child, OsChild, Task
 from services.runtime.launch.supervisor import Supervisor
 from tests.support.patience import until
+from tests.support.started import exists
 
 SLEEP = "import time\nprint('here', flush=True)\ntime.sleep(600)"
 DEAF = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n" + SLEEP
@@ -57,32 +61,6 @@ def toys(tmp_path: Path) -> Generator[Toys]:
     toys = Toys(tmp_path)
     yield toys
     toys.supervisor.stop()
-
-
-def exists(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    state = Path(f"/proc/{pid}/stat")  # an orphan may wait as a zombie for whoever collects it
-    return not state.exists() or state.read_text().rsplit(")", 1)[1].split()[0] != "Z"
-
-
-def test_a_killed_child_is_started_again_and_it_is_said(toys: Toys):
-    toys.add("toy", SLEEP)
-    first = toys.supervisor.pids["toy"]
-    toys.supervisor.seen("toy")
-    os.kill(first, 9)
-    toys.until(lambda: toys.supervisor.pids.get("toy", first) != first)
-    assert toys.supervisor.restarts == {"toy": 1}
-    assert toys.told == ["toy ended unexpectedly (signal SIGKILL)", "toy is started again"]
-
-
-def test_a_mistake_of_the_users_is_shown_in_the_services_own_words(toys: Toys):
-    toys.add("toy", MISTAKEN)
-    toys.until(lambda: toys.supervisor.failure is not None)
-    assert toys.supervisor.failure == "depth is 7, expected at most 3"
-    assert toys.supervisor.restarts == {"toy": 0}
 
 
 def test_what_is_not_needed_ends_nothing_when_it_cannot_start(toys: Toys, tmp_path: Path):
@@ -248,3 +226,79 @@ def test_a_child_whose_log_cannot_be_written_or_read_runs_all_the_same(
     os.kill(toys.supervisor.pids["toy"], 9)
     toys.until(lambda: sum(text.startswith(warning) for text in toys.told) == 2)
     assert toys.supervisor.failure is None
+
+
+# The log of a child, also on a disk that hangs or is full.
+
+
+def printed(path: Path, text: str) -> OsChild:
+    """By a process that has ended."""
+    code = f"import sys; sys.stdout.write({text!r})"
+    child = OsChild(Task("toy", [sys.executable, "-S", "-c", code], path))
+    until(lambda: child.ended() is not None)
+    return child
+
+
+def test_what_several_processes_print_is_appended_and_the_last_line_is_the_newest_ones(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "logs" / "toy.log"
+    for text, last in (("first\nof one\n", "of one"), ("of another\n\n", "of another"), ("", "")):
+        child = printed(path, text)
+        until(lambda child=child, last=last: child.last_line() == last)
+        assert child.unlogged == ""
+    assert path.read_text() == "first\nof one\nof another\n\n"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def test_whoever_prints_goes_on_while_the_disk_hangs(tmp_path: Path) -> None:
+    path = tmp_path / "toy.log"
+    os.mkfifo(path)  # whoever opens it to write waits for a reader
+    child = printed(path, "printed\n")
+    assert child.last_line() == ""
+    reader = os.open(path, os.O_RDONLY)
+    until(lambda: child.last_line() == "printed")
+    assert os.read(reader, 1000) == b"printed\n"
+    os.close(reader)
+
+
+def test_a_log_that_cannot_be_written_is_said_and_the_last_line_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    child = printed(tmp_path / "file" / "toy.log", "printed\n")
+    until(lambda: child.last_line() == "printed")
+    assert child.unlogged.startswith(f"cannot write {tmp_path}/file/toy.log: ")
+
+    class NearlyFull:
+        def write(self, data: bytes) -> int:
+            if path.stat().st_size >= 4:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return path.write_bytes(data[:4])
+
+        def close(self) -> None: ...
+
+    path, opened = tmp_path / "toy.log", cast(Any, os.fdopen)
+
+    def nearly_full(file: int, *how: Any) -> Any:
+        if how[0] != "ab":
+            return opened(file, *how)
+        os.close(file)
+        return NearlyFull()
+
+    monkeypatch.setattr(os, "fdopen", nearly_full)
+    child = printed(path, "whole line\n")
+    until(lambda: child.last_line() == "whole line")
+    assert path.read_bytes() == b"whol"
+    assert child.unlogged == f"cannot write {path}: the disk is full"
+
+
+def test_a_computer_without_room_for_a_thread_starts_a_child_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    with pytest.raises(OSError, match="no room for another thread"):
+        printed(tmp_path / "toy.log", "")

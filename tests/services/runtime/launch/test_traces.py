@@ -1,16 +1,20 @@
-"""What a start writes for others: a note, a folder, a beat, and who called."""
+"""What a start writes for others: a note, a folder, a beat, who called; and to systemd."""
 
 import itertools
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
 from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.stack import Stack
@@ -19,6 +23,7 @@ from services.runtime.hosts.process_host import CallerLog
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import RETRY_NS, RunNote
 from services.runtime.launch.process_plan import PREFIX, Dive, ProcessPlan, runtime_folder
+from services.runtime.launch.systemd import Systemd
 from tests.support.patience import until
 
 
@@ -189,3 +194,101 @@ def test_a_caller_who_tries_for_hours_does_not_fill_the_log(
         "info hub: pilot:ann connected",
         "info hub: pilot:ann left",
     ]
+
+
+# What systemd is told, through a real socket.
+
+
+S = 1_000_000_000  # [ns]
+
+
+class Manager:
+    """The end of the socket that is systemd's."""
+
+    def __init__(self, address: str) -> None:
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.setblocking(False)
+        self.socket.bind(address)
+
+    def heard(self) -> list[str]:
+        """Since the last call."""
+        lines: list[str] = []
+        while True:
+            try:
+                lines.append(self.socket.recv(4096).decode())
+            except BlockingIOError:
+                return lines
+
+
+@contextmanager
+def manager(address: str) -> Generator[Manager]:
+    made = Manager(address)
+    try:
+        yield made
+    finally:
+        made.socket.close()
+
+
+@pytest.mark.parametrize("abstract", [False, True])
+def test_start_work_and_end_are_told(tmp_path: Path, abstract: bool):
+    name = f"@lindy-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
+    with manager(name.replace("@", "\0", 1) if abstract else name) as hears:
+        systemd = Systemd({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "2000000"}, os.getpid())
+        systemd.ready()
+        systemd.works(1 * S)
+        systemd.stopping()
+        assert hears.heard() == ["READY=1", "WATCHDOG=1", "STOPPING=1"]
+
+
+@given(
+    st.integers(1, 60_000_000),
+    st.lists(st.integers(0, 2 * S), min_size=1, max_size=200),
+)
+def test_the_watchdog_hears_twice_in_its_time_at_least_and_not_at_every_call(
+    tmp_path_factory: pytest.TempPathFactory, period_us: int, pauses: list[int]
+):
+    name = str(tmp_path_factory.mktemp("systemd") / "notify")
+    told = list[int]()
+    with manager(name) as hears:
+        systemd = Systemd({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": str(period_us)}, 1)
+        now = 0
+        for pause in pauses:
+            now += pause
+            before = told[-1] if told else None
+            systemd.works(now)
+            if hears.heard():
+                told.append(now)
+                assert before is None or now - before >= period_us * 500
+            else:
+                assert before is not None
+                assert now - before < period_us * 500
+    assert told[0] == pauses[0]
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {},
+        {"NOTIFY_SOCKET": "{name}"},
+        {"NOTIFY_SOCKET": "{name}", "WATCHDOG_USEC": "1000", "WATCHDOG_PID": "1"},
+        {"NOTIFY_SOCKET": "{name}", "WATCHDOG_USEC": "soon"},
+        {"NOTIFY_SOCKET": "{name}-that-is-not-there", "WATCHDOG_USEC": "1000"},
+        {"WATCHDOG_USEC": "1000"},
+    ],
+)
+def test_without_a_watchdog_or_without_systemd_nothing_is_told(
+    tmp_path: Path, environment: dict[str, str]
+):
+    name = str(tmp_path / "notify")
+    with manager(name) as hears:
+        systemd = Systemd({key: value.format(name=name) for key, value in environment.items()}, 77)
+        systemd.works(1 * S)
+        systemd.stopping()
+        assert "WATCHDOG=1" not in hears.heard()
+
+
+def test_a_manager_that_reads_nothing_holds_nobody_up(tmp_path: Path):
+    with manager(str(tmp_path / "notify")):
+        systemd = Systemd({"NOTIFY_SOCKET": str(tmp_path / "notify")}, 1)
+        for _ in range(10_000):  # far more than the socket takes; would wait for ever
+            systemd.ready()

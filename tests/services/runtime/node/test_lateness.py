@@ -14,8 +14,7 @@ from messages.sensors import ImuSample
 from services.runtime.bus.envelope import Envelope
 from services.runtime.node.loop_stats import CALM_NS, STALLED_NS, LoopStats, Usage
 from services.runtime.node.node import Node
-from tests.support.hindered_host import HinderedHost
-from tests.support.jitter import Hindrance, Jitter, Lateness
+from tests.support.hindered_host import HinderedHost, Hindrance, Jitter, Lateness
 
 S = 1_000_000_000  # [ns]
 DRONE = ["drone"]

@@ -9,7 +9,6 @@ from messages.events import note
 from messages.identity import SideIdentity, difference
 from messages.message import Message
 from messages.payload import PayloadDecoder
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.topic import Direction, Qos, Topic
 from services.runtime.config.identity import identity_of, messages_hash
 from services.runtime.config.stack import Stack
@@ -17,7 +16,8 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.loop_stats import Instance
 from services.runtime.node.peers import PATIENCE_NS, RECENT_NS, Peers
-from tests.support.twin import take_name
+from tests.support.dive import Person
+from tests.support.hindered_host import take_name
 
 S = 1_000_000_000  # [ns]
 TOPSIDE = SideIdentity(side="topside", instance=1, version="0.1", messages="abc", vehicle="pioneer")
@@ -176,36 +176,24 @@ def twin_of(host: VirtualHost, name: str) -> None:
 def test_nobody_arms_while_two_services_on_board_have_one_name() -> None:
     host, told = stack_with({})
     twin_of(host, "control")
-    pilot, answers = host.node("pilot", ["drone"]), list[PilotAnswer]()
-    sticks, ask = pilot.publisher(topics.PILOT_COMMAND), pilot.publisher(topics.PILOT_REQUEST)
-    centred = PilotCommand(stamp_ns=0, surge=0, sway=0, heave=0, yaw=0)
-    pilot.every(50, lambda now: sticks.put(msgspec.structs.replace(centred, stamp_ns=now)))
-    pilot.each(topics.PILOT_ANSWER, lambda answer, _: answers.append(answer))
+    pilot = Person(host)
     host.run(5 * S)
-    ask.put(PilotRequest(stamp_ns=host.now, id="one", kind="arm"))
+    refused = pilot.ask("arm")
+    assert refused == "two services call themselves control: pids 7, 8"
     host.run(host.now + S)
-    assert answers[-1].reason == "two services call themselves control: pids 7, 8"
-    assert answers[-1].reason in told[-1]  # on his screen, too
+    assert refused in told[-1]  # on his screen, too
     host.kill("twin")
     host.run(host.now + 5 * S)
-    ask.put(PilotRequest(stamp_ns=host.now, id="two", kind="arm"))
-    host.run(host.now + S)
-    assert answers[-1].accepted, answers[-1].reason
+    assert pilot.ask("arm") == ""
 
 
 def test_nobody_arms_with_another_lindy_topside() -> None:
     host, _ = stack_with({})
     other = msgspec.structs.replace(TOPSIDE, version="0.0.3", messages="old", instance=99)
     stranger = host.node("old_topside", ["topside"]).publisher(topics.IDENTITY.of("topside"))
-    pilot, answers = host.node("pilot", ["drone"]), list[PilotAnswer]()
-    ask = pilot.publisher(topics.PILOT_REQUEST)
-    pilot.each(topics.PILOT_ANSWER, lambda answer, _: answers.append(answer))
+    pilot = Person(host)
     host.run(5 * S)
     stranger.put(msgspec.structs.replace(other, stamp_ns=host.now))
     host.run(host.now + S)
-    for kind in ("arm", "disarm"):
-        ask.put(PilotRequest(stamp_ns=host.now, id=kind, kind=kind))
-        host.run(host.now + S // 10)
-    arm, disarm = answers
-    assert arm.reason.startswith("the topside runs Lindy 0.0.3, with other messages; the drone")
-    assert disarm.accepted, "only arming is refused"
+    assert pilot.ask("arm").startswith("the topside runs Lindy 0.0.3, with other messages; the dr")
+    assert pilot.ask("disarm") == "", "only arming is refused"

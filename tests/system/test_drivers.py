@@ -1,5 +1,5 @@
 """Another vehicle side than the simulator: the example outside of the packages, as a user flies it,
-and drivers that cannot start."""
+drivers that cannot start, and drivers with wrong units, signs or stamps."""
 
 import json
 import os
@@ -12,6 +12,7 @@ import pytest
 
 from messages import topics
 from messages.events import note
+from messages.vehicle import VehicleStatus
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
@@ -68,20 +69,6 @@ def test_a_driver_of_a_user_that_falls_silent_is_named_to_the_pilot() -> None:
         assert (after := status.newest(host.now)) is not None
         assert "service_silent" in after.conditions
         assert "a service on board does not answer (driver)" in note(after.notices)
-
-
-@pytest.mark.slow
-@pytest.mark.system
-def test_the_example_dives_as_processes_and_ends_cleanly(
-    tmp_path: Path, pilot: tuple[str, str]
-) -> None:
-    out = tmp_path / "out"
-    said = lindy("dive", *SIDE, *QUICK, *pilot, "--headless", "--seconds", "3", "--out", str(out))
-    assert said.returncode == 0, said.stdout + said.stderr
-    report = json.loads((out / "report.json").read_text())
-    assert report["exit"] == "clean"
-    assert report["services"]["driver"]["restarts"] == 0
-    assert (read_dive(open_recording(out)).max_depth_m or 0.0) > 0.3
 
 
 @pytest.mark.slow
@@ -183,3 +170,62 @@ def test_a_fault_is_for_simulated_vehicles_only(
     assert main(["fault", "port", "dead", "--dive", str(tmp_path)]) == 1
     said = capsys.readouterr().err
     assert "only a simulated vehicle can be broken on purpose, and this dive has none" in said
+
+
+# A driver with wrong units, signs or stamps in the whole chain, on virtual time: the vehicle does
+# not arm, and the pilot reads why.
+
+
+SHORT = ("--set", "estimation.calibration.still_time=2")  # [s] at rest instead of ten
+DOWN = "t,surge,sway,heave,yaw\n0,0,0,0,0\n1,0,0,0.8,0\n2,0,0,0,0\n"
+FORCE, STAMP = "specific_force=force", "ImuSample(stamp_ns=now"
+
+# The mistake in the driver, the count, and what the warning and the last sentence say of it.
+WRONG = {
+    "in_g": (
+        FORCE, f"{FORCE[:-5]}tuple(f / 9.81 for f in force)", "wrong_unit:sensor/imu",
+        "the IMU reads a specific force of 1 m/s², allowed are 3 to 30: its driver must say m/s²",
+        "do not fit its unit (sensor/imu)",
+    ),
+    "upside_down": (
+        FORCE, f"{FORCE[:-5]}(force[0], -force[1], -force[2])", "upside_down:sensor/imu",
+        "check [vehicle.mounting.imu] in the vehicle file and the sign of the IMU's z axis",
+        "the IMU reads as if the drone lay upside down",
+    ),
+    "late": (
+        STAMP, f"{STAMP} - 5_000_000_000", "old_stamps:sensor/imu",
+        "samples of the IMU are 5 s old when they arrive, allowed are 0.2 s",
+        "too old when they arrive (sensor/imu)",
+    ),
+    "ahead": (
+        STAMP, f"{STAMP} + 5_000_000_000", "unusable:sensor/imu",
+        "the IMU cannot be used: no attitude and heading, depth from pressure alone; a message had "
+        "a time stamp in the future (sensor/imu)",
+        "no usable samples of its IMU",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", WRONG)
+def test_a_vehicle_with_a_wrong_driver_stays_disarmed_and_says_why(
+    tmp_path: Path, mistake: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    right, wrong, count, warning, ending = WRONG[mistake]
+    code, out = (EXAMPLE / "driver.py").read_text(), tmp_path / "out"
+    assert code.count(right) == 1
+    shutil.copy(EXAMPLE / "pretend_hardware.py", tmp_path)
+    stack = stack_with(tmp_path, f"driver_{mistake}", code.replace(right, wrong))
+    (tmp_path / "script.csv").write_text(DOWN)
+    vehicle = ("--vehicle", f"{EXAMPLE}/vehicle.toml", *SHORT)
+    pilot = ("--pilot", f"script:{tmp_path}/script.csv", "--out", str(out))
+    assert main(["simulate", *stack, *vehicle, *pilot]) == 1
+    said = capsys.readouterr()
+    assert said.out.count(warning) == 1
+    assert ending in said.err
+    assert "keep the drone still" not in said.err
+    assert json.loads((out / "report.json").read_text())["losses"][count] == 1
+    heard = [entry.message for entry in open_recording(out)]
+    armed = [message.armed for message in heard if isinstance(message, VehicleStatus)]
+    assert armed
+    assert not any(armed)

@@ -1,39 +1,21 @@
-"""The disturbance observer: what it learns, and when it must not."""
+"""What an axis learns of the water, when it must not, and what is left without an estimate."""
 
-from math import exp
+from collections import Counter
+from math import exp, inf
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.control.axis.plant import DisturbanceObserver, Plant
+from messages.message import Estimate
+from messages.reference import Motion
+from services.control.axis.axis import Axis, Gains
+from services.control.axis.plant import DOUBTED, DisturbanceObserver, LastingValue, Plant
 
 DT = 0.01
 many = settings(max_examples=100, deadline=None)
 forces = st.lists(st.floats(-20, 20), min_size=5, max_size=60)
-
-
-def observed(plant: Plant, bandwidth: float, w: float, pushes: list[float]) -> list[float]:
-    """Estimates over the exact motion of a linear plant under held forces."""
-    observer, v = DisturbanceObserver(plant, bandwidth, 1e3), 0.0
-    left = exp(-plant.linear * DT / plant.inertia)
-    estimates: list[float] = []
-    observer.learn(v, 0.0, DT)
-    for force in pushes:
-        v = left * v + (1 - left) / plant.linear * (force + w)
-        observer.learn(v, force, DT)
-        estimates.append(observer.estimate)
-    return estimates
-
-
-@many
-@given(st.floats(0.1, 40.0), st.floats(1.0, 50.0), st.floats(-10, 10), forces)
-def test_a_constant_disturbance_is_learnt_exactly_whatever_the_thrusters_do(
-    bandwidth: float, damping: float, w: float, pushes: list[float]
-) -> None:
-    estimates = observed(Plant(13.3, damping), bandwidth, w, pushes)
-    expected = [w * (1 - exp(-bandwidth * DT * (k + 1))) for k in range(len(pushes))]
-    assert estimates == pytest.approx(expected, abs=1e-7)
 
 
 @many
@@ -88,21 +70,13 @@ def test_what_is_short_is_never_asked_for_more_but_may_be_asked_for_less(
             assert (one.estimate, one.drag) == (free.estimate, free.drag)
 
 
-@many
-@given(st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(-1e6, 1e6)), min_size=1, max_size=50))
-def test_it_never_believes_in_more_than_its_limit(steps: list[tuple[float, float]]) -> None:
-    observer = DisturbanceObserver(Plant(20.0, 0.4, 25.0), 3.0, 15.0)
-    for velocity, force in steps:
-        observer.learn(velocity, force, DT)
-        assert abs(observer.estimate) <= 15.0
-
-
 speed = st.floats(-1.0, 1.0)
+drag_speeds = st.just(inf) | st.floats(0.02, 1.0)  # [m/s]
 
 
 @many
-@given(st.floats(0.1, 40.0), speed, st.floats(0.02, 1.0), st.floats(-10, 10), forces)
-def test_at_a_steady_speed_it_is_learnt_as_fast_whatever_of_it_counts_as_drag(
+@given(st.floats(0.1, 40.0), speed, drag_speeds, st.floats(-10, 10), forces)
+def test_a_constant_disturbance_is_learnt_exactly_whatever_of_it_counts_as_drag(
     bandwidth: float, asked: float, drag_speed: float, w: float, pushes: list[float]
 ) -> None:
     plant = Plant(13.3, 5.0)
@@ -140,11 +114,15 @@ def test_drag_goes_with_the_motion_and_a_constant_stays(
 
 
 @many
-@given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e4, 1e4), speed), max_size=50), speed)
-def test_drag_does_not_lift_the_limit(
-    steps: list[tuple[float, float, float]], asked: float
+@given(
+    st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(-1e6, 1e6), speed), max_size=50),
+    speed,
+    st.sampled_from([inf, 0.1]),
+)
+def test_it_never_believes_in_more_than_its_limit(
+    steps: list[tuple[float, float, float]], asked: float, drag_speed: float
 ) -> None:
-    observer = DisturbanceObserver(Plant(20.0, 0.4, 25.0), 3.0, 15.0, 0.1)
+    observer = DisturbanceObserver(Plant(20.0, 0.4, 25.0), 3.0, 15.0, drag_speed)
     for velocity, force, at in steps:
         observer.learn(velocity, force, DT, reference=at)
         assert abs(observer.expected(asked)) <= 15.0
@@ -180,3 +158,133 @@ def test_a_pause_keeps_and_forgetting_forgets(velocity: float, later: float) -> 
     assert observer.estimate == learnt
     observer.forget()
     assert observer.estimate == 0.0
+
+
+# An axis whose estimate is gone: what it learnt while the estimate was wrong goes too.
+
+
+FADE = 0.3  # [s]
+PLANT = Plant(inertia=20.0, linear=0.4, quadratic=25.0)
+GAINS = Gains(kp=70.0, kd=65.0, ki=12.0, max_error=0.3, max_integral=15.0, observer=4.0)
+REST = Motion(0.0, 0.0, 0.0, 0.0)
+GONE = Estimate(0.0, 1.0, False)
+few = settings(max_examples=8, deadline=None)
+buoyancy = st.floats(-8.0, 8.0)
+
+
+class Bath:
+    """One axis of a vehicle on which a force acts, with a sensor that may lie."""
+
+    def __init__(self, force: float, *, own: bool = True, observer: float = 4.0) -> None:
+        gains = msgspec.structs.replace(GAINS, observer=observer)
+        self.counts: Counter[str] = Counter()
+        self.axis = Axis(
+            gains,
+            PLANT,
+            period=DT,
+            name="depth",
+            count=lambda event: self.counts.update([event.name]),
+            fade=FADE,
+            own=own,
+        )
+        self.force, self.x, self.v, self.u = force, 0.0, 0.0, 0.0
+        self.lie = 0.0  # [m/s] error of the measured rate
+        self.said = 0.0  # [m] its sum
+
+    def run(self, seconds: float, *, position: bool = True, rate: bool = True) -> list[float]:
+        efforts: list[float] = []
+        for _ in range(round(seconds / DT)):
+            self.said += self.lie * DT
+            here = Estimate(self.x + self.said, 0.01, True) if position else GONE
+            speed = Estimate(self.v + self.lie, 0.01, True) if rate else GONE
+            self.axis.learn(speed.value if speed.valid else None, self.u, DT)
+            self.u = self.axis.held(REST, here, speed, DT)
+            efforts.append(self.u)
+            self.v += (self.u + self.force - PLANT.drag(self.v)) / PLANT.inertia * DT
+            self.x += self.v * DT
+        return efforts
+
+
+@few
+@given(buoyancy, st.floats(-0.5, 0.5), st.floats(1.0, 8.0))
+def test_a_blind_axis_applies_what_it_learnt_before_the_fault(
+    force: float, lie: float, unnoticed: float
+) -> None:
+    bath = Bath(force)
+    bath.run(30.0)
+    bath.lie = lie
+    bath.run(unnoticed)
+    assert bath.run(1.0, position=False, rate=False)[-1] == pytest.approx(-force, abs=0.1)
+    assert bath.counts["invalid:state.depth"] > 0
+
+
+@few
+@given(buoyancy, st.floats(-0.5, 0.5))
+def test_where_rest_needs_no_force_a_blind_axis_applies_none(force: float, lie: float) -> None:
+    bath = Bath(force, own=False)
+    bath.run(5.0)
+    bath.lie = lie
+    bath.run(3.0)
+    assert bath.run(1.0, position=False, rate=False)[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+@few
+@given(buoyancy, st.floats(-0.5, 0.5), st.booleans())
+def test_the_force_is_continuous_when_the_estimate_goes_and_comes_back(
+    force: float, lie: float, rate: bool
+) -> None:
+    bath = Bath(force)
+    bath.run(10.0)
+    bath.lie = lie
+    before = bath.run(3.0)[-1]
+    first = bath.run(0.02, position=False, rate=rate)
+    most = 40.0 * DT / FADE + 65.0 * 0.1  # fade, and damping of what changes in a step
+    assert abs(first[0] - before) < most
+    last = bath.run(5.0, position=False, rate=rate)[-1]
+    bath.lie = bath.said = 0.0
+    bath.x = 0.0
+    assert abs(bath.run(DT)[0] - last) < most
+
+
+@few
+@given(st.floats(-1.0, 1.0), buoyancy)
+def test_a_known_rate_is_damped_without_a_position(v: float, force: float) -> None:
+    bath = Bath(force)
+    bath.run(20.0)
+    bath.v = v
+    bath.run(3.0, position=False)
+    assert bath.v == pytest.approx(0.0, abs=0.01)
+
+
+def test_an_integral_falls_back_as_an_observer_does() -> None:
+    bath = Bath(-3.0, observer=0.0)
+    bath.run(40.0)
+    bath.lie = 0.1
+    bath.run(4.0)
+    assert abs(bath.axis.integral - 3.0) > 0.3
+    assert bath.run(1.0, position=False, rate=False)[-1] == pytest.approx(3.0, abs=0.2)
+
+
+@few
+@given(st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=30), st.floats(-100.0, 100.0))
+def test_what_is_trusted_does_not_depend_on_the_last_seconds(
+    good: list[float], wrong: float
+) -> None:
+    lasting = LastingValue()
+    for value in [*good, *([0.0] * 2 * DOUBTED)]:
+        for _ in range(100):
+            lasting.add(value, DT)
+    before = sorted([*good, *([0.0] * 2 * DOUBTED)])
+    for _ in range(100 * (DOUBTED - 1)):
+        lasting.add(wrong, DT)
+    assert before[0] <= lasting.trusted <= before[-1]
+
+
+def test_nothing_learnt_is_nothing_trusted() -> None:
+    lasting = LastingValue()
+    assert lasting.trusted == 0.0
+    for _ in range(10):  # never at rest for long
+        for _ in range(90):
+            lasting.add(7.0, DT)
+        lasting.move()
+    assert lasting.trusted == 0.0
