@@ -77,7 +77,7 @@ def set_(*settings: str, dive: RunningDive = None) -> int:
         case _:
             status = _ask(LinkRequest(stamp_ns=0, id="", kind="profile", profile=name), dive)
             if (why := _why_not_flown(name)) is not None:
-                print(f"lindy: {why}", file=sys.stderr, flush=True)
+                print(f"the drone loses its pilot by it: {why}", file=sys.stderr, flush=True)
             return status
 
 

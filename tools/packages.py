@@ -16,7 +16,7 @@ PACKAGES = {
     "camera": ("av", "camera"),
 }  # service → what it imports, and the extra that installs it
 HANDS = ("gamepad", "keyboard")  # pilots whose sticks pygame reads
-SCRIPT = "or use --pilot script:FILE"
+SCRIPT = "use --pilot script:FILE"
 
 
 def require_package(package: str, extra: str, what: str) -> None:
@@ -50,7 +50,7 @@ def lacking(services: Collection[str], pilot: str = "") -> str | None:
     if "gamepad" not in services or pilot not in HANDS:
         return None
     if find_spec("pygame") is None:
-        return f"pads and the keyboard need pygame: {how_to_install('pilot')}; {SCRIPT}"
+        return f"pads and the keyboard need pygame: {how_to_install('pilot')}; or {SCRIPT}"
     if pilot == "keyboard" and not has_display():
         return f"--pilot keyboard needs a window, and there is no display here; {SCRIPT}"
     return None

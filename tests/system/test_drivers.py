@@ -18,7 +18,6 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.started import lindy
 from tools.__main__ import main
-from tools.analysis.dive import read_dive
 from tools.checks import checked, pilot_of
 from tools.choices import Choices
 from tools.recordings.recording import log_hash, open_recording

@@ -381,7 +381,7 @@ def test_only_a_pad_that_sdl_has_a_mapping_for_counts(
     [
         ("topic lst", 'lindy: Unknown command "lst". Did you mean "list"?'),
         ("dive left", "lindy: Unused Tokens: ['left']. `lindy dive --help` says more"),
-        ("log compare base", "parameter --b requires an argument. `lindy log compare --help`"),
+        ("log compare base", "parameter B requires an argument. `lindy log compare --help`"),
         ("simulate --out", "parameter --out requires an argument. `lindy simulate --help`"),
         ("simulate --seconds 30s", 'for --seconds: unable to convert "30s" into float'),
         ("sweep --seed 1", "parameter --out requires an argument"),

@@ -125,7 +125,7 @@ def test_a_profile_that_cannot_be_flown_is_taken_with_a_warning(
 
     monkeypatch.setattr("tools.link._ask", accepted)
     assert main(["link", "set", name]) == 0
-    assert (f"lindy: {name} cannot be flown" in capsys.readouterr().err) == warned
+    assert (f"loses its pilot by it: {name} cannot be flown" in capsys.readouterr().err) == warned
 
 
 DELAY_MS = st.floats(0.0, 500.0)

@@ -61,7 +61,10 @@ def calibrate(
              lindy calibrate compass dives/latest --out better.toml
     """
     if (atmosphere is None) == (what == "pressure"):
-        raise LindyError("--atmosphere and `calibrate pressure` go together: one is missing")
+        missing = "`calibrate pressure` needs --atmosphere, [hPa] of a barometer"
+        raise LindyError(
+            missing if atmosphere is None else "only `calibrate pressure` takes --atmosphere"
+        )
     if atmosphere is not None and not 500.0 <= atmosphere <= 1200.0:
         raise LindyError(f"--atmosphere is {atmosphere:g} hPa, expected 500 to 1200 hPa")
     if what == "noise":

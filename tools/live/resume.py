@@ -130,8 +130,8 @@ def resumed(dive: Path, identity: SideIdentity, clock_ns: int, utc_s: float) -> 
 
 
 def broken_off(dives: Path, boot: str, vehicle: str, now: int) -> BrokenOff | None:
-    """The newest dive of this drone and this start of the computer, if it broke off and what the
-    estimator had learnt is not too old.
+    """Of this drone and this start of the computer, the dive that was alive last, if it broke off
+    and what the estimator had learnt is not too old.
 
     Args:
         dives: folder with the folders of dives.
@@ -140,24 +140,35 @@ def broken_off(dives: Path, boot: str, vehicle: str, now: int) -> BrokenOff | No
         now: [ns] of the clock that began with the computer.
     """
     found = [
-        (start.began_ns, path.parent, start)
+        (path.parent, start, _learnt(path.parent))
         for path in dives.glob(f"*/{CHECKPOINTS}*/{NOTE}.json")
         if (start := read(path)) is not None and (start.boot_id, start.vehicle) == (boot, vehicle)
     ]
     if not found:
         return None
-    _, checkpoints, start = max(found, key=lambda one: one[0])
-    if start.ended or running_in(checkpoints.parent) is not None:
-        return None
-    try:
-        data = (checkpoints / f"{ESTIMATION}.json").read_bytes()
-        learnt = msgspec.json.decode(data, type=EstimationCheckpoint)
-    except (OSError, *UNDECODABLE):
+    checkpoints, start, learnt = max(
+        found, key=lambda one: (_alive_ns(one[1], one[2]), one[1].began_ns)
+    )
+    if learnt is None or start.ended or running_in(checkpoints.parent) is not None:
         return None
     age_s = (now - learnt.stamp_ns) / 1e9
     if not 0.0 <= age_s <= LONGEST_S:
         return None
     return BrokenOff(checkpoints.parent, start, age_s, msgspec.json.encode(learnt))
+
+
+def _alive_ns(start: StartNote, learnt: EstimationCheckpoint | None) -> int:
+    """[ns] When a dive was alive last, as far as is known."""
+    return start.began_ns if learnt is None else max(start.began_ns, learnt.stamp_ns)
+
+
+def _learnt(checkpoints: Path) -> EstimationCheckpoint | None:
+    """By the estimator; None: nothing, or it cannot be read."""
+    try:
+        data = (checkpoints / f"{ESTIMATION}.json").read_bytes()
+        return msgspec.json.decode(data, type=EstimationCheckpoint)
+    except (OSError, *UNDECODABLE):
+        return None
 
 
 def boot_id() -> str | None:

@@ -114,7 +114,7 @@ def in_words(found: Accounts) -> list[str]:
     """What is wrong."""
     return [
         f"{key}: {account.missing} of {account.sent} messages are missing, and no service "
-        "counted a loss, as when the recorder was down"
+        "counted a loss, as when the recorder was down or the file was damaged"
         for key, account in found.topics.items()
         if account.missing
     ]

@@ -190,8 +190,8 @@ def vibration(imu: SensorColumns) -> ImuVibration | str:
     pieces = _windows(imu, rate, length)
     if len(pieces) < LEAST_WINDOWS:
         return (
-            f"The IMU has {len(pieces)} stretches of {length / rate:.0f} s without a gap; a review "
-            f"needs {LEAST_WINDOWS} to tell quiet from shaken."
+            f"Stretches of {length / rate:.0f} s that the IMU has without a gap: {len(pieces)}; a "
+            f"review needs {LEAST_WINDOWS} to tell quiet from shaken."
         )
     spectra = [[spectrum(piece[:, k], rate, length) for k in range(6)] for piece in pieces]
     power = np.array(

@@ -23,6 +23,7 @@ from tools.live.display import drawn_anew
 from tools.live.stop_signals import StopSignals
 
 STEP_S = 0.05  # [s] between two looks at what has arrived
+QUIET_S = 3.0  # [s] without any message, after which that is said
 SHOW_S = 1.0  # [s] between two pictures on a terminal
 WAITING = 100_000  # messages between two looks
 
@@ -102,7 +103,8 @@ def listen(
         show = exits.enter_context(drawn_anew()) if draw and sys.stdout.isatty() else None
         for topic in {topic.key: topic for topic in wanted}.values():
             bus.hear(topic.key, lambda e: waiting.append((e, time.monotonic_ns())))
-        end = time.monotonic() + (float("inf") if seconds is None else seconds)
+        begun = time.monotonic()
+        end, quiet_at = begun + (float("inf") if seconds is None else seconds), begun + QUIET_S
         while not stop.asked and time.monotonic() < end and heard < most:
             time.sleep(STEP_S)  # messages come on Zenoh's thread; nothing here is in a hurry
             while waiting and heard < most:
@@ -110,6 +112,9 @@ def listen(
                 if (message := reader.read(envelope)) is not None:
                     heard += 1
                     take(envelope.key, message, len(envelope.payload), at)
+            if draw is None and not heard and time.monotonic() >= quiet_at:
+                quiet_at, keys = float("inf"), ", ".join(topic.key for topic in wanted)
+                print(f"nothing has arrived on {keys} yet", file=sys.stderr, flush=True)
             if show is not None and draw is not None and time.monotonic() >= show_at:
                 show_at = time.monotonic() + SHOW_S
                 lines = draw()

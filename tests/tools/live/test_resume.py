@@ -93,6 +93,15 @@ def test_what_is_too_old_or_of_the_future_is_not_used(
     assert (found is not None) == (0 <= round(age_s * 1e9) <= LONGEST_S * S)
 
 
+def test_one_that_was_ended_beside_it_hides_none_that_broke_off(tmp_path: Path):
+    folder = dive(tmp_path / "dive")
+    beside = msgspec.structs.replace(BROKEN, began_ns=LEARNT.stamp_ns - 60 * S, ended=True)
+    dive(tmp_path / "beside", beside, b"")
+    found = broken_off(tmp_path, "this", "pioneer", NOW)
+    assert found is not None
+    assert found.folder == folder
+
+
 class Earlier(NamedTuple):
     began_s: int
     ended: bool
