@@ -82,7 +82,8 @@ class Dive:
 
     def start(self, name: str) -> None:
         """A service, or again."""
-        self.host.add(name, self.rows[name], self.stack, self._wires.get(name))
+        wire = self._wires.get(name) or self.rows.wire(name)
+        self.host.add(name, self.rows[name], self.stack, wire)
 
     def ears(self, side: Side = "drone") -> Node:
         """Of somebody who only listens."""

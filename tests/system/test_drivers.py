@@ -200,7 +200,7 @@ WRONG = {
         STAMP, f"{STAMP} + 5_000_000_000", "unusable:sensor/imu",
         "the IMU cannot be used: no attitude and heading, depth from pressure alone; a message had "
         "a time stamp in the future (sensor/imu)",
-        "no usable samples of its IMU",
+        "no usable samples of the drone's IMU",
     ),
 }  # fmt: skip
 

@@ -126,7 +126,10 @@ class Channel:
 
     def __init__(self, url: str) -> None:
         self._exits = ExitStack()
-        self._socket = self._exits.enter_context(connect(url, max_size=LARGEST, compression=None))
+        # Without pings: they would draw from `random`, and a test of another module, too.
+        self._socket = self._exits.enter_context(
+            connect(url, max_size=LARGEST, compression=None, ping_interval=None)
+        )
         self._ids = itertools.count(1)
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
