@@ -15,7 +15,7 @@ class Notice(msgspec.Struct, frozen=True, omit_defaults=True):
     code: Name  # an event of the event table, such as `notice:leak`, or a code of `events.TOLD`
     numbers: Numbers = {}  # by their names, which say what they are: `events.AMOUNTS`
     about: Names = ()  # services, or events, that it is about
-    more: Text = ""  # what nobody has a code for, in English
+    more: Text = ""  # English text of what has no code
 
 
 Notices = Annotated[tuple[Notice, ...], msgspec.Meta(max_length=64)]  # the gravest first

@@ -63,7 +63,7 @@ from services.estimation.rest import ENOUGH_PRESSURES, Calibrated, Calibration, 
 from services.estimation.sensor import OF, sensors_of
 from services.estimation.settings import Settings
 from services.estimation.start import IMU_PATIENCE_NS, Start
-from services.marine.attitude import to_euler, wrapped, yawed
+from services.marine.attitude import minus, to_euler, wrapped, yawed
 from services.marine.mounting import Mounting
 from services.marine.vehicle import Vehicle
 from services.marine.water import density_of
@@ -207,7 +207,7 @@ class Estimator:
             tell(events.NOT_FINITE("state"))
             self._restart(force)
         if self._at_origin.needs_motion:  # sensors with a lever arm
-            turn = _minus(rate, f.gyro_bias)
+            turn = minus(rate, f.gyro_bias)
             self._at_origin.moved(Moment(at_ns, turn, yawed(f.q, f.north)))
         return True
 
@@ -304,7 +304,7 @@ class Estimator:
             f = self.filter = kept
         (f0, w0), noise = before, self._sensors[topics.IMU.key].variances
         mean_rate, share = _mean(w0, rate), BETWEEN * dt
-        unseen = _times(share, _minus(force, f0)), _times(share, _minus(rate, w0))
+        unseen = _times(share, minus(force, f0)), _times(share, minus(rate, w0))
         self._turn(mean_rate, w0, rate, dt)
         f.predict(_mean(f0, force), mean_rate, dt, self._densities(dt, noise), unseen)
         if dt > INTEGRATED:
@@ -322,10 +322,10 @@ class Estimator:
 
     def _turn(self, mean: Vec3, first: Vec3, last: Vec3, dt: float) -> None:
         """How much the vehicle turns, and begins to."""
-        p, q, r = _minus(mean, self.filter.gyro_bias)
+        p, q, r = minus(mean, self.filter.gyro_bias)
         self._turning = p * p + q * q + r * r
         share, (a, b, c) = min(1.0, dt / ARM_S), self._spin
-        x, y, z = _times(1.0 / dt, _minus(last, first))
+        x, y, z = _times(1.0 / dt, minus(last, first))
         self._spin = a, b, c = a + share * (x - a), b + share * (y - b), c + share * (z - c)
         felt = self._turning + hypot(a, b, c)
         self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
@@ -692,10 +692,6 @@ class Estimator:
 
 def _mean(a: Vec3, b: Vec3) -> Vec3:
     return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
-
-
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def _times(k: float, a: Vec3) -> Vec3:

@@ -4,6 +4,7 @@ Plain floats instead of arrays: at three or four numbers NumPy costs ten times t
 Source of all: Fossen 2011, §2.2.
 """
 
+from collections.abc import Sequence
 from math import asin, atan2, cos, hypot, pi, remainder, sin, sqrt, tau
 
 from messages.state import VehicleState
@@ -115,7 +116,7 @@ def turned(vector: tuple[float, float], angle: float) -> tuple[float, float]:
     return c * x - s * y, s * x + c * y
 
 
-def plus(a: Vec3, b: Vec3) -> Vec3:
+def plus(a: Vec3, b: Sequence[float]) -> Vec3:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 

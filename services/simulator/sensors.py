@@ -4,7 +4,7 @@ Every random number comes from the seed (streams.py). Biases have their own stre
 restarted in mid-dive keeps the same biases.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import expm1, sqrt
 
 import numpy as np
@@ -17,7 +17,7 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.units import Quaternion, Vec3, Vec6
-from services.marine.attitude import to_body
+from services.marine.attitude import plus, to_body
 from services.marine.mounting import Mounting
 from services.marine.vehicle import GRAVITY
 from services.marine.water import density_of
@@ -194,10 +194,6 @@ class Sensors:
             return noise
         times = self.noise_times[key]
         return [times * value for value in noise]
-
-
-def plus(v: Vec3, w: Sequence[float]) -> Vec3:
-    return v[0] + w[0], v[1] + w[1], v[2] + w[2]
 
 
 def rounded(v: Vec3, step: float) -> Vec3:
