@@ -117,8 +117,8 @@ setInterval(steer, STICKS_MS / 2); // a pad tells nobody that it has moved
 // Why sticks move nothing.
 function idle() {
   if (!view().activity) return;
-  if (!view().armed) say(words.t("idle.disarmed", { key: armKey() }));
-  else if (!mine()) say(words.t("idle.sticks"));
+  if (!view().armed) say(words.t("idle.disarmed", { key: armKey() }), () => !view().armed);
+  else if (!mine()) say(words.t("idle.sticks"), () => !mine());
 }
 // What arms, on the device that the pilot seems to have.
 function armKey() {
@@ -214,9 +214,9 @@ function frame() {
 }
 
 // A sentence of the page itself, for as long as it takes to read it.
-let own = "", ownAt = 0;
-function say(sentence) {
-  [own, ownAt] = [sentence, performance.now()];
+let own = "", ownAt = 0, ownHolds = () => true;
+function say(sentence, holds = () => true) {
+  [own, ownAt, ownHolds] = [sentence, performance.now(), holds];
 }
 
 // What the service has just said to the pilot, after what this page found when it was opened.
@@ -250,9 +250,9 @@ function draw() {
   showCard(seen, connection.watching);
   tools.show(seen.tools ?? [], mine());
   notice();
-  if (now - ownAt > SAID_MS) own = "";
+  if (now - ownAt > SAID_MS || !ownHolds()) own = "";
   const all = messages(seen, you(), {
-    stop: connection.stopSaid(), cut: connection.words, watching: connection.watching,
+    stop: connection.stopSaid(), cut: connection.words, flew: connection.flew,
     stopped: stopped.look(seen, halted), hint: hint(), recent: listen(now),
   });
   halted = false;
