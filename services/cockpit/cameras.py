@@ -23,7 +23,7 @@ FRONT = {FIRST: FieldOfView()}  # a drone with one camera, which looks ahead
 
 @dataclass(slots=True)
 class Cameras:
-    """Of one cockpit."""
+    """The cameras as one cockpit shows them."""
 
     views: Mapping[str, FieldOfView] = field(default_factory=lambda: FRONT)  # first one first
     source: str = ""  # who chooses

@@ -43,7 +43,7 @@ class PageLine(msgspec.Struct, frozen=True, array_like=True):
 
 
 class PageOutput(msgspec.Struct, frozen=True, array_like=True):
-    """Of the vehicle file: a light, lasers, a gripper."""
+    """An output of the vehicle file: a light, lasers, a gripper."""
 
     name: str
     kind: OutputKind
@@ -86,7 +86,7 @@ def shown_outputs(outputs: Sequence[Output], values: Mapping[str, float]) -> tup
 
 
 def turns(state: VehicleState | None) -> int | None:
-    """Of the drone, since its start and to starboard; None: its heading is not known."""
+    """Turns of the drone since its start, to starboard; None: its heading is not known."""
     if state is None or not state.heading.valid:
         return None
     return whole_turns(state.heading.value)
@@ -119,7 +119,7 @@ def line(entry: LogEntry) -> PageLine:
 
 
 def positions(command: PilotCommand | None, now: Ns) -> tuple[float, ...]:
-    """Of the command that was sent last; none once it does not act any more."""
+    """Sticks of the command that was sent last; none once it does not act any more."""
     if command is None or now > command.stamp_ns + command.ttl_ms * 1e6:
         return ()
     return command.surge, command.sway, command.heave, command.yaw
