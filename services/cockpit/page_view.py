@@ -13,7 +13,7 @@ from messages.state import VehicleState
 from messages.text import harmless
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.chart import Chart, Pair, Position, current
+from services.cockpit.past import Chart, Pair, Position, current
 from services.marine.attitude import whole_turns
 from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages

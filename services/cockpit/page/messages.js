@@ -69,7 +69,7 @@ function gone(view) {
 function failsafe(view, you) {
   const name = view.failsafe, over = view.resumable && BACK.includes(name);
   const mine = you.watcher || (you.has_sticks && you.in_control);
-  const depth = units.depth(view.depth_m);
+  const depth = units.depth(view.depth_wanted_m ?? view.depth_m); // the wanted one stands still
   const does = over && depth && view.doing === "holding" ? words.t("holds_at", { depth }) : words.t(`does.${view.doing}`);
   const more = view.next_s === undefined ? does : words.t("then", { what: does, s: units.number(view.next_s) });
   const must = view.returns === "centre" ? "do.centre" : over ? "do.resume" : `failsafe:${name}.do`;
