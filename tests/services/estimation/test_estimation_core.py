@@ -1,6 +1,7 @@
 """The estimator as a whole, against a truth made here."""
 
 import math
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -174,6 +175,10 @@ def test_without_pressure_depth_is_lost_after_two_seconds_and_the_rate_when_unsu
     assert state.depth.value == pytest.approx(7.0, abs=0.1)
 
 
+def sinking(t: float) -> float:
+    return FLOATING + 0.2 * (t - 7.5)
+
+
 def test_a_silent_imu_says_nothing_then_depth_goes_on_from_pressure_with_growing_doubt():
     d = dive()
     last = d.run(6.0)
@@ -190,7 +195,7 @@ def test_a_silent_imu_says_nothing_then_depth_goes_on_from_pressure_with_growing
     assert spreads == sorted(spreads)
     assert spreads[-1] > 5 * last.depth_rate.std
     d.absent.remove("pressure")
-    d.depth = lambda t: FLOATING + 0.2 * (t - 7.5)
+    d.depth = sinking
     state = d.run(14.0)
     assert state.depth.valid
     assert state.depth.value == pytest.approx(FLOATING + 0.2 * 14, abs=0.1)
@@ -265,6 +270,10 @@ def test_a_number_that_is_not_finite_never_leaves_and_the_filter_recovers():
     assert last.depth.value == pytest.approx(FLOATING, abs=0.1)
 
 
+def constant(value: float, _: float) -> float:
+    return value
+
+
 def test_a_pressure_sensor_on_an_arm_tells_the_depth_of_the_origin() -> None:
     """The air above is that above the origin, and tilting the vehicle changes no depth."""
     arm, mounted = (0.6, 0.0, 0.4), Stack().section("vehicle", Vehicle)
@@ -277,9 +286,9 @@ def test_a_pressure_sensor_on_an_arm_tells_the_depth_of_the_origin() -> None:
     pitch = 0.0  # [rad] up, within a second
     for _ in range(100):
         pitch += math.radians(0.3)
-        down = to_world(from_euler(0.0, pitch, 0.0), arm)[2]
+        down = FLOATING + to_world(from_euler(0.0, pitch, 0.0), arm)[2]
         d.gravity = to_body(from_euler(0.0, pitch, 0.0), (0.0, 0.0, -GRAVITY))
-        d.more["rate"], d.depth = (0.0, math.radians(30.0), 0.0), lambda _, z=down: FLOATING + z
+        d.more["rate"], d.depth = (0.0, math.radians(30.0), 0.0), partial(constant, down)
         d.run(0.01)
     del d.more["rate"]
     state = d.run(1.0)

@@ -255,7 +255,7 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:  # noqa: C901 - one line eac
         case ("mode", str(hold)):
             sea.ask("mode", flight_mode=hold)
         case ("sticks", deflection, float(time)):
-            sea.sail(time, sticks(*cast(tuple[float, ...], deflection)))
+            sea.sail(time, sticks(*cast(tuple[float, float, float, float], deflection)))
         case ("wait", float(time)):
             sea.sail(time)
         case ("lost", str(who), float(time)):

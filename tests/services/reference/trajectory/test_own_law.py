@@ -63,7 +63,11 @@ def test_a_reference_of_another_law_is_continuous_and_comes_to_rest(
 def bent(change: Callable[[float, Sample], Sample], duration: float = 5.0) -> Law:
     def law(axis: str, here: Sample, velocity: float) -> AxisPlan:
         whole = low_pass(axis, here, velocity)
-        return AxisPlan(duration, lambda t: change(t, whole.at(t)))
+
+        def at(t: float) -> Sample:
+            return change(t, whole.at(t))
+
+        return AxisPlan(duration, at)
 
     return law
 
