@@ -224,7 +224,8 @@ def test_a_magnet_leaves_the_control_heading_untouched_bit_for_bit():
 
 def test_control_heading_starts_at_the_compass_and_navigation_heading_stays_within_a_turn():
     d = dive(compass=True)
-    d.heading, d.turn = 2.5, lambda t: 0.8 if t > 4 else 0.0
+    d.heading = 2.5
+    d.turn = lambda t: 0.8 if t > 4 else 0.0
     last = d.run(20.0)
     first = next(s for _, s in d.states if s.phase == "running")
     assert first.heading.value == pytest.approx(2.5, abs=0.01)
@@ -250,7 +251,8 @@ def test_heading_drifts_less_than_a_degree_a_minute():
 def test_the_last_rate_is_not_used_across_a_gap():
     d = dive()
     before = d.run(4.0)
-    d.ms, d.turn = 9000, lambda _: 2.0
+    d.ms = 9000
+    d.turn = lambda _: 2.0
     after = d.feel()
     assert after is not None
     assert abs(after.heading.value - before.heading.value) <= 0.6
