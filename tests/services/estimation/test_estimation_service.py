@@ -138,11 +138,6 @@ def test_a_silent_imu_gives_invalid_states_at_the_topics_rate_and_is_counted() -
     assert bench.run(1.0).heading.valid
 
 
-def test_before_the_first_imu_sample_nothing_is_said() -> None:
-    bench = Bench()
-    bench.fault["imu"] = silent
-    bench.host.run(3 * S)
-    assert bench.states == []
 
 
 # Every way in which a sensor can be bad, as a table.

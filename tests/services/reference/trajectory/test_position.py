@@ -48,6 +48,8 @@ def test_it_arrives_exactly_within_limits_and_again_when_asked_on_the_way(
 GOLDEN = [
     (1.0, 1.0, 1000.0, inf, 3.6342411856642793, 0.5503212081491045),
     (-1.0, 1.0, 0.3, inf, 4.674974119833207, -0.3),
+    # With Fernandes' own peak acceleration and jerk (xi = 10); his run takes 228.89 s.
+    (50.0, 0.0084375, 0.3, 0.015, 189.037037037, 0.3),
 ]
 
 
@@ -56,13 +58,8 @@ def test_known_motions(
     d: float, jerk: float, v_max: float, a_max: float, total: float, peak: float
 ) -> None:
     plan = pair(d, Limits(jerk, a_max), v_max)
-    assert plan.duration == pytest.approx(total, rel=1e-12)
+    assert plan.duration == pytest.approx(total, rel=1e-11)
     assert plan.peak == pytest.approx(peak, rel=1e-9)
-
-
-def test_the_run_of_the_reference_model_is_seventeen_percent_sooner() -> None:
-    # 50 m at 0.3 m/s with Fernandes' own peak acceleration and jerk (xi = 10): 228.89 s there.
-    assert pair(50.0, Limits(0.0084375, 0.015), 0.3).duration == pytest.approx(189.03703704)
 
 
 def test_a_speed_limit_of_zero_is_refused() -> None:

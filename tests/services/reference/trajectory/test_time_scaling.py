@@ -43,23 +43,16 @@ def swing(tau: float) -> Sample:
 
 @many
 @given(limits, episodes, st.floats(0.0, 10.0))
-def test_the_rate_stays_between_standstill_and_real_time(
+def test_the_rate_stays_between_standstill_and_real_time_and_a_change_of_mind_leaves_no_step(
     lim: Limits, times: list[tuple[float, float]], later: float
 ) -> None:
-    for t, clock in clocks(lim, times):
+    seen = clocks(lim, times)
+    for t, clock in seen:
         here, after = clock.at(t), clock.at(t + later)
         assert -1e-12 <= after.velocity <= 1 + 1e-12
         assert -1e-9 <= after.position - here.position <= later + 1e-9
         assert abs(after.acceleration) <= lim.acceleration * (1 + 1e-9)
         assert abs(after.jerk) <= lim.jerk * (1 + 1e-9)
-
-
-@many
-@given(limits, episodes)
-def test_a_change_of_mind_at_any_time_leaves_no_step(
-    lim: Limits, times: list[tuple[float, float]]
-) -> None:
-    seen = clocks(lim, times)
     for (_, before), (t, after) in pairwise(seen):
         one, two = (scaled_sample(swing(c.at(t).position), c.at(t)) for c in (before, after))
         assert one[:3] == pytest.approx(two[:3], abs=1e-9)
