@@ -79,6 +79,7 @@ def test_a_jump_moves_the_depth_and_says_by_how_much() -> None:
     dive.pressure.air = Atmosphere(ATMOSPHERE - 20_000.0, 0.0)  # it reads two metres more
     dive.run(4.0)
     assert dive.names.count("jumped:sensor/pressure") == 1
+    assert dive.filter.position[2] - dive.depth == pytest.approx(2.0, abs=0.1)
     assert dive.pressure.moved == pytest.approx(2.0, abs=0.1)
     assert dive.pressure.depth_std(dive.filter) > 1.5  # nobody knows which depth is right
 
