@@ -95,8 +95,8 @@ REJECTED = 0.2
 # While innovations are not centred, once, where more than the pressure says so.
 INCONSISTENT_TILT, INCONSISTENT_GYRO = 0.1, 0.3  # [rad], [rad/s]
 INCONSISTENT_FORCE = 0.2  # [m/s²] level, 20 mg: else all that is wrong is the gyroscope's
-# A vehicle that was as fast as the second and is as slow as the first has come to rest; what is
-# learnt of that place is told for so long: nearly all of it, with the worst sensor.
+# Slower than the first, after it was faster than the second, a vehicle has come to rest. How that
+# place is corrected is told for so long; after 5 s a correction is a tenth of the first ones.
 RESTED, WENT, REST_TOLD_NS = 0.02, 0.08, 10_000_000_000  # [m/s], [m/s], [ns]
 STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
 UNKNOWN_TILT = 0.3  # [rad] 1σ beyond which the attitude is invalid …
@@ -337,7 +337,7 @@ class Estimator:
         self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
 
     def _look_for_rest(self, at_ns: int) -> None:
-        """Of the depth."""
+        """Has the vehicle come to rest along down?"""
         speed = abs(self.filter.velocity[2])
         if self._went and speed < RESTED:
             self.filter.rest()

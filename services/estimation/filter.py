@@ -283,8 +283,8 @@ class ErrorStateFilter:
             self._set_attitude(normalised(_multiplied(turn, self.q)))
 
     def rest(self) -> None:
-        """The vehicle comes to rest here. What corrects the depth from now on corrects that place as
-        well, the less the longer ago (stochastic cloning: Roumeliotis and Burdick 2002, ICRA)."""
+        """The vehicle comes to rest here. What corrects the depth from now on corrects that place
+        too, the less the longer ago that is (stochastic cloning, Roumeliotis and Burdick 2002)."""
         self.spread()
         P = self.P
         P[REST, :] = P[DEPTH, :]

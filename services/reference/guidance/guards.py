@@ -13,7 +13,7 @@ from services.reference.trajectory.minimum_jerk import Sample
 
 RETURN_S = 0.5  # [s] time constant of the reference's return to a vehicle that is blocked
 PATIENCE_S = 0.8  # [s] a vehicle that creeps on in one direction is held where it is after that
-LEARNS_S = 6.0  # [s] after a stop, in which nearly all is learnt of where it was
+LEARNS_S = 6.0  # [s] from a stop on, in which the estimate of its place gets better
 WORTH = 0.02  # [-] of the furthest; a smaller move is not made
 # [rad] of roll and pitch together; beyond it a vehicle that holds its depth gets less surge and
 # sway than the pilot asks for. Tuned on a Pioneer that is lighter and less damped than its file.
@@ -60,20 +60,20 @@ def is_released(*motions: Sample) -> bool:
 @dataclass(slots=True)
 class Standstill:
     """Where a stop of one axis ends: when the reference rests, what is held moves to where the
-    vehicle then stands, and with what is learnt of that place afterwards. Time `t` in seconds,
+    vehicle then stands, and for some seconds with the estimate of that place. Time `t` in seconds,
     never decreasing.
 
     A stop ends where its plan says, and the vehicle runs past that point by some millimetres.
     Nobody asked for that very point, only for a stop, so to be pulled back to it is a motion that
-    the pilot did not want. Nor is one that only an estimate has made.
+    the pilot did not want. Nor does he want to follow an estimate of the depth that gets better.
     """
 
     most: float  # position units; furthest that what is held is moved
     moved: float = 0.0  # position units; by how much it was, at the newest stop
     _way: float | None = None  # newest velocity of a reference that comes to rest; None: at rest
     _rests: float | None = None  # [s] since when the reference rests after that; None: no stop
-    _corrected: float | None = None  # position units; what had been learnt before
-    _by: float = 0.0  # position units; moved since the reference rests
+    _corrected: float | None = None  # position units; at the step before
+    _by: float = 0.0  # position units; by how much it was moved since the reference rests
 
     def cancel(self) -> None:
         """The end of this motion was asked for, or the vehicle is held back: leave it there."""
@@ -97,7 +97,7 @@ class Standstill:
             rate: position units per second; of the vehicle.
             resting: the reference rests.
             velocity: position units per second; of the reference.
-            corrected: position units; sum of what was learnt of where it stands; None: nothing.
+            corrected: position units; sum of corrections of where it came to rest; None: none.
         """
         before, self._corrected = self._corrected, corrected
         if not resting:

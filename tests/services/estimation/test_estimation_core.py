@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from messages.message import Estimate
@@ -296,3 +297,18 @@ def test_a_pressure_sensor_on_an_arm_tells_the_depth_of_the_origin() -> None:
     state = d.run(1.0)
     assert state.pitch.value == pytest.approx(pitch, abs=0.02)
     assert state.depth.value == pytest.approx(FLOATING, abs=0.02)  # and not 0.35 m shallower
+
+
+def test_what_is_learnt_of_where_it_came_to_rest_is_told_for_ten_seconds() -> None:
+    sensed = Sensed(compass=False)
+    assert sensed.run(5.0).depth_corrected == UNSET
+    went = 1e-3 * sensed.ms
+    sensed.depth = lambda t: FLOATING + 0.25 * (1.0 - math.cos(min(2.0 * (t - went), math.pi)))
+    sensed.acceleration = lambda t: (
+        math.cos(2.0 * (t - went)) if 2.0 * (t - went) < math.pi else 0.0
+    )
+    assert sensed.run(1.4).depth_corrected == UNSET
+    told = {sensed.run(0.5).depth_corrected for _ in range(19)}
+    assert len(told) == 19
+    assert UNSET not in told
+    assert sensed.run(1.5).depth_corrected == UNSET

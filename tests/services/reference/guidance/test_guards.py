@@ -7,7 +7,7 @@ from math import exp, hypot, pi
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from messages.events import note
 from messages.pilot import FlightMode, PilotCommand
@@ -301,6 +301,7 @@ class Pilot(Drone):
 
     late = False
     off = 0.0  # [-] of DEPTH and HEADING
+    learnt: float | UnsetType = UNSET  # [m] of where it came to rest
 
     def step(self, state: VehicleState | None, command: PilotCommand | None) -> None:
         depth, heading = self.depth, self.heading
@@ -312,7 +313,13 @@ class Pilot(Drone):
 
     def state(self) -> VehicleState:
         late = ("depth_acceleration",) if self.late else ()
-        return state(self.now, invalid=late, depth=self.depth, heading=self.heading)
+        return state(
+            self.now,
+            invalid=late,
+            depth=self.depth,
+            heading=self.heading,
+            depth_corrected=self.learnt,
+        )
 
     @property
     def moved(self) -> object:
@@ -335,11 +342,28 @@ def test_a_stop_of_the_sticks_ends_where_the_vehicle_is_and_says_by_how_much(sig
     assert (later.depth, later.heading) == (held.depth, held.heading)
 
 
+def test_what_is_learnt_of_the_place_of_a_stop_moves_what_is_held_for_some_seconds() -> None:
+    pilot = Pilot().armed()
+    pilot.learnt = 0.0
+    pilot.fly(2.0, heave=0.5)
+    held = pilot.fly(2.0).depth.position
+    pilot.learnt = 0.01
+    assert pilot.fly(1.0).depth.position == pytest.approx(held + 0.01, abs=1e-9)
+    pilot.learnt = -0.5  # never by more than a stop moves it at all
+    assert pilot.fly(1.0).depth.position == pytest.approx(held - 0.05, abs=1e-9)
+    pilot.fly(4.0)
+    pilot.learnt = -0.48
+    assert pilot.fly(1.0).depth.position == pytest.approx(held - 0.05, abs=1e-9)
+
+
 def test_a_depth_and_a_heading_that_were_asked_for_are_held() -> None:
     pilot = Pilot().armed()
     pilot.off = 1.0
     pilot.ask("goto", depth=2.5, heading=0.4)
-    held = pilot.fly(15.0)
+    pilot.learnt = 0.0
+    pilot.fly(14.0)
+    pilot.learnt = 0.02
+    held = pilot.fly(1.0)
     assert held.depth.position == pytest.approx(2.5)
     assert held.heading.position == pytest.approx(0.4)
     assert pilot.moved == UNSET
