@@ -13,12 +13,8 @@ PROFILES = sorted(path.stem for path in (DEPLOY / "links").glob("*.toml"))
 
 
 @pytest.mark.parametrize("name", PROFILES)
-def test_a_shipped_profile_reads_and_says_what_it_is(name: str) -> None:
+def test_a_shipped_profile_says_what_it_is_and_where_its_numbers_come_from(name: str) -> None:
     assert named(name).profile.about
-
-
-@pytest.mark.parametrize("name", PROFILES)
-def test_numbers_of_a_shipped_profile_have_their_source_beside_them(name: str) -> None:
     text = (DEPLOY / "links" / f"{name}.toml").read_text(encoding="utf-8")
     assert "=" not in text.partition("\n")[2] or "\n# " in text
 
@@ -33,9 +29,6 @@ def write(folder: Path, text: str) -> str:
     ("text", "says"),
     [
         ("[up]\ndelay_ms = -1.0", r"mine\.toml:2: up\.delay_ms: expected float >= 0.0, found -1"),
-        ("[up]\nduplicate = 1.5", "up.duplicate: expected float <= 1.0, found 1.5"),
-        ("[up]\ncorrupt = nan", "up.corrupt: expected float"),
-        ("[up]\nloss = { loss_good = 2.0 }", "up.loss.loss_good: expected float"),
         ("[up]\nloss = { los_good = 0.1 }", "did you mean 'loss_good'"),
         ("[up]\ndelay = { kind = 'paretto', mean_ms = 1.0 }", "did you mean 'pareto'"),
         ("[up]\ndelay = { mean_ms = 1.0 }", "up.delay.kind: unknown kind None"),
@@ -45,9 +38,7 @@ def write(folder: Path, text: str) -> str:
             "jitter_ms or delay, not both",
         ),
         ("[up]\nqueue = { limit_bytes = 1000 }", "a queue needs rate_kbit above 0"),
-        ("[up]\nrate_kbit = 9.0\nqueue = { policy = 'red' }", "up.queue.policy: invalid enum"),
         ("[up]\nrat_kbit = 9.0", "up.rat_kbit: unknown key; did you mean 'rate_kbit'"),
-        ("[upp]\nrate_kbit = 9.0", "upp: unknown key; did you mean 'up'"),
         (
             "[up.outages]\nwindows = [{start_s = 1.0, seconds = 2.0},"
             " {start_s = 2.0, seconds = 1.0}]",
@@ -74,12 +65,12 @@ def test_a_mistake_is_named_with_its_place(tmp_path: Path, text: str, says: str)
 
 
 def test_a_trace_is_read_from_beside_its_profile(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text("# how\nsent_s,arrived_s\n0,0.1\n1,\n2,2.5\n")
+    (tmp_path / "t.csv").write_text("# how\nsent_s,arrived_s\n0,60\n1,\n2,2\n")
     found = named(write(tmp_path, "[up]\ndelay = { kind = 'trace', file = 't.csv' }"))
     delay = found.profile.up.delay
     assert isinstance(delay, Trace)
     assert delay.sent_s == (0.0, 1.0, 2.0)
-    assert delay.arrived_s == (0.1, None, 2.5)
+    assert delay.arrived_s == (60.0, None, 2.0)  # a minute at most, and none at least
     after, _ = adjusted(found, ["up.delay_ms=3"])  # the folder is still known
     assert after.profile.up.delay == delay
 
@@ -90,8 +81,8 @@ def test_a_trace_is_read_from_beside_its_profile(tmp_path: Path) -> None:
         ("0,0.1\n0,0.2\n", "expected ascending times"),
         ("0,0.1\n1,0.5\n", "expected 0 to 60 s later"),
         ("0,0.1,7\n", r"t\.csv:1: expected sent_s,arrived_s"),
-        ("zero,0.1\n", r"t\.csv:1: expected sent_s,arrived_s"),
         ("0,nan\n", "expected 0 to 60 s later"),
+        ("0,60.1\n", "expected 0 to 60 s later"),
         ("", "holds no rows"),
     ],
 )
@@ -116,9 +107,7 @@ def test_settings_change_single_keys_and_say_what_has_changed() -> None:
     [
         ([], "nothing to set"),
         (["up.delay_ms"], r"^up\.delay_ms: expected key\.path=value"),
-        (["up.delay_ms=-3"], r"^up\.delay_ms: expected"),
         (["up.dellay_ms=3"], "did you mean 'delay_ms'"),
-        (["up.delay_ms=fast"], r"up\.delay_ms: expected float"),
     ],
 )
 def test_a_wrong_setting_is_refused_in_one_sentence(settings: list[str], says: str) -> None:
