@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from itertools import count
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from messages import topics
 from messages.pilot import Course, PilotAnswer, PilotRequest, RequestKind
@@ -25,12 +25,13 @@ def gamepad() -> Requests[PilotRequest]:
     return Requests("gamepad", overrules)
 
 
-def test_an_unanswered_request_is_repeated_every_200_ms_with_its_id_and_a_new_stamp():
-    requests = gamepad()
-    first = requests.ask(request("stop"), 0)
+def test_an_unanswered_request_is_repeated_whole_every_200_ms_with_its_id_and_a_new_stamp():
+    requests, course = gamepad(), Course(waypoints=((0.0, 0.0), (9.0, 0.0)))
+    follow = PilotRequest(stamp_ns=0, id="", kind="follow", course=course, epoch=3)
+    first = requests.ask(follow, 0)
     sent = [r for now in range(TICK, 1_000_000_001, TICK) for r in requests.repeats(now)]
-    assert [r.stamp_ns for r in sent] == [n * REPEAT_NS for n in range(1, 6)]
-    assert {(r.id, r.kind) for r in sent} == {(first.id, "stop")}
+    assert sent == [replace(first, stamp_ns=n * 200_000_000) for n in range(1, 6)]
+    assert replace(first, id="") == follow
 
 
 @settings(max_examples=50, deadline=None)
@@ -67,45 +68,14 @@ def test_whoever_looks_when_something_is_due_misses_nothing(waits: list[int]):
     assert now <= sum(waits) + GIVE_UP_NS
 
 
-@pytest.mark.parametrize("kind", ["stop", "disarm"])
-def test_a_stop_or_a_disarm_withdraws_an_arm_that_is_still_being_repeated(kind: RequestKind):
+def test_a_newer_request_withdraws_what_it_overrules_and_nothing_else():
     requests = gamepad()
-    requests.ask(request("light"), 0)
-    requests.ask(request("arm"), 0)
-    requests.ask(request(kind), 1)
-    assert [r.kind for r in requests.repeats(1 + REPEAT_NS)] == ["light", kind]
-
-
-@pytest.mark.parametrize("later", ["stop", "disarm", "goto", "follow"])
-@pytest.mark.parametrize("earlier", ["goto", "follow"])
-def test_where_to_go_is_not_repeated_after_a_newer_word(earlier: RequestKind, later: RequestKind):
-    requests = gamepad()
-    requests.ask(request("stop"), 0)
-    requests.ask(request(earlier), 1)
-    newer = requests.ask(request(later), 2)
-    assert [r.id for r in requests.repeats(2 + REPEAT_NS)][1:] == [newer.id]
-
-
-@pytest.mark.parametrize("later", ["arm", "light"])
-def test_a_light_or_an_arm_overrules_nothing(later: RequestKind):
-    requests = gamepad()
-    kinds: list[RequestKind] = ["stop", "goto", later]
+    kinds: list[RequestKind] = ["light", "arm", "goto", "stop"]
     for now, kind in enumerate(kinds):
         requests.ask(request(kind), now)
-    assert [r.kind for r in requests.repeats(2 + REPEAT_NS)] == kinds
-
-
-def test_a_repetition_says_all_that_was_asked():
-    requests = gamepad()
-    course = Course(waypoints=((0.0, 0.0), (9.0, 0.0)))
-    light = PilotRequest(stamp_ns=0, id="", kind="light", value=0.5, epoch=3)
-    follow = PilotRequest(stamp_ns=0, id="", kind="follow", course=course)
-    asked = [requests.ask(light, 0), requests.ask(follow, 0)]
-    again = requests.repeats(REPEAT_NS)
-    assert [(r.id, r.value, r.course, r.epoch) for r in again] == [
-        (asked[0].id, 0.5, None, 3),
-        (asked[1].id, None, course, 0),
-    ]
+    assert [r.kind for r in requests.repeats(4 + REPEAT_NS)] == ["light", "stop"]
+    requests.ask(request("arm"), 5)
+    assert [p.request.kind for p in requests.pending] == ["light", "stop", "arm"]
 
 
 @settings(max_examples=50, deadline=None)
