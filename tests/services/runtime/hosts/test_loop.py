@@ -2,6 +2,7 @@
 
 import threading
 import time
+import traceback
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -255,8 +256,12 @@ class Bench:
 
 
 @contextmanager
-def stepping(loop: Loop, failures: list[BaseException] | None = None) -> Generator[None]:
-    """The service's thread, as a process has it."""
+def stepping(
+    loop: Loop,
+    failures: list[BaseException] | None = None,
+    leaving: Callable[[], None] = lambda: None,
+) -> Generator[None]:
+    """The service's thread, as a process has it. `leaving` wakes it at its end."""
     stop = threading.Event()
 
     def run() -> None:
@@ -274,6 +279,7 @@ def stepping(loop: Loop, failures: list[BaseException] | None = None) -> Generat
         yield
     finally:
         stop.set()
+        leaving()
         thread.join(PATIENCE_S)
     assert not thread.is_alive()
 
@@ -356,21 +362,9 @@ def test_a_timer_set_by_a_handler_wakes_the_services_own_thread(
     rung = threading.Event()
     bench = Bench(lambda _, __: alarm.set(0))
     alarm = bench.node.alarm(lambda _: rung.set())
-    loop = bench.loop(on_arrival=True)
-    stop = threading.Event()
-
-    def run() -> None:
-        while not stop.is_set():
-            loop.step_and_wait()
-
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    bench.say(1)
-    assert rung.wait(PATIENCE_S)
-    stop.set()
-    bench.say(2)  # sets the timer again, which ends the wait
-    thread.join(PATIENCE_S)
-    assert not thread.is_alive()
+    with stepping(bench.loop(on_arrival=True), leaving=lambda: bench.say(2)):  # as at first
+        bench.say(1)
+        assert rung.wait(PATIENCE_S)
 
 
 def test_a_flood_does_not_keep_a_timer_from_ringing() -> None:
@@ -398,10 +392,5 @@ def test_what_a_handler_raises_ends_the_service_with_its_traceback() -> None:
         bench.say(0)
         until(lambda: failures)
         bench.say(1)
-    names = list[str]()
-    trace = failures[0].__traceback__
-    while trace is not None:
-        names.append(trace.tb_frame.f_code.co_name)
-        trace = trace.tb_next
-    assert names[-1] == "handler"
+    assert traceback.extract_tb(failures[0].__traceback__)[-1].name == "handler"
     assert handled == [1, 1]

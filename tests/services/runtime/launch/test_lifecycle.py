@@ -41,8 +41,10 @@ def after(life: Life, *events: LifeEvent | Ended, now: int = 0) -> Life:
 
 @settings(max_examples=200, deadline=None)
 @given(STORIES)
-def test_there_are_never_two_processes_for_one_child(story: list[tuple[int, LifeEvent | Ended]]):
-    life, now, processes = Life(), 0, 0
+def test_there_are_never_two_processes_for_one_child_and_none_of_an_unwanted_or_failed_one(
+    story: list[tuple[int, LifeEvent | Ended]],
+):
+    life, now, processes, done = Life(), 0, 0, False
     for pause, event in story:
         now += pause
         if isinstance(event, Ended):
@@ -53,17 +55,6 @@ def test_there_are_never_two_processes_for_one_child(story: list[tuple[int, Life
         processes += action is Action.START
         assert processes == (life.phase in ("running", "stopping"))
         assert processes <= 1
-
-
-@settings(max_examples=200, deadline=None)
-@given(STORIES)
-def test_an_unwanted_or_failed_child_is_never_started_again(
-    story: list[tuple[int, LifeEvent | Ended]],
-):
-    life, now, done = Life(), 0, False
-    for pause, event in story:
-        now += pause
-        life, action = advance(life, event, now)
         assert not (done and action is Action.START)
         done = done or event is LifeEvent.STOP or life.phase == "failed"
 

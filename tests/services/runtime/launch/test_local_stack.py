@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.health import LogLine
 from services.marine.vehicle import Vehicle
+from services.runtime.bus.zenoh_bus import listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file
@@ -336,23 +337,19 @@ def test_a_service_that_cannot_start_ends_the_stack_with_its_own_sentence(tmp_pa
 def test_each_start_in_one_folder_has_checkpoints_of_its_own(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
     for folders in ({"checkpoints"}, {"checkpoints", "checkpoints-2"}):
-        with local_stack(Dive(stack, services)) as local:
-            local.start_services()
-        assert {path.name for path in stack.out_dir.iterdir() if path.name != "logs"} == folders
+        ProcessPlan(Dive(stack, services), tmp_path).keep_files(print)
+        assert {path.name for path in stack.out_dir.iterdir()} == folders
 
 
 def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
-    with local_stack(
-        Dive(stack, services, listen=(f"unixsock-stream/{tmp_path}/mine.sock",))
-    ) as local:
-        (taken,) = [e for e in local.plan.endpoints.values() if e.endswith("mine.sock")]
-        with (
-            pytest.raises(LindyError, match=rf"^endpoint {taken} .*; choose another"),
-            local_stack(Dive(stack, services, listen=(taken,))),
-        ):
-            raise AssertionError("it has started")
-        assert set(local.supervisor.pids) == {"hub_topside", "hub_drone"}
+    taken = f"unixsock-stream/{tmp_path}/mine.sock"
+    with (
+        listening(taken),
+        pytest.raises(LindyError, match=rf"^endpoint {taken} .*; choose another"),
+        local_stack(Dive(stack, services, listen=(taken,))),
+    ):
+        raise AssertionError("it has started")
 
 
 def test_a_service_without_memory_and_one_whose_handler_hangs_are_started_again(
@@ -446,9 +443,8 @@ def spared_by_the_system(_: OsChild) -> None:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize(("name", "spared"), [("engine", False), ("recorder", True)])
 def test_the_watchdog_is_silent_while_what_holds_the_vehicle_hangs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, spared: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """… and cannot be ended, as what waits for a dead device. What only writes files may hang."""
     address = str(tmp_path / "notify")
@@ -459,19 +455,22 @@ def test_the_watchdog_is_silent_while_what_holds_the_vehicle_hangs(
     with manager(address) as hears:
         with local_stack(Dive(stack, services)) as local:
             local.start_services()
-            pump_until(local, lambda: not local.missing())
+            alive(local)
             assert "READY=1" not in hears.heard()
             local.wait_alive(PATIENCE_S, lambda: True)
             assert "READY=1" in hears.heard()
-            pump_until(local, lambda: last_beat(local.plan.heartbeat(name)) is not None)
-            pid = local.supervisor.pids[name]
-            os.kill(pid, signal.SIGSTOP)
-            pump_until(local, lambda: name in local.hang_detector.silent)
-            hears.heard()
-            over = time.monotonic() + 1.0  # [s] five times the watchdog's: silence takes time
-            pump_until(local, lambda: time.monotonic() > over)
-            assert ("WATCHDOG=1" in hears.heard()) == spared
-            os.kill(pid, signal.SIGCONT)
-            pump_until(local, lambda: name not in local.hang_detector.silent)
-            pump_until(local, lambda: "WATCHDOG=1" in hears.heard())
+            for name, spared in (("recorder", True), ("engine", False)):
+                pump_until(
+                    local, lambda name=name: last_beat(local.plan.heartbeat(name)) is not None
+                )
+                pid = local.supervisor.pids[name]
+                os.kill(pid, signal.SIGSTOP)
+                pump_until(local, lambda name=name: name in local.hang_detector.silent)
+                hears.heard()
+                over = time.monotonic() + 1.0  # [s] five times the watchdog's: silence takes time
+                pump_until(local, lambda over=over: time.monotonic() > over)
+                assert ("WATCHDOG=1" in hears.heard()) == spared
+                os.kill(pid, signal.SIGCONT)
+                pump_until(local, lambda: not local.hang_detector.silent)
+                pump_until(local, lambda: "WATCHDOG=1" in hears.heard())
         assert hears.heard()[-1] == "STOPPING=1"

@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -27,9 +27,13 @@ from services.runtime.launch.systemd import Systemd
 from tests.support.patience import until
 
 
+def note_in(out: Path, warn: Callable[[str], None]) -> RunNote:
+    return RunNote(ProcessPlan(Dive(Stack(out=str(out)), Registry.read()), out), warn)
+
+
 def test_a_note_that_cannot_be_written_is_said_once_and_tried_again(tmp_path: Path) -> None:
     out, said, now = tmp_path / "dive", list[str](), itertools.count(0, RETRY_NS // 10)
-    note = RunNote(ProcessPlan(Dive(Stack(out=str(out)), Registry.read()), tmp_path), said.append)
+    note = note_in(out, said.append)
     until(lambda: note.update({"control": 7}, next(now)) or said)
     for _ in range(30):
         note.update({"control": 7}, next(now))
@@ -55,9 +59,7 @@ def test_a_disk_that_has_become_read_only_ends_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = list[str]()
-    note = RunNote(
-        ProcessPlan(Dive(Stack(out=str(tmp_path)), Registry.read()), tmp_path), said.append
-    )
+    note = note_in(tmp_path, said.append)
     note.update({"control": 7}, 0)
     until(lambda: (tmp_path / RUNNING).exists())
 
@@ -74,7 +76,7 @@ def test_a_disk_that_has_become_read_only_ends_nothing(
 
 def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / ".run.json.new")  # whoever opens it waits for a reader
-    note = RunNote(ProcessPlan(Dive(Stack(out=str(tmp_path)), Registry.read()), tmp_path), print)
+    note = note_in(tmp_path, print)
     now = itertools.count(0, RETRY_NS)
     for pid in range(5):
         note.update({"control": pid}, next(now))  # returns
@@ -148,21 +150,15 @@ def test_nothing_else_is_removed(place: Path) -> None:
 # A sign of life in a file: what was written last is read, and no file is no error.
 
 
-def test_the_newest_beat_is_read(tmp_path: Path) -> None:
+def test_the_newest_beat_is_read_and_a_new_life_begins_without_one(tmp_path: Path) -> None:
     path = tmp_path / "control.beat"
     assert last_beat(path) is None
-    heartbeat = Heartbeat(path)
-    assert last_beat(path) is None
-    for now in (1, 2**62, 5):
-        heartbeat.beat(now)
-        assert last_beat(path) == now
-
-
-def test_a_new_life_begins_without_a_beat(tmp_path: Path) -> None:
-    path = tmp_path / "control.beat"
-    Heartbeat(path).beat(7)
-    Heartbeat(path)
-    assert last_beat(path) is None
+    for _ in range(2):
+        heartbeat = Heartbeat(path)
+        assert last_beat(path) is None
+        for now in (1, 2**62, 5):
+            heartbeat.beat(now)
+            assert last_beat(path) == now
 
 
 def test_where_no_file_can_be_made_nothing_is_watched_and_nothing_fails(tmp_path: Path) -> None:
