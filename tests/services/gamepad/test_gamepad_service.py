@@ -137,8 +137,8 @@ def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
     return wired
 
 
-def sticks_of(command: PilotCommand) -> Sticks:
-    return Sticks(command.surge, command.sway, command.heave, command.yaw, command.tilt)
+def sticks_of(c: PilotCommand) -> Sticks:
+    return Sticks(c.surge, c.sway, c.heave, c.yaw, c.tilt, c.gripper)
 
 
 def changes(commands: list[PilotCommand], began: int) -> list[tuple[int, Sticks, str]]:
@@ -160,35 +160,22 @@ SAID = [  # what LOG says
 ]
 
 
-def test_a_script_waits_for_arming_and_then_speaks_at_its_own_exact_times(
+def test_a_script_waits_for_arming_speaks_at_its_own_exact_times_and_disarms_three_seconds_later(
     host: VirtualHost, drone: Drone, script: Stack
 ):
-    host.add("gamepad", HOME, script, wire)
-    host.run(10 * S)
-    began = drone.armed_at
-    assert began is not None
-    before = [c for c in drone.commands if c.stamp_ns < began]
-    assert len(before) >= 20
-    assert all(sticks_of(c) == CENTRED and c.pilot == "present" for c in before)
-    assert changes(drone.since(began), began) == SAID
-
-
-def test_commands_come_at_50_hz_whatever_happens(host: VirtualHost, drone: Drone, script: Stack):
-    host.add("gamepad", HOME, script, wire)
-    host.run(10 * S)
-    stamps = {c.stamp_ns for c in drone.commands}
-    assert {n * 20 * MS for n in range(1, 500)} <= stamps
-    assert len(stamps) <= 510
-
-
-def test_arming_is_asked_once_when_ready_and_disarming_three_seconds_after_the_end(
-    host: VirtualHost, drone: Drone, script: Stack
-):
+    """And commands come at 50 Hz whatever happens."""
     host.add("gamepad", HOME, script, wire)
     host.run(20 * S)
     began = drone.armed_at
     assert began is not None
     assert began >= S // 2
+    before = [c for c in drone.commands if c.stamp_ns < began]
+    assert len(before) >= 20
+    assert all(sticks_of(c) == CENTRED and c.pilot == "present" for c in before)
+    assert changes(drone.since(began), began) == SAID
+    stamps = {c.stamp_ns for c in drone.commands}
+    assert {n * 20 * MS for n in range(1, 1000)} <= stamps
+    assert len(stamps) <= 1010
     asked = [(r.kind, r.value, r.stamp_ns - began) for r in drone.requests]
     assert asked == [
         ("arm", None, 0),
@@ -228,9 +215,7 @@ def test_a_refusal_is_told_with_its_reason_and_not_hammered(
     assert node.counts["refused:arm"] == len(drone.requests)
 
 
-@pytest.mark.parametrize(
-    "crash_after", [500 * MS, 2_400 * MS, 3_500 * MS, 5 * S, 7_100 * MS, 9 * S]
-)
+@pytest.mark.parametrize("crash_after", [2_400 * MS, 3_500 * MS, 7_100 * MS])
 def test_a_restart_in_mid_dive_goes_on_with_the_script_as_if_nothing_had_happened(
     host: VirtualHost, drone: Drone, script: Stack, crash_after: int
 ):
@@ -363,7 +348,7 @@ def test_goto_and_follow_of_a_script_reach_the_drone_at_their_time_in_si_units(
     ]
 
 
-@pytest.mark.parametrize("pilot", ["joystick", "script", "script:", "", "keyboard:x"])
+@pytest.mark.parametrize("pilot", ["joystick", "script:", ""])
 def test_an_unknown_pilot_is_one_sentence(host: VirtualHost, pilot: str):
     with pytest.raises(LindyError, match="expected gamepad, keyboard or script:FILE"):
         host.add("gamepad", HOME, Stack(pilot=pilot), wire)

@@ -333,6 +333,10 @@ def test_a_newer_request_withdraws_an_older_one_of_the_same_output_and_no_other(
     assert not overrules(request("output", "scale"), request("output", "bow_light"))
     assert not overrules(request("output", "scale"), request("arm"))
     assert overrules(request("light"), request("light"))
-    for older in ("arm", "resume", "goto", "follow", "home", "mode"):
-        assert overrules(request("stop"), request(older))
-    assert not overrules(request("goto"), request("arm"))
+    for older in ("arm", "resume", "goto", "follow", "home"):
+        for newer in ("stop", "disarm"):
+            assert overrules(request(newer), request(older))
+        assert overrules(request("goto"), request(older)) == (older not in ("arm", "resume"))
+        assert not overrules(request("arm"), request(older))
+        assert not overrules(request("light"), request(older))
+    assert overrules(request("stop"), request("mode"))

@@ -3,7 +3,6 @@ requests of `lindy fault` and `lindy link`, once, at their time.
 """
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
 
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.events import Outbox
-from messages.link import LinkAnswer, LinkRequest
+from messages.link import LinkRequest
 from messages.pilot import Course, FlightMode
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
 from services.gamepad.io.path_file import course_named
@@ -33,7 +32,7 @@ HEAD = "t,surge,sway,heave,yaw,event\n"
 WAY = "waypoints = [[0, 0], [9, 0]]\n"
 
 
-def event(cell: str) -> object:
+def event_of(cell: str) -> object:
     return parse(f"{HEAD}0,0,0,0,0\n1,0,0,0,0,{cell}\n".encode(), course_named).rows[1].event
 
 
@@ -50,7 +49,7 @@ def test_goto_takes_metres_and_degrees_in_any_order_and_becomes_radians(
     if not words:
         return
     expected = None if degrees is None else math.radians(degrees)
-    assert event("goto " + "  ".join(words[::-1] if turned else words)) == GotoIntent(
+    assert event_of("goto " + "  ".join(words[::-1] if turned else words)) == GotoIntent(
         depth, expected
     )
 
@@ -58,15 +57,10 @@ def test_goto_takes_metres_and_degrees_in_any_order_and_becomes_radians(
 def test_follow_reads_a_shipped_path_by_its_name_or_any_by_its_file(tmp_path: Path):
     file = tmp_path / "my way.toml"
     file.write_text(WAY)
-    assert event(f"follow {file}") == FollowIntent(Course(waypoints=((0.0, 0.0), (9.0, 0.0))))
-    shipped = event("follow inspection_box")
+    assert event_of(f"follow {file}") == FollowIntent(Course(waypoints=((0.0, 0.0), (9.0, 0.0))))
+    shipped = event_of("follow inspection_box")
     assert isinstance(shipped, FollowIntent)
     assert len(shipped.course.waypoints) == 5
-
-
-@pytest.mark.parametrize("hold", get_args(FlightMode))
-def test_mode_reads_what_the_drone_is_to_hold(hold: str):
-    assert event(f"mode {hold}") == ModeIntent(hold)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -74,33 +68,24 @@ def test_mode_reads_what_the_drone_is_to_hold(hold: str):
     [
         ("goto", "goto needs a depth, a heading or both"),
         ("goto north=3", "expected north=M and east=M, each within 100000 m, and nothing else"),
-        ("goto north=3 east=1 depth=2", "found 'north=3 east=1 depth=2', expected north=M and"),
         ("goto north=1e9 east=1", "each within 100000 m"),
-        ("goto 3", "goto: found '3', expected depth=M, heading=DEG or both"),
-        ("goto depth=", "goto: depth is '', expected a number"),
         ("goto depth=deep", "goto: depth is 'deep', expected a number"),
         ("goto depth=nan", "goto: depth is nan, expected a number from 0 to 11000 m"),
-        ("goto depth=-0.1", "goto: depth is -0.1, expected"),
         ("goto heading=inf", "goto: heading is inf, expected a number from -360 to 360 deg"),
         ("gotodepth=3", "event is 'gotodepth=3', expected one of .*goto depth=M heading=DEG"),
-        ("stop now", "event is 'stop now', expected one of"),
         ("follow", "follow needs a path"),
         ("mode", "mode: found '', expected one of manual, depth_hold"),
-        ("mode stabilized", "mode: found 'stabilized', expected one of .*stabilised"),
         ("follow inspection_bix", "did you mean 'inspection_box'"),
-        ("follow /nowhere/way.toml", "there is no file /nowhere/way.toml"),
         ("follow fernandes", "fernandes.toml: model is 'fernandes'; only"),
-        ("fault", "expected fault PART KIND"),
         ("fault port", "expected fault PART KIND"),
         ("fault port deaf", "KIND is 'deaf', expected one of none, dead"),
         ("fault port weak half", "VALUE is 'half', expected a finite number"),
-        ("link", "expected link down, link up, link profile NAME"),
         ("link set", "expected link down"),
     ],
 )
 def test_a_mistake_in_an_event_is_named_with_its_line(cell: str, says: str):
     with pytest.raises(ValueError, match=f"^line 3: .*({says})"):
-        event(cell)
+        event_of(cell)
 
 
 def test_a_mistake_inside_the_path_is_found_when_the_script_is_read(tmp_path: Path):
@@ -111,10 +96,15 @@ def test_a_mistake_inside_the_path_is_found_when_the_script_is_read(tmp_path: Pa
         read_script(str(script))
 
 
-def test_a_place_is_north_and_east_in_metres() -> None:
-    assert event("goto north=12.5 east=-4") == PlaceIntent(12.5, -4.0)
-    assert event("home") == "home"
-    assert event("unwind") == "unwind"
+@pytest.mark.parametrize(
+    ("cell", "event"),
+    [
+        ("goto north=12.5 east=-4", PlaceIntent(12.5, -4.0)), ("home", "home"), ("unwind", "unwind"),
+        *((f"mode {hold}", ModeIntent(hold)) for hold in get_args(FlightMode)),
+    ],
+)  # fmt: skip
+def test_a_place_is_in_metres_and_a_mode_is_what_to_hold(cell: str, event: object) -> None:
+    assert event_of(cell) == event
 
 
 @pytest.mark.parametrize(
@@ -130,7 +120,7 @@ def test_a_place_is_north_and_east_in_metres() -> None:
     ],
 )
 def test_an_incident_reads_as_it_is_written(cell: str):
-    found = event(cell)
+    found = event_of(cell)
     assert isinstance(found, Incident)
     assert in_words(found) == cell
 
@@ -153,70 +143,50 @@ def test_the_player_gives_each_once_and_apart_from_the_pilots_requests():
 
 
 class Asked:
-    """A host with the sender, and what it sends."""
+    """A host with the sender, and what it sends. Faults are refused, and of the link nobody hears."""
 
-    def __init__(self, answers: bool) -> None:
+    def __init__(self) -> None:
         self.host = VirtualHost()
         self.requests: list[Incident] = []
         self.node = self.host.node("gamepad", ["topside"])
         self.causing = CausedIncidents(self.node)
         other = self.host.node("other", ["topside"])
-        faults, links = other.publisher(topics.FAULT_ANSWER), other.publisher(topics.LINK_ANSWER)
 
-        def on_fault(request: FaultRequest, now: int) -> None:
+        def refuse(request: FaultRequest, now: int) -> FaultAnswer:
             self.requests.append(request)
-            if answers:
-                faults.put(
-                    FaultAnswer(stamp_ns=now, id=request.id, accepted=False, reason="no such part")
-                )
+            return FaultAnswer(stamp_ns=now, id=request.id, accepted=False, reason="no such part")
 
-        def on_link(request: LinkRequest, now: int) -> None:
-            self.requests.append(request)
-            if answers:
-                links.put(LinkAnswer(stamp_ns=now, id=request.id, accepted=True, kind=request.kind))
-
-        other.each(topics.FAULT_REQUEST, on_fault)
-        other.each(topics.LINK_REQUEST, on_link)
-
-    def cause(self, incidents: Sequence[Incident]) -> None:
-        def go(now: int) -> None:
-            for incident in incidents:
-                self.causing.cause(incident, now)
-
-        self.node.alarm(go).set(S)
-        self.host.run(10 * S)
+        other.answers(topics.FAULT_REQUEST, topics.FAULT_ANSWER, refuse)
+        other.each(topics.LINK_REQUEST, lambda request, _: self.requests.append(request))
 
 
 FAULT = FaultRequest(stamp_ns=0, id="", part="port", fault="dead")
 LINK = LinkRequest(stamp_ns=0, id="", kind="down")
 
 
-def test_it_is_asked_until_answered_and_a_refusal_is_counted():
-    asked = Asked(answers=True)
-    asked.cause([FAULT, LINK])
-    assert [type(request) for request in asked.requests] == [FaultRequest, LinkRequest]
-    assert asked.node.counts == {"refused:incident": 1}
+def test_each_is_asked_until_answered_or_given_up_and_both_failures_are_counted():
+    asked = Asked()
 
+    def cause(now: int) -> None:
+        for incident in (FAULT, LINK):
+            asked.causing.cause(incident, now)
 
-def test_what_nobody_answers_is_repeated_with_its_id_and_then_counted():
-    asked = Asked(answers=False)
-    asked.cause([FAULT])
-    assert len(asked.requests) > 5
-    assert len({request.id for request in asked.requests}) == 1
-    assert asked.node.counts == {"unanswered:incident": 1}
+    asked.node.alarm(cause).set(S)
+    asked.host.run(10 * S)
+    faults = [request for request in asked.requests if isinstance(request, FaultRequest)]
+    links = [request for request in asked.requests if isinstance(request, LinkRequest)]
+    assert len(faults) == len({request.id for request in links}) == 1
+    assert len(links) > 5
+    assert asked.node.counts == {"refused:incident": 1, "unanswered:incident": 1}
 
 
 @pytest.mark.parametrize(
     ("cell", "says"),
     [
         ("fault prot dead", "there is no part 'prot'; did you mean 'port'?"),
-        ("fault port silent", "port cannot be silent; possible: none, dead"),
         ("fault port weak", "weak needs a value from 0 to 1"),
-        ("fault port dead 1", "dead takes no value"),
         ("fault sensor/dvl silent", "there is no part 'sensor/dvl'"),
-        ("link profile tehter", "did you mean 'tether'?"),
         ("link profile acoustic", "acoustic cannot be flown: a command needs "),
-        ("link set up.delay_ms=-1", "up.delay_ms"),
         ("link set up.dealy_ms=1", "did you mean 'delay_ms'?"),
     ],
 )
@@ -229,16 +199,10 @@ def test_what_would_be_refused_is_refused_before_the_dive(cell: str, says: str, 
     assert says in str(error.value)
 
 
-def test_a_vehicle_that_has_the_sensor_may_lose_it(tmp_path: Path):
-    script = tmp_path / "x.csv"
+def test_a_vehicle_that_has_the_sensor_may_lose_it_but_not_without_a_simulator(tmp_path: Path):
+    script, services = tmp_path / "x.csv", Registry.read()
     script.write_text(f"{HEAD}0,0,0,0,0\n1,0,0,0,0,fault sensor/dvl silent\n2,0,0,0,0\n")
-    checked(Choices(vehicle="minerva"), pilot_of(f"script:{script}"), Registry.read())
-
-
-def test_a_stack_without_a_simulator_cannot_have_faults(tmp_path: Path):
-    script = tmp_path / "x.csv"
-    script.write_text(f"{HEAD}0,0,0,0,0\n1,0,0,0,0,fault port dead\n2,0,0,0,0\n")
-    services = Registry.read()
+    checked(Choices(vehicle="minerva"), pilot_of(f"script:{script}"), services)
     real = services.only({name: row for name, row in services.items() if name != "simulator"})
     with pytest.raises(LindyError, match="has no simulator"):
-        checked(Choices(), pilot_of(f"script:{script}"), real)
+        checked(Choices(vehicle="minerva"), pilot_of(f"script:{script}"), real)

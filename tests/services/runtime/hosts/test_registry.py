@@ -160,7 +160,7 @@ TWO_HOMES = service("control", ON_BOARD, MINE) + service("gamepad", BOTH, MINE)
         (service("control", ON_BOARD, "process = 'hub_drone'"), ":3: ", "called 'hub_drone'"),
         (TAKEN, ":5: services.estimation.process", "'control' is a service that is not in this"),
         (TWO_HOMES, ":6: services.gamepad.process", "'mine' has control, whose home is the drone"),
-        (service("x", ON_BOARD, "module = '../x'"), ":3: services.x.module", "'../x' is no name of a"),
+        (service("x", ON_BOARD, "module = '../x'"), ":3: services.x.module", "'../x' is no name"),
         ("extends = 'simulatd'", ":1: extends", "unknown stack 'simulatd'; did you mean"),
         ("extends = 'mine.toml'", ":1: extends", "'mine.toml' is a file; allowed is a na"),
         (
