@@ -2,15 +2,18 @@
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from services.gamepad.core import (
+    STOP,
     Buttons,
     Grip,
     PadProfile,
+    PadSilence,
     StickGain,
     Tilt,
+    held_by_a_hand,
     held_of,
     presses_of,
     shape,
@@ -159,3 +162,74 @@ def test_a_button_opens_or_closes_the_gripper_while_it_is_held():
 def test_a_profile_that_makes_no_sense_is_refused(tree: dict[str, object], says: str):
     with pytest.raises(msgspec.ValidationError, match=says):
         msgspec.convert(tree, PadProfile)
+
+
+# A pad that stays connected and stops answering: what is known of it, and what is not.
+
+
+MS, S = 1_000_000, 1_000_000_000  # [ns]
+STEP = 20 * MS  # a reading
+DEAD_BAND, AFTER = 0.12, 5.0
+NAMES = ("leftx", "lefty", "rightx", "righty")
+
+a_travel = st.floats(-1.0, 1.0)
+travelled = st.fixed_dictionaries(dict.fromkeys(NAMES, a_travel))
+in_the_dead_band = st.fixed_dictionaries(dict.fromkeys(NAMES, st.floats(-DEAD_BAND, DEAD_BAND)))
+
+
+def watched() -> PadSilence:
+    return PadSilence(AFTER, DEAD_BAND)
+
+
+def still(pad: PadSilence, controls: dict[str, float], start: int, end: int) -> int | None:
+    """The first instant at which the pad counts as lost, if none of its controls changes."""
+    for now in range(start, end, STEP):
+        if pad.read(controls, now).lost:
+            return now
+    return None
+
+
+@given(in_the_dead_band)
+def test_a_pad_with_centred_sticks_is_never_lost(controls: dict[str, float]):
+    pad = watched()
+    assert still(pad, controls, 0, 20 * S) is None
+    assert pad.read(controls, 3600 * S) == (0, False)
+
+
+@given(travelled, st.integers(0, 20))
+def test_a_pad_that_is_frozen_with_a_stick_in_a_hand_is_lost_within_silent_after(
+    controls: dict[str, float], moves: int
+):
+    assume(held_by_a_hand(controls, DEAD_BAND))
+    pad = watched()
+    for n in range(moves):
+        pad.read({**controls, "lefty": n / 100}, n * STEP)
+    froze = moves * STEP
+    lost = still(pad, controls, froze, froze + 10 * S)
+    assert lost is not None
+    assert AFTER * S - STEP <= lost - froze <= AFTER * S + STEP
+    later = pad.read(controls, lost + 7 * S)
+    assert later.lost
+    assert later.age_ns >= 7 * S + AFTER * S - STEP  # it grows
+
+
+@given(travelled, st.lists(st.integers(1, int(AFTER * 50) - 1), min_size=1, max_size=8))
+def test_a_pad_that_jitters_by_one_count_is_never_lost(controls: dict[str, float], gaps: list[int]):
+    pad, now = watched(), 0
+    for n, gap in enumerate(gaps):
+        moved = {**controls, "leftx": controls["leftx"] + (n % 2) / 32767}
+        for _ in range(gap):
+            assert not pad.read(moved, now).lost
+            now += STEP
+
+
+@given(st.floats(STOP, 1.0), st.sampled_from(NAMES), st.sampled_from([-1, 1]))
+def test_a_stick_against_its_stop_may_be_held_for_ever(deflection: float, name: str, sign: int):
+    assert still(watched(), {name: sign * deflection}, 0, 20 * S) is None
+
+
+def test_a_pad_that_answers_again_is_no_longer_lost():
+    pad, held = watched(), {"lefty": 0.5}
+    assert still(pad, held, 0, 10 * S) is not None
+    assert pad.read({"lefty": 0.51}, 10 * S) == (0, False)
+    assert still(pad, {"lefty": 0.51}, 10 * S, 14 * S) is None

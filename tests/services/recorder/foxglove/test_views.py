@@ -22,7 +22,7 @@ from messages.topic import AnyTopic
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
-from services.recorder.foxglove.channel import OFFICIAL, PREFIX, FoxgloveView
+from services.recorder.foxglove.channel import OFFICIAL, PREFIX, FoxgloveView, foxglove_schema
 from services.recorder.foxglove.scene import NED_IN_WORLD, along
 from services.recorder.foxglove.views import THRUST, VECTORS, Views
 from services.runtime.config.stack import Stack
@@ -223,3 +223,33 @@ def test_the_scene_goes_on_at_its_rate_whatever_the_clock_does(jump: int):
     assert count["transforms"] == count["pose"]
     assert 249 <= count["pose"] <= 251
     assert 9 <= count["hull"] <= 11
+
+
+# What Foxglove's parser demands of a schema holds for every message type.
+
+
+KINDS = sorted({topic.message for topic in topics.ALL}, key=lambda kind: kind.__name__)
+REFUSED = {"$ref", "$defs", "anyOf", "oneOf", "enum", "prefixItems"}
+TYPES = {"object", "array", "string", "number", "integer", "boolean"}
+
+
+def schema_of(kind: type[Message]) -> dict[str, Any]:
+    return json.loads(foxglove_schema(kind))
+
+
+def parts_of(schema: dict[str, Any]) -> list[dict[str, Any]]:
+    inner = [*schema.get("properties", {}).values()]
+    inner += [schema[name] for name in ("items", "additionalProperties") if name in schema]
+    return [schema, *(part for child in inner for part in parts_of(child))]
+
+
+def test_every_part_has_a_plain_type_and_nothing_the_parser_refuses():
+    for kind in KINDS:
+        schema = schema_of(kind)
+        assert schema["type"] == "object"
+        assert set(schema["properties"]) == {f.encode_name for f in msgspec.structs.fields(kind)}
+        for part in parts_of(schema):
+            assert part["type"] in TYPES
+            assert part["type"] != "object" or "properties" in part
+            assert part["type"] != "array" or part["items"]["type"] != "array"
+            assert not REFUSED & set(part)
