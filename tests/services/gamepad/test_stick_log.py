@@ -1,4 +1,4 @@
-"""Reading a stick log, and what it says at any time."""
+"""Reading a stick log and a path file, and what they say at any time."""
 
 import math
 from collections import Counter
@@ -185,7 +185,7 @@ def test_a_dive_that_is_not_there_is_named_with_those_that_are():
         read_script("first_dvie")
 
 
-# Events that have arguments; and incidents, which are the requests of `lindy fault` and `lindy link`.
+# Events that have arguments; and incidents: the requests of `lindy fault` and `lindy link`.
 
 
 TEXT_HEAD = "t,surge,sway,heave,yaw,event\n"
@@ -259,10 +259,11 @@ def test_a_mistake_inside_the_path_is_found_when_the_script_is_read(tmp_path: Pa
 @pytest.mark.parametrize(
     ("cell", "event"),
     [
-        ("goto north=12.5 east=-4", PlaceIntent(12.5, -4.0)), ("home", "home"), ("unwind", "unwind"),
+        ("goto north=12.5 east=-4", PlaceIntent(12.5, -4.0)),
+        *((word, word) for word in ("home", "unwind")),
         *((f"mode {hold}", ModeIntent(hold)) for hold in get_args(FlightMode)),
     ],
-)  # fmt: skip
+)
 def test_a_place_is_in_metres_and_a_mode_is_what_to_hold(cell: str, event: object) -> None:
     assert event_of(cell) == event
 
@@ -286,10 +287,9 @@ def test_an_incident_reads_as_it_is_written(cell: str):
 
 
 def test_the_player_gives_each_once_and_apart_from_the_pilots_requests():
-    text = (
-        f"{TEXT_HEAD}0,0,0,0,0\n1,0,0,0,0,fault port dead\n2,0,0,0,0,light\n3,0,0,0,0,link down\n"
-    )
-    script = parse(text.encode(), course_named)
+    cells = ("", "fault port dead", "light", "link down")
+    rows = "".join(f"{second},0,0,0,0,{cell}\n" for second, cell in enumerate(cells))
+    script = parse(f"{TEXT_HEAD}{rows}".encode(), course_named)
     player = Player("x", script, Outbox())
     first = player.read(S, 0)
     assert first == StickReading(
@@ -305,7 +305,7 @@ def test_the_player_gives_each_once_and_apart_from_the_pilots_requests():
 
 
 class Asked:
-    """A host with the sender, and what it sends. Faults are refused, and of the link nobody hears."""
+    """A host with the sender, and what it sends. Faults are refused, the link is silent."""
 
     def __init__(self) -> None:
         self.host = VirtualHost()

@@ -6,15 +6,12 @@ from hypothesis import strategies as st
 
 from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, LatencyBudget, Shown
-from messages.pilot import PilotCommand
-from messages.reference import Motion
 from messages.state import VehicleState
 from services.link_monitor.latency_account import LatencyAccount
 from tests.support import said
 
 MS, S = 1_000_000, 1_000_000_000
 PERIOD = 20 * MS
-REST = Motion(0.0, 0.0, 0.0, 0.0)
 ways = st.lists(
     st.tuples(*(st.integers(0, 80) for _ in range(5))), min_size=10, max_size=60
 )  # [ms] pad, link, reference, control, thruster
@@ -28,10 +25,7 @@ def fly(budget: LatencyAccount, k: int, way: tuple[int, ...]) -> int:
     """One command from the stick to the thruster. Returns when its telemetry is back."""
     pad, link, reference, control, thruster = way
     sent = k * PERIOD
-    budget.command(
-        PilotCommand(stamp_ns=sent, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, device_age_ms=pad),
-        sent + MS,
-    )
+    budget.command(said.sticks(sent, device_age_ms=pad), sent + MS)
     referred = sent + MS + (link + reference) * MS
     commanded = referred + control * MS
     done = commanded + thruster * MS
@@ -104,7 +98,7 @@ def test_the_way_back_adds_up_too_and_is_unknown_without_a_screen() -> None:
 def test_a_command_that_was_held_up_for_longer_than_the_budget_looks_back_is_no_trouble() -> None:
     budget = LatencyAccount()
     for late in (0, 1_000, 2_001, 60_000):
-        budget.command(PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0), late * MS)
+        budget.command(said.sticks(), late * MS)
     assert budget.report(60_000 * MS, None, ()).down is None
 
 
@@ -116,7 +110,7 @@ def test_two_clocks_that_disagree_give_no_time_below_zero(error: int, delay: int
     for k in range(20):
         sent = 100 * S + k * PERIOD
         done, now = sent + (delay + error) * MS, sent + 2 * delay * MS
-        budget.command(PilotCommand(stamp_ns=sent, surge=0.0, sway=0.0, heave=0.0, yaw=0.0), sent)
+        budget.command(said.sticks(sent), sent)
         budget.ping(float(delay), now)
         for hear, message in (
             (budget.reference, said.reference(done, sensor_ns=None, pilot_ns=sent)),

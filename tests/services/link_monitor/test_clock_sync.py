@@ -44,32 +44,23 @@ def trip(
 def test_the_true_offset_is_always_inside_the_bound(
     delays: list[tuple[int, int, int]], offset: int, drift: float
 ) -> None:
-    sync, newest = ClockSync(Outbox()), 0
+    """And round trips that are forgotten would have told nothing."""
+    sync, bands, now = ClockSync(Outbox()), list[tuple[int, int, int]](), 0
     for k, (down, up, turn) in enumerate(delays):
         pong, back = trip(k * SECOND // 5, down, up, turn, offset, drift)
-        newest = max(newest, back)
-        sync.heard(pong, newest if back < newest else back)
-        clock = sync.clock(newest)
-        true = offset + drift * newest
+        now = max(now, back)
+        sync.heard(pong, now)
+        clock = sync.clock(now)
         assert clock.offset_ns is not None
         assert clock.bound_ns is not None
-        assert abs(clock.offset_ns - true) <= clock.bound_ns + 2  # integer stamps
+        assert abs(clock.offset_ns - offset - drift * now) <= clock.bound_ns + 2  # integer stamps
+        bands.append((pong.ping_ns, pong.stamp_ns - now, pong.heard_ns - pong.ping_ns))
+        least = max(low - DRIFT * (now - sent) for sent, low, _ in bands)
+        most = min(high + DRIFT * (now - sent) for sent, _, high in bands)
+        assert clock.offset_ns == round((least + most) / 2)
+        assert clock.bound_ns == max(0, round((most - least) / 2)) + 2
+        assert clock.rtt_min_ms == min(high - low for _, low, high in bands) / 1e6
     assert told(sync.outbox) == []
-
-
-@given(offset=offsets, fast=st.integers(0, 1_000_000), slow=st.integers(0, SECOND))
-@settings(max_examples=100, deadline=None)
-def test_one_fast_round_trip_among_slow_ones_sets_the_bound(
-    offset: int, fast: int, slow: int
-) -> None:
-    sync = ClockSync(Outbox())
-    for k in range(20):
-        delay = fast if k == 10 else fast + slow
-        pong, back = trip(k * SECOND // 5, delay, delay, 0, offset, 0.0)
-        sync.heard(pong, back)
-    clock = sync.clock(5 * SECOND)
-    assert clock.bound_ns is not None
-    assert clock.bound_ns <= fast + DRIFT * 5 * SECOND + 2
 
 
 @given(jump=st.integers(2 * SECOND, 3600 * SECOND), back=st.booleans())
@@ -115,25 +106,6 @@ def test_an_answer_that_stays_away_leaves_no_round_trip_but_the_offset() -> None
     assert later.bound_ns >= 1_000_000 + DRIFT * 5 * SECOND - 2
 
 
-@given(delays=delays, offset=offsets, drift=drifts)
-@settings(max_examples=100, deadline=None)
-def test_round_trips_that_are_forgotten_would_have_told_nothing(
-    delays: list[tuple[int, int, int]], offset: int, drift: float
-) -> None:
-    sync, bands, now = ClockSync(Outbox()), list[tuple[int, int, int]](), 0
-    for k, (down, up, turn) in enumerate(delays):
-        pong, back = trip(k * SECOND // 5, down, up, turn, offset, drift)
-        now = max(now, back)
-        sync.heard(pong, now)
-        bands.append((pong.ping_ns, pong.stamp_ns - now, pong.heard_ns - pong.ping_ns))
-        least = max(low - DRIFT * (now - sent) for sent, low, _ in bands)
-        most = min(high + DRIFT * (now - sent) for sent, _, high in bands)
-        clock = sync.clock(now)
-        assert clock.offset_ns == round((least + most) / 2)
-        assert clock.bound_ns == max(0, round((most - least) / 2)) + 2
-        assert clock.rtt_min_ms == min(high - low for _, low, high in bands) / 1e6
-
-
 def test_a_fast_round_trip_counts_for_so_many_round_trips_and_no_longer() -> None:
     sync, fast, slow = ClockSync(Outbox()), 1_000_000, 50_000_000
     least = list[float | None]()
@@ -163,7 +135,7 @@ class Told(NamedTuple):
     rtt_min: float  # [ns]
 
 
-def told_over(profile: str, drift: float, seed: int) -> list[Told]:
+def told_over(profile: str, drift: float, seed: int, seconds: int = SECONDS) -> list[Told]:
     """What the link monitor says five times a second, from its first answer on."""
     skew = Skew(AHEAD, drift)
     host, stack = VirtualHost({"drone": skew}), Stack(link=profile, apart=True, seed=seed)
@@ -177,7 +149,7 @@ def told_over(profile: str, drift: float, seed: int) -> list[Told]:
             said.append(Told(error, clock.bound_ns, (clock.rtt_min_ms or 0.0) * 1e6))
 
     host.node("ears", ["topside"]).each(topics.CLOCK, hear)
-    host.run(SECONDS * SECOND)
+    host.run(seconds * SECOND)
     return said
 
 
@@ -196,5 +168,6 @@ def test_the_truth_is_inside_the_bound(profile: str, drift: float) -> None:
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_no_other_seed_is_luckier(profile: str) -> None:
-    words = told_over(profile, CRYSTAL, seed=7)
+    words = told_over(profile, CRYSTAL, seed=7, seconds=15)
+    assert words
     assert all(word.error <= word.bound for word in words)

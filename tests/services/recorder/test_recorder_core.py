@@ -87,17 +87,6 @@ def test_a_row_fits_the_file_and_says_what_the_message_said(stamp_ns: int, seq: 
     )
 
 
-def test_the_wrong_message_on_a_key_is_told_from_a_broken_one():
-    intake = Desk()
-    assert intake.take("sensor/pressure", "text/plain", pressure(), 0) == (
-        "wrong_type:sensor/pressure"
-    )
-    assert take_pressure(intake, b"\x81") == "malformed:sensor/pressure"
-    assert intake.take("sensor/sonar", topics.PRESSURE.encoding, pressure(), 0) == (
-        "unknown:sensor/sonar"
-    )
-
-
 def test_a_flood_of_invented_keys_ends_up_under_one_name():
     intake = Desk()
     names = {intake.take(f"nobody/{n}", "", b"", 0) for n in range(10 * UNKNOWN)}

@@ -1,6 +1,7 @@
 """What a DVL says becomes samples: laws of the core, and each fault of the double."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from contextlib import closing
 from math import nan
 
 import pytest
@@ -105,13 +106,11 @@ def test_without_lock_there_is_no_velocity_and_it_is_alive(kind: Fault) -> None:
     assert told.counts.get("trouble:dvl", 0) == (kind == "air")  # it is too hot, said once
 
 
-@pytest.mark.parametrize(
-    ("kind", "counted"), [("nan", "malformed:dvl"), ("other_device", "malformed:dvl")]
-)
-def test_what_is_no_report_is_counted_and_gives_no_sample(kind: Fault, counted: str) -> None:
+@pytest.mark.parametrize("kind", ["nan", "other_device"])
+def test_what_is_no_report_is_counted_and_gives_no_sample(kind: Fault) -> None:
     told = Told()
     assert told.hears(report(SWIMS, 1.0, 0, faulty(kind))) == []
-    assert told.counts == {counted: 1}
+    assert told.counts == {"malformed:dvl": 1}
 
 
 def test_a_negative_altitude_is_none() -> None:
@@ -265,41 +264,18 @@ class Board:
         return until(enough, meanwhile=self.look)
 
 
-@pytest.fixture
-def config() -> DvlSettings:
-    return DvlSettings(acoustic_enabled=False)
-
-
-@pytest.fixture
-def dvl(config: DvlSettings) -> Iterator[TcpInstrument]:
-    instrument = TcpInstrument(config.answers)
-    yield instrument
-    instrument.power_off()
-
-
-@pytest.fixture
-def board(dvl: TcpInstrument) -> Iterator[Board]:
+def test_it_connects_hears_sets_up_and_is_heard_again_when_its_power_is_back() -> None:
+    config = DvlSettings(acoustic_enabled=False)
+    dvl = TcpInstrument(config.answers)
     board = Board(dvl.port)
-    yield board
-    board.links.close()
-
-
-def test_it_connects_hears_and_sets_up(
-    dvl: TcpInstrument, board: Board, config: DvlSettings
-) -> None:
-    assert board.hears(dvl)
-    until(lambda: config.config["acoustic_enabled"] is True, meanwhile=board.look)
-    assert board.samples[0].velocity == pytest.approx(SWIMS.velocity, abs=0.03)
-
-
-def test_one_that_loses_its_power_is_said_and_heard_again_when_it_is_back(
-    dvl: TcpInstrument, board: Board
-) -> None:
-    board.hears(dvl)
     counts = board.outbox.counts
+    with closing(board.links):
+        assert board.hears(dvl)
+        until(lambda: config.config["acoustic_enabled"] is True, meanwhile=board.look)
+        assert board.samples[0].velocity == pytest.approx(SWIMS.velocity, abs=0.03)
+        dvl.power_off()
+        until(lambda: counts["silent_instrument:dvl"] == 1, meanwhile=board.look)
+        dvl.power_on()
+        assert board.hears(dvl)
+        assert (counts["silent_instrument:dvl"], counts["answering:dvl"]) == (1, 2)
     dvl.power_off()
-    until(lambda: counts["silent_instrument:dvl"] == 1, meanwhile=board.look)
-    dvl.power_on()
-    assert board.hears(dvl)
-    assert counts["silent_instrument:dvl"] == 1
-    assert counts["answering:dvl"] == 2
