@@ -100,9 +100,7 @@ def test_a_request_is_made_once_when_its_key_goes_down(keyboard: Keyboard, key: 
 @pytest.mark.parametrize(
     ("key", "kind"), [(pygame.KSCAN_RETURN, "arm"), (pygame.KSCAN_BACKSPACE, "disarm")]
 )
-def test_what_is_deliberate_is_asked_for_once_after_a_second(
-    keyboard: Keyboard, key: int, kind: Press
-):
+def test_what_is_deliberate_is_held_for_a_second(keyboard: Keyboard, key: int, kind: Press):
     assert press(keyboard, key).presses == ()
     assert keyboard.read(999 * MS, None).presses == ()
     assert keyboard.read(1000 * MS, None).presses == (Held(kind, 0),)
@@ -144,9 +142,7 @@ def test_losing_the_focus_releases_all_keys_and_the_pilot_stays(keyboard: Keyboa
     assert press(keyboard, pygame.KSCAN_W).sticks == Sticks(surge=0.6)  # and shift is not down
 
 
-def test_keys_that_are_held_while_the_window_opens_do_nothing_until_they_were_let_go(
-    keyboard: Keyboard,
-):
+def test_keys_held_while_the_window_opens_do_nothing_until_let_go(keyboard: Keyboard):
     """… and a stop always acts."""
 
     def happened(kind: int, at_ms: int, **more: int) -> StickReading:

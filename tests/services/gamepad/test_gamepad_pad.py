@@ -228,9 +228,7 @@ def test_until_the_sticks_were_centred_only_stop_and_disarm_are_heard(pilot: Pil
 
 
 @pytest.mark.parametrize("name", [None, b"Another Pad"])
-def test_a_second_pad_is_named_and_left_alone_while_the_first_is_moved(
-    pilot: Pilot, name: bytes | None
-):
+def test_a_second_pad_is_left_alone_while_the_first_is_moved(pilot: Pilot, name: bytes | None):
     first = VirtualPad()
     pilot.read()
     second = VirtualPad(name=name)
@@ -341,9 +339,7 @@ def test_a_pad_sdl_does_not_know_is_named_in_one_line(pilot: Pilot):
     wheel.pull()
 
 
-def test_a_display_that_cannot_be_reached_does_not_matter_to_a_pad(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_a_pad_needs_no_display(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
     monkeypatch.setenv("DISPLAY", ":93")
     pilot = Pilot()

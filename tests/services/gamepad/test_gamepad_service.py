@@ -160,7 +160,7 @@ SAID = [  # what LOG says
 ]
 
 
-def test_a_script_waits_for_arming_speaks_at_its_own_exact_times_and_disarms_three_seconds_later(
+def test_a_script_waits_for_arming_and_speaks_at_its_exact_times(
     host: VirtualHost, drone: Drone, script: Stack
 ):
     """And commands come at 50 Hz whatever happens."""
@@ -186,7 +186,7 @@ def test_a_script_waits_for_arming_speaks_at_its_own_exact_times_and_disarms_thr
     assert not drone.armed
 
 
-def test_an_unanswered_request_is_repeated_with_the_same_id_and_then_given_up(
+def test_an_unanswered_request_is_repeated_then_given_up(
     host: VirtualHost, drone: Drone, script: Stack
 ):
     drone.answers = False
@@ -204,9 +204,7 @@ def test_an_unanswered_request_is_repeated_with_the_same_id_and_then_given_up(
     assert len({r.id for r in drone.requests}) == 2
 
 
-def test_a_refusal_is_told_with_its_reason_and_not_hammered(
-    host: VirtualHost, drone: Drone, script: Stack
-):
+def test_a_refusal_is_told_and_not_hammered(host: VirtualHost, drone: Drone, script: Stack):
     drone.refuses = "the hatch is open"
     node = host.add("gamepad", HOME, script, wire)
     host.run(5 * S)
@@ -289,7 +287,7 @@ def test_a_persons_pad_or_keyboard_arms_nothing_until_its_button_is_held(
 
 
 @pytest.mark.parametrize("kind", ["stop", "disarm"])
-def test_after_a_stop_or_disarm_nothing_arms_by_itself_even_after_a_restart(
+def test_after_a_stop_or_disarm_nothing_arms_by_itself(
     host: VirtualHost, drone: Drone, kind: Press
 ):
     hands = Hands()
@@ -362,7 +360,7 @@ def test_a_mistake_in_a_script_names_file_and_line(host: VirtualHost, tmp_path: 
 
 
 @pytest.mark.parametrize("pilot", ["gamepad", "keyboard"])
-def test_without_pygame_the_sentence_says_how_to_install_it(
+def test_without_pygame_it_says_how_to_install_it(
     host: VirtualHost, pilot: str, monkeypatch: pytest.MonkeyPatch
 ):
     def missing(name: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
@@ -52,11 +52,8 @@ def csv(rows: list[tuple[int, Sticks, str]]) -> bytes:
     return b"t,surge,sway,heave,yaw,tilt,gripper,event\n" + "\n".join(lines).encode()
 
 
-@settings(max_examples=100, deadline=None)
 @given(logs(), st.integers(0, 90_000))
-def test_each_row_holds_until_the_next_and_the_last_one_ends_it(
-    rows: list[tuple[int, Sticks, str]], ms: int
-):
+def test_each_row_holds_until_the_next(rows: list[tuple[int, Sticks, str]], ms: int):
     script = parse(csv(rows), course_named)
     begun = [row for row in rows if row[0] <= ms]
     silent = not begun or ms >= rows[-1][0] or begun[-1][2] == "lost"
@@ -65,11 +62,8 @@ def test_each_row_holds_until_the_next_and_the_last_one_ends_it(
     assert script.duration == rows[-1][0] / 1000
 
 
-@settings(max_examples=50, deadline=None)
 @given(logs(), st.lists(st.integers(0, 90_000), max_size=20).map(sorted))
-def test_every_event_happens_once_whenever_the_player_is_asked(
-    rows: list[tuple[int, Sticks, str]], moments: list[int]
-):
+def test_every_event_happens_once(rows: list[tuple[int, Sticks, str]], moments: list[int]):
     player = Player("x", parse(csv(rows), course_named), Outbox())
     heard = Counter[object]()
     for ms in [*moments, 90_000]:
@@ -78,7 +72,6 @@ def test_every_event_happens_once_whenever_the_player_is_asked(
     assert heard == written + Counter({"disarm": 1})
 
 
-@settings(max_examples=50, deadline=None)
 @given(logs())
 def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int, Sticks, str]]):
     player, began = Player("x", parse(csv(rows), course_named), Outbox()), 5 * S
@@ -90,9 +83,8 @@ def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int
     assert named == [ms * 1_000_000 for ms, _, _ in rows] + [rows[-1][0] * 1_000_000 + QUIET_NS]
 
 
-@settings(max_examples=50, deadline=None)
 @given(logs(), st.integers(0, 90_000))
-def test_the_hands_are_at_rest_while_the_script_moves_nothing_but_the_camera(
+def test_the_hands_are_at_rest_while_only_the_camera_moves(
     rows: list[tuple[int, Sticks, str]], ms: int
 ):
     reading = Player("x", parse(csv(rows), course_named), Outbox()).read(ms * 1_000_000, 0)
@@ -106,7 +98,6 @@ def parsed_or_error(data: bytes) -> StickLog | ValueError:
         return error
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.binary(max_size=200) | st.binary(max_size=60).map(lambda tail: HEAD + tail))
 def test_whatever_bytes_a_file_holds_the_error_names_a_line(data: bytes):
     parsed = parsed_or_error(data)
@@ -196,7 +187,6 @@ def event_of(cell: str) -> object:
     return parse(f"{TEXT_HEAD}0,0,0,0,0\n1,0,0,0,0,{cell}\n".encode(), course_named).rows[1].event
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     st.none() | st.floats(0.0, 11_000.0),
     st.none() | st.floats(-360.0, 360.0),

@@ -1,7 +1,7 @@
 """The stages add up to the whole, and nothing is said that is not known."""
 
 import msgspec
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.control import ThrusterCommand
@@ -39,7 +39,6 @@ def fly(budget: LatencyAccount, k: int, way: tuple[int, ...]) -> int:
 
 
 @given(ways=ways)
-@settings(max_examples=100, deadline=None)
 def test_the_stages_add_up_to_the_median_from_end_to_end(ways: list[tuple[int, ...]]) -> None:
     budget = LatencyAccount()
     for _ in range(5):
@@ -60,7 +59,6 @@ def test_the_stages_add_up_to_the_median_from_end_to_end(ways: list[tuple[int, .
 
 
 @given(way=st.tuples(*(st.integers(0, 80) for _ in range(5))))
-@settings(max_examples=50, deadline=None)
 def test_a_steady_way_is_told_stage_by_stage(way: tuple[int, ...]) -> None:
     budget = LatencyAccount()
     now = [fly(budget, k, way) for k in range(20)][-1]
@@ -103,7 +101,6 @@ def test_a_command_that_was_held_up_for_longer_than_the_budget_looks_back_is_no_
 
 
 @given(error=st.integers(-500, 500), delay=st.integers(0, 400))
-@settings(max_examples=50, deadline=None)
 def test_two_clocks_that_disagree_give_no_time_below_zero(error: int, delay: int) -> None:
     """`error` [ms] is how far the drone's stamps are off after the clocks were compared."""
     budget, now = LatencyAccount(), 0
@@ -130,9 +127,7 @@ def test_two_clocks_that_disagree_give_no_time_below_zero(error: int, delay: int
 
 
 @given(arrivals=st.lists(st.integers(1, 3000), max_size=60), after=st.integers(0, 5000))
-def test_what_is_lost_is_the_time_in_which_no_state_arrived(
-    arrivals: list[int], after: int
-) -> None:
+def test_lost_is_the_time_in_which_no_state_arrived(arrivals: list[int], after: int) -> None:
     """Also while the pause lasts. A message that another one replaces at once is not missed."""
     budget, now = LatencyAccount(), 0
     assert budget.report(50 * S, None, ()).lost_s == 0.0  # nothing was there yet

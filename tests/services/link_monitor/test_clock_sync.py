@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
@@ -40,7 +40,6 @@ def trip(
 
 
 @given(delays=delays, offset=offsets, drift=drifts)
-@settings(max_examples=200, deadline=None)
 def test_the_true_offset_is_always_inside_the_bound(
     delays: list[tuple[int, int, int]], offset: int, drift: float
 ) -> None:
@@ -64,7 +63,6 @@ def test_the_true_offset_is_always_inside_the_bound(
 
 
 @given(jump=st.integers(2 * SECOND, 3600 * SECOND), back=st.booleans())
-@settings(max_examples=50, deadline=None)
 def test_a_clock_that_is_set_is_noticed_counted_and_learnt_anew(jump: int, back: bool) -> None:
     sync, offset = ClockSync(Outbox()), 10**12
     for k in range(20):

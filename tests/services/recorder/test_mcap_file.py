@@ -80,7 +80,7 @@ def test_flushes_do_not_add_to_the_index(tmp_path: Path):
     assert len(summary.chunk_indexes) == summary.statistics.chunk_count == 1
 
 
-def test_a_foreign_reader_finds_a_time_and_a_topic_by_the_index(
+def test_a_foreign_reader_finds_a_time_by_the_index(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(mcap_file, "CHUNK_BYTES", 5_000)
@@ -134,7 +134,7 @@ def test_killed_within_a_flush_only_that_flush_is_lost(
 
 
 @pytest.mark.parametrize("done", [0, 200])
-def test_a_disk_that_fills_up_within_a_flush_loses_only_that_flush(
+def test_a_disk_full_within_a_flush_loses_only_that_flush(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: int
 ):
     """Of the next flush, `done` bytes still find room."""

@@ -205,7 +205,7 @@ def test_a_full_disk_in_mid_dive_is_counted_and_recording_goes_on_when_there_is_
     assert stamps[-1] == 20 * SECOND
 
 
-def test_a_disk_with_room_for_nothing_but_a_beginning_gets_no_flood_of_parts(
+def test_a_disk_with_room_for_a_beginning_gets_no_flood_of_parts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     dive = Dive(tmp_path)
@@ -245,7 +245,7 @@ def test_garbage_on_the_bus_is_counted_in_the_file_and_disturbs_nothing(tmp_path
     }
 
 
-def test_a_recorder_that_is_started_again_on_a_full_disk_waits_for_room(
+def test_started_again_on_a_full_disk_it_waits_for_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     dive = Dive(tmp_path)

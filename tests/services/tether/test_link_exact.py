@@ -104,7 +104,7 @@ def arrivals(sent: Sent) -> list[tuple[int, int]]:
 
 
 @given(plain(), entries)
-def test_a_packet_waits_for_those_before_it_is_sent_at_the_rate_and_arrives_after_the_delay(
+def test_a_packet_waits_is_sent_at_the_rate_and_arrives_after_the_delay(
     leg: DirectionProfile, steps: list[tuple[int, int]]
 ) -> None:
     line, packets = line_of(leg), entered(leg, steps)
@@ -137,7 +137,7 @@ def test_a_change_counts_for_what_is_not_yet_sent(
 
 
 @given(plain(), entries, st.integers(0, 300_000), st.integers(0, 300_000), entries)
-def test_a_cut_names_each_message_that_did_not_arrive_and_the_line_is_then_as_new(
+def test_a_cut_names_what_did_not_arrive_and_the_line_is_then_as_new(
     leg: DirectionProfile,
     steps: list[tuple[int, int]],
     cut_us: int,
@@ -196,7 +196,7 @@ def test_time_does_not_run_backwards(
 
 
 @given(plain(), st.lists(st.tuples(st.integers(0, 50_000), st.integers(0, 5000)), max_size=40))
-def test_what_was_carried_in_the_busy_time_is_the_rate(
+def test_the_rate_is_what_was_carried_while_busy(
     leg: DirectionProfile, steps: list[tuple[int, int]]
 ) -> None:
     """Whenever one looks: a packet counts, and its time, when it has been sent."""

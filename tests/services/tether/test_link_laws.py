@@ -6,7 +6,7 @@ from itertools import accumulate
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import events
@@ -95,7 +95,6 @@ def assert_conserved(line: LinkDirection[int]) -> None:
     assert line.entered + line.copied == gone + line.on_the_way
 
 
-@settings(max_examples=150, deadline=None)
 @given(legs(), entries, st.integers(0, 5))
 def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
     leg: DirectionProfile, steps: list[tuple[int, int, int]], seed: int
@@ -113,7 +112,6 @@ def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
     assert max(copies.values(), default=0) <= 2
 
 
-@settings(max_examples=100, deadline=None)
 @given(legs(), entries)
 def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_stance(
     leg: DirectionProfile, steps: list[tuple[int, int, int]]
@@ -133,7 +131,6 @@ def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_stance(
             assert same == sorted(same)
 
 
-@settings(max_examples=100, deadline=None)
 @given(legs(), entries, st.integers(1, 7), st.integers(0, 9))
 def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     leg: DirectionProfile, steps: list[tuple[int, int, int]], look_ms: int, seed: int
@@ -154,7 +151,6 @@ def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     assert end == sum(wait for wait, _, _ in steps)
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     st.lists(legs(), min_size=1, max_size=3),
     st.lists(
@@ -202,7 +198,6 @@ def test_a_change_to_a_limit_smaller_than_what_waits_loses_nothing() -> None:
 # Rate, queue, urgency.
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.integers(1, 200), st.integers(0, 30 * MS))
 def test_a_command_waits_for_one_message_at_most(backlog: int, at: int) -> None:
     line = line_of(DirectionProfile(rate_kbit=100.0, queue=Queue()))
@@ -256,9 +251,7 @@ SLOW = DirectionProfile(delay_ms=30.0, rate_kbit=100.0, queue=Queue(limit_bytes=
 
 
 @given(st.lists(st.tuples(st.integers(0, 50), st.integers(100, 5000)), min_size=1, max_size=60))
-def test_none_is_sent_after_its_life_and_each_is_sent_or_counted(
-    entered: list[tuple[int, int]],
-) -> None:
+def test_each_is_sent_in_its_life_or_counted(entered: list[tuple[int, int]]) -> None:
     line, now, times, out = line_of(SLOW), 0, list[int](), Arrived()
     for number, (gap, size) in enumerate(entered):
         now += gap * MS
@@ -305,9 +298,7 @@ def test_a_report_tells_of_its_own_period(delay_ms: float, periods: list[tuple[i
 
 
 @given(st.floats(0.05, 0.9), st.integers(1, 5))
-def test_the_loss_of_a_period_is_the_share_of_what_was_settled_in_it(
-    share: float, periods: int
-) -> None:
+def test_the_loss_of_a_period_is_the_share_of_what_it_settled(share: float, periods: int) -> None:
     line, before = line_of(DirectionProfile(loss=Loss(loss_good=share)), seed=3), 0
     for k in range(periods):
         flown(line, k * S, 50, 100)

@@ -23,7 +23,7 @@ MINUTE_MS = 60_000.0  # longer than this no message takes
 
 
 @given(st.floats(0.0, 100.0), st.none() | st.floats(0.0, 60.0), st.floats(0.0, 1e4))
-def test_a_trace_of_one_row_is_that_delay_or_loss_for_ever(
+def test_a_trace_of_one_row_is_that_for_ever(
     sent: float, later: float | None, seconds: float
 ) -> None:
     found = Trace("", (sent,), (None if later is None else sent + later,)).at(seconds)

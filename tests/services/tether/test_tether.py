@@ -140,7 +140,7 @@ def test_a_tether_that_starts_again_goes_on_as_it_was_set() -> None:
         ("set", {}, "nothing to set"),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused_and_changes_nothing(
+def test_a_senseless_request_is_refused_and_changes_nothing(
     kind: str, more: dict[str, Any], says: str
 ) -> None:
     running = Running().run(1.0)

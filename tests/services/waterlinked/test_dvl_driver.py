@@ -64,7 +64,7 @@ def faulty(*kinds: Fault, latency: float = 0.1, mounted: float = 0.0) -> DvlFaul
 
 
 @given(st.floats(0.0, 0.25), st.floats(-2.0, 2.0), st.floats(0.05, 50.0), st.integers(0, 99))
-def test_a_sample_is_what_was_measured_when_it_was(
+def test_a_sample_is_what_was_measured_then(
     latency: float, speed: float, altitude: float, seed: int
 ) -> None:
     """Whatever its clock says: arrival less the time from the echo to the report."""

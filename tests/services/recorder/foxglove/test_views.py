@@ -130,9 +130,7 @@ def test_every_view_has_all_that_its_schema_promises_and_nothing_else():
 
 
 @given(place=places, q=attitudes(), depth=metres, heading=st.floats(min_value=-50, max_value=50))
-def test_frames_put_the_drone_east_north_and_up(
-    place: Vec3, q: Quaternion, depth: float, heading: float
-):
+def test_frames_are_east_north_and_up(place: Vec3, q: Quaternion, depth: float, heading: float):
     views = Views(VEHICLE)
     views.of(topics.REFERENCE, reference(START, depth, heading), START)
     drawn_now = views.of(topics.STATE, state(START, place, q), START)

@@ -242,9 +242,7 @@ class Ear:
         self._ears = [session.declare_subscriber(key, keep) for key in asked]
 
 
-def test_pilots_and_observers_hear_the_rows_that_go_up_and_the_revoked_and_others_nothing(
-    drone: Drone,
-) -> None:
+def test_pilots_and_observers_hear_what_goes_up_the_revoked_nothing(drone: Drone) -> None:
     let_in, others = (
         ("ours/pilot-ann", "ours/observer-eve"),
         ("ours/pilot-gone", "ours/drone-other"),

@@ -184,9 +184,7 @@ def test_wild_keys_and_rows_of_the_other_direction_reach_no_service_on_board(fle
         assert half.keys() == set()
 
 
-def test_who_is_there_is_seen_from_everywhere_and_who_watches_gets_a_row_of_all(
-    fleet: Fleet,
-) -> None:
+def test_who_is_there_is_seen_and_a_watcher_gets_a_row_of_all(fleet: Fleet) -> None:
     fleet.fresh()
     with open_network(fleet.endpoint, PATIENCE_S) as network:
         until(lambda: len(network.tokens(DRONES)) == 2)

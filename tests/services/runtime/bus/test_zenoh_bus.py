@@ -170,7 +170,7 @@ def test_a_client_without_a_hub_gives_up_with_a_sentence(tmp_path: Path) -> None
 # Without unix sockets: TCP of this machine, with a password.
 
 
-def test_nobody_comes_in_without_the_password(
+def test_nobody_enters_without_the_password(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(zenoh_bus, "system", portable())

@@ -128,7 +128,7 @@ def test_a_path_that_is_no_file_of_the_kind_is_said(path: str) -> None:
         (["least_kbit=900", "most_kbit=500"], 1, "least_kbit is 900, expected at most most_kbit"),
     ],
 )
-def test_a_mistake_of_a_table_as_a_whole_is_of_the_option_from_which_on_it_is_wrong(
+def test_a_mistake_of_a_whole_table_is_of_the_option_that_made_it(
     assignments: list[str], guilty: int, why: str
 ) -> None:
     overrides = [f"camera.{assignment}" for assignment in assignments]
@@ -167,9 +167,7 @@ def test_two_thrusters_of_one_name_are_refused(tmp_path: Path) -> None:
     [(f"a = {'[' * 100_000}", "tables or arrays too deep"),
      ("# " + "a" * 1_000_000, "1000002 letters, at most 1000000 are allowed")],
 )  # fmt: skip
-def test_a_file_that_is_too_long_or_too_deep_is_refused(
-    tmp_path: Path, text: str, said: str
-) -> None:
+def test_a_file_too_long_or_too_deep_is_refused(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "bomb.toml"
     path.write_text(text)
     with pytest.raises(LindyError) as refused:
@@ -235,9 +233,7 @@ def test_what_looks_like_a_value_and_is_none_is_refused(text: str) -> None:
 
 
 @given(st.lists(NAMES, min_size=1, max_size=5), st.integers())
-def test_a_path_of_any_length_reaches_its_value_and_changes_nothing_else(
-    path: list[str], value: int
-) -> None:
+def test_a_path_of_any_length_reaches_its_value_alone(path: list[str], value: int) -> None:
     tree: dict[str, Any] = {"Other": {"kp": 1.0}}
     override(tree, [f"{'.'.join(path)} = {value}"])
     inner: Any = tree

@@ -73,9 +73,7 @@ def test_a_parts_figures_count_where_the_vehicle_states_none() -> None:
         ("sensors=3", "expected a table, found 3; its keys: dvl, imu, magnetometer, pressure"),
     ],
 )
-def test_a_part_that_there_is_not_is_one_sentence_about_the_option(
-    option: str, sentence: str
-) -> None:
+def test_an_unknown_part_is_one_sentence_about_the_option(option: str, sentence: str) -> None:
     stack = Stack(overrides=[option])
     for ask in (
         lambda: stack.section("simulator", Simulator),

@@ -56,9 +56,7 @@ def loop_of(nodes: Sequence[Toy], now: Callable[[], int]) -> Loop:
 
 
 @given(st.data(), NODES)
-def test_who_is_ready_waits_for_each_of_the_others_at_most_once(
-    data: st.DataObject, count: int
-) -> None:
+def test_who_is_ready_waits_for_each_other_node_once(data: st.DataObject, count: int) -> None:
     """Whoever wakes whom, and whatever timers are due."""
     now, woken, toys = 0, set[int](), [Toy(str(k)) for k in range(count)]
     waiting = dict.fromkeys(range(count), 0)  # steps of others since a node became ready
@@ -88,9 +86,7 @@ def test_who_is_ready_waits_for_each_of_the_others_at_most_once(
 
 
 @given(NODES, st.sets(st.integers(0, 5)), st.integers(0, 5))
-def test_all_who_are_ready_are_stepped_once_in_their_order(
-    count: int, woken: set[int], again: int
-) -> None:
+def test_all_who_are_ready_are_stepped_in_order(count: int, woken: set[int], again: int) -> None:
     order, toys = list[int](), [Toy(str(k), due=100) for k in range(count)]
     for k, toy in enumerate(toys):
         toy.stepped = partial(order.append, k)
@@ -316,9 +312,7 @@ def test_nothing_is_handled_before_the_first_step_or_after_the_last() -> None:
 
 
 @pytest.mark.parametrize("on_arrival", [True, False])
-def test_of_many_messages_on_two_threads_each_is_handled_once_in_order_and_alone(
-    on_arrival: bool,
-) -> None:
+def test_each_of_many_messages_is_handled_once_in_order_and_alone(on_arrival: bool) -> None:
     """While timers of the service's own thread ring all the time."""
     count, handled, inside, overlaps = 5000, list[tuple[str, int]](), list[int](), list[int]()
 
@@ -355,9 +349,7 @@ def test_of_many_messages_on_two_threads_each_is_handled_once_in_order_and_alone
     assert "overflowed:x/*" not in bench.node.counts
 
 
-def test_a_timer_set_by_a_handler_wakes_the_services_own_thread(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_timer_set_by_a_handler_wakes_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "POLL_S", 10 * PATIENCE_S)  # it would sleep until then
     rung = threading.Event()
     bench = Bench(lambda _, __: alarm.set(0))

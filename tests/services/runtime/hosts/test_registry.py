@@ -82,9 +82,7 @@ def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
     assert who_flies(Choices(pilot="keyboard"), both).name == "keyboard"
 
 
-def test_a_drone_that_is_elsewhere_is_flown_by_no_script_that_nobody_chose(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_no_script_that_nobody_chose_flies_a_drone_elsewhere(monkeypatch: pytest.MonkeyPatch):
     simulated = Registry.read("simulated")
     monkeypatch.setattr("tools.live.pilots.pad_is_there", lambda: False)
     assert who_flies(Choices(), simulated).name == DEFAULT_PILOT
@@ -360,9 +358,7 @@ def test_settings_of_a_module_that_declares_none_are_refused_with_how_to(tmp_pat
         Stack(vehicle=str(path)).check(known)
 
 
-def test_a_recorded_vehicle_file_may_have_tables_of_services_that_are_not_here(
-    tmp_path: Path,
-) -> None:
+def test_a_recorded_vehicle_file_may_have_tables_of_other_services(tmp_path: Path) -> None:
     """A dive of one's own driver is reviewed and replayed without it."""
     path, known = tmp_path / "boat.toml", known_tables(Registry.read())
     path.write_text(deploy_file("vehicles", "pioneer").read_text() + "\n[driver]\nport = 'x'\n")

@@ -273,9 +273,7 @@ def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_pa
     assert closed[-1] == "closed recorder"
 
 
-def test_who_is_not_alive_in_time_is_named_and_may_still_come_and_a_viewer_is_last(
-    tmp_path: Path,
-) -> None:
+def test_who_is_late_is_named_and_may_come_and_a_viewer_is_last(tmp_path: Path) -> None:
     viewer = '[services.visualizer]\nsides = ["topside"]\nmodule = "engine_module"\n'
     stack, services = made(tmp_path, engine=QUIET, desk=WAITING, stack=STACK + viewer)
     with local_stack(Dive(stack, services)) as local:
@@ -352,9 +350,7 @@ def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> 
         raise AssertionError("it has started")
 
 
-def test_a_service_without_memory_and_one_whose_handler_hangs_are_started_again(
-    tmp_path: Path,
-) -> None:
+def test_who_has_no_memory_and_who_hangs_are_started_again(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=GREEDY, desk=BUSY)
     with local_stack(Dive(stack, services)) as local:
         lines = list[LogLine]()
@@ -375,7 +371,7 @@ def test_a_service_without_memory_and_one_whose_handler_hangs_are_started_again(
         alive(local)
 
 
-def test_neither_a_hub_that_cannot_listen_for_a_while_nor_a_mistake_in_what_hears_ends_anything(
+def test_neither_a_hub_that_cannot_listen_nor_a_mistake_ends_anything(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As where the folder of its socket has become read-only. The mistake is printed once."""

@@ -55,7 +55,7 @@ def test_a_note_that_cannot_be_written_is_said_once_and_tried_again(tmp_path: Pa
     assert said == [f"cannot write {out / RUNNING}: no such file or directory"] * 2
 
 
-def test_a_disk_that_has_become_read_only_ends_nothing(
+def test_a_disk_that_became_read_only_ends_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = list[str]()
@@ -173,9 +173,7 @@ def test_where_no_file_can_be_made_nothing_is_watched_and_nothing_fails(tmp_path
 # Who comes to a hub from another machine is in its log.
 
 
-def test_a_caller_who_tries_for_hours_does_not_fill_the_log(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_caller_who_tries_for_hours_fills_no_log(capsys: pytest.CaptureFixture[str]) -> None:
     callers = CallerLog(["pilot:ann"])
     for _ in range(150):
         callers.see("pilot:eve", True)
@@ -272,9 +270,7 @@ def test_the_watchdog_hears_twice_in_its_time_at_least_and_not_at_every_call(
         {"WATCHDOG_USEC": "1000"},
     ],
 )
-def test_without_a_watchdog_or_without_systemd_nothing_is_told(
-    tmp_path: Path, environment: dict[str, str]
-):
+def test_without_watchdog_or_systemd_nothing_is_told(tmp_path: Path, environment: dict[str, str]):
     name = str(tmp_path / "notify")
     with manager(name) as hears:
         systemd = Systemd({key: value.format(name=name) for key, value in environment.items()}, 77)

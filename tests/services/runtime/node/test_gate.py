@@ -63,9 +63,7 @@ def test_another_type_on_our_key_is_refused_unopened() -> None:
 
 
 @given(st.integers(-JITTER, JITTER) | st.integers(-2, 2), st.none() | st.integers(0, 100 * MS))
-def test_no_command_lives_longer_by_a_stamp_from_the_future_than_jitter_explains(
-    more: int, bound: int | None
-) -> None:
+def test_no_command_lives_longer_by_a_stamp_from_the_future(more: int, bound: int | None) -> None:
     """`bound` [ns] is what the other machine's clock is known to; None: there is one clock."""
     counts, ahead = Counter[str](), JITTER + (bound or 0) + more
     offset = None if bound is None else known(0, bound, NOW)
@@ -78,9 +76,7 @@ def test_no_command_lives_longer_by_a_stamp_from_the_future_than_jitter_explains
 
 
 @given(st.integers(0, 2 * NOW), st.sampled_from(get_args(RequestKind)))
-def test_before_the_clocks_are_known_events_are_heard_and_commands_are_not(
-    stamp: int, kind: RequestKind
-) -> None:
+def test_before_the_clocks_are_known_only_events_are_heard(stamp: int, kind: RequestKind) -> None:
     """Nothing but the age of a message hangs on the clocks, and an event has none: a stop is a stop
     whenever it was pressed. What the age of a command is, nobody can say."""
     clock_offset, counts = ClockOffset("drone"), Counter[str]()
@@ -163,9 +159,7 @@ bound = st.integers(0, 200 * MS)
 
 
 @given(ahead, bound, st.integers(0, 600) | st.just(300), st.integers(-2, 2))
-def test_the_age_of_a_command_is_taken_at_its_greatest(
-    ahead: int, bound: int, ttl_ms: int, more: int
-) -> None:
+def test_a_command_is_as_old_as_it_can_be(ahead: int, bound: int, ttl_ms: int, more: int) -> None:
     """It acts if it is in time even though the clock is known no better."""
     counts: Counter[str] = Counter()
     door = Gate(topics.PILOT_COMMAND, Outbox(counts), known(ahead, bound, NOW))
@@ -180,7 +174,7 @@ def test_the_age_of_a_command_is_taken_at_its_greatest(
 
 
 @given(ahead, bound, st.integers(1, 10**9), st.integers(-2, 2) | st.integers(-(10**9), 10**9))
-def test_an_older_stamp_is_of_a_clock_started_anew_only_if_the_newest_cannot_be_of_this_one(
+def test_an_older_stamp_is_of_a_restarted_clock_only_if_it_must_be(
     ahead: int, bound: int, earlier: int, more: int
 ) -> None:
     counts: Counter[str] = Counter()
@@ -217,9 +211,7 @@ heard = st.lists(
 
 
 @given(heard)
-def test_a_family_is_one_door_for_each_member(
-    heard: list[tuple[str, int, int, str, bool]],
-) -> None:
+def test_a_family_has_a_door_for_each_member(heard: list[tuple[str, int, int, str, bool]]) -> None:
     """Counted under a member's own name once it was admitted, until then under the family's."""
     counts: Counter[str] = Counter()
     family = Gates(topics.HEALTH, Outbox(counts))
@@ -239,9 +231,7 @@ def test_a_family_is_one_door_for_each_member(
 
 
 @pytest.mark.parametrize("is_onlooker", [False, True])
-def test_a_family_has_sixty_four_members_and_the_rest_are_counted_under_its_name(
-    is_onlooker: bool,
-) -> None:
+def test_a_family_has_sixty_four_members_and_counts_the_rest(is_onlooker: bool) -> None:
     counts: Counter[str] = Counter()
     family = Gates(topics.HEALTH, Outbox(counts), onlooker=is_onlooker)
 
