@@ -91,23 +91,6 @@ def test_the_hands_are_at_rest_while_only_the_camera_moves(
     assert reading.at_rest == (reading.sticks._replace(tilt=0.0, gripper=0.0) == CENTRED)
 
 
-def parsed_or_error(data: bytes) -> StickLog | ValueError:
-    try:
-        return parse(data, course_named)
-    except ValueError as error:
-        return error
-
-
-@given(st.binary(max_size=200) | st.binary(max_size=60).map(lambda tail: HEAD + tail))
-def test_whatever_bytes_a_file_holds_the_error_names_a_line(data: bytes):
-    parsed = parsed_or_error(data)
-    if isinstance(parsed, StickLog):
-        assert all(abs(x) <= 1.0 for row in parsed.rows for x in row.sticks)
-    else:
-        assert type(parsed) is ValueError
-        assert str(parsed).startswith("line ")
-
-
 def test_comments_blank_lines_spaces_and_a_spreadsheets_mark_are_allowed():
     text = (
         "\ufeff# a dive\r\n\r\n t, surge, sway, heave, yaw, event # heading\r\n"

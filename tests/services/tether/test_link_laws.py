@@ -112,25 +112,6 @@ def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
     assert max(copies.values(), default=0) <= 2
 
 
-@given(legs(), entries)
-def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_stance(
-    leg: DirectionProfile, steps: list[tuple[int, int, int]]
-) -> None:
-    out = passage(line_of(leg), steps)
-    times = [at for _, at, _ in out]
-    assert times == sorted(times)
-    entered = np.cumsum([wait for wait, _, _ in steps]).tolist()
-    for item, at, _ in out:
-        transmission = 0.0
-        if leg.rate_kbit:
-            transmission = (steps[item][1] + leg.overhead_bytes) * 8e6 / leg.rate_kbit
-        assert at >= entered[item] + leg.delay_ms * MS + transmission - 2
-    if leg.late is None:
-        for rank in range(4):
-            same = [item for item, _, _ in out if steps[item][2] == rank]
-            assert same == sorted(same)
-
-
 @given(legs(), entries, st.integers(1, 7), st.integers(0, 9))
 def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     leg: DirectionProfile, steps: list[tuple[int, int, int]], look_ms: int, seed: int

@@ -214,24 +214,6 @@ def wire(node, stack):
 """
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["engine", "hub_topside"])
-def test_what_is_stopped_is_named_and_started_again(tmp_path: Path, name: str) -> None:
-    stack, services = made(tmp_path)
-    with local_stack(Dive(stack, services)) as local:
-        said = list[str]()
-        local.node.show = lambda line: said.append(line.text)
-        local.start_services()
-        alive(local)
-        pump_until(local, lambda: last_beat(local.plan.heartbeat(name)) is not None)
-        os.kill(running(stack).pids[name], signal.SIGSTOP)
-        pump_until(local, lambda: f"{name} is started again" in said)
-        alive(local)
-        assert said[0] == f"{name} does not answer any more"
-        assert local.hang_detector.times == {name: 1}
-        assert local.restarts[name] == 1
-
-
 def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_path: Path) -> None:
     """At its end, the recorder is closed last."""
     recorder = '[services.recorder]\nsides = ["drone"]\nprocess = "onboard"\n'

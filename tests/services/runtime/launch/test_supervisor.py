@@ -16,12 +16,10 @@ from hypothesis import strategies as st
 from services.runtime.launch import supervisor as module
 from services.runtime.launch.child import Child, OsChild, Task
 from services.runtime.launch.supervisor import (
-    BACK_OFF_S,
     LATE_S,
     MISTAKE,
     PUNCTUAL_S,
     SILENT_S,
-    STEADY_S,
     STUCK_S,
     Action,
     Ended,
@@ -344,36 +342,19 @@ def test_there_are_never_two_processes_for_one_child(story: list[tuple[int, Life
         done = done or event is LifeEvent.STOP or life.phase == "failed"
 
 
-@given(st.lists(st.integers(0, seconds(30)), min_size=1, max_size=12))
-def test_every_crash_is_followed_by_one_restart_within_the_longest_back_off(lengths: list[int]):
-    life, now = after(Life(), LifeEvent.TICK, LifeEvent.SEEN), 0
-    for crashes, length in enumerate(lengths, 1):
-        now += length
-        life = after(life, Ended(-9), now=now)
-        pause = life.at - now
-        assert seconds(BACK_OFF_S[0]) <= pause <= seconds(BACK_OFF_S[-1])
-        assert after(life, LifeEvent.TICK, now=life.at - 1).phase == "waiting"
-        now = life.at
-        life, action = advance(life, LifeEvent.TICK, now)
-        assert action is Action.START
-        assert life.restarts == crashes
-
-
-def test_the_back_off_grows_with_each_crash_in_a_row_and_then_stays():
+def test_the_back_off_grows_with_each_crash_in_a_row_until_a_steady_life():
     life, pauses = after(Life(), LifeEvent.TICK, LifeEvent.SEEN), list[float]()
     for _ in range(7):
         crashed_at = life.at
         life = after(life, Ended(-11), now=crashed_at)
         pauses.append((life.at - crashed_at) / 1e9)
+        assert after(life, LifeEvent.TICK, now=life.at - 1).phase == "waiting"
         life = after(life, LifeEvent.TICK, now=life.at)
-    assert pauses == [*BACK_OFF_S, BACK_OFF_S[-1], BACK_OFF_S[-1]]
-
-
-def test_a_steady_life_makes_the_next_restart_quick_again():
-    life = after(Life(crashes=4), LifeEvent.TICK, LifeEvent.SEEN)
-    at = seconds(STEADY_S)
-    assert after(life, Ended(-9), now=at).at == at + seconds(BACK_OFF_S[0])
-    assert after(life, Ended(-9), now=at - 1).at == at - 1 + seconds(BACK_OFF_S[-1])
+    assert pauses == [0.0, 0.5, 1.0, 2.0, 4.0, 4.0, 4.0]
+    assert life.restarts == 7
+    steady = life.at + seconds(10.0)
+    assert after(life, Ended(-9), now=steady).at == steady
+    assert after(life, Ended(-9), now=steady - 1).at == steady - 1 + seconds(4.0)
 
 
 def test_status_1_before_it_was_ever_alive_is_the_users_mistake():
