@@ -295,13 +295,13 @@ def test_another_pad_is_taken_when_the_first_is_gone_or_silent(pilot: Pilot):
     pilot.read()
     assert pilot.pad.name == "gamepad Virtual Controller"
     first.pull()
-    third = VirtualPad()
+    VirtualPad()
     assert pilot.read().present
 
 
 def test_a_pad_sdl_does_not_know_is_named_in_one_line(pilot: Pilot):
     pilot.read()
-    wheel = VirtualPad(WHEEL)
+    VirtualPad(WHEEL)
     pilot.lines()
     reading = pilot.read()
     assert not reading.present
