@@ -74,6 +74,10 @@ def everything(now: int) -> list[tuple[AnyTopic, Message]]:
     ]
 
 
+def views_of(topic: AnyTopic, message: Message) -> list[FoxgloveView]:
+    return Views(VEHICLE).of(topic, message, START)
+
+
 def views_of_all(now: int = START) -> dict[str, FoxgloveView]:
     views = Views(VEHICLE)
     return {v.key: v for topic, message in everything(now) for v in views.of(topic, message, now)}
@@ -150,9 +154,7 @@ def test_arrows_are_those_of_the_thrusters_that_push():
     thrust[1] = -10.0
     (arrows,) = [
         json.loads(view.data)
-        for view in Views(VEHICLE).of(
-            topics.ACTUATION, said.actuation(START, thrust=tuple(thrust)), START
-        )
+        for view in views_of(topics.ACTUATION, said.actuation(START, thrust=tuple(thrust)))
         if view.key == f"{PREFIX}thrust"
     ]
     (arrow,) = arrows["entities"][0]["arrows"]
@@ -177,10 +179,7 @@ def test_a_plot_has_the_same_numbers_under_names():
 
 @pytest.mark.parametrize("count", [0, 1, len(THRUSTERS) + 1, 32])
 def test_a_message_with_other_thrusters_gives_no_view(count: int):
-    assert (
-        Views(VEHICLE).of(topics.ACTUATION, said.actuation(START, thrust=(1.0,) * count), START)
-        == []
-    )
+    assert views_of(topics.ACTUATION, said.actuation(START, thrust=(1.0,) * count)) == []
 
 
 def test_nothing_is_drawn_before_the_depth_is_known():

@@ -185,9 +185,6 @@ def test_a_file_may_begin_with_the_mark_of_an_editor_on_windows(tmp_path: Path) 
 
 
 NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
-NUMBERS = st.one_of(
-    st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False, allow_infinity=False)
-)
 WORDS = (
     st.text("abcdefghijklmnopqrstuvwxyz /._", min_size=1)
     .map(str.strip)

@@ -16,7 +16,8 @@ from messages.pilot import PilotCommand, PilotRequest, RequestKind
 from services.runtime.bus.envelope import Envelope
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.gate import Gate, Gates
-from tests.support.messages import example
+from tests.support.messages import enveloped, example
+from tests.support.said import sticks
 
 NOW = 10**12
 MS = 1_000_000
@@ -25,11 +26,7 @@ JITTER = 100 * MS  # [ns] the most that a stamp may lie ahead; it adds to the li
 
 
 def command(stamp_ns: int = NOW, seq: int = 0, ttl_ms: float = 300.0, epoch: int = 0) -> Envelope:
-    message = PilotCommand(
-        stamp_ns=stamp_ns, seq=seq, surge=0.0, sway=0.0, heave=0.0, yaw=0.0, ttl_ms=ttl_ms,
-        epoch=epoch,
-    )  # fmt: skip
-    return Envelope("pilot/command", msgspec.msgpack.encode(message), TYPE)
+    return enveloped(topics.PILOT_COMMAND, sticks(stamp_ns, seq=seq, ttl_ms=ttl_ms, epoch=epoch))
 
 
 def gate() -> tuple[Gate[PilotCommand], Counter[str]]:
@@ -82,12 +79,9 @@ def test_before_the_clocks_are_known_only_events_are_heard(stamp: int, kind: Req
     clock_offset, counts = ClockOffset("drone"), Counter[str]()
     events = Gate(topics.PILOT_REQUEST, Outbox(counts), clock_offset)
     request = PilotRequest(stamp_ns=stamp, id="stop-1", kind=kind)
-    encoded = msgspec.msgpack.encode(request)
-    heard = events.admit(Envelope("pilot/request", encoded, topics.PILOT_REQUEST.encoding), NOW)
-    assert heard == request
-    assert (
-        Gate(topics.PILOT_COMMAND, Outbox(counts), clock_offset).admit(command(stamp), NOW) is None
-    )
+    assert events.admit(enveloped(topics.PILOT_REQUEST, request), NOW) == request
+    commands = Gate(topics.PILOT_COMMAND, Outbox(counts), clock_offset)
+    assert commands.admit(command(stamp), NOW) is None
     assert counts == {"unsynchronised:pilot/command": 1}
 
 
@@ -96,8 +90,7 @@ def test_events_of_two_senders_do_not_shut_each_other_out() -> None:
     door = Gate(topics.PILOT_REQUEST, Outbox(counts))
     for stamp, seq, who in ((50, 9, "pad"), (10, 0, "ask"), (60, 10, "pad")):
         message = PilotRequest(stamp_ns=stamp, seq=seq, id=f"{who}-{seq}", kind="stop")
-        payload = msgspec.msgpack.encode(message)
-        assert door.admit(Envelope("pilot/request", payload, topics.PILOT_REQUEST.encoding), NOW)
+        assert door.admit(enveloped(topics.PILOT_REQUEST, message), NOW)
     assert counts == {}
 
 

@@ -15,13 +15,10 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.node.loop_stats import CALM_NS, STALLED_NS, LoopStats, Usage
 from services.runtime.node.node import Node
 from tests.support.hindered_host import HinderedHost, Hindrance, Jitter, Lateness
+from tests.support.said import imu
 
 S, HZ = 1_000_000_000, 100  # [ns], [1/s]
 DRONE = ["drone"]
-
-
-def imu(now: int) -> ImuSample:
-    return ImuSample(stamp_ns=now, specific_force=(0.0, 0.0, -9.81), angular_rate=(0.0, 0.0, 0.0))
 
 
 def talking(lateness: Lateness) -> HinderedHost:

@@ -12,20 +12,16 @@ from hypothesis import strategies as st
 from messages import events, topics
 from messages.health import Health, LogLine
 from messages.sensors import ImuSample
-from services.runtime.bus.envelope import Envelope
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node import checkpoint as checkpoints
 from services.runtime.node.checkpoint import CheckpointFile, VolatileCheckpoint, write_safely
 from services.runtime.node.node import FORGETS, Node
-from tests.support.messages import example
+from tests.support.messages import enveloped, example
 from tests.support.patience import PATIENCE_S
+from tests.support.said import imu
 
 MS = 1_000_000
 DRONE = ["drone"]
-
-
-def imu(now: int) -> ImuSample:
-    return ImuSample(stamp_ns=now, specific_force=(0.0, 0.0, -9.81), angular_rate=(0.0, 0.0, 0.0))
 
 
 def talker(host: VirtualHost, hz: float = 100.0) -> Node:
@@ -164,8 +160,8 @@ def test_nobody_speaks_in_the_name_of_another_service_than_that_of_his_key() -> 
     listener, heard = host.node("listener", DRONE), list[Health]()
     listener.each(topics.HEALTH, lambda m, _: heard.append(m))
     for name in ("control", "camera"):
-        said = msgspec.msgpack.encode(example(Health, service=name))
-        host.side("drone").forward(Envelope("health/camera", said, topics.HEALTH.encoding))
+        said = example(Health, service=name)
+        host.side("drone").forward(enveloped(topics.HEALTH, said, "health/camera"))
         listener.step()
     assert [each.service for each in heard] == ["camera"]
     assert listener.counts == {"misnamed:health/*": 1}

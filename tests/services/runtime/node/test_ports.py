@@ -19,15 +19,12 @@ from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.gate import Gate
 from services.runtime.node.node import EVENTS, RING, Node
 from services.runtime.node.ports import MISSABLE, Alarm, Inbox, Latest, Publisher, Tick
+from tests.support.messages import enveloped
 from tests.support.patience import PATIENCE_S
 from tests.support.said import sticks
 
 MS, SECOND = 1_000_000, 1_000_000_000
 COMMAND = topics.PILOT_COMMAND
-
-
-def envelope(message: PilotCommand) -> Envelope:
-    return Envelope(COMMAND.key, msgspec.msgpack.encode(message), COMMAND.encoding)
 
 
 class Ear:
@@ -40,7 +37,7 @@ class Ear:
         self.port = Latest(COMMAND, self._inbox, gate, Outbox(self.counts))
 
     def store(self, message: PilotCommand) -> None:
-        self._inbox.store(envelope(message))
+        self._inbox.store(enveloped(COMMAND, message))
 
 
 @given(st.integers(1, 4), st.integers(0, 40))
@@ -99,7 +96,7 @@ def test_what_does_not_fit_between_two_steps_is_counted(number: int, every: bool
         node.each(COMMAND, lambda message, _: heard.append(message.stamp_ns))
     talker = MemoryBusPort(bus)
     for k in range(number):
-        talker.forward(envelope(sticks(SECOND - number + k)))
+        talker.forward(enveloped(COMMAND, sticks(SECOND - number + k)))
     node.step()
     kept = list(range(SECOND - number, SECOND))[-depth:]
     if port is not None:

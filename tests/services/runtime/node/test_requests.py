@@ -11,7 +11,7 @@ from messages import topics
 from messages.pilot import Course, PilotAnswer, PilotRequest, RequestKind
 from services.piloting.pilot_intents import overrules
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.runtime.node.requests import GIVE_UP_NS, KEPT, REPEAT_NS, AnswerBook, Requests
+from services.runtime.node.requests import KEPT, REPEAT_NS, AnswerBook, Requests
 
 TICK = 20_000_000  # [ns]
 S = 1_000_000_000  # [ns]
@@ -46,24 +46,6 @@ def test_an_answer_ends_the_repetition_and_a_second_answer_means_nothing(ticks: 
     assert requests.pending == []
     assert requests.due() is None
     assert requests.repeats(10**12) == requests.given_up(10**12) == []
-
-
-@given(st.lists(st.integers(0, 3 * REPEAT_NS), min_size=1, max_size=6))
-def test_whoever_looks_when_something_is_due_misses_nothing(waits: list[int]):
-    """As often as one who looks all the time, and five seconds after the last word it is quiet."""
-    requests, now, repeated = gamepad(), 0, 0
-    for wait in waits:
-        now += wait
-        requests.ask(request("light"), now)
-    while (due := requests.due()) is not None:
-        assert due >= now - sum(waits)
-        now = max(now, due)
-        given_up = requests.given_up(now)
-        repeats = requests.repeats(now)
-        repeated += len(repeats)
-        assert given_up or repeats
-    assert repeated <= len(waits) * (GIVE_UP_NS // REPEAT_NS - 1)
-    assert now <= sum(waits) + GIVE_UP_NS
 
 
 def test_a_newer_request_withdraws_what_it_overrules_and_nothing_else():
