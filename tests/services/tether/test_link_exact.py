@@ -169,32 +169,6 @@ def test_a_cut_names_what_did_not_arrive_and_the_line_is_then_as_new(
     assert line.carried_bytes == carried + sum(size for _, size in again)
 
 
-@given(
-    plain(),
-    st.lists(st.tuples(st.integers(0, 50_000), st.sampled_from("eeecr"), st.integers(0, 500))),
-    plain(),
-)
-def test_time_does_not_run_backwards(
-    leg: DirectionProfile, calls: list[tuple[int, str, int]], other: DirectionProfile
-) -> None:
-    """What is told of a time before the latest one happens at the latest one."""
-    told, latest = line_of(leg), line_of(leg)
-    now = 0
-    for item, (moment, what, size) in enumerate(calls):
-        now = max(now, moment * US)
-        for line, at in ((told, moment * US), (latest, now)):
-            if what == "e":
-                line.enter(item, at, size)
-            elif what == "r":
-                line.restore(at)
-            elif size % 2:
-                line.cut(at)
-            else:
-                line.change(other, at)
-    assert told.take_lost() == latest.take_lost()
-    assert out_of(told) == out_of(latest)
-
-
 @given(plain(), st.lists(st.tuples(st.integers(0, 50_000), st.integers(0, 5000)), max_size=40))
 def test_the_rate_is_what_was_carried_while_busy(
     leg: DirectionProfile, steps: list[tuple[int, int]]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.link import LinkRequest, LinkStatus
+from messages.link import LinkStatus
 from messages.topic import Qos
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
@@ -123,7 +123,6 @@ class Overload:
         self.delays: dict[str, list[int]] = {}
         pilot, drone = self.host.node("pilot", ["topside"]), self.host.side("drone")
         pilot.each(topics.LINK, lambda m, _: self.statuses.append(m))
-        self.request = pilot.publisher(topics.LINK_REQUEST)
         events = (topics.STATUS, topics.PILOT_ANSWER)
         for topic in (*FAST, *events):
             self.delays[topic.key] = []
@@ -170,18 +169,6 @@ def test_thinning_out_keeps_the_state_fresh_on_a_narrow_link(tmp_path: Path) -> 
     assert without.statuses[-1].up_link.tiers == {}
     assert with_tiers.tether.counts["thinned:simulator/truth"] > 900
     assert with_tiers.tether.counts["thinned:vehicle/status"] == 0
-
-
-@pytest.mark.slow
-def test_telemetry_comes_back_when_the_link_is_wide_again(tmp_path: Path) -> None:
-    run = Overload(tmp_path, NARROW.format(thin="true")).run(5.0)
-    assert run.statuses[-1].up_link.tiers
-    run.request.put(
-        LinkRequest(stamp_ns=run.host.now, id="x", kind="set", settings=("up.rate_kbit=9000",))
-    )
-    run.run(180.0)
-    assert run.statuses[-1].up_link.tiers == {}
-    assert run.statuses[-1].changes == 1
 
 
 LIFE = 400 * MS

@@ -47,6 +47,12 @@ TALKING = """
 def wire(node, stack):
     node.every(20.0, lambda now: node.log("info", "here"))
 """
+READING = """
+from services.marine.vehicle import Vehicle
+def wire(node, stack):
+    mass = stack.section("vehicle", Vehicle).mass
+    node.every(20.0, lambda now: node.log("info", f"mass {mass:g}"))
+"""
 WAITING = """
 import pathlib, time
 def wire(node, stack):
@@ -128,7 +134,11 @@ def socket_folders(local: LocalStack) -> set[Path]:
 
 
 def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_path: Path) -> None:
-    stack, services = made(tmp_path)
+    stack, services = made(tmp_path, engine=READING)
+    file = tmp_path / "pioneer_too.toml"
+    file.write_text(deploy_file("vehicles", "pioneer").read_text())
+    mass = f"mass {stack.section('vehicle', Vehicle).mass:g}"
+    stack = msgspec.structs.replace(stack, vehicle=str(file))
     with local_stack(Dive(stack, services)) as local:
         assert set(local.plan.endpoints) == {"topside", "drone"}
         assert sorted(local.missing()) == ["desk", "engine"]
@@ -136,19 +146,20 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         alive(local)
         assert local.shown >= {("drone", "engine"), ("topside", "desk"), ("drone", "desk")}
         found = running(stack)
-        file, pids = str(services.file), local.supervisor.pids
-        began = system.began(os.getpid())
-        assert found == Running("pioneer", local.plan.endpoints, os.getpid(), pids, file, began)
+        stack_file, pids = str(services.file), local.supervisor.pids
+        began, me = system.began(os.getpid()), os.getpid()
+        assert found == Running("pioneer", local.plan.endpoints, me, pids, stack_file, began)
         assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
         ear = Ear(found)
         said = ear.heard(topics.LOG.of("engine"))
         pump_until(local, lambda: bool(said))
         ear.close()
-        assert said[0].text == "here"
+        assert said[0].text == mass
         folders = socket_folders(local)
         assert all(folder.is_dir() for folder in folders)
         assert set(local.supervisor.restarts.values()) == {0}
-        after = kills_are_mended(local, stack)
+        file.write_text("[vehicle")  # who starts again reads what the dive began with
+        after = kills_are_mended(local, stack, mass)
         require_it_goes_on_without_a_service_or_its_folder(local, stack)
         pids = (*found.pids.values(), *after.values(), *local.supervisor.pids.values())
     assert not [pid for pid in pids if exists(pid)]
@@ -156,7 +167,7 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
     assert not (stack.out_dir / RUNNING).exists()
 
 
-def kills_are_mended(local: LocalStack, stack: Stack) -> dict[str, int]:
+def kills_are_mended(local: LocalStack, stack: Stack, says: str) -> dict[str, int]:
     """A service and a hub that are killed come again, and the file names the new processes."""
     before = running(stack).pids
     for name in ("engine", "hub_drone"):
@@ -168,7 +179,7 @@ def kills_are_mended(local: LocalStack, stack: Stack) -> dict[str, int]:
     assert {name for name, pid in after.items() if pid != before[name]} == {"engine", "hub_drone"}
     restarts = {"hub_topside": 0, "hub_drone": 1, "engine": 1, "desk": 0}
     assert local.supervisor.restarts == restarts
-    assert "info engine: here" in (stack.out_dir / "logs/engine.log").read_text()
+    assert f"info engine: {says}" in (stack.out_dir / "logs/engine.log").read_text()
     return after
 
 
@@ -378,36 +389,6 @@ def test_neither_a_hub_that_cannot_listen_nor_a_mistake_ends_anything(
         pump_until(local, lambda: not local.missing() and socket.is_socket())
     assert local.supervisor.failure is None
     assert capsys.readouterr().err.count("KeyError: 'here'") == 1
-
-
-READING = """
-from services.marine.vehicle import Vehicle
-def wire(node, stack):
-    mass = stack.section("vehicle", Vehicle).mass
-    node.every(20.0, lambda now: node.log("info", f"mass {mass:g}"))
-"""
-
-
-@pytest.mark.slow
-def test_a_service_that_starts_again_reads_what_the_dive_began_with(tmp_path: Path) -> None:
-    stack, services = made(tmp_path, engine=READING)
-    file = tmp_path / "mine_too.toml"
-    file.write_text(deploy_file("vehicles", "pioneer").read_text())
-    mass = stack.section("vehicle", Vehicle).mass
-    stack = msgspec.structs.replace(stack, vehicle=str(file))
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
-        alive(local)
-        before = running(stack).pids["engine"]
-        file.write_text(file.read_text().replace("[vehicle]", "[vehicle"))
-        log = stack.out_dir / "logs/engine.log"
-        pump_until(local, lambda: log.is_file() and f"mass {mass:g}" in log.read_text())
-        os.kill(before, signal.SIGKILL)
-        pump_until(local, lambda: "engine" in local.missing())
-        log.write_text("")
-        alive(local)
-        pump_until(local, lambda: f"mass {mass:g}" in log.read_text())
-        assert local.restarts["engine"] == 1
 
 
 # What systemd is told of a stack.

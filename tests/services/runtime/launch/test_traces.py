@@ -55,25 +55,6 @@ def test_a_note_that_cannot_be_written_is_said_once_and_tried_again(tmp_path: Pa
     assert said == [f"cannot write {out / RUNNING}: no such file or directory"] * 2
 
 
-def test_a_disk_that_became_read_only_ends_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    said = list[str]()
-    note = note_in(tmp_path, said.append)
-    note.update({"control": 7}, 0)
-    until(lambda: (tmp_path / RUNNING).exists())
-
-    def refuse(*_: object, **__: object) -> None:
-        raise OSError(30, "Read-only file system")
-
-    with monkeypatch.context() as patched:
-        for change in ("open", "replace", "unlink"):
-            patched.setattr(Path, change, refuse)
-        until(lambda: note.update({"control": 8}, 1) or said)
-        note.remove()
-    assert said == [f"cannot write {tmp_path / RUNNING}: read-only file system"]
-
-
 def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / ".run.json.new")  # whoever opens it waits for a reader
     note = note_in(tmp_path, print)
