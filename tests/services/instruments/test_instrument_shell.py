@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from messages import topics
 from messages.events import Outbox
 from messages.sensors import AltitudeSample
 from services.instruments.fixes import ECCENTRICITY2, SEMI_MAJOR, GeoPoint, north_east
@@ -25,7 +26,9 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.waterlinked.core import DvlDriver
 from services.waterlinked.core import Settings as WaterlinkedSettings
+from tests.support.dive import Dive
 from tests.support.instruments import ping1d
+from tests.support.instruments.ping1d import Ping1dDouble
 from tests.support.instruments.ports import SerialInstrument, TcpInstrument
 from tests.support.instruments.truth import SeenMotion, latitude_longitude
 from tests.support.patience import until
@@ -190,3 +193,50 @@ def test_within_a_kilometre_it_is_off_by_less_than_half_a_metre(
 
 def test_the_date_line_is_no_border() -> None:
     assert abs(north_east((0.0, 179.9999), 0.0, -179.9999)[1]) < 23.0
+
+
+# Truth of the simulator → double → driver → the bus → what estimation and reference make of it.
+
+
+S = 1_000_000_000
+FLOOR, SLOPE = 10.0, -0.1  # [m] deep at the start, and deeper by so much for each metre north
+SCRIPT = """t,surge,sway,heave,yaw,event
+0,0,0,0,0,goto depth=7 heading=0
+25,0,0,0,0,mode altitude_hold
+28,0.5,0,0,0,
+58,0,0,0,0,
+63,0,0,0,0,mode depth_hold
+64,0,0,1,0,
+84,0,0,0,0,
+89,0,0,0,0,
+"""
+
+
+@pytest.mark.slow
+def test_with_an_echo_sounder_the_height_is_held_and_the_bottom_not_met() -> None:
+    floor = f"simulator.floor_depth={FLOOR}", f"simulator.slope_north={SLOPE}"
+    dive = Dive(SCRIPT, vehicle="bluerov2_heavy", link="perfect", still_s=10.0, overrides=floor)
+    truth, said = dive.heard(topics.TRUTH), dive.heard(topics.LOG)
+    outbox, double = Outbox(), Ping1dDouble()
+    driver, node = PingDriver(PingSettings(), outbox), dive.host.node("instrument", ["drone"])
+    altitudes = node.publisher(topics.ALTITUDE)
+
+    def look(now: int) -> None:
+        if truth:
+            north, east, depth = truth[-1].position
+            above = FLOOR + SLOPE * north - depth
+            double.motion = SeenMotion(north=north, east=east, depth=depth, altitude=above)
+            for sample in driver.heard([double.answers(b"".join(driver.due(now)))], now):
+                altitudes.put(sample)
+
+    node.every(10.0, look)
+    dive.run(110.0)
+    heights = [FLOOR + SLOPE * t.position[0] - t.position[2] for t in truth]
+    held = [h for h, t in zip(heights, truth, strict=True) if 45 * S < t.stamp_ns < 72 * S]
+    over = [t.position[0] for t in truth if 45 * S < t.stamp_ns < 72 * S]
+    assert over[-1] - over[0] > 5.0  # [m] of the slope
+    assert all(abs(height - 3.0) < 0.3 for height in held)
+    assert min(heights) > 0.5  # [m] floor_distance, with the stick full down for 20 s
+    lines = [line.text for line in said]
+    assert "the bottom is close: the stick leads no deeper; 0.5 m" in lines
+    assert outbox.counts == {"answering:altimeter": 1}
