@@ -51,27 +51,22 @@ def release(keyboard: Keyboard, *keys: int) -> StickReading:
 @pytest.mark.parametrize(
     ("key", "expected"),
     [
-        (pygame.KSCAN_W, Sticks(surge=0.6)),
-        (pygame.KSCAN_S, Sticks(surge=-0.6)),
-        (pygame.KSCAN_D, Sticks(sway=0.6)),
-        (pygame.KSCAN_A, Sticks(sway=-0.6)),
-        (pygame.KSCAN_DOWN, Sticks(heave=0.6)),
-        (pygame.KSCAN_UP, Sticks(heave=-0.6)),
-        (pygame.KSCAN_RIGHT, Sticks(yaw=0.6)),
-        (pygame.KSCAN_LEFT, Sticks(yaw=-0.6)),
-        (pygame.KSCAN_R, Sticks(tilt=1.0)),
-        (pygame.KSCAN_F, Sticks(tilt=-1.0)),
-        (pygame.KSCAN_G, Sticks(gripper=1.0)),
-        (pygame.KSCAN_B, Sticks(gripper=-1.0)),
+        ("W", Sticks(surge=0.6)), ("S", Sticks(surge=-0.6)),
+        ("D", Sticks(sway=0.6)), ("A", Sticks(sway=-0.6)),
+        ("DOWN", Sticks(heave=0.6)), ("UP", Sticks(heave=-0.6)),
+        ("RIGHT", Sticks(yaw=0.6)), ("LEFT", Sticks(yaw=-0.6)),
+        ("R", Sticks(tilt=1.0)), ("F", Sticks(tilt=-1.0)),
+        ("G", Sticks(gripper=1.0)), ("B", Sticks(gripper=-1.0)),
     ],
-)
-def test_a_key_acts_while_it_is_down(keyboard: Keyboard, key: int, expected: Sticks):
+)  # fmt: skip
+def test_a_key_acts_while_it_is_down(keyboard: Keyboard, key: str, expected: Sticks):
     """Camera and gripper in full, without a gain, and they do not unrest the hands."""
-    assert press(keyboard, key).sticks == expected
+    code = getattr(pygame, f"KSCAN_{key}")
+    assert press(keyboard, code).sticks == expected
     held = keyboard.read(0, None)
     assert held.sticks == expected
     assert held.at_rest == (expected.tilt != 0.0 or expected.gripper != 0.0)
-    released = release(keyboard, key)
+    released = release(keyboard, code)
     assert released.sticks == CENTRED
     assert released.at_rest
 
@@ -82,19 +77,12 @@ def test_shift_boosts_and_c_slows(keyboard: Keyboard):
     assert press(keyboard, pygame.KSCAN_C).sticks == pytest.approx(Sticks(surge=0.25))
 
 
-@pytest.mark.parametrize(
-    ("key", "kind"),
-    [
-        (pygame.KSCAN_SPACE, "stop"),
-        (pygame.KSCAN_L, "light"),
-        (pygame.KSCAN_J, "light_2"),
-        (pygame.KSCAN_I, "laser"),
-    ],
-)
-def test_a_request_is_made_once_when_its_key_goes_down(keyboard: Keyboard, key: int, kind: str):
-    assert press(keyboard, key).presses == (kind,)
-    assert keyboard.read(0, None).presses == ()
-    assert release(keyboard, key).presses == ()
+def test_a_request_is_made_once_when_its_key_goes_down(keyboard: Keyboard):
+    for key, kind in (("SPACE", "stop"), ("L", "light"), ("J", "light_2"), ("I", "laser")):
+        code = getattr(pygame, f"KSCAN_{key}")
+        assert press(keyboard, code).presses == (kind,)
+        assert keyboard.read(0, None).presses == ()
+        assert release(keyboard, code).presses == ()
 
 
 @pytest.mark.parametrize(

@@ -321,8 +321,6 @@ def test_settings_change_single_keys_and_say_what_has_changed() -> None:
         (["up.dellay_ms=3"], "did you mean 'delay_ms'"),
     ],
 )
-def test_a_wrong_setting_of_a_link_is_refused_in_one_sentence(
-    settings: list[str], says: str
-) -> None:
+def test_a_wrong_setting_of_a_link_is_refused(settings: list[str], says: str) -> None:
     with pytest.raises(LindyError, match=says):
         adjusted(named("tether"), settings)
