@@ -54,7 +54,8 @@ def test_what_is_not_known_moves_nothing() -> None:
 def test_in_a_dive_commands_come_just_before_the_next_state() -> None:
     """And their rate stays what it is."""
     dive = Dive("0,0,0,0,0\n40,0,0,0,0\n", (*CHAIN, "link_monitor"))
-    sent, budgets = (dive.heard(t, "topside") for t in (topics.PILOT_COMMAND, topics.LATENCY))
+    sent = dive.heard(topics.PILOT_COMMAND, "topside")
+    budgets = dive.heard(topics.LATENCY, "topside")
     dive.run(16.0)
     waits = [s.p50_ms for b in budgets for s in b.down or () if s.name == "reference"]
     assert all(abs(wait - AIM_MS) < 1.0 for wait in waits[-8:])

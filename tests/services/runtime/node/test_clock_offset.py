@@ -252,8 +252,8 @@ def whole_numbers(
     return [found for each, of, at in inner for found in whole_numbers(of, each, at)]
 
 
-def said_of(kind: inspect.Type) -> object:
-    return kind.extra if isinstance(kind, inspect.Metadata) else None
+def says(kind: inspect.Type, *what: object) -> bool:
+    return isinstance(kind, inspect.Metadata) and kind.extra in what
 
 
 class Several(Message, frozen=True, kw_only=True):
@@ -273,7 +273,7 @@ def test_every_stamp_is_moved_and_nothing_else(full: bool) -> None:
     for kind in dict.fromkeys([*(topic.message for topic in topics.ALL), Several]):
         sent = example(kind, 10**15, full=full)
         before, numbers = plain(sent), whole_numbers(inspect.type_info(kind))
-        stamps = {name for name, of, depth in numbers if said_of(of) == STAMP and depth == 0}
+        stamps = {name for name, of, depth in numbers if says(of, STAMP) and depth == 0}
         mover(kind)(sent, 7)
         assert plain(sent) == {
             name: value - 7 if name in stamps and value is not None else value
@@ -289,7 +289,7 @@ def test_nanoseconds_say_whether_they_are_a_moment_or_a_duration_and_no_moment_i
     deeper = set[str]()
     for topic in topics.ALL:
         for name, kind, depth in whole_numbers(inspect.type_info(topic.message)):
-            assert (said_of(kind) in (STAMP, DURATION)) == name.endswith("_ns"), name
-            deeper |= {topic.key} if said_of(kind) == STAMP and depth else set()
+            assert says(kind, STAMP, DURATION) == name.endswith("_ns"), name
+            deeper |= {topic.key} if says(kind, STAMP) and depth else set()
     assert deeper == {topics.LINK.key}
     assert topics.LINK.way is Direction.BOTH
