@@ -125,20 +125,26 @@ def pilot(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pilot]:
     pilot.pad.close()
 
 
-def test_a_stick_a_trigger_and_a_button_reach_the_reading(pilot: Pilot):
+@pytest.fixture
+def first(pilot: Pilot) -> VirtualPad:
+    """It is plugged in and was read once."""
     plugged = VirtualPad()
     assert pilot.read().present
-    plugged.axis(LEFT_Y, -1.0)
+    return plugged
+
+
+def test_a_stick_a_trigger_and_a_button_reach_the_reading(pilot: Pilot, first: VirtualPad):
+    first.axis(LEFT_Y, -1.0)
     assert pilot.read().sticks == Sticks(heave=-0.6)
-    plugged.axis(RIGHT_TRIGGER, 1.0)
+    first.axis(RIGHT_TRIGGER, 1.0)
     assert pilot.read().sticks == Sticks(heave=-1.0)
-    plugged.button(START)
+    first.button(START)
     pressed = [pilot.read().presses for _ in range(60)]
     assert [each for each in pressed if each] == [(Held("arm", 80 * MS),)]  # once, after a second
     assert pressed[50]
-    plugged.button(START, down=False)
-    plugged.button(B)
-    plugged.button(Y)
+    first.button(START, down=False)
+    first.button(B)
+    first.button(Y)
     assert pilot.read().presses == ("stop", "light")
 
 
@@ -155,14 +161,12 @@ def test_a_pad_that_was_there_first_is_found(monkeypatch: pytest.MonkeyPatch):
     pilot.pad.close()
 
 
-def test_a_pulled_pad_is_lost_not_centred_and_its_age_grows(pilot: Pilot):
-    plugged = VirtualPad()
-    pilot.read()
-    plugged.axis(RIGHT_X, 1.0)
+def test_a_pulled_pad_is_lost_not_centred_and_its_age_grows(pilot: Pilot, first: VirtualPad):
+    first.axis(RIGHT_X, 1.0)
     steady = [pilot.read() for _ in range(5)][-1]
     assert steady.sticks.sway == 0.6
     assert steady.age_ms == 0.0  # a still stick is not an old one
-    plugged.pull()
+    first.pull()
     gone = [pilot.read() for _ in range(3)]
     assert not any(reading.present or reading.at_rest for reading in gone)
     assert all(reading.sticks == CENTRED for reading in gone)
@@ -171,9 +175,9 @@ def test_a_pulled_pad_is_lost_not_centred_and_its_age_grows(pilot: Pilot):
     assert [event for _, _, event in pilot.outbox.said][-1:] == ["unplugged:pad"]
 
 
-def test_a_pad_plugged_in_again_moves_nothing_until_its_sticks_were_centred_once(pilot: Pilot):
-    first = VirtualPad()
-    pilot.read()
+def test_a_pad_plugged_in_again_moves_nothing_until_its_sticks_were_centred_once(
+    pilot: Pilot, first: VirtualPad
+):
     first.pull()
     assert not pilot.read().present
     again = VirtualPad()
@@ -233,10 +237,10 @@ def test_a_second_pad_is_left_alone_while_the_first_is_moved(pilot: Pilot, name:
     assert pilot.read().present
 
 
-def test_a_pad_that_comes_back_as_another_device_has_the_sticks_at_once(pilot: Pilot):
+def test_a_pad_that_comes_back_as_another_device_has_the_sticks_at_once(
+    pilot: Pilot, first: VirtualPad
+):
     """The system still repeats the last state of the first device: its stick no longer acts."""
-    first = VirtualPad()
-    pilot.read()
     first.axis(LEFT_Y, 0.5)
     assert [pilot.read() for _ in range(50)][-1].sticks.heave > 0.0
     again = VirtualPad()
@@ -261,9 +265,9 @@ def test_a_pad_that_comes_back_as_another_device_has_the_sticks_at_once(pilot: P
     assert pilot.read().sticks == Sticks(heave=0.6)
 
 
-def test_of_two_pads_of_one_name_that_which_is_moved_has_the_sticks(pilot: Pilot):
-    first = VirtualPad()
-    pilot.read()
+def test_of_two_pads_of_one_name_that_which_is_moved_has_the_sticks(
+    pilot: Pilot, first: VirtualPad
+):
     second = VirtualPad()
     for _ in range(50):
         pilot.read()  # the second one has the sticks, as it came last
@@ -279,9 +283,7 @@ def test_of_two_pads_of_one_name_that_which_is_moved_has_the_sticks(pilot: Pilot
         assert still
 
 
-def test_another_pad_is_taken_when_the_first_is_gone_or_silent(pilot: Pilot):
-    first = VirtualPad()
-    pilot.read()
+def test_another_pad_is_taken_when_the_first_is_gone_or_silent(pilot: Pilot, first: VirtualPad):
     other = VirtualPad(name=b"Another Pad")
     for _ in range(100):
         pilot.read()
@@ -318,10 +320,10 @@ def test_a_pad_needs_no_display(monkeypatch: pytest.MonkeyPatch):
     pilot.pad.close()
 
 
-def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwards(pilot: Pilot):
-    plugged = VirtualPad()
-    pilot.read()
-    plugged.axis(LEFT_Y, 0.5)
+def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwards(
+    pilot: Pilot, first: VirtualPad
+):
+    first.axis(LEFT_Y, 0.5)
     held = [pilot.read() for _ in range(249)]
     assert all(reading.present and reading.age_ms == 0.0 for reading in held)
     gone = [pilot.read() for _ in range(3)][1:]
@@ -330,15 +332,15 @@ def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwar
     assert [reading.age_ms for reading in gone] == [5000.0, 5020.0]
     assert pilot.outbox.counts == {"silent:pad": 1}
     assert pilot.lines()[-1].endswith("no answer for 5.0 s")
-    plugged.axis(LEFT_Y, 0.7)
-    plugged.button(START)
-    plugged.button(B)
+    first.axis(LEFT_Y, 0.7)
+    first.button(START)
+    first.button(B)
     back = pilot.read()
     assert (back.present, back.sticks, back.presses) == (True, CENTRED, ("stop",))
     assert "answers again" in pilot.lines()[0]
-    plugged.axis(LEFT_Y, 0.0)
+    first.axis(LEFT_Y, 0.0)
     pilot.read()
-    plugged.axis(LEFT_Y, 1.0)
+    first.axis(LEFT_Y, 1.0)
     assert pilot.read().sticks == Sticks(heave=0.6)
 
 
