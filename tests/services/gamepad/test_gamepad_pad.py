@@ -175,9 +175,7 @@ def test_a_pulled_pad_is_lost_not_centred_and_its_age_grows(pilot: Pilot, first:
     assert [event for _, _, event in pilot.outbox.said][-1:] == ["unplugged:pad"]
 
 
-def test_a_pad_plugged_in_again_moves_nothing_until_its_sticks_were_centred_once(
-    pilot: Pilot, first: VirtualPad
-):
+def test_a_pad_plugged_in_again_moves_nothing_until_centred_once(pilot: Pilot, first: VirtualPad):
     first.pull()
     assert not pilot.read().present
     again = VirtualPad()
@@ -237,9 +235,7 @@ def test_a_second_pad_is_left_alone_while_the_first_is_moved(pilot: Pilot, name:
     assert pilot.read().present
 
 
-def test_a_pad_that_comes_back_as_another_device_has_the_sticks_at_once(
-    pilot: Pilot, first: VirtualPad
-):
+def test_a_pad_back_as_another_device_has_the_sticks_at_once(pilot: Pilot, first: VirtualPad):
     """The system still repeats the last state of the first device: its stick no longer acts."""
     first.axis(LEFT_Y, 0.5)
     assert [pilot.read() for _ in range(50)][-1].sticks.heave > 0.0
@@ -265,9 +261,7 @@ def test_a_pad_that_comes_back_as_another_device_has_the_sticks_at_once(
     assert pilot.read().sticks == Sticks(heave=0.6)
 
 
-def test_of_two_pads_of_one_name_that_which_is_moved_has_the_sticks(
-    pilot: Pilot, first: VirtualPad
-):
+def test_of_two_pads_of_one_name_the_moved_one_has_the_sticks(pilot: Pilot, first: VirtualPad):
     second = VirtualPad()
     for _ in range(50):
         pilot.read()  # the second one has the sticks, as it came last
@@ -320,9 +314,7 @@ def test_a_pad_needs_no_display(monkeypatch: pytest.MonkeyPatch):
     pilot.pad.close()
 
 
-def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwards(
-    pilot: Pilot, first: VirtualPad
-):
+def test_a_frozen_pad_is_lost_and_must_be_centred_afterwards(pilot: Pilot, first: VirtualPad):
     first.axis(LEFT_Y, 0.5)
     held = [pilot.read() for _ in range(249)]
     assert all(reading.present and reading.age_ms == 0.0 for reading in held)

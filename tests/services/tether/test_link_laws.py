@@ -112,6 +112,20 @@ def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
     assert max(copies.values(), default=0) <= 2
 
 
+@given(legs(), entries)
+def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_rank(
+    leg: DirectionProfile, steps: list[tuple[int, int, int]]
+) -> None:
+    out = passage(line_of(leg), steps)
+    entered = np.cumsum([wait for wait, _, _ in steps]).tolist()
+    for item, at, _ in out:
+        sent = (steps[item][1] + leg.overhead_bytes) * 8e6 / leg.rate_kbit if leg.rate_kbit else 0.0
+        assert at >= entered[item] + leg.delay_ms * MS + sent - 2
+    for rank in range(4) if leg.late is None else ():
+        same = [item for item, _, _ in out if steps[item][2] == rank]
+        assert same == sorted(same)
+
+
 @given(legs(), entries, st.integers(1, 7), st.integers(0, 9))
 def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     leg: DirectionProfile, steps: list[tuple[int, int, int]], look_ms: int, seed: int
