@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from hypothesis import example as case
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import inspect
@@ -49,6 +50,8 @@ SHIFTS = st.integers(-300, 300)  # [ms] what the clock is taken to be wrong by
 
 
 @given(SHIFTS, SHIFTS, st.integers(0, 100), st.integers(0, 1000))
+@case(-200, 200, 0, 350)  # its stamp seems newer, or older, than it is
+@case(200, -200, 0, 350)
 def test_better_knowledge_of_the_clock_lets_no_older_message_pass_and_lengthens_no_life(
     error: int, better: int, earlier: int, age: int
 ) -> None:
