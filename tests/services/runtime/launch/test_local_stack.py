@@ -289,24 +289,6 @@ def test_who_is_late_is_named_and_may_come_and_a_viewer_is_last(tmp_path: Path) 
         assert "visualizer" in local.supervisor.pids
 
 
-@pytest.mark.slow
-def test_the_dive_goes_on_without_a_viewer_that_is_not_alive_in_time(tmp_path: Path) -> None:
-    slow = STACK.replace("services.desk", "services.visualizer")
-    stack, services = made(tmp_path, desk=WAITING, stack=slow)
-    with local_stack(Dive(stack, services)) as local:
-        said = list[LogLine]()
-        local.node.show = said.append
-        local.start_services()
-        pump_until(local, lambda: local.missing() == ["visualizer"])
-
-        def look() -> bool:
-            local.pump()
-            return True
-
-        local.wait_alive(0.0, look)
-        assert "not alive after 0 s: visualizer; the dive goes on" in [line.text for line in said]
-
-
 def test_a_service_that_cannot_start_ends_the_stack_with_its_own_sentence(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=MISTAKEN)
     pids = dict[str, int]()
