@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
@@ -39,6 +39,7 @@ def trip(
     return pong, said + up
 
 
+@settings(max_examples=200)
 @given(delays=delays, offset=offsets, drift=drifts)
 def test_the_true_offset_is_always_inside_the_bound(
     delays: list[tuple[int, int, int]], offset: int, drift: float

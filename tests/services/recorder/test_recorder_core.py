@@ -1,7 +1,7 @@
 """Whatever comes off the bus becomes a row or a count, and never more counts than can be held."""
 
 import msgspec
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from messages import topics
@@ -48,6 +48,7 @@ def take_pressure(intake: Desk, payload: bytes, arrival: int = ARRIVAL) -> Recor
     return intake.take(topics.PRESSURE.key, topics.PRESSURE.encoding, payload, arrival)
 
 
+@settings(max_examples=100)
 @given(
     key=st.sampled_from(KEYS) | st.text(max_size=200),
     encoding=st.sampled_from(ENCODINGS) | st.text(max_size=20),

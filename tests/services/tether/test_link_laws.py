@@ -6,7 +6,7 @@ from itertools import accumulate
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import events
@@ -95,6 +95,7 @@ def assert_conserved(line: LinkDirection[int]) -> None:
     assert line.entered + line.copied == gone + line.on_the_way
 
 
+@settings(max_examples=150)
 @given(legs(), entries, st.integers(0, 5))
 def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
     leg: DirectionProfile, steps: list[tuple[int, int, int]], seed: int
@@ -126,6 +127,7 @@ def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_rank(
         assert same == sorted(same)
 
 
+@settings(max_examples=100)
 @given(legs(), entries, st.integers(1, 7), st.integers(0, 9))
 def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     leg: DirectionProfile, steps: list[tuple[int, int, int]], look_ms: int, seed: int
@@ -146,6 +148,7 @@ def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     assert end == sum(wait for wait, _, _ in steps)
 
 
+@settings(max_examples=100)
 @given(
     st.lists(legs(), min_size=1, max_size=3),
     st.lists(

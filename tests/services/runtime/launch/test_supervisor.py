@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.runtime.launch import supervisor as module
@@ -202,6 +202,7 @@ MOMENTS = st.lists(
 )
 
 
+@settings(max_examples=100)
 @given(MOMENTS)
 def test_whatever_crashes_all_run_again_or_a_mistake_is_reported(
     moments: list[tuple[str, int | None, int]],
@@ -325,6 +326,7 @@ def after(life: Life, *events: LifeEvent | Ended, now: int = 0) -> Life:
     return life
 
 
+@settings(max_examples=200)
 @given(STORIES)
 def test_there_are_never_two_processes_for_one_child(story: list[tuple[int, LifeEvent | Ended]]):
     life, now, processes, done = Life(), 0, 0, False
@@ -388,6 +390,7 @@ SILENCES = st.lists(
 )  # does its loop go round, in which phase, was it started again, is it stuck, for how many looks
 
 
+@settings(max_examples=300)
 @given(SILENCES, st.sampled_from([SILENT_S, LONG_S]))
 def test_only_a_life_that_has_beaten_and_then_stopped_is_named(
     story: list[tuple[bool, Phase, bool, bool, int]], patience_s: float

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import pytest
 from hypothesis import example as case
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import inspect
 
@@ -49,6 +49,7 @@ def teach(clock_offset: ClockOffset, ahead: int, bound: int, now: int = 0) -> No
 SHIFTS = st.integers(-300, 300)  # [ms] what the clock is taken to be wrong by
 
 
+@settings(max_examples=200)
 @given(SHIFTS, SHIFTS, st.integers(0, 100), st.integers(0, 1000))
 @case(-200, 200, 0, 350)  # its stamp seems newer, or older, than it is
 @case(200, -200, 0, 350)
