@@ -6,7 +6,7 @@ from itertools import accumulate
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from messages import events
@@ -321,6 +321,7 @@ def test_a_schedule_counts_from_the_change_to_it() -> None:
     st.integers(0, 5),
     st.floats(0.01, 0.99),
 )
+@example(0.0, [(0.2, 0.1), (0.2, None)], 1, 0.5)
 def test_a_trace_is_the_recorded_delays_again_and_again(
     first: float, rows: list[tuple[float, float | None]], round_: int, share: float
 ) -> None:
