@@ -22,7 +22,7 @@ ALTITUDE = "tests/services/reference/guidance/test_altitude_hold.py"
 GENERATOR = "tests/services/reference/test_reference_generator.py"
 BOTTOM = "services/reference/guidance/bottom.py"
 CORE = "services/reference/core.py"
-LINK = ("tests/services/tether/test_link_report.py",)
+LINK = ("tests/services/tether/test_link_laws.py",)
 GATE = "services/vehicle/actuator_gate.py"
 
 SEAMS = (

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 from msgspec import inspect
 
 from messages.message import Message
+from messages.topic import Topic
 from messages.units import STAMP
+from services.runtime.bus.envelope import Envelope
 
 M = TypeVar("M", bound=Message)
 FACING_NORTH = (1.0, 0.0, 0.0, 0.0)
@@ -25,6 +27,11 @@ def example(kind: type[M], now: int = 0, *, full: bool = False, **fields: Any) -
     }
     given = {name: value for name, value in fields.items() if value is not msgspec.UNSET}
     return msgspec.convert(made | given, kind, str_keys=True)
+
+
+def enveloped(topic: Topic[M], message: M, key: str = "") -> Envelope:
+    """As it travels. `key`: of a family's member."""
+    return Envelope(key or topic.key, msgspec.msgpack.encode(message), topic.encoding)
 
 
 def _plain(kind: inspect.Type, name: str, now: int, full: bool) -> Any:

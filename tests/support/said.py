@@ -6,6 +6,7 @@ from messages.health import Health
 from messages.message import Estimate
 from messages.pilot import PilotCommand
 from messages.reference import Motion, Reference
+from messages.sensors import ImuSample
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth
 
@@ -45,6 +46,11 @@ def sticks(now: int = 0, **fields: Any) -> PilotCommand:
     """Centred, but for the fields of a command that are given."""
     said: dict[str, Any] = dict.fromkeys(("surge", "sway", "heave", "yaw"), 0.0) | fields
     return PilotCommand(stamp_ns=now, **said)
+
+
+def imu(now: int = 0) -> ImuSample:
+    """At rest and level."""
+    return ImuSample(stamp_ns=now, specific_force=(0.0, 0.0, -9.81), angular_rate=(0.0, 0.0, 0.0))
 
 
 def reference(now: int = 0, **fields: Any) -> Reference:

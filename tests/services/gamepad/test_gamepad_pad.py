@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -27,7 +28,7 @@ CONTROLLER, WHEEL = 1, 2  # SDL_JoystickType
 MS = 1_000_000  # [ns]
 LEFT_Y, RIGHT_X, RIGHT_TRIGGER = 1, 2, 5
 B, Y, BACK, START = 1, 3, 4, 6
-DPAD_UP, DPAD_DOWN = 11, 12
+DPAD_UP = 11
 
 
 class VirtualJoystick(ctypes.Structure):
@@ -47,7 +48,9 @@ class VirtualJoystick(ctypes.Structure):
 
 
 class VirtualPad:
-    """A pad that a test plugs in, moves and pulls."""
+    """A pad that a test plugs in, moves and pulls; else it is pulled at the end."""
+
+    plugged: ClassVar[list["VirtualPad"]] = []
 
     def __init__(self, kind: int = CONTROLLER, name: bytes | None = None) -> None:
         """`name`: None: as SDL calls it."""
@@ -60,6 +63,7 @@ class VirtualPad:
         assert index >= 0
         self._joystick = sdl2.SDL_JoystickOpen(index)
         self._id = sdl2.SDL_JoystickInstanceID(self._joystick)
+        self.plugged.append(self)
 
     def axis(self, axis: int, travel: float) -> None:
         value = max(-32768, min(32767, round(travel * 32768)))
@@ -69,6 +73,7 @@ class VirtualPad:
         self._sdl2.SDL_JoystickSetVirtualButton(self._joystick, button, int(down))
 
     def pull(self) -> None:
+        self.plugged.remove(self)
         self._sdl2.SDL_JoystickClose(self._joystick)
         every = range(self._sdl2.SDL_NumJoysticks())
         [index] = [k for k in every if self._sdl2.SDL_JoystickGetDeviceInstanceID(k) == self._id]
@@ -115,33 +120,32 @@ def pilot(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pilot]:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     pilot = Pilot()
     yield pilot
+    for plugged in VirtualPad.plugged[:]:
+        plugged.pull()
     pilot.pad.close()
 
 
-def test_without_a_pad_the_pilot_is_lost_and_told_so_once(pilot: Pilot):
-    first, second = pilot.read(), pilot.read()
-    assert pilot.lines() == ["no pad is plugged in; waiting for one"]
-    assert not first.present
-    assert not second.present
-    assert first.sticks == second.sticks == CENTRED
-
-
-def test_a_stick_a_trigger_and_a_button_reach_the_reading(pilot: Pilot):
+@pytest.fixture
+def first(pilot: Pilot) -> VirtualPad:
+    """It is plugged in and was read once."""
     plugged = VirtualPad()
     assert pilot.read().present
-    plugged.axis(LEFT_Y, -1.0)
+    return plugged
+
+
+def test_a_stick_a_trigger_and_a_button_reach_the_reading(pilot: Pilot, first: VirtualPad):
+    first.axis(LEFT_Y, -1.0)
     assert pilot.read().sticks == Sticks(heave=-0.6)
-    plugged.axis(RIGHT_TRIGGER, 1.0)
+    first.axis(RIGHT_TRIGGER, 1.0)
     assert pilot.read().sticks == Sticks(heave=-1.0)
-    plugged.button(START)
+    first.button(START)
     pressed = [pilot.read().presses for _ in range(60)]
     assert [each for each in pressed if each] == [(Held("arm", 80 * MS),)]  # once, after a second
     assert pressed[50]
-    plugged.button(START, down=False)
-    plugged.button(B)
-    plugged.button(Y)
+    first.button(START, down=False)
+    first.button(B)
+    first.button(Y)
     assert pilot.read().presses == ("stop", "light")
-    plugged.pull()
 
 
 def test_a_pad_that_was_there_first_is_found(monkeypatch: pytest.MonkeyPatch):
@@ -157,14 +161,12 @@ def test_a_pad_that_was_there_first_is_found(monkeypatch: pytest.MonkeyPatch):
     pilot.pad.close()
 
 
-def test_a_pulled_pad_is_lost_not_centred_and_its_age_grows(pilot: Pilot):
-    plugged = VirtualPad()
-    pilot.read()
-    plugged.axis(RIGHT_X, 1.0)
+def test_a_pulled_pad_is_lost_not_centred_and_its_age_grows(pilot: Pilot, first: VirtualPad):
+    first.axis(RIGHT_X, 1.0)
     steady = [pilot.read() for _ in range(5)][-1]
     assert steady.sticks.sway == 0.6
     assert steady.age_ms == 0.0  # a still stick is not an old one
-    plugged.pull()
+    first.pull()
     gone = [pilot.read() for _ in range(3)]
     assert not any(reading.present or reading.at_rest for reading in gone)
     assert all(reading.sticks == CENTRED for reading in gone)
@@ -173,9 +175,7 @@ def test_a_pulled_pad_is_lost_not_centred_and_its_age_grows(pilot: Pilot):
     assert [event for _, _, event in pilot.outbox.said][-1:] == ["unplugged:pad"]
 
 
-def test_a_pad_plugged_in_again_moves_nothing_until_its_sticks_were_centred_once(pilot: Pilot):
-    first = VirtualPad()
-    pilot.read()
+def test_a_pad_plugged_in_again_moves_nothing_until_centred_once(pilot: Pilot, first: VirtualPad):
     first.pull()
     assert not pilot.read().present
     again = VirtualPad()
@@ -188,20 +188,9 @@ def test_a_pad_plugged_in_again_moves_nothing_until_its_sticks_were_centred_once
     again.axis(LEFT_Y, 1.0)
     assert pilot.read().sticks == Sticks(heave=0.6)
     again.pull()
-
-
-def test_a_pull_and_plug_between_two_readings_still_ends_the_old_stick(pilot: Pilot):
-    first = VirtualPad()
-    pilot.read()
-    first.axis(LEFT_Y, 1.0)
-    assert pilot.read().sticks.heave > 0.0
-    first.pull()
-    again = VirtualPad()
-    again.axis(LEFT_Y, 1.0)
-    reading = pilot.read()
-    assert pilot.outbox.counts == {"unplugged:pad": 1}
-    assert reading.sticks == CENTRED
-    again.pull()
+    VirtualPad().axis(LEFT_Y, 1.0)  # between two readings
+    assert pilot.read().sticks == CENTRED
+    assert pilot.outbox.counts == {"unplugged:pad": 2}
 
 
 def test_a_d_pad_that_is_held_does_not_make_the_sticks_wait(pilot: Pilot):
@@ -210,7 +199,6 @@ def test_a_d_pad_that_is_held_does_not_make_the_sticks_wait(pilot: Pilot):
     assert pilot.read().at_rest
     plugged.axis(LEFT_Y, 1.0)
     assert pilot.read().sticks == Sticks(heave=0.6, tilt=1.0)
-    plugged.pull()
 
 
 def test_until_the_sticks_were_centred_only_stop_and_disarm_are_heard(pilot: Pilot):
@@ -224,13 +212,10 @@ def test_until_the_sticks_were_centred_only_stop_and_disarm_are_heard(pilot: Pil
     assert held == [Held("disarm", 40 * MS)]
     plugged.axis(LEFT_Y, 0.0)  # and start, which was held since before, does nothing
     assert not any(pilot.read().presses for _ in range(60))
-    plugged.pull()
 
 
 @pytest.mark.parametrize("name", [None, b"Another Pad"])
-def test_a_second_pad_is_named_and_left_alone_while_the_first_is_moved(
-    pilot: Pilot, name: bytes | None
-):
+def test_a_second_pad_is_left_alone_while_the_first_is_moved(pilot: Pilot, name: bytes | None):
     first = VirtualPad()
     pilot.read()
     second = VirtualPad(name=name)
@@ -248,13 +233,10 @@ def test_a_second_pad_is_named_and_left_alone_while_the_first_is_moved(
         assert reading.presses == ()
     second.pull()
     assert pilot.read().present
-    first.pull()
 
 
-def test_a_pad_that_comes_back_as_another_device_has_the_sticks_at_once(pilot: Pilot):
+def test_a_pad_back_as_another_device_has_the_sticks_at_once(pilot: Pilot, first: VirtualPad):
     """The system still repeats the last state of the first device: its stick no longer acts."""
-    first = VirtualPad()
-    pilot.read()
     first.axis(LEFT_Y, 0.5)
     assert [pilot.read() for _ in range(50)][-1].sticks.heave > 0.0
     again = VirtualPad()
@@ -267,31 +249,19 @@ def test_a_pad_that_comes_back_as_another_device_has_the_sticks_at_once(pilot: P
     first.pull()  # at last
     assert pilot.read().sticks == Sticks(sway=0.6)
     assert pilot.outbox.counts == {}
-    again.pull()
-    assert not pilot.read().present
-
-
-def test_a_pad_that_comes_back_with_a_held_stick_must_be_centred_first(pilot: Pilot):
-    first = VirtualPad()
-    pilot.read()
-    first.axis(LEFT_Y, 0.5)
     for _ in range(20):
         pilot.read()
-    again = VirtualPad()
-    again.axis(LEFT_Y, 0.5)
-    held = [pilot.read() for _ in range(10)]
-    assert all(reading.sticks == CENTRED and not reading.at_rest for reading in held)
-    again.axis(LEFT_Y, 0.0)
+    held = VirtualPad()  # with a stick in a hand, which must be let go first
+    held.axis(LEFT_Y, 0.5)
+    kept = [pilot.read() for _ in range(10)]
+    assert all(reading.sticks == CENTRED and not reading.at_rest for reading in kept)
+    held.axis(LEFT_Y, 0.0)
     pilot.read()
-    again.axis(LEFT_Y, 1.0)
+    held.axis(LEFT_Y, 1.0)
     assert pilot.read().sticks == Sticks(heave=0.6)
-    again.pull()
-    first.pull()
 
 
-def test_of_two_pads_of_one_name_that_which_is_moved_has_the_sticks(pilot: Pilot):
-    first = VirtualPad()
-    pilot.read()
+def test_of_two_pads_of_one_name_the_moved_one_has_the_sticks(pilot: Pilot, first: VirtualPad):
     second = VirtualPad()
     for _ in range(50):
         pilot.read()  # the second one has the sticks, as it came last
@@ -305,13 +275,9 @@ def test_of_two_pads_of_one_name_that_which_is_moved_has_the_sticks(pilot: Pilot
         moved.axis(LEFT_Y, 0.0)
         assert [pilot.read() for _ in range(50)][-1].sticks == CENTRED
         assert still
-    second.pull()
-    first.pull()
 
 
-def test_another_pad_is_taken_when_the_first_is_gone_or_silent(pilot: Pilot):
-    first = VirtualPad()
-    pilot.read()
+def test_another_pad_is_taken_when_the_first_is_gone_or_silent(pilot: Pilot, first: VirtualPad):
     other = VirtualPad(name=b"Another Pad")
     for _ in range(100):
         pilot.read()
@@ -325,25 +291,21 @@ def test_another_pad_is_taken_when_the_first_is_gone_or_silent(pilot: Pilot):
     pilot.read()
     assert pilot.pad.name == "gamepad Virtual Controller"
     first.pull()
-    third = VirtualPad()
+    VirtualPad()
     assert pilot.read().present
-    third.pull()
 
 
 def test_a_pad_sdl_does_not_know_is_named_in_one_line(pilot: Pilot):
     pilot.read()
-    wheel = VirtualPad(WHEEL)
+    VirtualPad(WHEEL)
     pilot.lines()
     reading = pilot.read()
     assert not reading.present
     (line,) = pilot.lines()
     assert "SDL_GAMECONTROLLERCONFIG" in line
-    wheel.pull()
 
 
-def test_a_display_that_cannot_be_reached_does_not_matter_to_a_pad(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_a_pad_needs_no_display(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
     monkeypatch.setenv("DISPLAY", ":93")
     pilot = Pilot()
@@ -352,10 +314,8 @@ def test_a_display_that_cannot_be_reached_does_not_matter_to_a_pad(
     pilot.pad.close()
 
 
-def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwards(pilot: Pilot):
-    plugged = VirtualPad()
-    pilot.read()
-    plugged.axis(LEFT_Y, 0.5)
+def test_a_frozen_pad_is_lost_and_must_be_centred_afterwards(pilot: Pilot, first: VirtualPad):
+    first.axis(LEFT_Y, 0.5)
     held = [pilot.read() for _ in range(249)]
     assert all(reading.present and reading.age_ms == 0.0 for reading in held)
     gone = [pilot.read() for _ in range(3)][1:]
@@ -364,17 +324,16 @@ def test_a_pad_that_is_connected_and_frozen_is_lost_and_must_be_centred_afterwar
     assert [reading.age_ms for reading in gone] == [5000.0, 5020.0]
     assert pilot.outbox.counts == {"silent:pad": 1}
     assert pilot.lines()[-1].endswith("no answer for 5.0 s")
-    plugged.axis(LEFT_Y, 0.7)
-    plugged.button(START)
-    plugged.button(B)
+    first.axis(LEFT_Y, 0.7)
+    first.button(START)
+    first.button(B)
     back = pilot.read()
     assert (back.present, back.sticks, back.presses) == (True, CENTRED, ("stop",))
     assert "answers again" in pilot.lines()[0]
-    plugged.axis(LEFT_Y, 0.0)
+    first.axis(LEFT_Y, 0.0)
     pilot.read()
-    plugged.axis(LEFT_Y, 1.0)
+    first.axis(LEFT_Y, 1.0)
     assert pilot.read().sticks == Sticks(heave=0.6)
-    plugged.pull()
 
 
 def test_a_pad_is_shown_as_it_is_and_its_loss_is_one_sentence(monkeypatch: pytest.MonkeyPatch):

@@ -137,8 +137,8 @@ def hold(hands: Hands, *, arms: bool) -> Callable[[Node, Stack], None]:
     return wired
 
 
-def sticks_of(command: PilotCommand) -> Sticks:
-    return Sticks(command.surge, command.sway, command.heave, command.yaw, command.tilt)
+def sticks_of(c: PilotCommand) -> Sticks:
+    return Sticks(c.surge, c.sway, c.heave, c.yaw, c.tilt, c.gripper)
 
 
 def changes(commands: list[PilotCommand], began: int) -> list[tuple[int, Sticks, str]]:
@@ -160,35 +160,22 @@ SAID = [  # what LOG says
 ]
 
 
-def test_a_script_waits_for_arming_and_then_speaks_at_its_own_exact_times(
+def test_a_script_waits_for_arming_and_speaks_at_its_exact_times(
     host: VirtualHost, drone: Drone, script: Stack
 ):
-    host.add("gamepad", HOME, script, wire)
-    host.run(10 * S)
-    began = drone.armed_at
-    assert began is not None
-    before = [c for c in drone.commands if c.stamp_ns < began]
-    assert len(before) >= 20
-    assert all(sticks_of(c) == CENTRED and c.pilot == "present" for c in before)
-    assert changes(drone.since(began), began) == SAID
-
-
-def test_commands_come_at_50_hz_whatever_happens(host: VirtualHost, drone: Drone, script: Stack):
-    host.add("gamepad", HOME, script, wire)
-    host.run(10 * S)
-    stamps = {c.stamp_ns for c in drone.commands}
-    assert {n * 20 * MS for n in range(1, 500)} <= stamps
-    assert len(stamps) <= 510
-
-
-def test_arming_is_asked_once_when_ready_and_disarming_three_seconds_after_the_end(
-    host: VirtualHost, drone: Drone, script: Stack
-):
+    """And commands come at 50 Hz whatever happens."""
     host.add("gamepad", HOME, script, wire)
     host.run(20 * S)
     began = drone.armed_at
     assert began is not None
     assert began >= S // 2
+    before = [c for c in drone.commands if c.stamp_ns < began]
+    assert len(before) >= 20
+    assert all(sticks_of(c) == CENTRED and c.pilot == "present" for c in before)
+    assert changes(drone.since(began), began) == SAID
+    stamps = {c.stamp_ns for c in drone.commands}
+    assert {n * 20 * MS for n in range(1, 1000)} <= stamps
+    assert len(stamps) <= 1010
     asked = [(r.kind, r.value, r.stamp_ns - began) for r in drone.requests]
     assert asked == [
         ("arm", None, 0),
@@ -199,7 +186,7 @@ def test_arming_is_asked_once_when_ready_and_disarming_three_seconds_after_the_e
     assert not drone.armed
 
 
-def test_an_unanswered_request_is_repeated_with_the_same_id_and_then_given_up(
+def test_an_unanswered_request_is_repeated_then_given_up(
     host: VirtualHost, drone: Drone, script: Stack
 ):
     drone.answers = False
@@ -217,9 +204,7 @@ def test_an_unanswered_request_is_repeated_with_the_same_id_and_then_given_up(
     assert len({r.id for r in drone.requests}) == 2
 
 
-def test_a_refusal_is_told_with_its_reason_and_not_hammered(
-    host: VirtualHost, drone: Drone, script: Stack
-):
+def test_a_refusal_is_told_and_not_hammered(host: VirtualHost, drone: Drone, script: Stack):
     drone.refuses = "the hatch is open"
     node = host.add("gamepad", HOME, script, wire)
     host.run(5 * S)
@@ -228,9 +213,7 @@ def test_a_refusal_is_told_with_its_reason_and_not_hammered(
     assert node.counts["refused:arm"] == len(drone.requests)
 
 
-@pytest.mark.parametrize(
-    "crash_after", [500 * MS, 2_400 * MS, 3_500 * MS, 5 * S, 7_100 * MS, 9 * S]
-)
+@pytest.mark.parametrize("crash_after", [2_400 * MS, 3_500 * MS, 7_100 * MS])
 def test_a_restart_in_mid_dive_goes_on_with_the_script_as_if_nothing_had_happened(
     host: VirtualHost, drone: Drone, script: Stack, crash_after: int
 ):
@@ -304,7 +287,7 @@ def test_a_persons_pad_or_keyboard_arms_nothing_until_its_button_is_held(
 
 
 @pytest.mark.parametrize("kind", ["stop", "disarm"])
-def test_after_a_stop_or_disarm_nothing_arms_by_itself_even_after_a_restart(
+def test_after_a_stop_or_disarm_nothing_arms_by_itself(
     host: VirtualHost, drone: Drone, kind: Press
 ):
     hands = Hands()
@@ -363,7 +346,7 @@ def test_goto_and_follow_of_a_script_reach_the_drone_at_their_time_in_si_units(
     ]
 
 
-@pytest.mark.parametrize("pilot", ["joystick", "script", "script:", "", "keyboard:x"])
+@pytest.mark.parametrize("pilot", ["joystick", "script:", ""])
 def test_an_unknown_pilot_is_one_sentence(host: VirtualHost, pilot: str):
     with pytest.raises(LindyError, match="expected gamepad, keyboard or script:FILE"):
         host.add("gamepad", HOME, Stack(pilot=pilot), wire)
@@ -377,7 +360,7 @@ def test_a_mistake_in_a_script_names_file_and_line(host: VirtualHost, tmp_path: 
 
 
 @pytest.mark.parametrize("pilot", ["gamepad", "keyboard"])
-def test_without_pygame_the_sentence_says_how_to_install_it(
+def test_without_pygame_it_says_how_to_install_it(
     host: VirtualHost, pilot: str, monkeypatch: pytest.MonkeyPatch
 ):
     def missing(name: str) -> None:

@@ -50,10 +50,6 @@ def surface(monkeypatch: pytest.MonkeyPatch) -> Iterator[pygame.Surface]:
     pygame.display.quit()
 
 
-def picture(surface: pygame.Surface) -> bytes:
-    return pygame.image.tobytes(surface, "RGB")
-
-
 def test_numbers_are_drawn_ten_times_a_second_after_the_sticks_were_sent(
     surface: pygame.Surface, monkeypatch: pytest.MonkeyPatch
 ):
@@ -87,21 +83,6 @@ def test_numbers_are_drawn_ten_times_a_second_after_the_sticks_were_sent(
 @given(st.integers(0, 10**11))
 def test_drawing_has_at_most_a_tenth_of_the_time(cost_ns: int):
     assert pause_ns(cost_ns) >= max(100_000_000, 10 * cost_ns)
-
-
-@pytest.mark.parametrize("view", [VehicleView(), LONG])
-def test_each_view_is_a_picture_of_its_own_and_the_keys_stay_where_they_are(
-    surface: pygame.Surface, view: VehicleView
-):
-    window = PilotWindow(surface, HELP)
-    window.draw(VehicleView(armed=True))
-    keys = surface.subsurface((0, SIZE[1] - 130, SIZE[0], 130))
-    before, keys_before = picture(surface), picture(keys)
-    window.draw(view)
-    assert picture(surface) != before
-    assert picture(keys) == keys_before
-    window.draw(view, focused=False)
-    assert picture(keys) != keys_before
 
 
 def test_a_sentence_for_every_row_fits_into_its_width(surface: pygame.Surface):

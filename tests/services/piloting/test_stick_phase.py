@@ -1,7 +1,5 @@
 """The moment at which sticks are sent comes to be just before the next step on board."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,9 +7,7 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.link import LatencyBudget, Stage
 from services.piloting.sticks import AIM_MS, SETTLED, WORTHWHILE_MS, StickPhase
-from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import VirtualHost
+from tests.support.dive import CHAIN, Dive
 
 TICK_MS, WINDOW = 10.0, 4  # [ms] between two states; budgets of two seconds
 STEP_S = 0.5  # [s] between two budgets
@@ -55,24 +51,13 @@ def test_what_is_not_known_moves_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_in_a_dive_commands_come_just_before_the_next_state(tmp_path: Path) -> None:
+def test_in_a_dive_commands_come_just_before_the_next_state() -> None:
     """And their rate stays what it is."""
-    (tmp_path / "still.csv").write_text("t,surge,sway,heave,yaw\n0,0,0,0,0\n40,0,0,0,0\n")
-    host = VirtualHost()
-    quick = ["estimation.calibration.still_time=3"]
-    stack = Stack(pilot=f"script:{tmp_path / 'still.csv'}", virtual=True, overrides=quick)
-    rows = Registry.read()
-    left_out = ("recorder", "visualizer")
-    kept = {name: spec for name, spec in rows.items() if name not in left_out}
-    host.add_all(rows.only(kept), stack)
-    sent, waits = list[int](), list[float]()
-    observer = host.node("observer", ["topside"])
-    observer.each(topics.PILOT_COMMAND, lambda m, _: sent.append(m.stamp_ns))
-
-    def hear(budget: LatencyBudget, _: int) -> None:
-        waits.extend(stage.p50_ms for stage in budget.down or () if stage.name == "reference")
-
-    observer.each(topics.LATENCY, hear)
-    host.run(16_000_000_000)
+    dive = Dive("0,0,0,0,0\n40,0,0,0,0\n", (*CHAIN, "link_monitor"))
+    sent = dive.heard(topics.PILOT_COMMAND, "topside")
+    budgets = dive.heard(topics.LATENCY, "topside")
+    dive.run(16.0)
+    waits = [s.p50_ms for b in budgets for s in b.down or () if s.name == "reference"]
     assert all(abs(wait - AIM_MS) < 1.0 for wait in waits[-8:])
-    assert 49.0 <= len([at for at in sent if at >= sent[-1] - 4_000_000_000]) / 4.0 <= 51.0
+    recent = [command for command in sent if command.stamp_ns >= sent[-1].stamp_ns - 4_000_000_000]
+    assert 49.0 <= len(recent) / 4.0 <= 51.0

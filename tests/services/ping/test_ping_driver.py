@@ -57,9 +57,7 @@ def test_the_rate_is_that_of_the_settings() -> None:
 
 
 @pytest.mark.parametrize(("fault", "samples"), [("air", 0), ("off", 1)])
-def test_without_a_bottom_or_a_new_ping_there_is_no_altitude_and_it_is_said_once(
-    fault: Fault, samples: int
-) -> None:
+def test_without_a_bottom_or_a_new_ping_there_is_no_altitude(fault: Fault, samples: int) -> None:
     found, outbox = dialogue(Ping1dDouble(faults=frozenset({fault})))
     assert len(found) == samples
     assert outbox.counts == {"answering:altimeter": 1, "no_bottom:sensor/altitude": 1}

@@ -1,7 +1,7 @@
 """Whatever comes off the bus becomes a row or a count, and never more counts than can be held."""
 
 import msgspec
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from messages import topics
@@ -48,6 +48,7 @@ def take_pressure(intake: Desk, payload: bytes, arrival: int = ARRIVAL) -> Recor
     return intake.take(topics.PRESSURE.key, topics.PRESSURE.encoding, payload, arrival)
 
 
+@settings(max_examples=100)
 @given(
     key=st.sampled_from(KEYS) | st.text(max_size=200),
     encoding=st.sampled_from(ENCODINGS) | st.text(max_size=20),
@@ -57,8 +58,7 @@ def take_pressure(intake: Desk, payload: bytes, arrival: int = ARRIVAL) -> Recor
     ).map(msgspec.msgpack.encode),
     arrival=st.integers(min_value=-(2**65), max_value=2**65),
 )
-@settings(max_examples=100, deadline=None)
-def test_garbage_is_refused_under_a_name_that_can_be_sent(
+def test_garbage_is_refused_by_a_name_that_can_be_sent(
     key: str, encoding: str, payload: bytes, arrival: int
 ):
     reason = Desk(OFFSET).take(key, encoding, payload, arrival)
@@ -72,7 +72,7 @@ def test_garbage_is_refused_under_a_name_that_can_be_sent(
     seq=st.integers(min_value=-(2**63), max_value=2**64 - 1),
     value=st.floats(allow_nan=True, allow_infinity=True),
 )
-@settings(max_examples=100, deadline=None)
+@example(stamp_ns=1, seq=2**40 + 2**20, value=1.0)
 def test_a_row_fits_the_file_and_says_what_the_message_said(stamp_ns: int, seq: int, value: float):
     row = take_pressure(Desk(OFFSET), pressure(stamp_ns, seq, value))
     if isinstance(row, str):
@@ -84,17 +84,6 @@ def test_a_row_fits_the_file_and_says_what_the_message_said(stamp_ns: int, seq: 
     assert row.sequence == seq % 2**32
     assert msgspec.json.decode(row.data, type=PressureSample) == PressureSample(
         stamp_ns=stamp_ns, seq=seq, pressure=value
-    )
-
-
-def test_the_wrong_message_on_a_key_is_told_from_a_broken_one():
-    intake = Desk()
-    assert intake.take("sensor/pressure", "text/plain", pressure(), 0) == (
-        "wrong_type:sensor/pressure"
-    )
-    assert take_pressure(intake, b"\x81") == "malformed:sensor/pressure"
-    assert intake.take("sensor/sonar", topics.PRESSURE.encoding, pressure(), 0) == (
-        "unknown:sensor/sonar"
     )
 
 
@@ -148,10 +137,8 @@ heard_lists = st.lists(
 
 
 @given(one=heard_lists, other=heard_lists)
-@settings(max_examples=100, deadline=None)
-def test_the_hash_is_equal_exactly_when_the_same_was_heard_in_the_same_order(
-    one: list[Heard], other: list[Heard]
-):
+@example(one=[("pressure", 1, 1)], other=[("pressure", 1, 2)])
+def test_the_hash_is_of_what_was_heard_in_its_order(one: list[Heard], other: list[Heard]):
     assert (hash_of(one) == hash_of(other)) == (one == other)
     assert (hash_of(one) == hash_of(one[::-1])) == (one == one[::-1])
 

@@ -10,7 +10,6 @@ from mcap.reader import make_reader
 
 from messages import topics
 from messages.health import LogLine
-from messages.pilot import PilotCommand
 from messages.sensors import BatterySample, PressureSample
 from services.recorder.io import mcap_file
 from services.recorder.io.mcap_file import McapFile
@@ -21,6 +20,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
+from tests.support.said import sticks
 from tools.recordings.recording import log_hash, open_recording
 
 SECOND = 1_000_000_000
@@ -30,7 +30,7 @@ HOME = ServiceSpec(["drone"])
 class Dive:
     """A recorder and a neighbour that says its pressure 40 times a second."""
 
-    def __init__(self, folder: Path, depth: float = 0.0) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.stack = Stack(out=str(folder), overrides=["control.depth.kp=3"])
         self.host = VirtualHost()
@@ -38,7 +38,7 @@ class Dive:
         self.neighbour = self.host.node("neighbour", ["drone"])
         say = self.neighbour.publisher(topics.PRESSURE)
         self.neighbour.every(
-            40, lambda now: say.put(PressureSample(stamp_ns=now, pressure=101_325.0 + depth))
+            40, lambda now: say.put(PressureSample(stamp_ns=now, pressure=101_325.0))
         )
         self.start()
 
@@ -60,6 +60,10 @@ class Dive:
     def stamps(self, name: str = "") -> list[int]:
         recorded = open_recording(self.folder / name)
         return [e.message.stamp_ns for e in recorded if e.key == topics.PRESSURE.key]
+
+
+def refuse(*_: object) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
 
 
 def ticks(until_s: float) -> list[int]:
@@ -127,9 +131,7 @@ def test_with_two_clocks_every_publish_time_is_by_the_recorders(tmp_path: Path, 
     host.add("recorder", ServiceSpec([side]), stack)
     pilot, drone = host.node("pilot", ["topside"]), host.node("driver", ["drone"])
     down, up = pilot.publisher(topics.PILOT_COMMAND), drone.publisher(topics.BATTERY)
-    pilot.every(
-        50.0, lambda now: down.put(PilotCommand(stamp_ns=now, surge=0, sway=0, heave=0, yaw=0))
-    )
+    pilot.every(50.0, lambda now: down.put(sticks(now)))
     drone.every(
         10.0, lambda now: up.put(BatterySample(stamp_ns=now, voltage=1, current=1, used_wh=1))
     )
@@ -186,10 +188,6 @@ def test_a_full_disk_in_mid_dive_is_counted_and_recording_goes_on_when_there_is_
     dive = Dive(tmp_path)
     dive.run(1.0)
     with monkeypatch.context() as full:
-
-        def refuse(_: McapFile) -> None:
-            raise OSError(errno.ENOSPC, "No space left on device")
-
         full.setattr(McapFile, "flush", refuse)
         dive.run(7.0)
     dive.run(20.0)
@@ -207,7 +205,7 @@ def test_a_full_disk_in_mid_dive_is_counted_and_recording_goes_on_when_there_is_
     assert stamps[-1] == 20 * SECOND
 
 
-def test_a_disk_with_room_for_nothing_but_a_beginning_gets_no_flood_of_parts(
+def test_a_disk_with_room_for_a_beginning_gets_no_flood_of_parts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     dive = Dive(tmp_path)
@@ -217,7 +215,7 @@ def test_a_disk_with_room_for_nothing_but_a_beginning_gets_no_flood_of_parts(
 
         def refuse_messages(file: McapFile) -> None:
             if file.has_channel(topics.PRESSURE.key):
-                raise OSError(errno.ENOSPC, "No space left on device")
+                refuse()
             flush(file)
 
         nearly_full.setattr(McapFile, "flush", refuse_messages)
@@ -247,30 +245,13 @@ def test_garbage_on_the_bus_is_counted_in_the_file_and_disturbs_nothing(tmp_path
     }
 
 
-def test_the_same_dive_has_the_same_hash_and_another_has_not(tmp_path: Path):
-    hashes: list[str | None] = []
-    for name, depth in (("one", 0.0), ("same", 0.0), ("other", 1.0)):
-        dive = Dive(tmp_path / name, depth)
-        dive.run(1.0)
-        dive.host.close()
-        hashes.append(log_hash(tmp_path / name))
-    assert None not in hashes
-    assert hashes[0] == hashes[1] != hashes[2]
-    whole = [(tmp_path / name / "dive.mcap").read_bytes() for name in ("one", "same")]
-    assert whole[0] == whole[1]
-
-
-def test_a_recorder_that_is_started_again_on_a_full_disk_waits_for_room(
+def test_started_again_on_a_full_disk_it_waits_for_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     dive = Dive(tmp_path)
     dive.run(1.0)
     dive.crash()
     with monkeypatch.context() as full:
-
-        def refuse(*_: object) -> None:
-            raise OSError(errno.ENOSPC, "No space left on device")
-
         full.setattr(mcap_file, "write_at", refuse)
         dive.start()
         dive.run(3.0)
@@ -279,3 +260,31 @@ def test_a_recorder_that_is_started_again_on_a_full_disk_waits_for_room(
     dive.host.close()
     assert dive.stamps("dive.part2.mcap")[-1] == 10 * SECOND
     assert dive.recorder.counts["disk_error"] >= 1
+
+
+# The table [recorder] of a vehicle file.
+
+
+@pytest.mark.parametrize("wrong", ["foxglove=3", "ring=5"])
+def test_a_wrong_setting_is_one_sentence_that_names_it(tmp_path: Path, wrong: str):
+    stack = Stack(out=str(tmp_path), overrides=[f"recorder.{wrong}"])
+    with pytest.raises(LindyError, match=rf"--set recorder\.{wrong}"):
+        VirtualHost().add("recorder", HOME, stack)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_foxglove_only_messages_are_recorded(tmp_path: Path):
+    keys: list[set[str]] = []
+    for name, settings in (("plain", ["recorder.foxglove=false"]), ("both", [])):
+        host = VirtualHost()
+        neighbour = host.node("neighbour", ["drone"])
+        host.add("recorder", HOME, Stack(out=str(tmp_path / name), overrides=settings))
+        neighbour.log("info", "words")
+        host.run(SECOND)
+        host.close()
+        with (tmp_path / name / "dive.mcap").open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary is not None
+        keys.append({channel.topic for channel in summary.channels.values()})
+    assert keys[1] - keys[0] == {"foxglove/log"}
+    assert log_hash(tmp_path / "plain") == log_hash(tmp_path / "both")

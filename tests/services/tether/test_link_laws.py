@@ -1,18 +1,22 @@
-"""What holds for every link, whatever its profile: nothing is invented, nothing vanishes."""
+"""What holds for every link, whatever its profile: nothing is invented, nothing vanishes; and what
+a line says of itself."""
 
 from collections import Counter
+from itertools import accumulate
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from messages import events
 from messages.topic import Qos
+from services.tether.core import Link
 from services.tether.delay import Pareto, Table, Trace
 from services.tether.link_model import LinkDirection
 from services.tether.loss import Loss, Outage, Outages
 from services.tether.priority_queue import RANK
-from services.tether.profile import DirectionProfile, Late, Queue
+from services.tether.profile import DirectionProfile, Late, LinkProfile, Queue
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS
@@ -91,7 +95,7 @@ def assert_conserved(line: LinkDirection[int]) -> None:
     assert line.entered + line.copied == gone + line.on_the_way
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(legs(), entries, st.integers(0, 5))
 def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
     leg: DirectionProfile, steps: list[tuple[int, int, int]], seed: int
@@ -109,27 +113,21 @@ def test_whatever_enters_arrives_is_lost_for_a_reason_or_is_on_the_way(
     assert max(copies.values(), default=0) <= 2
 
 
-@settings(max_examples=100, deadline=None)
 @given(legs(), entries)
-def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_stance(
+def test_nothing_comes_early_and_only_the_late_are_overtaken_within_a_rank(
     leg: DirectionProfile, steps: list[tuple[int, int, int]]
 ) -> None:
     out = passage(line_of(leg), steps)
-    times = [at for _, at, _ in out]
-    assert times == sorted(times)
     entered = np.cumsum([wait for wait, _, _ in steps]).tolist()
     for item, at, _ in out:
-        transmission = 0.0
-        if leg.rate_kbit:
-            transmission = (steps[item][1] + leg.overhead_bytes) * 8e6 / leg.rate_kbit
-        assert at >= entered[item] + leg.delay_ms * MS + transmission - 2
-    if leg.late is None:
-        for rank in range(4):
-            same = [item for item, _, _ in out if steps[item][2] == rank]
-            assert same == sorted(same)
+        sent = (steps[item][1] + leg.overhead_bytes) * 8e6 / leg.rate_kbit if leg.rate_kbit else 0.0
+        assert at >= entered[item] + leg.delay_ms * MS + sent - 2
+    for rank in range(4) if leg.late is None else ():
+        same = [item for item, _, _ in out if steps[item][2] == rank]
+        assert same == sorted(same)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(legs(), entries, st.integers(1, 7), st.integers(0, 9))
 def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     leg: DirectionProfile, steps: list[tuple[int, int, int]], look_ms: int, seed: int
@@ -150,7 +148,7 @@ def test_the_same_seed_gives_the_same_fates_however_often_one_looks(
     assert end == sum(wait for wait, _, _ in steps)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.lists(legs(), min_size=1, max_size=3),
     st.lists(
@@ -187,17 +185,8 @@ def test_conservation_survives_changes_cuts_and_joins(
     assert line.on_the_way == 0
 
 
-def test_a_change_keeps_what_is_on_the_way() -> None:
-    narrow = DirectionProfile(delay_ms=50.0, rate_kbit=80.0, queue=Queue())
-    line = line_of(narrow)
-    for item in range(20):
-        line.enter(item, 0, 100)  # 10 ms each
-    line.leave(35 * MS)
-    line.change(DirectionProfile(delay_ms=5.0), 35 * MS)
-    out = drain(line)
-    assert [item for item, _, _ in out] == list(range(20))
-    assert line.lost.total() == 0
-    line.change(narrow, 1 * S)  # a limit that is smaller than what waits loses nothing either
+def test_a_change_to_a_limit_smaller_than_what_waits_loses_nothing() -> None:
+    line = line_of(DirectionProfile(delay_ms=50.0, rate_kbit=80.0, queue=Queue()))
     for item in range(20):
         line.enter(item, 1 * S, 100)
     line.change(DirectionProfile(rate_kbit=80.0, queue=Queue(limit_bytes=200)), 1 * S)
@@ -207,24 +196,6 @@ def test_a_change_keeps_what_is_on_the_way() -> None:
 # Rate, queue, urgency.
 
 
-def flood(queue: Queue, seconds: float, load: float) -> tuple[LinkDirection[int], list[float]]:
-    """`load` times the capacity of 100 kbit/s in messages of 100 B; the delays in ms."""
-    line, delays = line_of(DirectionProfile(rate_kbit=100.0, queue=queue)), list[float]()
-    step = round(8 * MS / load)
-    for k in range(round(seconds * S / step)):
-        for item, at, _ in drain(line, k * step):
-            delays.append((at - item * step) / MS)
-        line.enter(k, k * step, 100)
-    return line, delays
-
-
-def test_drop_oldest_brings_what_is_newer() -> None:
-    tail = flood(Queue(limit_bytes=5000), 20.0, 3.0)[1]
-    oldest = flood(Queue(limit_bytes=5000, policy="drop_oldest"), 20.0, 3.0)[1]
-    assert np.median(oldest) < 0.5 * np.median(tail)
-
-
-@settings(max_examples=50, deadline=None)
 @given(st.integers(1, 200), st.integers(0, 30 * MS))
 def test_a_command_waits_for_one_message_at_most(backlog: int, at: int) -> None:
     line = line_of(DirectionProfile(rate_kbit=100.0, queue=Queue()))
@@ -235,6 +206,15 @@ def test_a_command_waits_for_one_message_at_most(backlog: int, at: int) -> None:
     out += drain(line)
     arrived = next(when for item, when, _ in out if item == -1)
     assert arrived - at <= 2 * 8 * MS
+
+
+@pytest.mark.parametrize(("policy", "kept"), [("drop_tail", [0, 1]), ("drop_oldest", [0, 4])])
+def test_a_full_queue_keeps_its_oldest_or_its_newest(policy: str, kept: list[int]) -> None:
+    queue = Queue(limit_bytes=100, policy=policy)  # type: ignore[arg-type]
+    line = line_of(DirectionProfile(rate_kbit=1.0, queue=queue))
+    for item in range(5):
+        line.enter(item, 0, 100)
+    assert [item for item, _, _ in drain(line)] == kept
 
 
 @pytest.mark.parametrize("policy", ["drop_tail", "drop_oldest"])
@@ -261,4 +241,118 @@ def test_memory_is_bounded_however_much_enters() -> None:
     assert line.take_lost() == []
 
 
-# Outages and traces.
+# None is sent after its life.
+
+
+LIFE = 400 * MS
+SLOW = DirectionProfile(delay_ms=30.0, rate_kbit=100.0, queue=Queue(limit_bytes=50_000))
+
+
+@given(st.lists(st.tuples(st.integers(0, 50), st.integers(100, 5000)), min_size=1, max_size=60))
+def test_each_is_sent_in_its_life_or_counted(entered: list[tuple[int, int]]) -> None:
+    line, now, times, out = line_of(SLOW), 0, list[int](), Arrived()
+    for number, (gap, size) in enumerate(entered):
+        now += gap * MS
+        out += drain(line, now)
+        times.append(now)
+        line.enter(number, now, size, RANK[Qos.BULK], LIFE)
+    out += drain(line)
+    for number, at, _ in out:
+        to_send = entered[number][1] * 8e6 / SLOW.rate_kbit
+        assert at <= times[number] + LIFE + to_send + 30 * MS + 1
+    assert len(out) + line.lost[events.NO_ROOM.name] == len(entered)
+
+
+# What a line says of itself: of each period, its own.
+
+
+def flown(line: LinkDirection[int], begin: int, messages: int, size: int) -> list[float]:
+    """One message each 10 ms from `begin` [ns] on. [ms] How long each that arrives took."""
+    out = Arrived()
+    for k in range(messages):
+        out += drain(line, begin + k * 10 * MS)
+        line.enter(k, begin + k * 10 * MS, size)
+    return [(at - begin) / MS - item * 10.0 for item, at, _ in out + drain(line)]
+
+
+@given(
+    st.floats(0.0, 50.0),
+    st.lists(st.tuples(st.integers(0, 50), st.integers(0, 900)), min_size=1, max_size=6),
+)
+def test_a_report_tells_of_its_own_period(delay_ms: float, periods: list[tuple[int, int]]) -> None:
+    """Messages and bytes of each."""
+    line = line_of(DirectionProfile(delay_ms=delay_ms, delay=Table((0.0, 9.0))))
+    assert line.report(0).rate_kbit == 0.0  # no period ended before
+    for k, (messages, size) in enumerate(periods):
+        delays = sorted(flown(line, k * S, messages, size))
+        said = line.report((k + 1) * S, {"state": 5.0})
+        assert said.forwarded == sum(count for count, _ in periods[: k + 1])
+        assert said.rate_kbit == pytest.approx(messages * size * 8e-3)
+        assert (said.loss, said.queued, said.lost) == (0.0 if messages else None, 0, {})
+        assert said.tiers == {"state": 5.0}
+        for found, percent in ((said.delay_p50_ms, 50), (said.delay_p99_ms, 99)):
+            expected = delays[messages * percent // 100] if messages else None
+            assert found == (expected if expected is None else pytest.approx(expected, abs=1e-5))
+
+
+@given(st.floats(0.05, 0.9), st.integers(1, 5))
+def test_the_loss_of_a_period_is_the_share_of_what_it_settled(share: float, periods: int) -> None:
+    line, before = line_of(DirectionProfile(loss=Loss(loss_good=share)), seed=3), 0
+    for k in range(periods):
+        flown(line, k * S, 50, 100)
+        said, total = line.report((k + 1) * S), line.lost.total()
+        assert said.loss == pytest.approx((total - before) / 50)
+        assert said.dropped == total == sum(said.lost.values())
+        before = total
+
+
+def test_a_schedule_counts_from_the_change_to_it() -> None:
+    line = line_of(DirectionProfile())
+    line.enter(0, 0)
+    away = Outages((Outage(start_s=2.0, seconds=1.0),))
+    line.change(DirectionProfile(outages=away), 10 * S)
+    up = [line.is_up(10 * S + at) for at in range(0, 5 * S, S // 2)]
+    assert up == [True] * 4 + [False] * 2 + [True] * 4
+
+
+@given(
+    st.floats(0.0, 100.0),
+    st.lists(st.tuples(st.floats(0.01, 0.5), st.none() | st.floats(0.0, 2.0)), min_size=2),
+    st.integers(0, 5),
+    st.floats(0.01, 0.99),
+)
+@example(0.0, [(0.2, 0.1), (0.2, None)], 1, 0.5)
+def test_a_trace_is_the_recorded_delays_again_and_again(
+    first: float, rows: list[tuple[float, float | None]], round_: int, share: float
+) -> None:
+    """At each moment that of the row before it; the last row is where it begins anew."""
+    sent = tuple(accumulate((step for step, _ in rows), initial=first))
+    delays = [*(delay for _, delay in rows), None]
+    arrived = tuple(None if d is None else s + d for s, d in zip(sent, delays, strict=True))
+    trace = Trace(sent_s=sent, arrived_s=arrived)
+    for k, (step, delay) in enumerate(rows):
+        moment = sent[k] - first + share * step + round_ * (sent[-1] - first)
+        found = trace.at(moment)
+        assert found == (None if delay is None else pytest.approx(1e3 * delay, abs=1e-6))
+
+
+def test_the_round_trip_is_there_and_back() -> None:
+    down, up = DirectionProfile(delay_ms=30.0), DirectionProfile(delay_ms=50.0)
+    link: Link[int] = Link("slow", LinkProfile(down=down, up=up), 1)
+    flown(link.down, 0, 10, 100)
+    assert link.status(S, None).rtt_ms is None  # nothing came back yet
+    flown(link.down, S, 10, 100)
+    flown(link.up, S, 10, 100)
+    assert link.status(2 * S, None).rtt_ms == pytest.approx(80.0)
+
+
+def test_the_two_directions_lose_each_its_own_messages() -> None:
+    leg = DirectionProfile(loss=Loss(loss_good=0.3))
+    link: Link[int] = Link("lossy", LinkProfile(down=leg, up=leg), 1)
+    lost = list[set[int]]()
+    for line in (link.down, link.up):
+        flown(line, 0, 400, 100)
+        lost.append({item for item, _ in line.take_lost()})
+    assert all(80 < len(each) < 160 for each in lost)
+    # 30 % of 30 % are lost both ways: 36 of 400, less than twice that.
+    assert len(lost[0] & lost[1]) < 72

@@ -1,13 +1,12 @@
 """Delays and losses of a link have the distributions of their names, or those of a trace."""
 
 from collections.abc import Callable
-from itertools import pairwise
-from math import exp, log, sqrt
-from typing import Any, cast
+from math import log, sqrt
+from typing import cast
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import events
@@ -22,43 +21,9 @@ ms = st.floats(0.0, 300.0) | st.floats(0.0, 2.0) | st.just(0.0)
 share = st.floats(1e-9, 1.0 - 1e-9)
 MINUTE_MS = 60_000.0  # longer than this no message takes
 
-late = st.floats(-0.5, 1.5) | st.floats(59.9, 60.1) | st.floats(-80.0, 80.0)  # [s]
-row = st.tuples(st.floats(-0.1, 1.0) | st.just(0.0), st.none() | late)
-
-
-@given(st.lists(row, max_size=6), st.integers(-1, 1), st.sampled_from(["", "rows.csv"]))
-@example([(0.5, 0.0), (0.5, 60.0), (0.5, None)], 0, "")
-@example([(0.5, 0.0), (0.5, 60.1)], 0, "")
-@example([(0.5, 0.0), (0.5, -0.1)], 0, "")
-@example([(0.5, 0.0), (0.0, 0.1)], 0, "")
-@example([(0.5, 0.0), (0.5, 0.1)], 1, "")
-def test_a_trace_is_rows_in_order_each_lost_or_arrived_within_a_minute(
-    rows: list[tuple[float, float | None]], more: int, file: str
-) -> None:
-    sent = tuple(np.cumsum([step for step, _ in rows]).tolist())
-    arrived = tuple(
-        None if later is None else at + later for at, (_, later) in zip(sent, rows, strict=True)
-    )
-    if more > 0:
-        arrived += (None,)
-    elif more < 0:
-        arrived = arrived[:-1]
-    as_long = len(sent) == len(arrived)
-    ascending = all(before < after for before, after in pairwise(sent))
-    in_time = all(b is None or 0.0 <= b - a <= 60.0 for a, b in zip(sent, arrived, strict=False))
-    if as_long and (sent or file) and ascending and in_time:
-        assert Trace(file, sent, arrived).arrived_s == arrived
-        return
-    said = "60 s" if not in_time else "ascending"
-    said = "ascending" if not ascending else said
-    said = "needs a file" if not sent and not file else said
-    said = "same length" if not as_long else said
-    with pytest.raises(ValueError, match=said):
-        Trace(file, sent, arrived)
-
 
 @given(st.floats(0.0, 100.0), st.none() | st.floats(0.0, 60.0), st.floats(0.0, 1e4))
-def test_a_trace_of_one_row_is_that_delay_or_loss_for_ever(
+def test_a_trace_of_one_row_is_that_for_ever(
     sent: float, later: float | None, seconds: float
 ) -> None:
     found = Trace("", (sent,), (None if later is None else sent + later,)).at(seconds)
@@ -124,62 +89,15 @@ def test_the_rarest_draw_is_that_of_one_in_a_thousand_million(
     assert delays.next_ms() == pytest.approx(rarest, rel=1e-6)
 
 
-@given(st.floats(1e4, MINUTE_MS))
-def test_no_message_takes_longer_than_a_minute(mean_ms: float) -> None:
-    for spread in (Exponential(mean_ms), Pareto(mean_ms, 1.5)):
-        delays = Delays(spread, np.random.default_rng(1))
-        longest = max(delays.next_ms() for _ in range(2000))
-        assert 0.5 * MINUTE_MS < longest <= MINUTE_MS
-        if mean_ms > 0.5 * MINUTE_MS:
-            assert longest == MINUTE_MS
-
-
-@pytest.mark.parametrize(
-    ("spread", "mean"),
-    [
-        (Table((2.0, 8.0)), 5.0),
-        (Exponential(15.0), 15.0),
-        (Pareto(40.0, 2.5), 40.0),
-        (Table((1.0, 3.0, 2.0)), 2.0),
-        (Exponential(1e6), 60_000.0),  # nearly all of it is cut off at a minute
-    ],
-)
-def test_the_declared_mean_is_that_of_the_distribution(spread: Drawn, mean: float) -> None:
-    shares = (np.arange(100_000) + 0.5) / 100_000
-    found = float(np.minimum(spread.quantile(shares), MINUTE_MS).mean())
-    assert found == pytest.approx(mean, rel=0.05 if mean == MINUTE_MS else 0.005)
-
-
-N = 100_000
+N = 20_000
 NORMAL_99 = 2.576  # [σ] half of the band that holds 99 % of a Gaussian
 KOLMOGOROV_99 = 1.628  # [-] sup |F_n − F| √n stays below it in 99 % of samples
-S = 1_000_000_000  # [ns]
-CDF = Callable[[float], float]
-
-SHAPES: list[tuple[Drawn, CDF]] = [
-    (Table((10.0, 30.0)), lambda x: (x - 10.0) / 20.0),
-    (Exponential(12.0), lambda x: 1.0 - exp(-x / 12.0)),
-    (Pareto(10.0, 3.0), lambda x: 1.0 - (1.0 + x / 20.0) ** -3.0),
-    (Table((1.0, 2.0, 6.0)), lambda x: (x - 1.0) / 2.0 if x < 2.0 else 0.5 + (x - 2.0) / 8.0),
-]
 
 
-def drawn(spread: Drawn, count: int, seed: int = 11) -> np.ndarray[Any, np.dtype[np.float64]]:
-    delays = Delays(spread, np.random.default_rng(seed))
-    return np.array([delays.next_ms() for _ in range(count)])
-
-
-def furthest(values: np.ndarray[Any, np.dtype[np.float64]], cdf: CDF) -> float:
-    """Kolmogorov's distance between a sample and a distribution."""
-    ordered = np.sort(values)
-    expected = np.array([cdf(x) for x in ordered.tolist()])
-    steps = np.arange(len(ordered) + 1) / len(ordered)
-    return float(max(np.max(steps[1:] - expected), np.max(expected - steps[:-1])))
-
-
-@pytest.mark.parametrize(("spread", "cdf"), SHAPES, ids=lambda p: type(p).__name__)
-def test_delays_have_the_distribution_of_their_name(spread: Drawn, cdf: CDF) -> None:
-    assert furthest(drawn(spread, N), cdf) < KOLMOGOROV_99 / sqrt(N)
+def test_delays_are_drawn_alike_from_everywhere_in_their_distribution() -> None:
+    delays = Delays(Table((10.0, 30.0)), np.random.default_rng(11))
+    ordered = sorted(delays.next_ms() for _ in range(N))
+    assert ordered == pytest.approx(np.linspace(10.0, 30.0, N), abs=20.0 * KOLMOGOROV_99 / sqrt(N))
 
 
 def losses(loss: Loss, seed: int = 5) -> list[Row | None]:
@@ -195,29 +113,21 @@ def test_independent_losses_have_their_share_and_no_memory(share: float) -> None
     assert abs(pairs - share**2) < NORMAL_99 * sqrt(3.0 * share**2 / N)
 
 
-def test_gilbert_elliott_has_its_mean_loss_and_its_length_of_bursts() -> None:
-    model = Loss(to_bad=0.02, to_good=0.25)
-    lost = np.array([reason is events.BURST for reason in losses(model)])
+def test_gilbert_elliott_begins_good_and_has_its_losses_and_its_length_of_bursts() -> None:
+    model = Loss(to_bad=0.02, to_good=0.25, loss_good=0.01)
+    reasons = losses(model)
+    lost = np.array([reason is events.BURST for reason in reasons])
     checkpoint = 1.0 - model.to_bad - model.to_good
-    share = model.mean
+    share = model.to_bad / (model.to_good + model.to_bad)
     wide = (1.0 + checkpoint) / (1.0 - checkpoint)  # how much wider memory makes the band
     assert abs(lost.mean() - share) < NORMAL_99 * sqrt(share * (1 - share) / N * wide)
     bursts = int(np.sum(lost[1:] & ~lost[:-1])) + int(lost[0])
     length, spread = 1.0 / model.to_good, sqrt(1.0 - model.to_good) / model.to_good
     assert abs(lost.sum() / bursts - length) < NORMAL_99 * spread / sqrt(bursts)
-
-
-def test_a_gilbert_elliott_link_begins_good() -> None:
+    good = (1.0 - share) * model.loss_good
+    assert abs(reasons.count(events.LOSS) / N - good) < NORMAL_99 * sqrt(good * (1 - good) / N)
+    assert model.mean == pytest.approx(share + good)
     assert set(losses(Loss(to_bad=0.0, to_good=0.0))) == {None}
-
-
-def test_gilbert_elliott_loses_in_the_good_state_too_when_told_to() -> None:
-    model = Loss(to_bad=0.02, to_good=0.25, loss_bad=0.6, loss_good=0.01)
-    reasons = losses(model)
-    share = model.to_good * model.loss_good / (model.to_good + model.to_bad)
-    found = reasons.count(events.LOSS) / N
-    assert abs(found - share) < NORMAL_99 * sqrt(share * (1 - share) / N)
-    assert reasons.count(events.BURST) > 0
 
 
 @pytest.mark.parametrize("to_bad", [0.0, 0.3, 1.0])
@@ -254,20 +164,11 @@ def test_copies_damage_and_lateness_have_their_shares() -> None:
     assert abs(line.copied / N - share) < band
     damaged = len({item for item, is_damaged in out if is_damaged})
     assert abs(damaged / N - share) < band
-    order = list(dict.fromkeys(item for item, _ in out))
-    overtaken = sum(here < max_before for here, max_before in _with_maximum(order))
+    order = np.array(list(dict.fromkeys(item for item, _ in out)))
+    overtaken = np.sum(order < np.maximum.accumulate(order))
     assert abs(overtaken / N - share) < band
 
 
-def _with_maximum(order: list[int]) -> list[tuple[int, int]]:
-    highest, pairs = -1, list[tuple[int, int]]()
-    for here in order:
-        pairs.append((here, highest))
-        highest = max(highest, here)
-    return pairs
-
-
-@pytest.mark.slow
 def test_the_purposes_draw_from_streams_of_their_own() -> None:
     """Copies and delays do not change which messages are lost."""
     plain = DirectionProfile(loss=Loss(loss_good=0.1))

@@ -1,14 +1,14 @@
-"""Which telemetry is thinned out on a narrow link, and that nothing is sent after its life."""
+"""Which telemetry is thinned out on a narrow link."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from messages import events, topics
-from messages.link import LinkRequest, LinkStatus
+from messages import topics
+from messages.link import LinkStatus
 from messages.topic import Qos
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
@@ -16,9 +16,7 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.tether.core import Link
 from services.tether.io.profile_file import named
-from services.tether.link_model import LinkDirection
 from services.tether.priority_queue import RANK
-from services.tether.profile import DirectionProfile, Queue
 from services.tether.telemetry_rate_control import (
     LEAST,
     TelemetryRateControl,
@@ -36,7 +34,7 @@ budgets = st.floats(0.0, 5000.0)
 
 
 @given(loads, budgets)
-def test_rates_fit_the_budget_as_far_as_floors_can_yield(
+def test_rates_fit_the_budget_or_are_at_their_floors(
     offered: dict[str, float], budget: float
 ) -> None:
     rates = limits(budget, offered)
@@ -48,9 +46,7 @@ def test_rates_fit_the_budget_as_far_as_floors_can_yield(
 
 
 @given(loads, budgets, st.floats(1.0, 3.0))
-def test_more_room_is_never_a_lower_rate(
-    offered: dict[str, float], budget: float, more: float
-) -> None:
+def test_more_room_is_no_lower_rate(offered: dict[str, float], budget: float, more: float) -> None:
     less, greater = limits(budget, offered), limits(more * budget, offered)
     for topic in FAST:
         before, after = (rates.get(topic.key, topic.hz) for rates in (less, greater))
@@ -58,9 +54,7 @@ def test_more_room_is_never_a_lower_rate(
 
 
 @given(loads, budgets)
-def test_the_state_yields_last_and_the_truth_first(
-    offered: dict[str, float], budget: float
-) -> None:
+def test_the_state_yields_last_the_truth_first(offered: dict[str, float], budget: float) -> None:
     rates = limits(budget, offered)
     shares = [rates.get(t.key, t.hz) for t in sorted(FAST, key=lambda t: t.weight)]
     assert shares == sorted(shares)
@@ -78,11 +72,8 @@ def test_no_event_and_nothing_that_is_slow_by_nature_is_ever_thinned_out() -> No
     assert all(topic.qos is not Qos.EVENT for topic in weighed)
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.floats(50.0, 5000.0), min_size=1, max_size=20))
-def test_rates_follow_what_the_link_carries_and_stay_where_it_does_not_change(
-    capacities: list[float],
-) -> None:
+def test_rates_follow_what_the_link_carries_and_then_stay(capacities: list[float]) -> None:
     control, now = TelemetryRateControl(), 0
     for carries in capacities:
         changes = 0
@@ -95,11 +86,8 @@ def test_rates_follow_what_the_link_carries_and_stay_where_it_does_not_change(
         assert changes <= 3
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.floats(50.0, 2000.0), st.integers(1, 30), st.integers(100, 600))
-def test_messages_of_once_a_second_do_not_move_the_rates(
-    carries: float, slow: int, size: int
-) -> None:
+def test_messages_of_once_a_second_move_no_rate(carries: float, slow: int, size: int) -> None:
     """`slow` of them arrive in one period of five, and none in the others."""
     control, changed = TelemetryRateControl(), list[int]()
     for period in range(100):
@@ -114,7 +102,6 @@ def test_messages_of_once_a_second_do_not_move_the_rates(
     assert all(period < 15 for period in changed)
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.floats(1.0, 50.0), st.lists(st.integers(0, 5 * MS), min_size=300, max_size=300))
 def test_a_thinned_topic_keeps_its_rate_through_jitter(hz: float, jitter: list[int]) -> None:
     thinner = TelemetryRateControl({"state": hz})
@@ -136,7 +123,6 @@ class Overload:
         self.delays: dict[str, list[int]] = {}
         pilot, drone = self.host.node("pilot", ["topside"]), self.host.side("drone")
         pilot.each(topics.LINK, lambda m, _: self.statuses.append(m))
-        self.request = pilot.publisher(topics.LINK_REQUEST)
         events = (topics.STATUS, topics.PILOT_ANSWER)
         for topic in (*FAST, *events):
             self.delays[topic.key] = []
@@ -165,9 +151,7 @@ class Overload:
 NARROW = "thin = {thin}\n[up]\ndelay_ms = 10.0\nrate_kbit = 300.0\n"
 
 
-def test_thinning_out_keeps_the_state_fresh_where_it_would_be_seconds_old(
-    tmp_path: Path,
-) -> None:
+def test_thinning_out_keeps_the_state_fresh_on_a_narrow_link(tmp_path: Path) -> None:
     with_tiers = Overload(tmp_path, NARROW.format(thin="true")).run(3.0)
     without = Overload(tmp_path, NARROW.format(thin="false")).run(3.0)
     for run in (with_tiers, without):
@@ -187,48 +171,7 @@ def test_thinning_out_keeps_the_state_fresh_where_it_would_be_seconds_old(
     assert with_tiers.tether.counts["thinned:vehicle/status"] == 0
 
 
-@pytest.mark.slow
-def test_telemetry_comes_back_when_the_link_is_wide_again(tmp_path: Path) -> None:
-    run = Overload(tmp_path, NARROW.format(thin="true")).run(5.0)
-    assert run.statuses[-1].up_link.tiers
-    run.request.put(
-        LinkRequest(stamp_ns=run.host.now, id="x", kind="set", settings=("up.rate_kbit=9000",))
-    )
-    run.run(180.0)
-    assert run.statuses[-1].up_link.tiers == {}
-    assert run.statuses[-1].changes == 1
-
-
 LIFE = 400 * MS
-BULK, LIVE = RANK[Qos.BULK], RANK[Qos.LIVE]
-SLOW = DirectionProfile(delay_ms=30.0, rate_kbit=100.0, queue=Queue(limit_bytes=50_000))
-
-
-def emptied(line: LinkDirection[int], until: int) -> dict[int, int]:
-    """[ns] Arrival of each message by `until`."""
-    arrived: dict[int, int] = {}
-    while (due := line.due()) is not None and due <= until:
-        while (arrival := line.leave(due)) is not None:
-            arrived[arrival.item] = due
-    return arrived
-
-
-@given(st.lists(st.tuples(st.integers(0, 50), st.integers(100, 5000)), min_size=1, max_size=60))
-def test_none_is_sent_after_its_life_and_each_is_sent_or_counted(
-    entered: list[tuple[int, int]],
-) -> None:
-    line: LinkDirection[int] = LinkDirection(SLOW, np.random.default_rng(1))
-    now, times, arrived = 0, list[int](), dict[int, int]()
-    for number, (gap, size) in enumerate(entered):
-        now += gap * MS
-        arrived |= emptied(line, now)
-        times.append(now)
-        line.enter(number, now, size, BULK, LIFE)
-    arrived |= emptied(line, now + 100 * S)
-    for number, at in arrived.items():
-        to_send = entered[number][1] * 8e6 / SLOW.rate_kbit
-        assert at <= times[number] + LIFE + to_send + 30 * MS + 1
-    assert len(arrived) + line.lost[events.NO_ROOM.name] == len(entered)
 
 
 def state_delays(link: Link[tuple[str, int]], until: int) -> list[int]:
@@ -255,7 +198,7 @@ def test_the_picture_has_its_room_first_and_the_state_its_floor() -> None:
                     link.up.enter((topic.key, now), now, 300, RANK[topic.qos])
             if video_bytes and tick % 4 == 0 and link.admits_up(topics.VIDEO.key, 600, now):
                 for _ in range(video_bytes // 600):
-                    link.up.enter((topics.VIDEO.key, now), now, 600, BULK, LIFE)
+                    link.up.enter((topics.VIDEO.key, now), now, 600, RANK[Qos.BULK], LIFE)
         return states, link
 
     alone, link = flown(0)

@@ -1,5 +1,6 @@
 """The bus over Zenoh, with real sessions through a hub of this test's own."""
 
+import json
 import os
 import re
 import socket
@@ -7,8 +8,9 @@ import struct
 import sys
 from collections import deque
 from collections.abc import Generator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
@@ -16,6 +18,7 @@ import zenoh
 from messages import topics
 from services.runtime.bus import zenoh_bus
 from services.runtime.bus.envelope import Envelope
+from services.runtime.bus.other_network import LONGEST, OtherNetwork
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import (
     QOS_PROFILES,
@@ -26,7 +29,7 @@ from services.runtime.bus.zenoh_bus import (
     listening,
 )
 from services.runtime.config.errors import LindyError
-from tests.support.doors import free_endpoint
+from tests.support.doors import free_endpoint, free_port
 from tests.support.no_posix import portable
 from tests.support.patience import PATIENCE_S, until
 
@@ -167,7 +170,7 @@ def test_a_client_without_a_hub_gives_up_with_a_sentence(tmp_path: Path) -> None
 # Without unix sockets: TCP of this machine, with a password.
 
 
-def test_nobody_comes_in_without_the_password(
+def test_nobody_enters_without_the_password(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(zenoh_bus, "system", portable())
@@ -232,3 +235,68 @@ def lingers(port: int) -> set[bool]:
                 option = link.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, length)
                 found.add(bool(struct.unpack("ii", option)[0]))
     return found
+
+
+# A session in somebody else's Zenoh network.
+
+
+@contextmanager
+def router(port: int) -> Generator[zenoh.Session]:
+    """As rmw_zenohd."""
+    settings = zenoh.Config()
+    listen = {"listen/endpoints": [f"tcp/127.0.0.1:{port}"], "mode": "router"}
+    for key, value in {**listen, "scouting/multicast/enabled": False}.items():
+        settings.insert_json5(key, json.dumps(value))
+    with zenoh.open(settings) as session:
+        yield session
+
+
+def test_what_was_declared_is_there_once_the_router_is_and_again_after_it_was_gone() -> None:
+    port = free_port()
+    network = OtherNetwork(f"tcp/127.0.0.1:{port}", "ros2.router")
+    got: list[tuple[str, bytes, bytes]] = []
+    publisher = network.publisher("0/out")
+    network.hear("0/in", lambda key, payload, attached: got.append((key, payload, attached)))
+    token = f"@ros2_lv/0/{network.session_id}/0/0/NN/%/%/lindy"
+    network.announce(token)
+    network.start()
+    try:
+        publisher.put(b"nobody is there", b"")
+        assert not network.connected
+        for _ in range(2):  # the second is another router, at the same place
+            with router(port) as other:
+                heard: list[zenoh.Sample] = []
+                until(lambda: network.connected)
+                assert not publisher.heard
+                subscriber = other.declare_subscriber("0/out", heard.append)
+                until(lambda publisher=publisher: publisher.heard)
+                publisher.put(b"payload", b"attached")
+                until(lambda heard=heard: heard)
+                attached = heard[0].attachment
+                assert heard[0].payload.to_bytes() == b"payload"
+                assert attached is not None
+                assert attached.to_bytes() == b"attached"
+                there = [str(r.ok.key_expr) for r in other.liveliness().get("@ros2_lv/**") if r.ok]
+                assert there == [token]
+                got.clear()
+                blocks = zenoh.CongestionControl.BLOCK  # else a busy computer drops it
+                # Its stub calls `matching` a bool.
+                sender: Any = other.declare_publisher("0/in", congestion_control=blocks)
+                until(lambda sender=sender: sender.matching_status.matching)
+                sender.put(b"x" * (LONGEST + 1))
+                sender.put(b"hello", attachment=b"a")
+                until(lambda: got)
+                assert got == [("0/in", b"hello", b"a")]
+                subscriber.undeclare()
+                until(lambda publisher=publisher: not publisher.heard)
+            until(lambda: not network.connected)
+        assert network.too_long == 2
+    finally:
+        network.close()
+
+
+def test_it_can_be_closed_while_nobody_answers() -> None:
+    network = OtherNetwork(f"tcp/127.0.0.1:{free_port()}", "ros2.router")
+    network.start()
+    network.close()
+    assert not network.connected

@@ -1,7 +1,6 @@
 """Settings: a mistake gets one sentence with the file, the line, the key and what is allowed."""
 
 import re
-from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -73,7 +72,6 @@ def file(folder: Path, text: str) -> Path:
             r"toml:3: part number 1: the key name is missing; known: name, size",
         ),
         (f"{TWO_PARTS}\nsize = 'x'", r"toml:5: part number 2, size: expected float, got str"),
-        (f"{TWO_PARTS}\nsizes = 1.0", r"toml:5: part number 2, sizes: unknown key"),
         (f"{TWO_PARTS}\n[depth.kp]", r"toml:5: depth.kp: expected float"),
         (
             "places = [\n  [0, 1],\n  [0],\n]",
@@ -96,8 +94,6 @@ def test_a_mistake_is_named(tmp_path: Path, text: str, sentence: str) -> None:
     [
         ("simulator.waves={hieght=0.3,period=4}", r"simulator.waves.hieght: .*mean 'height'\?"),
         ("simulator.hull.masss=1", r"unknown key; did you mean 'mass'\? known: added_mass"),
-        ("simulator.mounting={foo=1}", r"simulator.mounting.foo: .*known: altimeter, dvl, imu"),
-        ("simulator.water_density={temp=3}", r"density.temp: .*known: salinity, temperature"),
         (
             "simulator.vibration=-1",
             r"expected a table, found -1; its keys: blades, force, knock, rate, speed",
@@ -124,14 +120,6 @@ def test_a_path_that_is_no_file_of_the_kind_is_said(path: str) -> None:
         deploy_file("vehicles", path)
 
 
-def test_an_unknown_table_is_refused() -> None:
-    with pytest.raises(
-        LindyError,
-        match=r"^--set contol\.depth\.kp=3: contol: unknown table .* did you mean 'control'",
-    ):
-        Stack(overrides=["contol.depth.kp=3"]).check(known_tables(Registry.read()))
-
-
 @pytest.mark.parametrize(
     ("assignments", "guilty", "why"),
     [
@@ -140,7 +128,7 @@ def test_an_unknown_table_is_refused() -> None:
         (["least_kbit=900", "most_kbit=500"], 1, "least_kbit is 900, expected at most most_kbit"),
     ],
 )
-def test_a_mistake_of_a_table_as_a_whole_is_of_the_option_from_which_on_it_is_wrong(
+def test_a_mistake_of_a_whole_table_is_of_the_option_that_made_it(
     assignments: list[str], guilty: int, why: str
 ) -> None:
     overrides = [f"camera.{assignment}" for assignment in assignments]
@@ -155,12 +143,16 @@ def test_a_mistake_of_a_table_in_the_file_is_the_file_s(tmp_path: Path) -> None:
         Stack(vehicle=str(path), overrides=["camera.rate=10"]).section("camera", Camera)
 
 
-def test_an_unknown_table_or_key_in_the_file_has_its_line(tmp_path: Path) -> None:
+def test_an_unknown_table_is_refused_with_its_option_or_its_line(tmp_path: Path) -> None:
+    known = known_tables(Registry.read())
+    option = r"^--set contol\.depth\.kp=3: contol: unknown table .* did you mean 'control'"
+    with pytest.raises(LindyError, match=option):
+        Stack(overrides=["contol.depth.kp=3"]).check(known)
     pioneer = deploy_file("vehicles", "pioneer").read_text()
     last = len(pioneer.splitlines())
     path = file(tmp_path, f"{pioneer}\n[contol]\nx = 1\n")
     with pytest.raises(LindyError, match=rf"some.toml:{last + 2}: contol: unknown table"):
-        Stack(vehicle=str(path), overrides=["contol.y=3"]).check(known_tables(Registry.read()))
+        Stack(vehicle=str(path), overrides=["contol.y=3"]).check(known)
 
 
 def test_two_thrusters_of_one_name_are_refused(tmp_path: Path) -> None:
@@ -175,9 +167,7 @@ def test_two_thrusters_of_one_name_are_refused(tmp_path: Path) -> None:
     [(f"a = {'[' * 100_000}", "tables or arrays too deep"),
      ("# " + "a" * 1_000_000, "1000002 letters, at most 1000000 are allowed")],
 )  # fmt: skip
-def test_a_file_that_is_too_long_or_too_deep_is_refused(
-    tmp_path: Path, text: str, said: str
-) -> None:
+def test_a_file_too_long_or_too_deep_is_refused(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "bomb.toml"
     path.write_text(text)
     with pytest.raises(LindyError) as refused:
@@ -195,9 +185,6 @@ def test_a_file_may_begin_with_the_mark_of_an_editor_on_windows(tmp_path: Path) 
 
 
 NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
-NUMBERS = st.one_of(
-    st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False, allow_infinity=False)
-)
 WORDS = (
     st.text("abcdefghijklmnopqrstuvwxyz /._", min_size=1)
     .map(str.strip)
@@ -225,16 +212,15 @@ def test_words_need_no_quotes_unless_they_mean_something(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("", ""), (" 3 ", 3), ("1_000", 1000), ("0x10", 16), ("1e-3", 1e-3), ("'3'", "3"),
-        ("2026-01-02", date(2026, 1, 2)), ("{a = 1}", {"a": 1}), ("a=b", "a=b"), ("[]", []),
-        ("1e", "1e"),
+        ("", ""), (" 3 ", 3), ("0x10", 16), ("1e-3", 1e-3), ("'3'", "3"), ("{a = 1}", {"a": 1}),
+        ("a=b", "a=b"), ("1e", "1e"),
     ],
 )  # fmt: skip
 def test_what_toml_knows_is_read_as_toml(text: str, value: object) -> None:
     assert setting(text) == value
 
 
-@pytest.mark.parametrize("text", [".5", "-.5", "05", "[1,", "{a=", "'open", '"open', "+.1"])
+@pytest.mark.parametrize("text", [".5", "05", "[1,", "{a=", "'open", '"open'])
 def test_what_looks_like_a_value_and_is_none_is_refused(text: str) -> None:
     with pytest.raises(LindyError) as refused:
         setting(text)
@@ -244,9 +230,7 @@ def test_what_looks_like_a_value_and_is_none_is_refused(text: str) -> None:
 
 
 @given(st.lists(NAMES, min_size=1, max_size=5), st.integers())
-def test_a_path_of_any_length_reaches_its_value_and_changes_nothing_else(
-    path: list[str], value: int
-) -> None:
+def test_a_path_of_any_length_reaches_its_value_alone(path: list[str], value: int) -> None:
     tree: dict[str, Any] = {"Other": {"kp": 1.0}}
     override(tree, [f"{'.'.join(path)} = {value}"])
     inner: Any = tree
@@ -309,10 +293,9 @@ def test_an_endpoint_is_taken_as_it_is_unless_there_is_no_such_port() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "127.0.0.1:7447", "tcp/host", "tcp/host:", "tcp/:7447", "tpc/host:7447",
-             "tcp/a b:1", "tls/host:7447#enable_mtls=false", "tls/host:7447?enable_mtls=false",
-             "tls/host:7447#iface=eth0;enable_mtls=false", "unixsock-stream//a.sock#x=1",
-             "ws/host:7447", "unixpipe//tmp/a", "vsock/1:1", "serial//dev/ttyS0"]
+    "text", ["", "127.0.0.1:7447", "tcp/host", "tcp/:7447", "tcp/a b:1", "ws/host:7447",
+             "tls/host:7447#enable_mtls=false", "tls/host:7447?enable_mtls=false",
+             "tls/host:7447#iface=eth0;enable_mtls=false", "unixsock-stream//a.sock#x=1"]
 )  # fmt: skip
 def test_what_is_no_endpoint_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(LindyError) as refused:

@@ -82,9 +82,7 @@ def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
     assert who_flies(Choices(pilot="keyboard"), both).name == "keyboard"
 
 
-def test_a_drone_that_is_elsewhere_is_flown_by_no_script_that_nobody_chose(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_no_script_that_nobody_chose_flies_a_drone_elsewhere(monkeypatch: pytest.MonkeyPatch):
     simulated = Registry.read("simulated")
     monkeypatch.setattr("tools.live.pilots.pad_is_there", lambda: False)
     assert who_flies(Choices(), simulated).name == DEFAULT_PILOT
@@ -150,20 +148,17 @@ TWO_HOMES = service("control", ON_BOARD, MINE) + service("gamepad", BOTH, MINE)
         (service("contrl", ON_BOARD), ":1: ", "no service 'contrl', .* did you mean 'control'"),
         (service("control", "sides = ['dron']"), ":2: services.control.sides number 1", "'dron'"),
         (service("control", "sides = []"), ":2: services.control.sides", "expected array"),
-        (service("control", "side = ['drone']"), ":2: ", "did you mean 'sides'"),
         (service("control", "sides = ['drone', 'drone']"), ":2: ", "'drone' is there twice"),
         (service("vehicle", ON_BOARD, OF_X), "", "cannot be called 'vehicle'"),
-        (service("Driver", ON_BOARD, OF_X), "", "cannot be called 'Driver'"),
         (service("hub_drone", ON_BOARD, OF_X), "", "cannot be called 'hub_drone'"),
         (service("simulator", BOTH, VEHICLE), ":2: services.simulator.sides", r"is \[\"drone\"\]"),
-        (service("simulator", TOPSIDE, VEHICLE), ":2: services.simulator.sides", "allowed is"),
         (service("tether", ON_BOARD, "gateway = true"), ":2: services.tether.sides", "topside"),
         (WHOLE + GATEWAY + SECOND, ":10: services.cable.gateway", "tether is the gateway already"),
         (WHOLE + service("x", ON_BOARD, VEHICLE, OF_X), ":6: ", "simulator is a whole vehicle alr"),
-        (service("control", ON_BOARD, "process = 'On board'"), ":3: ", "called 'On board'"),
         (service("control", ON_BOARD, "process = 'hub_drone'"), ":3: ", "called 'hub_drone'"),
         (TAKEN, ":5: services.estimation.process", "'control' is a service that is not in this"),
         (TWO_HOMES, ":6: services.gamepad.process", "'mine' has control, whose home is the drone"),
+        (service("x", ON_BOARD, "module = '../x'"), ":3: services.x.module", "'../x' is no name"),
         ("extends = 'simulatd'", ":1: extends", "unknown stack 'simulatd'; did you mean"),
         ("extends = 'mine.toml'", ":1: extends", "'mine.toml' is a file; allowed is a na"),
         (
@@ -347,13 +342,6 @@ def test_a_drivers_settings_are_checked_like_lindys_own(tmp_path: Path) -> None:
         Stack(overrides=["driver.baud=fast"]).check(known)
 
 
-@pytest.mark.parametrize("module", ["", "../x", "my-driver", "/opt/driver.py"])
-def test_what_cannot_be_a_module_is_refused_with_what_can(tmp_path: Path, module: str) -> None:
-    text = service("driver", ON_BOARD, VEHICLE, f"module = '{module}'")
-    with pytest.raises(LindyError, match=rf"toml:4: services.driver.module: '{module}' is no name"):
-        stack_file(tmp_path, text)
-
-
 def test_settings_of_a_module_that_declares_none_are_refused_with_how_to(tmp_path: Path) -> None:
     known = known_tables(with_driver(tmp_path, WIRE + "pass"))
     Stack().check(known)
@@ -368,14 +356,9 @@ def test_settings_of_a_module_that_declares_none_are_refused_with_how_to(tmp_pat
         LindyError, match=rf"boat.toml:{line}: driver: .* class Settings\(msgspec.S"
     ):
         Stack(vehicle=str(path)).check(known)
-    unknown = r"unknown table of a vehicle file for the stack simulated; did you mean 'control'"
-    with pytest.raises(LindyError, match=unknown):
-        Stack(overrides=["contrl.x=1"]).check(known)
 
 
-def test_a_recorded_vehicle_file_may_have_tables_of_services_that_are_not_here(
-    tmp_path: Path,
-) -> None:
+def test_a_recorded_vehicle_file_may_have_tables_of_other_services(tmp_path: Path) -> None:
     """A dive of one's own driver is reviewed and replayed without it."""
     path, known = tmp_path / "boat.toml", known_tables(Registry.read())
     path.write_text(deploy_file("vehicles", "pioneer").read_text() + "\n[driver]\nport = 'x'\n")

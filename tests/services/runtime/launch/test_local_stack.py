@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.health import LogLine
 from services.marine.vehicle import Vehicle
+from services.runtime.bus.zenoh_bus import listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from services.runtime.config.settings import deploy_file
@@ -45,6 +46,12 @@ QUIET = "def wire(node, stack):\n    pass\n"
 TALKING = """
 def wire(node, stack):
     node.every(20.0, lambda now: node.log("info", "here"))
+"""
+READING = """
+from services.marine.vehicle import Vehicle
+def wire(node, stack):
+    mass = stack.section("vehicle", Vehicle).mass
+    node.every(20.0, lambda now: node.log("info", f"mass {mass:g}"))
 """
 WAITING = """
 import pathlib, time
@@ -127,7 +134,11 @@ def socket_folders(local: LocalStack) -> set[Path]:
 
 
 def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_path: Path) -> None:
-    stack, services = made(tmp_path)
+    stack, services = made(tmp_path, engine=READING)
+    file = tmp_path / "pioneer_too.toml"
+    file.write_text(deploy_file("vehicles", "pioneer").read_text())
+    mass = f"mass {stack.section('vehicle', Vehicle).mass:g}"
+    stack = msgspec.structs.replace(stack, vehicle=str(file))
     with local_stack(Dive(stack, services)) as local:
         assert set(local.plan.endpoints) == {"topside", "drone"}
         assert sorted(local.missing()) == ["desk", "engine"]
@@ -135,19 +146,20 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         alive(local)
         assert local.shown >= {("drone", "engine"), ("topside", "desk"), ("drone", "desk")}
         found = running(stack)
-        file, pids = str(services.file), local.supervisor.pids
-        began = system.began(os.getpid())
-        assert found == Running("pioneer", local.plan.endpoints, os.getpid(), pids, file, began)
+        stack_file, pids = str(services.file), local.supervisor.pids
+        began, me = system.began(os.getpid()), os.getpid()
+        assert found == Running("pioneer", local.plan.endpoints, me, pids, stack_file, began)
         assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
         ear = Ear(found)
         said = ear.heard(topics.LOG.of("engine"))
         pump_until(local, lambda: bool(said))
         ear.close()
-        assert said[0].text == "here"
+        assert said[0].text == mass
         folders = socket_folders(local)
         assert all(folder.is_dir() for folder in folders)
         assert set(local.supervisor.restarts.values()) == {0}
-        after = kills_are_mended(local, stack)
+        file.write_text("[vehicle")  # who starts again reads what the dive began with
+        after = kills_are_mended(local, stack, mass)
         require_it_goes_on_without_a_service_or_its_folder(local, stack)
         pids = (*found.pids.values(), *after.values(), *local.supervisor.pids.values())
     assert not [pid for pid in pids if exists(pid)]
@@ -155,7 +167,7 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
     assert not (stack.out_dir / RUNNING).exists()
 
 
-def kills_are_mended(local: LocalStack, stack: Stack) -> dict[str, int]:
+def kills_are_mended(local: LocalStack, stack: Stack, says: str) -> dict[str, int]:
     """A service and a hub that are killed come again, and the file names the new processes."""
     before = running(stack).pids
     for name in ("engine", "hub_drone"):
@@ -167,7 +179,7 @@ def kills_are_mended(local: LocalStack, stack: Stack) -> dict[str, int]:
     assert {name for name, pid in after.items() if pid != before[name]} == {"engine", "hub_drone"}
     restarts = {"hub_topside": 0, "hub_drone": 1, "engine": 1, "desk": 0}
     assert local.supervisor.restarts == restarts
-    assert "info engine: here" in (stack.out_dir / "logs/engine.log").read_text()
+    assert f"info engine: {says}" in (stack.out_dir / "logs/engine.log").read_text()
     return after
 
 
@@ -213,24 +225,6 @@ def wire(node, stack):
 """
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["engine", "hub_topside"])
-def test_what_is_stopped_is_named_and_started_again(tmp_path: Path, name: str) -> None:
-    stack, services = made(tmp_path)
-    with local_stack(Dive(stack, services)) as local:
-        said = list[str]()
-        local.node.show = lambda line: said.append(line.text)
-        local.start_services()
-        alive(local)
-        pump_until(local, lambda: last_beat(local.plan.heartbeat(name)) is not None)
-        os.kill(running(stack).pids[name], signal.SIGSTOP)
-        pump_until(local, lambda: f"{name} is started again" in said)
-        alive(local)
-        assert said[0] == f"{name} does not answer any more"
-        assert local.hang_detector.times == {name: 1}
-        assert local.restarts[name] == 1
-
-
 def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_path: Path) -> None:
     """At its end, the recorder is closed last."""
     recorder = '[services.recorder]\nsides = ["drone"]\nprocess = "onboard"\n'
@@ -272,9 +266,7 @@ def test_a_killed_process_takes_its_services_with_it_and_brings_them_back(tmp_pa
     assert closed[-1] == "closed recorder"
 
 
-def test_who_is_not_alive_in_time_is_named_and_may_still_come_and_a_viewer_is_last(
-    tmp_path: Path,
-) -> None:
+def test_who_is_late_is_named_and_may_come_and_a_viewer_is_last(tmp_path: Path) -> None:
     viewer = '[services.visualizer]\nsides = ["topside"]\nmodule = "engine_module"\n'
     stack, services = made(tmp_path, engine=QUIET, desk=WAITING, stack=STACK + viewer)
     with local_stack(Dive(stack, services)) as local:
@@ -295,24 +287,6 @@ def test_who_is_not_alive_in_time_is_named_and_may_still_come_and_a_viewer_is_la
         local.wait_alive(PATIENCE_S, look)
         alive(local)
         assert "visualizer" in local.supervisor.pids
-
-
-@pytest.mark.slow
-def test_the_dive_goes_on_without_a_viewer_that_is_not_alive_in_time(tmp_path: Path) -> None:
-    slow = STACK.replace("services.desk", "services.visualizer")
-    stack, services = made(tmp_path, desk=WAITING, stack=slow)
-    with local_stack(Dive(stack, services)) as local:
-        said = list[LogLine]()
-        local.node.show = said.append
-        local.start_services()
-        pump_until(local, lambda: local.missing() == ["visualizer"])
-
-        def look() -> bool:
-            local.pump()
-            return True
-
-        local.wait_alive(0.0, look)
-        assert "not alive after 0 s: visualizer; the dive goes on" in [line.text for line in said]
 
 
 def test_a_service_that_cannot_start_ends_the_stack_with_its_own_sentence(tmp_path: Path) -> None:
@@ -336,28 +310,22 @@ def test_a_service_that_cannot_start_ends_the_stack_with_its_own_sentence(tmp_pa
 def test_each_start_in_one_folder_has_checkpoints_of_its_own(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
     for folders in ({"checkpoints"}, {"checkpoints", "checkpoints-2"}):
-        with local_stack(Dive(stack, services)) as local:
-            local.start_services()
-        assert {path.name for path in stack.out_dir.iterdir() if path.name != "logs"} == folders
+        ProcessPlan(Dive(stack, services), tmp_path).keep_files(print)
+        assert {path.name for path in stack.out_dir.iterdir()} == folders
 
 
 def test_a_taken_endpoint_is_said_before_anything_is_started(tmp_path: Path) -> None:
     stack, services = made(tmp_path)
-    with local_stack(
-        Dive(stack, services, listen=(f"unixsock-stream/{tmp_path}/mine.sock",))
-    ) as local:
-        (taken,) = [e for e in local.plan.endpoints.values() if e.endswith("mine.sock")]
-        with (
-            pytest.raises(LindyError, match=rf"^endpoint {taken} .*; choose another"),
-            local_stack(Dive(stack, services, listen=(taken,))),
-        ):
-            raise AssertionError("it has started")
-        assert set(local.supervisor.pids) == {"hub_topside", "hub_drone"}
+    taken = f"unixsock-stream/{tmp_path}/mine.sock"
+    with (
+        listening(taken),
+        pytest.raises(LindyError, match=rf"^endpoint {taken} .*; choose another"),
+        local_stack(Dive(stack, services, listen=(taken,))),
+    ):
+        raise AssertionError("it has started")
 
 
-def test_a_service_without_memory_and_one_whose_handler_hangs_are_started_again(
-    tmp_path: Path,
-) -> None:
+def test_who_has_no_memory_and_who_hangs_are_started_again(tmp_path: Path) -> None:
     stack, services = made(tmp_path, engine=GREEDY, desk=BUSY)
     with local_stack(Dive(stack, services)) as local:
         lines = list[LogLine]()
@@ -378,7 +346,7 @@ def test_a_service_without_memory_and_one_whose_handler_hangs_are_started_again(
         alive(local)
 
 
-def test_neither_a_hub_that_cannot_listen_for_a_while_nor_a_mistake_in_what_hears_ends_anything(
+def test_neither_a_hub_that_cannot_listen_nor_a_mistake_ends_anything(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As where the folder of its socket has become read-only. The mistake is printed once."""
@@ -405,36 +373,6 @@ def test_neither_a_hub_that_cannot_listen_for_a_while_nor_a_mistake_in_what_hear
     assert capsys.readouterr().err.count("KeyError: 'here'") == 1
 
 
-READING = """
-from services.marine.vehicle import Vehicle
-def wire(node, stack):
-    mass = stack.section("vehicle", Vehicle).mass
-    node.every(20.0, lambda now: node.log("info", f"mass {mass:g}"))
-"""
-
-
-@pytest.mark.slow
-def test_a_service_that_starts_again_reads_what_the_dive_began_with(tmp_path: Path) -> None:
-    stack, services = made(tmp_path, engine=READING)
-    file = tmp_path / "mine_too.toml"
-    file.write_text(deploy_file("vehicles", "pioneer").read_text())
-    mass = stack.section("vehicle", Vehicle).mass
-    stack = msgspec.structs.replace(stack, vehicle=str(file))
-    with local_stack(Dive(stack, services)) as local:
-        local.start_services()
-        alive(local)
-        before = running(stack).pids["engine"]
-        file.write_text(file.read_text().replace("[vehicle]", "[vehicle"))
-        log = stack.out_dir / "logs/engine.log"
-        pump_until(local, lambda: log.is_file() and f"mass {mass:g}" in log.read_text())
-        os.kill(before, signal.SIGKILL)
-        pump_until(local, lambda: "engine" in local.missing())
-        log.write_text("")
-        alive(local)
-        pump_until(local, lambda: f"mass {mass:g}" in log.read_text())
-        assert local.restarts["engine"] == 1
-
-
 # What systemd is told of a stack.
 
 
@@ -446,9 +384,8 @@ def spared_by_the_system(_: OsChild) -> None:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize(("name", "spared"), [("engine", False), ("recorder", True)])
 def test_the_watchdog_is_silent_while_what_holds_the_vehicle_hangs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, spared: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """… and cannot be ended, as what waits for a dead device. What only writes files may hang."""
     address = str(tmp_path / "notify")
@@ -459,19 +396,22 @@ def test_the_watchdog_is_silent_while_what_holds_the_vehicle_hangs(
     with manager(address) as hears:
         with local_stack(Dive(stack, services)) as local:
             local.start_services()
-            pump_until(local, lambda: not local.missing())
+            alive(local)
             assert "READY=1" not in hears.heard()
             local.wait_alive(PATIENCE_S, lambda: True)
             assert "READY=1" in hears.heard()
-            pump_until(local, lambda: last_beat(local.plan.heartbeat(name)) is not None)
-            pid = local.supervisor.pids[name]
-            os.kill(pid, signal.SIGSTOP)
-            pump_until(local, lambda: name in local.hang_detector.silent)
-            hears.heard()
-            over = time.monotonic() + 1.0  # [s] five times the watchdog's: silence takes time
-            pump_until(local, lambda: time.monotonic() > over)
-            assert ("WATCHDOG=1" in hears.heard()) == spared
-            os.kill(pid, signal.SIGCONT)
-            pump_until(local, lambda: name not in local.hang_detector.silent)
-            pump_until(local, lambda: "WATCHDOG=1" in hears.heard())
+            for name, spared in (("recorder", True), ("engine", False)):
+                pump_until(
+                    local, lambda name=name: last_beat(local.plan.heartbeat(name)) is not None
+                )
+                pid = local.supervisor.pids[name]
+                os.kill(pid, signal.SIGSTOP)
+                pump_until(local, lambda name=name: name in local.hang_detector.silent)
+                hears.heard()
+                over = time.monotonic() + 1.0  # [s] five times the watchdog's: silence takes time
+                pump_until(local, lambda over=over: time.monotonic() > over)
+                assert ("WATCHDOG=1" in hears.heard()) == spared
+                os.kill(pid, signal.SIGCONT)
+                pump_until(local, lambda: not local.hang_detector.silent)
+                pump_until(local, lambda: "WATCHDOG=1" in hears.heard())
         assert hears.heard()[-1] == "STOPPING=1"

@@ -174,6 +174,7 @@ def twin_of(host: VirtualHost, name: str) -> None:
 
 
 def test_nobody_arms_while_two_services_on_board_have_one_name() -> None:
+    """Nor with another Lindy topside."""
     host, told = stack_with({})
     twin_of(host, "control")
     pilot = Person(host)
@@ -185,14 +186,8 @@ def test_nobody_arms_while_two_services_on_board_have_one_name() -> None:
     host.kill("twin")
     host.run(host.now + 5 * S)
     assert pilot.ask("arm") == ""
-
-
-def test_nobody_arms_with_another_lindy_topside() -> None:
-    host, _ = stack_with({})
     other = msgspec.structs.replace(TOPSIDE, version="0.0.3", messages="old", instance=99)
     stranger = host.node("old_topside", ["topside"]).publisher(topics.IDENTITY.of("topside"))
-    pilot = Person(host)
-    host.run(5 * S)
     stranger.put(msgspec.structs.replace(other, stamp_ns=host.now))
     host.run(host.now + S)
     assert pilot.ask("arm").startswith("the topside runs Lindy 0.0.3, with other messages; the dr")
