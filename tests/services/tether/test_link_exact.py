@@ -244,3 +244,29 @@ def test_a_message_is_small_and_urgent_unless_it_says_otherwise(
     line.enter(-1, MS, 0, 0)
     plainly.enter(-1, MS)
     assert (out_of(line), line.carried_bytes) == (out_of(plainly), plainly.carried_bytes)
+
+
+@given(
+    plain(),
+    st.lists(st.tuples(st.integers(0, 50_000), st.sampled_from("eeecr"), st.integers(0, 500))),
+    plain(),
+)
+def test_time_does_not_run_backwards(
+    leg: DirectionProfile, calls: list[tuple[int, str, int]], other: DirectionProfile
+) -> None:
+    """What is told of a time before the latest one happens at the latest one."""
+    told, latest = line_of(leg), line_of(leg)
+    now = 0
+    for item, (moment, what, size) in enumerate(calls):
+        now = max(now, moment * US)
+        for line, at in ((told, moment * US), (latest, now)):
+            if what == "e":
+                line.enter(item, at, size)
+            elif what == "r":
+                line.restore(at)
+            elif size % 2:
+                line.cut(at)
+            else:
+                line.change(other, at)
+    assert told.take_lost() == latest.take_lost()
+    assert out_of(told) == out_of(latest)

@@ -265,3 +265,24 @@ def test_a_manager_that_reads_nothing_holds_nobody_up(tmp_path: Path):
         systemd = Systemd({"NOTIFY_SOCKET": str(tmp_path / "notify")}, 1)
         for _ in range(10_000):  # far more than the socket takes; would wait for ever
             systemd.ready()
+
+
+def test_a_disk_that_has_become_read_only_ends_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = list[str]()
+    note = RunNote(
+        ProcessPlan(Dive(Stack(out=str(tmp_path)), Registry.read()), tmp_path), said.append
+    )
+    note.update({"control": 7}, 0)
+    until(lambda: (tmp_path / RUNNING).exists())
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    with monkeypatch.context() as patched:
+        for change in ("open", "replace", "unlink"):
+            patched.setattr(Path, change, refuse)
+        until(lambda: note.update({"control": 8}, 1) or said)
+        note.remove()
+    assert said == [f"cannot write {tmp_path / RUNNING}: read-only file system"]

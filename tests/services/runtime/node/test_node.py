@@ -274,3 +274,12 @@ def test_checkpoints_that_fail_are_said_once_for_as_long_as_that_lasts() -> None
     said = [(line.level, line.text, line.stamp_ns // S) for line in lines]
     assert said == [("warning", FORGETS, 1), ("warning", FORGETS, 40)]
     assert node.counts[events.NOT_REMEMBERED.name] == 2 * 21
+
+
+def test_more_than_can_be_collected_is_counted() -> None:
+    host = VirtualHost()
+    talker(host)
+    listener = host.node("listener", DRONE)
+    listener.collect("drone", topics.IMU.key, lambda _, __: None, 60)
+    host.run(999 * MS)
+    assert listener.counts == {"overflowed:sensor/imu": 39}
