@@ -175,9 +175,9 @@ def test_a_step_of_the_bottom_is_climbed_once_it_is_below(
     dive = Dive(lambda way: 20.0 + (step if way > 3.0 else 0.0), height, seed=seed)
     assert dive.hold_height() == ""
     dive.speed = 0.3
-    dive.fly(30.0)
-    dive.speed = 0.0
     dive.fly(20.0)
+    dive.speed = 0.0
+    dive.fly(15.0)
     assert dive.nearest >= height + min(0.0, step) - 3 * NOISE
     assert dive.height == pytest.approx(height, abs=0.25)
     smooth(dive.flown, dive.settings)
@@ -211,9 +211,9 @@ def test_a_fish_does_not_move_it(near: float, seed: int) -> None:
     for fish in (0.0, near):
         dive = Dive(flat, 4.0, seed=seed)
         assert dive.hold_height() == ""
-        dive.fly(8.0)
+        dive.fly(5.0)
         dive.fish = fish
-        dive.fly(8.0)
+        dive.fly(6.0)
         moved.append(dive.moved)
     assert abs(moved[1] - moved[0]) < 0.1
 
