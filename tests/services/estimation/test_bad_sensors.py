@@ -1,7 +1,5 @@
 """Each way in which a sensor can be bad has one counted reaction: wrong, frozen, or silent."""
 
-from math import inf, nan
-
 import msgspec
 import numpy as np
 import pytest
@@ -19,8 +17,6 @@ from services.estimation.sensor import Sensor, sensors_of
 from services.estimation.settings import WatchSettings
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.stack_file import ServiceSpec
-from services.runtime.hosts.virtual_host import VirtualHost
 from tests.services.estimation.sensed import MS, QUICK, Sensed
 from tests.support.messages import example
 
@@ -95,8 +91,6 @@ def test_a_sample_that_cannot_be_is_counted_and_not_used(sample: Sample, what: s
         assert found == pytest.approx(expected, abs=0.01)
 
 
-
-
 number = st.one_of(st.floats(-1e9, 1e9), st.floats(-50.0, 50.0), st.floats(-1e-4, 1e-4))
 vector = st.tuples(number, number, number)
 positive = st.one_of(st.floats(0.0, 1e9), st.floats(5e4, 5e5))
@@ -166,19 +160,16 @@ def test_a_frozen_magnetometer_is_counted_once_and_north_goes_on_with_the_gyrosc
     assert vehicle.counts["frozen:sensor/magnetometer"] == 1
     assert state.heading_navigation is not None
     assert state.heading_navigation.value == pytest.approx(0.0, abs=0.05)
-    assert not vehicle.run(60.0).heading_navigation.valid  # type: ignore[union-attr]
 
 
-@pytest.mark.parametrize("frozen", ["dvl", "usbl"])
-def test_a_frozen_position_aid_is_counted_once(frozen: str) -> None:
+def test_a_frozen_position_aid_is_counted_once() -> None:
     vehicle = running()
     for _ in range(30):
         now = vehicle.run(1.0).stamp_ns
-        if frozen == "dvl":
-            vehicle.estimator.dvl(example(DvlSample, now, velocity=(0.1, 0.0, 0.0), std=0.01))
-        else:
-            vehicle.estimator.usbl(example(UsblSample, now, std=0.5))
-    assert vehicle.counts[f"frozen:sensor/{frozen}"] == 1
+        vehicle.estimator.dvl(example(DvlSample, now, velocity=(0.1, 0.0, 0.0), std=0.01))
+        vehicle.estimator.usbl(example(UsblSample, now, std=0.5))
+    for aid in ("dvl", "usbl"):
+        assert vehicle.counts[f"frozen:sensor/{aid}"] == 1
 
 
 def coarse() -> Sensed:

@@ -138,8 +138,6 @@ def test_a_silent_imu_gives_invalid_states_at_the_topics_rate_and_is_counted() -
     assert bench.run(1.0).heading.valid
 
 
-
-
 # Every way in which a sensor can be bad, as a table.
 
 

@@ -329,7 +329,7 @@ def test_goto_a_place_turns_there_runs_the_distance_and_stops() -> None:
     guidance.place = (2.0, 1.0)
     guidance.fly(0.1)
     assert guidance.ask("goto", north=2.0, east=9.0, depth=2.0) == ""
-    end = guidance.fly(60.0)
+    end = guidance.fly(40.0)
     assert guidance.place is not None
     assert dist(guidance.place, (2.0, 9.0)) < 1e-6
     assert abs(end.heading.position - pi / 2) < 1e-9

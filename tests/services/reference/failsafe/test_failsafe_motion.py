@@ -217,7 +217,7 @@ def test_a_change_of_pilot_is_no_short_loss(back: str, lost_first: bool) -> None
     assert flight.status.reaction == (None if was_bob else "stop")
 
 
-@settings(max_examples=100, deadline=None, phases=GENERATE)
+@settings(max_examples=60, deadline=None, phases=GENERATE)
 @given(
     st.lists(
         st.tuples(

@@ -211,5 +211,5 @@ class AnyOrder(RuleBasedStateMachine):
         assert self.drone.holder == ("" if nobody else self.owner[max(self.owner)])
 
 
-AnyOrder.TestCase.settings = settings(max_examples=100, stateful_step_count=40, deadline=None)
+AnyOrder.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
 test_whatever_happens_in_whatever_order_control_is_one_pilots = AnyOrder.TestCase

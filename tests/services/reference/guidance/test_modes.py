@@ -574,7 +574,7 @@ def test_the_path_waits_for_a_drone_that_is_held_back_in_its_place() -> None:
     assert end.north.velocity == 0.0
     assert dist(last_place(sea), sea.at[:2]) < 1.3  # the tolerance, and the way to stand still
     sea.stuck = False
-    sea.sail(60.0)
+    sea.sail(45.0)
     assert [text for _, text, _ in sea.generator.outbox.said] == ["the end of the path"]
 
 
