@@ -18,6 +18,7 @@ from services.runtime.config.errors import LindyError
 from tools.importing.log_file import (
     DATAFLASH,
     EARLIEST_NS,
+    EMPTY,
     LogFile,
     LogRow,
     LogSource,
@@ -117,7 +118,7 @@ class DataflashFile(LogFile):
             at = end = at + form.len
         if skipped:
             self.say(f"{skipped} bytes of it are no message and are left out")
-        if (left := len(data[end:].rstrip(b"\0"))) > SLACK:
+        if (left := len(data[end:].rstrip(EMPTY))) > SLACK:
             self.say(f"its last {left} bytes are no whole message: it was cut off")
 
     def _is_followed(self, end: int) -> bool:
@@ -314,7 +315,7 @@ class TlogFile(LogFile):
             else:
                 damaged[name] += 1
             at, end = after + STAMP, after
-        damaged[""] += size - end
+        damaged[""] += len(data[end:].rstrip(EMPTY))
 
     def _has_checksum(self, packet: bytes, extra: int) -> bool:
         said = int.from_bytes(packet[-CHECKSUM:], "little")

@@ -153,7 +153,10 @@ class TableFile(LogFile):
             columns: dict[str, Any] = {name: self._column(name) for name in named}
             if not np.all(whole):
                 lost = np.count_nonzero(~whole)
-                self.say(f"{lost} rows of {self.path.name} have no time")
+                has, is_ = (
+                    ("row", "has no time and is") if lost == 1 else ("rows", "have no time and are")
+                )
+                self.say(f"{lost} {has} of {self.path.name} {is_} left out")
                 columns = {name: column.filter(whole) for name, column in columns.items()}
                 at_ns = at_ns[whole]
             back = np.flatnonzero(np.diff(at_ns) < -BACK_NS)

@@ -125,8 +125,8 @@ class RosbagFile(TopicsLog):
             why = (str(error) or "a record cannot be read").rstrip(".")
             raise LindyError(
                 f"{self.path} is damaged or was not finished: {why}; `rosbag reindex` or "
-                f"`ros2 bag reindex` mends what can be read, and a .mcap file of a bag can be "
-                f"imported by itself"
+                f"`ros2 bag reindex` mends what can be read, and one .db3 or .mcap file of a bag "
+                f"can be imported by itself"
             ) from None
 
 
@@ -219,8 +219,10 @@ def decoder(topic: TypedTopic) -> Decode:
             store.register(_types(topic, typesys))
             store.get_msgdef(kind)
         except KeyError as error:
-            part = f"{error.args[0]}, a part of its type," if error.args[0] != kind else "its type"
-            why.append(f"{part} is not in the log")
+            name = str(error.args[0])
+            part = f"{name}, a part of its type," if name != kind else "its type"
+            is_wide = name.endswith("/wstring")
+            why.append("its type has wstring" if is_wide else f"{part} is not in the log")
         except Exception as error:  # of whatever kind: rosbags does not say
             why.append(f"its type cannot be read: {_first_line(error)}")
         else:
@@ -237,8 +239,9 @@ def _types(topic: TypedTopic, typesys: Any) -> dict[str, Any]:
             is_first = not topic.words.startswith(BETWEEN_IDL)
             found |= typesys.get_types_from_idl(words if is_first else words.partition("\n")[2])
         return found
-    # A log that did not find the words of a type has none.
-    return typesys.get_types_from_msg(topic.words, topic.kind) if topic.words.strip() else {}
+    # A log that did not find the words of a type has none; some are written on Windows.
+    words = topic.words.replace("\r\n", "\n")
+    return typesys.get_types_from_msg(words, topic.kind) if words.strip() else {}
 
 
 def _first_line(error: Exception) -> str:

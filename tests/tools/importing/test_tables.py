@@ -118,7 +118,7 @@ def test_rows_without_a_time_are_counted(tmp_path: Path) -> None:
     log.write_text(log.read_text() + ",,1013.25,12.5,\n")
     out = imported(log, tmp_path / "dive", *column_map(tmp_path))
     assert len(messages(out, "sensor/pressure")) == 20
-    assert report(out)["remarks"] == ["1 rows of a.csv have no time"]
+    assert report(out)["remarks"] == ["1 row of a.csv has no time and is left out"]
 
 
 @pytest.mark.parametrize(
