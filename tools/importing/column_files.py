@@ -78,8 +78,9 @@ class UlogFile(LogFile):
         if self._log.file_corruption:
             self.say("a part of it is damaged, and left out")
         if lost := sum(each.duration for each in self._log.dropouts):
-            times = len(self._log.dropouts)
-            self.say(f"its logger was too slow {times} times, for {lost / 1e3:.2f} s")
+            drops = len(self._log.dropouts)
+            often = "once" if drops == 1 else f"{drops} times"
+            self.say(f"its logger was too slow {often}, and lost {lost / 1e3:.2f} s")
         kinds = self._topics.get("vehicle_status", {}).get("system_type", np.zeros(0))
         kind = kinds[-1] if len(kinds) else self._log.initial_parameters.get("MAV_TYPE")
         if kind is not None:

@@ -176,7 +176,7 @@ class Conversion:
             unit = next(iter(QUANTITIES[known.quantity].units))
             values = stream.column(name)
             if known.required:
-                odd("rows without it, of another sensor", alive & ~there)
+                odd(f"rows without {name}, left out", alive & ~there)
             there = alive & there
             for column in stream.raw(name).T if field.curve else ():
                 beyond = (column < field.curve[0][0]) | (column > field.curve[-1][0])

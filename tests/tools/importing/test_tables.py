@@ -85,7 +85,7 @@ def test_a_row_without_our_sensor_is_none_of_its_samples(
     assert later == pytest.approx([k * S // 10 for k in range(20)], abs=1000)
     last = of(out, "sensor/pressure", PressureSample)[-1]
     assert last.pressure == pytest.approx(101_325.0 + 380.0)
-    assert odd(out) == {"sensor/pressure: rows without it, of another sensor": 20}
+    assert odd(out) == {"sensor/pressure: rows without pressure, left out": 20}
     assert report(out)["remarks"] == []
 
 
