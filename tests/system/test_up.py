@@ -136,7 +136,7 @@ def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: P
     assert "ended; the drone was never heard, " in topside.said
     assert f"topside of {own_name('pioneer', gethostname())}, ended" in topside.said
     assert "restarted         hub_topside 1 × and link_monitor 1 ×" in lines
-    heard = "what was heard here; all that never crosses, and report.json, are on the drone"
+    heard = "what arrived here; the whole recording and report.json are on the drone"
     assert f"recorded          {heard}" in lines
     assert is_whole(topside.out / "dive.mcap")
 
