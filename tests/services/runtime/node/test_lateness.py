@@ -75,9 +75,7 @@ def test_a_service_that_was_stopped_counts_it_and_says_so() -> None:
     dive.hindrance.go_on()
     dive.run(2.0)
     assert dive.late.counts["stalled"] == 1
-    assert dive.told == [
-        "runs 0.15 s behind or more: the computer is too busy, or it was stopped"
-    ]
+    assert dive.told == ["runs 0.15 s behind or more: the computer is too busy, or it was stopped"]
 
 
 def test_a_service_that_only_collects_may_wait_for_its_disk() -> None:
