@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -15,6 +16,7 @@ from mcap.records import Channel, Metadata, Schema
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import MCAP, ROSBAG, LogFile, LogRow, LogSource, Wanted, library
+from tools.importing.streams import STEP_NS
 from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
 
 METADATA = "metadata.yaml"
@@ -101,7 +103,7 @@ class RosbagFile(TopicsLog):
             ]
             last_ns = 0
             try:
-                for each, at_ns, data in reader.messages(known):
+                for each, at_ns, data in _as_written(reader, known):
                     yield from self._decoded(topics[each.id], data, at_ns)
                     last_ns = at_ns
             except Exception as error:  # of whatever kind: rosbags does not say
@@ -169,6 +171,23 @@ class McapLog(TopicsLog):
         for found in records(self._own):
             if isinstance(found, StoredMessage) and found.channel_id in taken:
                 yield from self._decoded(taken[found.channel_id], found.data, found.log_ns)
+
+
+def _as_written(reader: Any, connections: list[Any]) -> Iterator[tuple[Any, Ns, bytes]]:
+    """Messages by their times; of a bag of ROS 1 whose clock was set back, in the order of the
+    file, as the times of a topic tell."""
+    indexes: dict[int, list[Any]] = getattr(reader, "indexes", {})
+    found = [sorted(indexes.get(each.id, []), key=_place) for each in connections]
+    pairs = chain.from_iterable(pairwise(each) for each in found)
+    if not any(later.time < before.time - STEP_NS for before, later in pairs):
+        return reader.messages(connections)
+    first = connections[0]  # its index may hold those of all: each message says whose it is
+    indexes[first.id] = sorted(chain.from_iterable(found), key=_place)
+    return reader.messages([first])
+
+
+def _place(entry: Any) -> tuple[int, int]:
+    return entry.chunk_pos, entry.offset
 
 
 def _topic(connection: Any) -> TypedTopic:

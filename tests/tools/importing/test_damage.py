@@ -131,7 +131,11 @@ CLOCKS: dict[str, list[int]] = {  # [ns] ahead of the truth, in each of the seco
     "there and back": [0, -1096 * DAY, 0, -1096 * DAY],
     "three clocks": [-2000 * DAY, -1096 * DAY, -1096 * DAY, 0],
     "by two hours": [-7200 * S, -7200 * S, 0, 0],
+    "back by three seconds": [0, 0, -3 * S, -3 * S],
+    "back by an hour": [0, 0, -3600 * S, -3600 * S],
+    "back and back": [0, -3 * S, -6 * S, -9 * S],
 }
+BACK = [kind for kind in CLOCKS if kind.startswith("back")]
 
 
 def table_by(path: Path, clock: Clock) -> Path:
@@ -156,7 +160,7 @@ CLOCKED: dict[
 ] = {  # how, [1/s], which clocks
     "tlog": (tlog_by, SLOW_HZ, [*CLOCKS]),
     "csv": (table_by, SLOW_HZ, [kind for kind in CLOCKS if kind != "by two hours"]),
-    "bag": (bag_by, IMU_HZ, ["set once", "set at the end", "never set, then set"]),
+    "bag": (bag_by, IMU_HZ, ["set once", "set at the end", "never set, then set", *BACK]),
 }
 
 
