@@ -32,14 +32,20 @@ def write(folder: Path, text: str) -> str:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("[up]\ndelay_ms = -1.0", r"mine\.toml:2: up\.delay_ms: expected float >= 0.0, found -1"),
-        ("[up]\nduplicate = 1.5", "up.duplicate: expected float <= 1.0, found 1.5"),
-        ("[up]\ncorrupt = nan", "up.corrupt: expected float"),
-        ("[up]\nloss = { loss_good = 2.0 }", "up.loss.loss_good: expected float"),
+        (
+            "[up]\ndelay_ms = -1.0",
+            r"mine\.toml:2: up\.delay_ms: expected a number >= 0.0, found -1",
+        ),
+        ("[up]\nduplicate = 1.5", "up.duplicate: expected a number <= 1.0, found 1.5"),
+        ("[up]\ncorrupt = nan", "up.corrupt: expected a number"),
+        ("[up]\nloss = { loss_good = 2.0 }", "up.loss.loss_good: expected a number"),
         ("[up]\nloss = { los_good = 0.1 }", "did you mean 'loss_good'"),
         ("[up]\ndelay = { kind = 'paretto', mean_ms = 1.0 }", "did you mean 'pareto'"),
         ("[up]\ndelay = { mean_ms = 1.0 }", "up.delay.kind: unknown kind None"),
-        ("[up]\ndelay = { kind = 'pareto', mean_ms = 5.0, shape = 1.0 }", "shape: expected float"),
+        (
+            "[up]\ndelay = { kind = 'pareto', mean_ms = 5.0, shape = 1.0 }",
+            "shape: expected a number",
+        ),
         (
             "[up]\njitter_ms = 1.0\ndelay = { kind = 'table', ms = [1, 2] }",
             "jitter_ms or delay, not both",
@@ -118,7 +124,7 @@ def test_settings_change_single_keys_and_say_what_has_changed() -> None:
         (["up.delay_ms"], r"^up\.delay_ms: expected key\.path=value"),
         (["up.delay_ms=-3"], r"^up\.delay_ms: expected"),
         (["up.dellay_ms=3"], "did you mean 'delay_ms'"),
-        (["up.delay_ms=fast"], r"up\.delay_ms: expected float"),
+        (["up.delay_ms=fast"], r"up\.delay_ms: expected a number"),
     ],
 )
 def test_a_wrong_setting_is_refused_in_one_sentence(settings: list[str], says: str) -> None:

@@ -229,10 +229,10 @@ def test_a_mounting_that_is_no_rotation_is_refused(rows: str) -> None:
     ("setting", "sentence"),
     [
         ("vehicle.mounting.pressure.rotation=[]", "unknown key; did you mean 'position'"),
-        ("vehicle.mounting.imu.position=[0.1, 0.2]", "expected array of length 3"),
+        ("vehicle.mounting.imu.position=[0.1, 0.2]", "expected an array of length 3"),
         (
             "vehicle.mounting.imu.position=[0.1, 0.2, nan]",
-            "mounting.imu.position number 3: expected fl",
+            "mounting.imu.position number 3: expected a number",
         ),
         ("vehicle.mounting.lidar.position=[0, 0, 0]", "lidar: unknown key"),
     ],

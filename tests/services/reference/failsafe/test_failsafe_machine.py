@@ -230,8 +230,8 @@ def test_stages_come_in_order_and_become_graver():
         ("surface_depth=99", "must be above depth_limit"),
         ("battery_critical=0.3", "must be less than battery_low"),
         ("ascent_speed=2", "must not be above heave.max_velocity"),
-        ("leak_patience=-1", "expected `float` >= 0.0"),
-        ("hot=1000", "expected `float` <= 150.0"),
+        ("leak_patience=-1", "expected a number >= 0.0"),
+        ("hot=1000", "expected a number <= 150.0"),
         ("leek_patience=1", "did you mean 'leak_patience'"),
     ],
 )
