@@ -3,6 +3,7 @@ recordings (.mcap) of other programs with messages of ROS 1, of ROS 2 (CDR) and 
 library rosbags. A topic that cannot be read is left out, which is said."""
 
 import json
+import re
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -124,11 +125,11 @@ class RosbagFile(TopicsLog):
         except LindyError:
             raise
         except Exception as error:  # of whatever kind: where bytes are wrong, rosbags does not say
-            why = (str(error) or "a record cannot be read").rstrip(".")
+            why = re.sub(r"\('(.*?)',?\)", r"\1", str(error) or "a record cannot be read").rstrip(
+                "."
+            )
             raise LindyError(
-                f"{self.path} is damaged or was not finished: {why}; `rosbag reindex` or "
-                f"`ros2 bag reindex` mends what can be read, and one .db3 or .mcap file of a bag "
-                f"can be imported by itself"
+                f"{self.path} is damaged or was not finished: {why}; {_cure(self.path)}"
             ) from None
 
 
@@ -171,6 +172,17 @@ class McapLog(TopicsLog):
         for found in records(self._own):
             if isinstance(found, StoredMessage) and found.channel_id in taken:
                 yield from self._decoded(taken[found.channel_id], found.data, found.log_ns)
+
+
+def _cure(path: Path) -> str:
+    """What helps with a damaged bag."""
+    if path.suffix == ".bag":
+        return "`rosbag reindex` mends what can be read"
+    if path.suffix == ".db3":
+        return f"`sqlite3 {path.name} .recover | sqlite3 new.db3` saves what can be read"
+    return (
+        "`ros2 bag reindex` mends its metadata, and one .db3 or .mcap file can be named by itself"
+    )
 
 
 def _as_written(reader: Any, connections: list[Any]) -> Iterator[tuple[Any, Ns, bytes]]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from messages.sensors import PressureSample
+from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
 from tools.recordings.mcap_records import Damage, records
 
@@ -358,6 +359,31 @@ def test_what_is_refused_makes_no_folder_and_names_none(
     assert main(["import", str(tmp_path / "b.bag"), "--out", str(out)]) == 1
     assert capsys.readouterr().out == ""
     assert not (tmp_path / "dive-2").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "cure"),
+    [
+        ("a.bag", "`rosbag reindex` mends what can be read"),
+        ("a.db3", "`sqlite3 a.db3 .recover | sqlite3 new.db3` saves what can be read"),
+        ("bag", "one .db3 or .mcap file can be named by itself"),
+    ],
+)
+def test_of_a_bag_that_was_cut_off_it_is_said_what_mends_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, cure: str
+) -> None:
+    log = tmp_path / name
+    if name == "a.bag":
+        data = ros1(log).read_bytes()
+    else:
+        [part] = ros2(tmp_path / "bag").glob("*.db3")
+        data = part.read_bytes()
+    if name == "bag":
+        (log / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 9\n  storage")
+    else:
+        log.write_bytes(data[: len(data) * 2 // 3])
+    assert cure in complaint(capsys, "import", str(log), "--out", str(tmp_path / "dive"))
+    assert not (tmp_path / "dive").exists()
 
 
 def test_of_a_bag_with_a_damaged_part_what_is_before_it_is_kept(tmp_path: Path) -> None:
