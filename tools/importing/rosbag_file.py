@@ -125,9 +125,8 @@ class RosbagFile(TopicsLog):
         except LindyError:
             raise
         except Exception as error:  # of whatever kind: where bytes are wrong, rosbags does not say
-            why = re.sub(r"\('(.*?)',?\)", r"\1", str(error) or "a record cannot be read").rstrip(
-                "."
-            )
+            said = str(error) or "a record cannot be read"
+            why = re.sub(r"\('(.*?)',?\)", r"\1", said).rstrip(".")
             raise LindyError(
                 f"{self.path} is damaged or was not finished: {why}; {_cure(self.path)}"
             ) from None
@@ -180,9 +179,7 @@ def _cure(path: Path) -> str:
         return "`rosbag reindex` mends what can be read"
     if path.suffix == ".db3":
         return f"`sqlite3 {path.name} .recover | sqlite3 new.db3` saves what can be read"
-    return (
-        "`ros2 bag reindex` mends its metadata, and one .db3 or .mcap file can be named by itself"
-    )
+    return "`ros2 bag reindex` mends its metadata; or name one .db3 or .mcap file of it"
 
 
 def _as_written(reader: Any, connections: list[Any]) -> Iterator[tuple[Any, Ns, bytes]]:

@@ -366,7 +366,7 @@ def test_what_is_refused_makes_no_folder_and_names_none(
     [
         ("a.bag", "`rosbag reindex` mends what can be read"),
         ("a.db3", "`sqlite3 a.db3 .recover | sqlite3 new.db3` saves what can be read"),
-        ("bag", "one .db3 or .mcap file can be named by itself"),
+        ("bag", "or name one .db3 or .mcap file of it"),
     ],
 )
 def test_of_a_bag_that_was_cut_off_it_is_said_what_mends_it(
