@@ -84,7 +84,7 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     assert abs(report["stops"][0]["t"] - 2.0) < 0.5
     assert report["latency_ms"]["stick_to_thruster"]["p50"] > 0.0
     assert report["link"] == endpoint
-    ends = "supervisor_drone: the drone's side ends, because it was asked to on board"
+    ends = "supervisor_drone: somebody on board ended the drone's side"
     for line in (
         ends,
         "ended cleanly",
