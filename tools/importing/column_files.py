@@ -190,6 +190,12 @@ class TableFile(LogFile):
         column: Any = self._column(taken.stamp)
         kind = str(column.type)
         is_date = kind.startswith("timestamp")
+        if not is_date and not kind.startswith(NUMBERS) and kind != "null":
+            raise LindyError(
+                f"{self.path}: {taken.stamp}, the time at {taken.where} in the map, is {column[0]} "
+                f"in its first row, which is neither a number nor a date and time such as "
+                f"2024-05-01T09:30:00.123"
+            )
         if is_date != (taken.stamp_unit == "date"):
             what = 'dates; write stamp_unit = "date"' if is_date else "no dates; write its unit"
             raise LindyError(f"{self.path}: {taken.stamp} has {what} at {taken.where} in the map")

@@ -223,6 +223,24 @@ def test_a_step_shorter_than_a_pause_is_told_by_the_board_s_clock(
     assert "log: the logger's clock stepped" in " ".join(odd(out))
 
 
+def test_damaged_times_stretch_no_log(tmp_path: Path) -> None:
+    """One bit of each twentieth, from milliseconds to years."""
+    log = tlog(tmp_path / "a.tlog", seconds=20)
+    data, at, number = bytearray(log.read_bytes()), 8, 0
+    while at < len(data):
+        number += 1
+        if number % 20 == 10:
+            bit = 10 + number // 20 % 40
+            data[at - 1 - bit // 8] ^= 1 << bit % 8
+        at += 12 + data[at + 1] + 8
+    log.write_bytes(data)
+    out = imported(log, tmp_path / "dive")
+    for key in ("sensor/imu", "vehicle/estimate", "pilot/command"):
+        times = [one.publish_ns for one in messages(out, key)]
+        assert times[-1] - times[0] == pytest.approx(19.9 * S, abs=2 * S)
+    assert "of its times are damaged" in remarks(out)
+
+
 def test_a_delay_of_the_link_is_no_step(tmp_path: Path) -> None:
     """Three seconds in which nothing comes, and then all of it at once."""
 

@@ -242,6 +242,8 @@ def test_what_is_lost_of_a_table_is_said_and_nothing_else_is_lost(
         (PLAIN.partition("\n")[2], "has no names of columns above its rows"),
         (PLAIN.replace("\n1700", "\n17000000"), "which is no time since 1970 in s"),
         (PLAIN.replace("\n1700", "\n1700000"), 'write stamp_unit = "ms" at'),
+        (PLAIN.replace("\n1700", "\n12:00:"), "which is neither a number nor a date and time"),
+        (PLAIN.replace("\n1700", "\n30.11.2026 "), "which is neither a number nor a date and time"),
     ],
 )
 def test_a_table_that_means_nothing_is_one_sentence(
