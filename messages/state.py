@@ -19,6 +19,7 @@ class VehicleState(Message, frozen=True, kw_only=True):
         UNSET  # counts that say which sensors cannot be used; absent: none
     )
     depth_moved: Finite | UnsetType = UNSET  # [m] sum of pressure jumps followed; absent: none
+    depth_corrected: Finite | UnsetType = UNSET  # [m] sum, of where it came to rest; absent: none
     depth: Estimate  # [m] positive down, of the vehicle's origin below the surface
     depth_rate: Estimate  # [m/s] positive down
     depth_acceleration: Estimate  # [m/s²] positive down

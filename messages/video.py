@@ -1,5 +1,5 @@
 """The drone's picture as it crosses the link, and how old it is topside. From `camera` and
-`camera_monitor`."""
+`link_monitor`."""
 
 from typing import Annotated
 
@@ -7,7 +7,7 @@ import msgspec
 
 from messages.link import Stage, Stages
 from messages.message import Message
-from messages.units import Count, Name, NotNegative, Share, Stamp, Text
+from messages.units import Count, Name, NotNegative, Share, Stamp
 
 HEADERS = 200  # [B] of one message besides its data: its other fields, and those of the network
 LONGEST_PART = 60_000  # [B] of one message
@@ -47,7 +47,7 @@ class VideoPart(Message, frozen=True, kw_only=True):
 
 class PictureAge(Message, frozen=True, kw_only=True):
     """How old the picture is where it is seen, and what the link let through, over the last report
-    period. From `camera_monitor`; the camera's bitrate follows it. None: not known now."""
+    period. From `link_monitor`; the camera's bitrate follows it. None: not known now."""
 
     picture_ns: Stamp | None = None  # [ns] stamp of the newest picture that can be decoded
     age_ms: NotNegative | None = None  # [ms] of that picture now; it grows while none arrives
@@ -60,7 +60,6 @@ class PictureAge(Message, frozen=True, kw_only=True):
     lost: Share = 0.0  # [-] of the period's pictures that did not arrive whole
     newest: Count | None = None  # number of the newest picture of which anything arrived
     keyframe_wanted: bool = False  # nothing can be decoded before the next one
-    words: Text = ""  # what is wrong with the picture, for the pilot; empty: nothing
 
 
 class CameraChoice(Message, frozen=True, kw_only=True):

@@ -72,7 +72,7 @@ def is_new(version: tuple[int, int]) -> bool:
 
 
 def names(version: tuple[int, int], motors: int) -> list[str]:
-    """Of all parameters that are read, under the names of this version."""
+    """All parameters that are read, under the names of this version."""
     ruled = (rule.name for rule in rules(version, motors) if not rule.optional)
     system = "MAV_GCS_SYSID" if is_new(version) else "SYSID_MYGCS"
     more = "FRAME_CONFIG", "MOT_FV_CPLNG_K", f"RC{THROTTLE}_TRIM", system

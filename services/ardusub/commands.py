@@ -141,7 +141,7 @@ class BoardServos:
 
     @property
     def names(self) -> dict[int, str]:
-        """Of the outputs, by the number of their servo."""
+        """Names of the outputs, by the number of their servo."""
         return {number: output.name for output, number in self._servos.items()}
 
     def forget(self) -> None:

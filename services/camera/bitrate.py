@@ -1,6 +1,6 @@
 """How many kilobits a second the camera may send: what the link has left, with headroom.
 
-A pure state machine on the reports of `camera_monitor`, five a second. The parts of a picture leave
+A pure state machine on the reports of `link_monitor`, five a second. The parts of a picture leave
 together and arrive as fast as the link carries them behind everything more urgent, so the pace of
 their arrival is the capacity less the telemetry (packet trains: Dovrolis et al. 2001, *What do
 packet dispersion techniques measure?*). The bitrate stays where it is until it does not fit, or
@@ -8,6 +8,10 @@ until more would for a while: each pace has bursts of telemetry in it.
 
 A way that has become longer, and stays so, is a queue, whatever the pace says. What made one is
 halved, approached again with headroom, and tried again after a while.
+
+Google's congestion control (Carlucci et al. 2016) on the same reports was worse: over `severe` 5
+pictures a second instead of 15, as it takes lost radio messages for a full link; and where a link
+hides its room, a queue of 0.1 s or more in 37 to 88 % of the time instead of 4 to 8 %.
 """
 
 from collections import deque

@@ -31,14 +31,14 @@ class Light(NamedTuple):
 
 @dataclass(slots=True)
 class CaptureTime:
-    """Of one source, from its opening on."""
+    """The clock of one source, from its opening on."""
 
     _quickest: float | None = None  # [ns] least of arrival minus source time
     _newest: Ns = 0  # [ns] source time
     _heard: Ns = 0
 
     def light(self, own_ns: Ns | None, said_ns: Ns | None, arrived: Ns) -> Light:
-        """Of a picture that has arrived.
+        """When the light of a picture that has arrived was there.
 
         Args:
             own_ns: by any clock of its source; None: it has none.

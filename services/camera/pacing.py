@@ -24,7 +24,7 @@ ENOUGH_KBIT = 250.0  # [kbit/s] with which the large picture comes 25 times a se
 
 
 class Range(NamedTuple):
-    """Of the bitrate of a camera."""
+    """Limits of a camera's bitrate."""
 
     least_kbit: float  # [kbit/s]
     most_kbit: float  # [kbit/s]

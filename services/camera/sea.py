@@ -102,7 +102,7 @@ class SeenSurfaces(NamedTuple):
     piling: NDArray[np.bool_]  # a piling; else the floor, or only water
 
     def part(self, *at: slice) -> "SeenSurfaces":
-        """Of some rows, or of some rows and columns."""
+        """The part of it in some rows, or in some rows and columns."""
         return SeenSurfaces(self.way[at], self.down[at], self.albedo[at], self.piling[at])
 
 

@@ -1,9 +1,11 @@
-"""Which of the drone's cameras is large on every page. Pure.
+"""Which of the drone's cameras is large on every page, and what the pages film. Pure.
 
 The page with the sticks decides; where nobody has them, any page that may fly. The choice is sent
 at once, and again every second while this pilot has control, so that a lost message heals; nothing
 of it waits anywhere. Without a pilot the last choice stays. While this pilot does not have control,
 another one's choice counts, as the cameras on board say it.
+
+A film runs once the recorder on board has said that it has it.
 """
 
 from collections.abc import Mapping
@@ -11,8 +13,10 @@ from dataclasses import dataclass, field
 from math import degrees
 
 from messages.cameras import FIRST
+from messages.film import FilmAnswer, FilmKind, FilmRequest
 from messages.units import Ns
 from messages.video import CameraChoice, CameraShares
+from services.cockpit.page_messages import PageWish
 from services.marine.field_of_view import FieldOfView
 
 REPEAT_NS = 1_000_000_000  # [ns]
@@ -23,7 +27,7 @@ FRONT = {FIRST: FieldOfView()}  # a drone with one camera, which looks ahead
 
 @dataclass(slots=True)
 class Cameras:
-    """Of one cockpit."""
+    """The cameras as one cockpit shows them."""
 
     views: Mapping[str, FieldOfView] = field(default_factory=lambda: FRONT)  # first one first
     source: str = ""  # who chooses
@@ -79,3 +83,52 @@ class Cameras:
     def _choice(self, now: Ns) -> CameraChoice:
         self._sent_ns = now
         return CameraChoice(stamp_ns=now, camera=self.large, source=self.source)
+
+
+@dataclass(slots=True)
+class Filming:
+    source: str
+    since_ns: Ns | None = None  # [ns] when the film that runs began; None: none runs
+    snapshots: int = 0  # taken, and recorded
+    light_ns: Ns | None = None  # [ns] stamp of the newest picture that pages were sent
+    camera: str = ""  # that is filmed: the large one; empty: there is one only
+    _waiting: FilmKind | None = None  # begin or end, and it is not answered yet
+
+    def wish(self, wish: PageWish) -> FilmRequest | str:
+        """The request to be made; or why there is none."""
+        if self.light_ns is None:
+            return "there is no picture"
+        if wish.what == "snapshot":
+            return self._request("snapshot", self.light_ns)
+        if self._waiting is not None:
+            return "the one before is not answered yet"
+        self._waiting = "begin" if self.since_ns is None else "end"
+        return self._request(self._waiting, self.light_ns)
+
+    def answered(self, request: FilmRequest, answer: FilmAnswer, now: Ns) -> None:
+        if request.kind == "snapshot":
+            self.snapshots += answer.accepted
+            return
+        self._waiting = None
+        if request.kind == "end":  # also where it was not recorded: nothing is
+            self.since_ns = None
+        elif answer.accepted:
+            self.since_ns = now
+
+    def given_up(self, request: FilmRequest) -> None:
+        if request.kind != "snapshot":
+            self._waiting = None
+
+    def seconds(self, now: Ns) -> float | None:
+        """[s] That the film runs; None: none does."""
+        return None if self.since_ns is None else (now - self.since_ns) / 1e9
+
+    def _request(self, kind: FilmKind, light_ns: Ns) -> FilmRequest:
+        return FilmRequest(
+            stamp_ns=0,
+            id="",
+            kind=kind,
+            light_ns=light_ns,
+            source=self.source,
+            camera=self.camera,
+        )

@@ -25,8 +25,6 @@ REPEAT_NS = 30_000_000  # [ns] after the newest command: a page that is late for
 SAY_LOST_NS = 1_000_000_000  # [ns] so long `lost` is published; then silence
 # A pad reports changes only. A thumb that deflects a stick never holds it so still for so long.
 PAD_PATIENCE_MS = 1000.0  # [ms] without a report of a pad with a deflected stick
-WISH_PATIENCE_NS = 1_000_000_000  # [ns] an older wish is not carried out: it waited in a network
-ALWAYS: tuple[Wish, ...] = ("stop", "disarm", "give_back")  # however old
 KINDS: dict[Wish, RequestKind] = {
     "take": "lease", "force": "force", "offer": "offer", "give_back": "release"
 }  # fmt: skip
@@ -82,11 +80,9 @@ class CockpitPilot(PlainGuest[int]):
             self.holder.release()
         return out
 
-    def wish(self, page: int, message: PageWish, read_ns: Ns, now: Ns) -> Effects:
+    def wish(self, page: int, message: PageWish, now: Ns) -> Effects:
         out, what = Effects(), message.what
-        if what not in ALWAYS and now > read_ns + WISH_PATIENCE_NS:
-            self.pilot.outbox.tell(events.EXPIRED_WISH(detail=_named(what)))
-        elif what in ("take", "force"):
+        if what in ("take", "force"):
             self._take(page, what, now, out)
         elif what != "stop" and self.holder.sender != page:
             self._refuse(what)
@@ -106,11 +102,8 @@ class CockpitPilot(PlainGuest[int]):
             self.read((intent,), now, out)
         return out
 
-    def may_choose(self, page: int, camera: str, read_ns: Ns, now: Ns) -> bool:
+    def may_choose(self, page: int, camera: str, now: Ns) -> bool:
         """May this page say which camera is large? A refusal is counted and said."""
-        if now > read_ns + WISH_PATIENCE_NS:
-            self.pilot.outbox.tell(events.EXPIRED_WISH(detail=f"{camera} camera"))
-            return False
         if not self.holder.may_take(page, now):
             self._refuse(f"{camera} camera")
             return False

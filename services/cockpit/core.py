@@ -17,11 +17,8 @@ from messages.sensors import TemperatureSample
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
 from messages.video import CameraChoice, CameraShares
-from services.cockpit.aids import DiveTimer, Endurance
-from services.cockpit.cameras import Cameras
-from services.cockpit.chart import Chart
+from services.cockpit.cameras import Cameras, Filming
 from services.cockpit.cockpit_pilot import CockpitPilot
-from services.cockpit.filming import Filming
 from services.cockpit.page_messages import (
     AnyPageMessage,
     PageAbsence,
@@ -39,6 +36,7 @@ from services.cockpit.page_view import (
     shown_outputs,
     turns,
 )
+from services.cockpit.past import Chart, DiveTimer, Endurance
 from services.piloting.pilot import Effects, Pilot
 from services.vehicle_view import ages, words
 from services.vehicle_view.log_lines import LogLines
@@ -53,6 +51,8 @@ LISTED = 60  # newest warnings in the list
 LIST_EVERY = 50  # pictures: a page that has lost the list has it after two seconds
 LINK_LOST_S = 1.0  # [s] of silence that is a lost link for the drone
 CLOCK_ERROR_NS = 20_000_000  # [ns] by which a browser's coarse clock may be ahead
+WISH_PATIENCE_NS = 1_000_000_000  # [ns] an older wish is not carried out: it waited in a network
+ALWAYS = ("stop", "disarm", "give_back")  # however old
 VERY_OLD_NS = -(2**62)  # [ns] when a message was read that does not say so
 
 
@@ -209,25 +209,28 @@ class Cockpit:
         return self._kept(out, now)
 
     def _wished(self, page: int, wish: PageWish, read_ns: Ns, now: Ns) -> Effects:
+        if wish.what not in ALWAYS and now > read_ns + WISH_PATIENCE_NS:
+            self._outbox.tell(events.EXPIRED_WISH(detail=wish.what.replace("_", " ")))
+            return Effects()
         match wish.what:
             case "film" | "snapshot":
-                return self._film(wish, read_ns, now)
+                return self._film(wish)
             case "camera":
-                return self._choose(page, wish.camera, read_ns, now)
+                return self._choose(page, wish.camera, now)
             case _:
-                return self._pilot.wish(page, wish, read_ns, now)
+                return self._pilot.wish(page, wish, now)
 
-    def _film(self, wish: PageWish, read_ns: Ns, now: Ns) -> Effects:
+    def _film(self, wish: PageWish) -> Effects:
         """Any page that may fly may film, without the sticks."""
-        request = self.filming.wish(wish, read_ns, now)
+        request = self.filming.wish(wish)
         if isinstance(request, str):
             self._outbox.tell(events.REFUSED_HERE(wish.what, detail=request))
             return Effects()
         return PageEffects(films=[request])
 
-    def _choose(self, page: int, camera: str, read_ns: Ns, now: Ns) -> Effects:
+    def _choose(self, page: int, camera: str, now: Ns) -> Effects:
         """Make a camera the large one, on every page."""
-        if not self._pilot.may_choose(page, camera, read_ns, now):
+        if not self._pilot.may_choose(page, camera, now):
             return Effects()
         choice = self.cameras.choose(camera, now)
         if isinstance(choice, str):

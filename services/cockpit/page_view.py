@@ -13,7 +13,7 @@ from messages.state import VehicleState
 from messages.text import harmless
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
-from services.cockpit.chart import Chart, Pair, Position, current
+from services.cockpit.past import Chart, Pair, Position, current
 from services.marine.attitude import whole_turns
 from services.marine.outputs import Output, OutputKind
 from services.vehicle_view import ages
@@ -43,7 +43,7 @@ class PageLine(msgspec.Struct, frozen=True, array_like=True):
 
 
 class PageOutput(msgspec.Struct, frozen=True, array_like=True):
-    """Of the vehicle file: a light, lasers, a gripper."""
+    """An output of the vehicle file: a light, lasers, a gripper."""
 
     name: str
     kind: OutputKind
@@ -86,7 +86,7 @@ def shown_outputs(outputs: Sequence[Output], values: Mapping[str, float]) -> tup
 
 
 def turns(state: VehicleState | None) -> int | None:
-    """Of the drone, since its start and to starboard; None: its heading is not known."""
+    """Turns of the drone since its start, to starboard; None: its heading is not known."""
     if state is None or not state.heading.valid:
         return None
     return whole_turns(state.heading.value)
@@ -119,7 +119,7 @@ def line(entry: LogEntry) -> PageLine:
 
 
 def positions(command: PilotCommand | None, now: Ns) -> tuple[float, ...]:
-    """Of the command that was sent last; none once it does not act any more."""
+    """Sticks of the command that was sent last; none once it does not act any more."""
     if command is None or now > command.stamp_ns + command.ttl_ms * 1e6:
         return ()
     return command.surge, command.sway, command.heave, command.yaw

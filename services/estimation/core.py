@@ -95,6 +95,9 @@ REJECTED = 0.2
 # While innovations are not centred, once, where more than the pressure says so.
 INCONSISTENT_TILT, INCONSISTENT_GYRO = 0.1, 0.3  # [rad], [rad/s]
 INCONSISTENT_FORCE = 0.2  # [m/s²] level, 20 mg: else all that is wrong is the gyroscope's
+# Slower than the first, after it was faster than the second, a vehicle has come to rest. How that
+# place is corrected is told for so long; after 5 s a correction is a tenth of the first ones.
+RESTED, WENT, REST_TOLD_NS = 0.02, 0.08, 10_000_000_000  # [m/s], [m/s], [ns]
 STEEPEST = 1.4  # [rad] of pitch; closer to the vertical, heading is invalid
 UNKNOWN_TILT = 0.3  # [rad] 1σ beyond which the attitude is invalid …
 UNSURE_TILT = 0.15  # [rad] … or no dive begins
@@ -156,6 +159,8 @@ class Estimator:
         self._spin = (0.0, 0.0, 0.0)  # [rad/s²]
         self._turning = self._swinging = 0.0  # [1/s²] ω², [1/s⁴] mean of (ω² + ω̇)²
         self._yaw_rate = self._lag = 0.0  # [rad/s]
+        self._went = False  # since it came to rest last …
+        self._rested_ns = -REST_TOLD_NS  # [ns] … and when that was
         self._floated = 0  # pressure samples before the dive
         self._was_afloat = False  # known to be so
         self._told_ns = 0  # [ns] when what was made of the measurements was told
@@ -201,6 +206,7 @@ class Estimator:
                 self._judge_imu(at_ns)
                 self._compass.watch(f)
             if self._start is None:
+                self._look_for_rest(at_ns)
                 tell(self._aids.remember(f, at_ns, dt))
                 tell(self._pressure.lost(at_ns))
         if not f.is_sound:
@@ -329,6 +335,14 @@ class Estimator:
         self._spin = a, b, c = a + share * (x - a), b + share * (y - b), c + share * (z - c)
         felt = self._turning + hypot(a, b, c)
         self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
+
+    def _look_for_rest(self, at_ns: int) -> None:
+        """Has the vehicle come to rest along down?"""
+        speed = abs(self.filter.velocity[2])
+        if self._went and speed < RESTED:
+            self.filter.rest()
+            self._rested_ns = at_ns
+        self._went = speed > WENT or (self._went and speed >= RESTED)
 
     def _densities(self, dt: float, noise: list[float]) -> tuple[float, float]:
         """[m²/s³], [rad²/s] of what the IMU does not measure: its noise as stated, or as measured
@@ -627,6 +641,7 @@ class Estimator:
             rate = acceleration = Estimate(0.0, 0.5, valid=False)
         self._troubles = self._find_troubles(now, imu, heard) if running else ()
         moved, origin = self._pressure.moved, self._aids.origin
+        told = running and now - self._rested_ns < REST_TOLD_NS
         horizontal = self._aids.estimates(f, now, with_current=self._hull.knows_thrust(now))
         return VehicleState(
             stamp_ns=now,
@@ -636,6 +651,7 @@ class Estimator:
             blocked_by=blocked_by or UNSET,
             troubles=self._troubles or UNSET,
             depth_moved=moved or UNSET,
+            depth_corrected=f.rest_shift if told else UNSET,
             depth=depth,
             depth_rate=rate,
             depth_acceleration=acceleration,

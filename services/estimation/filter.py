@@ -39,7 +39,8 @@ FORCE = 14  # [m/s²] 3: bias of the accelerometer, FRD
 CURRENT = 17  # [m/s] 2: of the water over the ground, world axes
 NORTH = 19  # [rad] from the control heading to true north's
 DEVIATION = 20  # [rad] of the compass: what it reads more than the heading
-SIZE = 21
+REST = 21  # [m] the depth at which the vehicle came to rest last
+SIZE = 22
 DEPTH, DEPTH_RATE = POSITION + 2, VELOCITY + 2
 ERRATIC = 11  # so many states are moved by others in the prediction
 
@@ -86,6 +87,7 @@ class ErrorStateFilter:
         self.north = self.deviation = 0.0
         # [m], [m/s] by how much corrections have moved position and velocity so far.
         self.shift: tuple[float, ...] = (0.0,) * 6
+        self.rest_shift = 0.0  # [m] the same of the depth at which the vehicle came to rest
         self.heading = 0.0  # [rad] control heading: yaw, accumulated past ±π
         self.acceleration = 0.0  # [m/s²] along down, newest
         self.wave_variance, self.wave_rate = 0.0, 1.0  # [m²], [rad/s] of the model
@@ -211,7 +213,7 @@ class ErrorStateFilter:
         variances = self.variances
         variances += (
             0.0, 0.0, 0.0, *self._noise, 0.0, wave, gyro, gyro, gyro, force, force, force,
-            current, current, NORTH_WALK**2 * dt, 0.0,
+            current, current, NORTH_WALK**2 * dt, 0.0, 0.0,
         )  # fmt: skip
         self._begin_interval()
 
@@ -275,9 +277,19 @@ class ErrorStateFilter:
         self.current = self.current[0] + d[17], self.current[1] + d[18]
         self.north = remainder(self.north + d[19], 2.0 * pi)
         self.deviation += d[20]
+        self.rest_shift += d[21]
         if d[6] or d[7] or d[8]:
             turn = _exponential(0.5 * d[6], 0.5 * d[7], 0.5 * d[8])
             self._set_attitude(normalised(_multiplied(turn, self.q)))
+
+    def rest(self) -> None:
+        """The vehicle comes to rest here. What corrects the depth from now on corrects that place
+        too, the less the longer ago that is (stochastic cloning, Roumeliotis and Burdick 2002)."""
+        self.spread()
+        P = self.P
+        P[REST, :] = P[DEPTH, :]
+        P[:, REST] = P[:, DEPTH]
+        P[REST, REST] = P[DEPTH, DEPTH]
 
     def forget(self, state: int, std: float) -> None:
         """This state is known to `std` alone, independent of the others."""

@@ -3,18 +3,21 @@ the clock offset, measures latencies and raises the link alarm.
 
 Where topside and drone are two machines it runs on both: topside it measures, on board it answers.
 On both it says which Lindy this side runs; topside it compares, and says so where services receive
-much that they cannot read.
+much that they cannot read. Topside it measures the age of pictures, too, once there are any.
 """
 
 from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from messages import events, topics
+from messages import cameras, events, topics
 from messages.health import Health
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
+from messages.video import VideoPart
 from services.link_monitor.core import JunkWatch, LinkMonitor
+from services.link_monitor.picture_account import Carried, PictureAccount
+from services.marine.field_of_view import CameraViews
 from services.runtime.config.identity import identity_of
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
@@ -35,6 +38,9 @@ def wire(node: Node, stack: Stack) -> None:
         if stack.apart:
             _once_met(node, says[TOPSIDE], ping)
         _compare(node, monitor, stack)
+        carried = Carried()
+        for camera in stack.section("camera", CameraViews).by_name:
+            _watch(node, camera, PictureAccount(node.outbox, carried))
     if DRONE in node.sides:
         _answer(node)
 
@@ -140,3 +146,21 @@ def _answer(node: Node) -> None:
         pongs.put(answer)
 
     node.each(topics.CLOCK_PING, on_ping, side=DRONE)
+
+
+def _watch(node: Node, camera: str, account: PictureAccount) -> None:
+    """Measure the pictures of one camera, from the first one on."""
+    age = node.publisher(cameras.age(camera))
+
+    def report(now: int) -> None:
+        if account.begun:
+            age.put(account.report(now))
+
+    def hear(part: VideoPart, now: int) -> None:
+        was_whole = not account.broken
+        account.take(part, now)
+        if account.broken and was_whole:
+            report(now)  # at once: it asks for a keyframe
+
+    node.each(cameras.video(camera), hear)
+    node.every(topics.PICTURE_AGE.hz, report)

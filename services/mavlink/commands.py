@@ -38,7 +38,7 @@ OF_ONE_MESSAGE = {
 
 
 def flight_mode(base: int, custom: float) -> FlightMode | None:
-    """Of DO_SET_MODE and the message SET_MODE; None: there is no such mode here."""
+    """The mode of DO_SET_MODE and of SET_MODE; None: there is no such mode here."""
     if not (base & CUSTOM_MODE and isfinite(custom) and custom == round(custom)):
         return None
     return CHOSEN.get(round(custom))

@@ -365,7 +365,7 @@ def period_ns(hz: float) -> Ns:
 
 @dataclass(slots=True)
 class LinkStreams:
-    """Of one link."""
+    """What one link is sent, and how often."""
 
     _periods: dict[str, Ns] = field(
         default_factory=lambda: {name: period_ns(hz) for name, hz in DEFAULT_HZ.items()}

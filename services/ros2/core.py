@@ -82,5 +82,5 @@ def ros_name(drone: str) -> str:
 
 
 def namespace_of(settings: Settings, name: str) -> str:
-    """Of its topics: empty, or from a / on."""
+    """The namespace of its topics: empty, or from a / on."""
     return f"/{name}" if settings.namespace is None else settings.namespace

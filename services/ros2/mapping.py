@@ -316,7 +316,7 @@ def mounted(frame: RosFrames, utc_ns: int) -> Any:
 
 
 def truth(frame: RosFrames, known: Truth, utc_ns: int) -> Any:
-    """Of a simulator; exact, so its covariances are 0."""
+    """The truth of a simulator; exact, so its covariances are 0."""
     child = f"{frame.base}_truth"
     where = known.position, known.attitude, known.velocity, known.angular_rate
     return _odometry(_header(utc_ns, frame.odom), child, *where)
@@ -488,14 +488,14 @@ class RosTopic(NamedTuple):
 
 
 class ToJpeg(Protocol):
-    """Of the pictures of one camera."""
+    """Decodes the pictures of one camera."""
 
     def take(self, unit: AccessUnit) -> bytes | None: ...
     def forget(self) -> None: ...
 
 
 class RosMessages:
-    """Of one drone. Pictures come in parts, so it has a memory of each camera's newest."""
+    """Messages of one drone. Pictures come in parts, so it has a memory of each camera's newest."""
 
     def __init__(
         self,

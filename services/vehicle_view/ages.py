@@ -11,7 +11,7 @@ GONE_AT_LEAST_NS = 3_000_000_000  # [ns] he has read it, and it is not that any 
 
 
 class Ages(NamedTuple):
-    """Of one kind of data: up to `grey_ns` it is fresh."""
+    """Limits of one kind of data: up to `grey_ns` it is fresh."""
 
     grey_ns: Ns  # older: shown, and said to be old
     gone_ns: Ns  # older: not shown

@@ -147,7 +147,7 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
 
 
 def _name(notice: Notice) -> str:
-    """Of its condition."""
+    """The name of its condition."""
     return notice.code.partition(":")[2]
 
 

@@ -275,7 +275,7 @@ def _direction(name: str, rgb: int) -> list[Curve]:
 
 
 def _value(message: Any, names: Sequence[str]) -> Any:
-    """Of a field of a field; None where one of them is not known."""
+    """The value of a field of a field; None where one of them is not known."""
     for name in names:
         if message is None:
             return None

@@ -123,7 +123,7 @@ SEAMS = (
     ),
     Seam(
         "a film that the disk did not take counts as recorded",
-        "services/cockpit/filming.py", "elif answer.accepted:", "else:",
+        "services/cockpit/cameras.py", "elif answer.accepted:", "else:",
         ("tests/services/cockpit/test_filming.py",),
     ),
     Seam(

@@ -1,5 +1,5 @@
 """Latencies of a dive: from the stamps in the messages, as the link monitor measured them, and of
-pictures as `camera_monitor` did.
+pictures as `link_monitor` did.
 
 Every message derived from a sensor sample and a pilot command carries both stamps, so each latency
 is a difference. Where topside and drone are two machines, the drone has converted the stamps of

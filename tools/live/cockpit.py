@@ -24,7 +24,7 @@ from tools.choices import Choices
 from tools.live.pilots import GAMEPAD
 
 COCKPIT = "cockpit"  # its name as a service, and of the stack that it is taken from
-CAMERA = ("camera", "camera_monitor")  # services of the picture
+CAMERA = "camera"  # service of the picture
 SIMULATOR = "simulator"  # what a simulated camera films
 VIEWER = "visualizer"
 PATIENCE_S = 20.0  # [s] for the service to listen
@@ -49,7 +49,7 @@ def with_cockpit(services: Registry, pilot: str | None) -> Registry:
     shipped = Registry.read(COCKPIT)
     leaves = {GAMEPAD} if pilot is None and COCKPIT not in services else set[str]()
     kept = {name: spec for name, spec in services.items() if name not in leaves}
-    added = {name: shipped[name] for name in (COCKPIT, *CAMERA) if name not in services}
+    added = {name: shipped[name] for name in (COCKPIT, CAMERA) if name not in services}
     return services.only({**kept, **added})
 
 
@@ -63,7 +63,7 @@ def with_picture(services: Registry, choices: Choices, every: Collection[str] = 
     Raises:
         LindyError: the table [camera] is wrong.
     """
-    if COCKPIT not in {*services, *every} or not set(CAMERA) & set(services):
+    if COCKPIT not in {*services, *every} or CAMERA not in services:
         return services
     stack = Stack(vehicle=choices.vehicle, overrides=list(choices.set_))
     if find_spec("av") is None:
@@ -76,7 +76,7 @@ def with_picture(services: Registry, choices: Choices, every: Collection[str] = 
     else:
         why = "no camera is named, so this dive has no picture: --set camera.source=/dev/video0"
     print(why, flush=True)
-    return services.only({name: spec for name, spec in services.items() if name not in CAMERA})
+    return services.only({name: spec for name, spec in services.items() if name != CAMERA})
 
 
 def with_further_cameras(services: Registry, choices: Choices) -> Registry:
@@ -86,14 +86,12 @@ def with_further_cameras(services: Registry, choices: Choices) -> Registry:
     Raises:
         LindyError: the table [camera] is wrong.
     """
-    first = services.get(CAMERA[0])
+    first = services.get(CAMERA)
     if first is None:
         return services
     stack = Stack(vehicle=choices.vehicle, overrides=list(choices.set_))
-    names = [f"{FURTHER}{name}" for name in stack.section(CAMERA[0], CameraSettings).more]
-    further = {
-        name: msgspec.structs.replace(first, service=CAMERA[0], process=name) for name in names
-    }
+    names = [f"{FURTHER}{name}" for name in stack.section(CAMERA, CameraSettings).more]
+    further = {name: msgspec.structs.replace(first, service=CAMERA, process=name) for name in names}
     return services.only({**further, **services})
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import msgspec
 
 from messages import events, topics
-from messages.cameras import FIRST, age
+from messages.cameras import FIRST, age, called
 from messages.health import Health, LogLine
 from messages.link import Shown
 from messages.notice import Notice
@@ -16,6 +16,8 @@ from services.vehicle_view.log_lines import LogLines
 from services.vehicle_view.view import vehicle_view
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.screen import MOST_LINES, ServiceView, View
+
+OLD_MS = ages.PICTURE.gone_ns / 1e6  # [ms] a small picture may be a slide show
 
 
 class Watch:
@@ -46,7 +48,7 @@ class Watch:
         self._pilot = node.latest(topics.PILOT_COMMAND)
         node.each(topics.HEALTH, self._hear_health)
         node.each(topics.LOG, self._add)
-        self._pictures = [node.latest(age(camera)) for camera in cameras]
+        self._pictures = {camera: node.latest(age(camera)) for camera in cameras}
         self._shown = node.publisher(topics.SHOWN.of("screen"))
         # Nobody receives their own messages on the bus.
         node.show = lambda line: self._add(line, line.stamp_ns)
@@ -70,7 +72,6 @@ class Watch:
         self._begun |= {name for name in self._services if name not in missing}
         newest = self._vehicle.newest(now)
         pilot = self._pilot.fresh(now)
-        seen_pictures = [port.fresh(now) for port in self._pictures]
         if (state := ages.shown(topics.STATE, newest.state, now)) is not None:
             self._shown.put(Shown(stamp_ns=now, sensor_ns=state.sensor_ns))
         seen = vehicle_view(newest, now)
@@ -83,12 +84,22 @@ class Watch:
             length_s=timeline.length_s,
             sticks=(pilot.surge, pilot.sway, pilot.heave, pilot.yaw) if pilot else None,
             silent=tuple(silent),
-            picture=" · ".join(each.words for each in seen_pictures if each and each.words),
+            picture=self._old_pictures(now),
             services=tuple(
                 self._service(name, name not in missing, restarts) for name in self._services
             ),
             lines=tuple(self.lines.newest(MOST_LINES)),
         )
+
+    def _old_pictures(self, now: int) -> str:
+        """What is wrong with them; empty: nothing, or there are none."""
+        wrong: list[str] = []
+        for camera, port in self._pictures.items():
+            said = port.fresh(now)
+            if said is not None and said.age_ms is not None and said.age_ms > OLD_MS:
+                name = called(camera, several=len(self._pictures) > 1)
+                wrong.append(f"{name}: the picture is {said.age_ms / 1e3:.1f} s old")
+        return " · ".join(wrong)
 
     def _service(self, name: str, alive: bool, restarts: dict[str, int]) -> ServiceView:
         health = self._health.get(name)
@@ -120,5 +131,5 @@ class Watch:
 
     def _look(self, now: int) -> None:
         self._vehicle.newest(now)
-        for port in (self._pilot, *self._pictures):
+        for port in (self._pilot, *self._pictures.values()):
             port.newest(now)

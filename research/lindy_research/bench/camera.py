@@ -1,7 +1,7 @@
 """What the camera costs, how old its picture is topside, and that it holds nothing else up.
 
 Costs are processor times of one thread. The age is from dives with real processes: from the
-simulator's truth, which is the light, to the whole picture, as `camera_monitor` measures it. What
+simulator's truth, which is the light, to the whole picture, as `link_monitor` measures it. What
 crosses the link beside the picture is measured on virtual time, the same dive with and without a
 camera.
 """
@@ -37,7 +37,7 @@ SECONDS, SETTLED = 40.0, 10.0  # [s] of a virtual dive, and from when on it is m
 NOT_SLOWER = 1.2  # [-] goal of the p99 with a picture
 DIVES = ("perfect", "tether", "wifi_buoy")
 DIVE_S = 20.0  # [s] armed
-PROCESSES = ("camera", "camera_monitor")
+PROCESSES = ("camera", "link_monitor")
 FILES = ("recorder", "visualizer")
 FLOOR = "simulator.floor_depth=8"  # [m] so that there is something to be seen
 

@@ -97,7 +97,9 @@ class Feed:
         """
         self.events: deque[Event] = deque()
         self.said: deque[str] = deque()  # sentences for the log
-        self._source, self._size, self._clock = source, (width, height), clock
+        self.size = width, height  # [px] wanted
+        self.now = clock
+        self._source = source
         self._wall_offset_ns = wall_offset_ns
         self._newest: deque[Shot] = deque(maxlen=1)
         self.passing = False  # the service wants `units` instead of pictures, where there are any
@@ -123,9 +125,6 @@ class Feed:
         """To be called now and then: FFmpeg waits for ever for a device that is only connected."""
         if now > self._alive_ns + round((TIMEOUT_S + RETRY_S) * 1e9):
             self._complain(SILENT, now, "waiting for it")
-
-    def now(self) -> Ns:
-        return self._clock()
 
     @property
     def stopped(self) -> bool:
@@ -158,7 +157,7 @@ class Feed:
             except Exception as error:  # whatever it is, the next attempt is two seconds away
                 why = reason(error)
             if not self._stop.is_set():
-                self._complain(why, self._clock())
+                self._complain(why, self.now())
                 notify()
                 self._stop.wait(RETRY_S)
 
@@ -201,7 +200,7 @@ class Feed:
         self, container: InputContainer, stream: VideoStream, notify: Callable[[], None]
     ) -> int:
         """A film, at its own pace, to its end. Returns how many pictures there were."""
-        began, first, number = self._clock(), None, 0
+        began, first, number = self.now(), None, 0
         rate = float(stream.average_rate or FILM_HZ)
         garbage = 0
         for packet in container.demux(stream):
@@ -213,11 +212,11 @@ class Feed:
                 number += 1
                 time = number / rate if frame.pts is None else frame.time
                 first = time if first is None else first  # a film that was cut begins later than 0
-                wait = began + round((time - first) * 1e9) - self._clock()
+                wait = began + round((time - first) * 1e9) - self.now()
                 self._stop.wait(min(max(wait / 1e9, 0.001), 1.0))
                 if self._stop.is_set():
                     return number
-                now = self._clock()
+                now = self.now()
                 self.keep(frame, Arrived(Light(now, exact=False), now))
                 notify()
         return number
@@ -237,27 +236,22 @@ class Feed:
         """
         if max(frame.width, frame.height) > LARGEST:
             raise ValueError(f"its pictures have {frame.width} x {frame.height} pixels")
-        picture = planes(self._scaler.reformat(frame, *self._size, format="yuv420p"))
+        picture = planes(self._scaler.reformat(frame, *self.size, format="yuv420p"))
         if self._newest:
             self.events.append(events.SKIPPED_PICTURE())
-        now = self._clock()
+        now = self.now()
         self._newest.append(Shot(picture, arrived.light, arrived.at_ns, now))
         self._alive(now)
 
     def pass_on(self, unit: Unit) -> None:
         self.units.append(unit)
-        self._alive(self._clock())
+        self._alive(self.now())
 
     def _alive(self, now: Ns) -> None:
         self._alive_ns = now
         if self._trouble:
             self._trouble = ""
             self.said.append(f"{self._called} gives pictures again")
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """[px] Width and height that are wanted."""
-        return self._size
 
     def _complain(self, why: str, now: Ns, then: str = f"tried every {RETRY_S:g} s") -> None:
         self.events.append(events.LOST_CAMERA())

@@ -9,6 +9,7 @@ const TOO_MANY = 4002;
 const STOP_MS = 10000; // so long a STOP is sent: later it may be meant for another pilot
 const SLOW_MS = 400; // of an answer that a person must know to be missing
 const LATER_MS = 5000; // until another attempt where there is no room
+const HEARS_MS = 50; // a page that was held up itself first hears what has arrived meanwhile
 
 export class Connection {
   constructor() {
@@ -19,6 +20,7 @@ export class Connection {
     this.log = null; // warnings and errors of the dive; null: not heard yet
     this.ages = { state: [Infinity, Infinity], picture: [1000, 3000] }; // until said
     this.words = "connecting"; // what is wrong; empty: nothing
+    this.flew = false; // an armed drone, when it was heard last
     this.old = false; // this page is of another version than the service
     this.clock = new ServiceClock();
     this.watching = location.pathname.endsWith("/watch");
@@ -30,7 +32,7 @@ export class Connection {
     this.heard = () => {}; // something new has arrived
     this.stopHeard = () => {}; // the service has confirmed a STOP
     this.open();
-    setInterval(() => this.look(), 500);
+    setInterval(() => setTimeout(() => this.look(), HEARS_MS), 500);
   }
 
   open() {
@@ -69,7 +71,8 @@ export class Connection {
     this.words = "";
     this.log = this.picture.log ?? this.log;
     this.track = this.picture.track ?? this.track;
-    const { stops = 0, stop_waits } = this.picture.you;
+    const { stops = 0, stop_waits, has_sticks, in_control } = this.picture.you;
+    this.flew = Boolean(has_sticks && in_control && this.picture.view.armed);
     if (this.stop && stops > this.stop.heard) {
       this.stop = null;
       this.stopHeard();

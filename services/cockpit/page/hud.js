@@ -1,6 +1,7 @@
 // The head-up display around the digits of heading and depth: horizon and tapes with their
 // reference. Horizon and heading tape fit the picture: what lies 10° to starboard is there on both.
 
+import { colours, emptied } from "./dom.js";
 import { units } from "./units.js";
 
 const RAD = Math.PI / 180;
@@ -27,27 +28,15 @@ export class Hud {
     this.colours();
   }
 
-  colours() {
-    const style = getComputedStyle(document.documentElement);
-    const of = (name) => style.getPropertyValue(`--${name}`).trim();
-    this.c = Object.fromEntries(["paper", "panel", "ink", "dim", "line", "above", "below", "bug", "warn", "bad"].map((n) => [n, of(n)]));
-  }
+  colours() { this.c = colours(); }
 
   // axis: of the camera on the screen; boxes: of the digits of heading and depth, DOMRects
   /** @param {PageView} view */
   draw(view, old, axis, boxes) {
-    const { canvas, g } = this;
-    const ratio = devicePixelRatio || 1;
-    const width = canvas.clientWidth, height = canvas.clientHeight;
+    const { g } = this, [width, height] = emptied(this.canvas);
     if (!width || !height) return;
-    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
-    }
     this.u = parseFloat(getComputedStyle(document.documentElement).fontSize); // [px] of text
     this.ink = old ? this.c.dim : this.c.ink; // and never paler: it must still be read
-    g.setTransform(ratio, 0, 0, ratio, 0, 0);
-    g.clearRect(0, 0, width, height);
     g.lineWidth = this.line = Math.max(2, this.u / 8);
     g.lineJoin = "round";
     g.setLineDash(old ? [this.u / 2, this.u / 3] : []);

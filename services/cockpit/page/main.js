@@ -26,8 +26,7 @@ const MOVED_MS = 8; // between two of a stick that moves; the service takes 250 
 const SAME_MS = 200; // the same picture is drawn again after this
 const WORDS_MS = 100; // words are drawn so often
 const TOGETHER_MS = 60; // what is new waits so long at most for a picture
-const SAID_MS = 5000; // a sentence of the page
-const RECENT_MS = 10000; // what the service has said is now; then it is past
+const SAID_MS = 6000; // what the page or the service has just said is now; then it is past
 const STANDS = /^(lost|notice|failsafe):/; // events that are said for as long as they last
 const CLICKED_MS = 100; // after a touch: what it has clicked has heard of it
 const FOV_DEG = 80; // where the service does not say how wide the picture is
@@ -117,8 +116,8 @@ setInterval(steer, STICKS_MS / 2); // a pad tells nobody that it has moved
 // Why sticks move nothing.
 function idle() {
   if (!view().activity) return;
-  if (!view().armed) say(words.t("idle.disarmed", { key: armKey() }));
-  else if (!mine()) say(words.t("idle.sticks"));
+  if (!view().armed) say(words.t("idle.disarmed", { key: armKey() }), () => !view().armed);
+  else if (!mine()) say(words.t("idle.sticks"), () => !mine());
 }
 // What arms, on the device that the pilot seems to have.
 function armKey() {
@@ -214,9 +213,9 @@ function frame() {
 }
 
 // A sentence of the page itself, for as long as it takes to read it.
-let own = "", ownAt = 0;
-function say(sentence) {
-  [own, ownAt] = [sentence, performance.now()];
+let own = "", ownAt = 0, ownHolds = () => true;
+function say(sentence, holds = () => true) {
+  [own, ownAt, ownHolds] = [sentence, performance.now(), holds];
 }
 
 // What the service has just said to the pilot, after what this page found when it was opened.
@@ -225,7 +224,7 @@ function listen(now) {
   const line = connection.log?.findLast((each) => each[5] && !STANDS.test(each[4])), said = line ? line.join() : "";
   if (newest !== null && said && said !== newest) [recent, recentAt] = [{ code: codeOf(line[4]), text: words.said(line[3], line[4]) }, now];
   if (connection.log) newest = said;
-  return recent && now - recentAt < RECENT_MS ? recent : undefined;
+  return recent && now - recentAt < SAID_MS ? recent : undefined;
 }
 
 let flew = false, seenPad = ""; // this page had the sticks when it was drawn last; which pad
@@ -250,9 +249,9 @@ function draw() {
   showCard(seen, connection.watching);
   tools.show(seen.tools ?? [], mine());
   notice();
-  if (now - ownAt > SAID_MS) own = "";
+  if (now - ownAt > SAID_MS || !ownHolds()) own = "";
   const all = messages(seen, you(), {
-    stop: connection.stopSaid(), cut: connection.words, watching: connection.watching,
+    stop: connection.stopSaid(), cut: connection.words, flew: connection.flew,
     stopped: stopped.look(seen, halted), hint: hint(), recent: listen(now),
   });
   halted = false;

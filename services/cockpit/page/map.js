@@ -1,7 +1,7 @@
 // The map: where the drone is and how surely, where it has been, its home, where it goes. A tap names
 // a place; a held button sends the drone there. North and east are those of the drone's state.
 
-import { $, write } from "./dom.js";
+import { $, colours, emptied, write } from "./dom.js";
 import { holdButton } from "./hold_button.js";
 import { units } from "./units.js";
 import { words } from "./words.js";
@@ -142,15 +142,11 @@ export class SeaMap {
     $("map").hidden = !open;
     document.body.classList.toggle("mapped", open);
     if (!open || !this.canvas.clientWidth) return;
-    const { canvas, g } = this, ratio = devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight;
-    if (canvas.width !== Math.round(w * ratio) || canvas.height !== Math.round(h * ratio)) [canvas.width, canvas.height] = [Math.round(w * ratio), Math.round(h * ratio)];
+    const { canvas, g } = this, [w, h] = emptied(canvas);
     this.scale ||= Math.min(w, h) / SHOWN_M;
     this.tell();
-    const style = getComputedStyle(canvas), colour = (name) => style.getPropertyValue(`--${name}`).trim();
-    const c = Object.fromEntries(["ink", "dim", "line", "bug", "warn", "paper"].map((name) => [name, colour(name)]));
+    const style = getComputedStyle(canvas), c = colours();
     this.u = parseFloat(style.fontSize);
-    g.setTransform(ratio, 0, 0, ratio, 0, 0);
-    g.clearRect(0, 0, w, h);
     [g.lineJoin, g.font, g.textAlign, g.textBaseline] = ["round", `${0.9 * this.u}px ${style.fontFamily}`, "center", "middle"];
     this.track(c);
     this.marks(c);

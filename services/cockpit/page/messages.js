@@ -24,8 +24,9 @@ export const codeOf = (name) => name.replace(/^(notice|failsafe):/, "");
 /**
  * @param {PageView} view
  * @param {Personal} you
- * @param {{ stop?: string, cut?: string, watching?: boolean, stopped?: boolean, hint?: string, recent?: { code: string, text: string } }} page
- *   keys of what the page itself knows: of a STOP that is not answered, of a cut connection; sentences
+ * @param {{ stop?: string, cut?: string, flew?: boolean, stopped?: boolean, hint?: string, recent?: { code: string, text: string } }} page
+ *   keys of what the page itself knows: of a STOP that is not answered, of a cut connection, and whether it flew
+ *   by it; sentences
  *   of what comes next, and of what has just been said
  * @returns {Message[]}
  */
@@ -37,7 +38,7 @@ export function messages(view, you, page) {
   if (page.stop) add(page.stop, "alarm", words.t(page.stop));
   if (notices.some(({ code }) => code === WET)) add(LEAK, "alarm", words.t(WET), words.t(`${WET}.do`));
   if (page.cut === "connecting") add("cut", "plain", words.t(page.cut));
-  else if (page.cut) add("cut", "alarm", words.t(page.cut), page.watching ? "" : words.t("pilot_lost"));
+  else if (page.cut) add("cut", "alarm", words.t(page.cut), page.flew ? words.t("pilot_lost") : "");
   if (silent && view.armed) add("silent", "alarm", words.t("link.gone"), gone(view));
   else if (acts(view)) all.push(failsafe(view, you));
   else if (you.lost && view.armed) add("pilot_lost", "alarm", words.t(you.lost));
@@ -68,7 +69,7 @@ function gone(view) {
 function failsafe(view, you) {
   const name = view.failsafe, over = view.resumable && BACK.includes(name);
   const mine = you.watcher || (you.has_sticks && you.in_control);
-  const depth = units.depth(view.depth_m);
+  const depth = units.depth(view.depth_wanted_m ?? view.depth_m); // the wanted one stands still
   const does = over && depth && view.doing === "holding" ? words.t("holds_at", { depth }) : words.t(`does.${view.doing}`);
   const more = view.next_s === undefined ? does : words.t("then", { what: does, s: units.number(view.next_s) });
   const must = view.returns === "centre" ? "do.centre" : over ? "do.resume" : `failsafe:${name}.do`;

@@ -39,6 +39,7 @@ export function status(connection, you, view, steeredBy, video) {
   document.title = view.drone ? `${view.drone} · Lindy cockpit` : "Lindy cockpit";
   write($("activity"), `${plain(view.doing)} · ${plain(view.flight_mode)}`);
   const who = words.t(you.who ?? "");
+  $("who").className = you.has_sticks && you.in_control ? "mine" : "";
   write($("who"), last + (you.watcher ? `${words.t("watching")} · ${who}` : who + (you.has_sticks ? ` · ${words.t(steeredBy)}` : "")));
   // Of the outputs those that are not at rest: lasers that are on must be seen.
   const on = Object.entries(view.outputs ?? {}).filter(([name, value]) => value && name !== "light");
@@ -105,16 +106,16 @@ export function figures(you, view, limit) {
 
 // One line for what matters most, and beside it what the page answers; the rest in the drawer.
 export function tell(all, own, log) {
-  const [first] = all;
-  put("now", first && first.tone !== "past" ? first.text : "", first?.tone);
-  $("now").hidden = !$("now").textContent || (own && !first.loud);
+  const first = all[0]?.tone === "past" ? undefined : all[0], shown = first?.loud || !own ? first : undefined;
+  put("now", first?.text ?? "", first?.tone);
+  $("now").hidden = !shown;
   put("own", own, "warning");
   $("own").hidden = !own;
-  const others = all.slice(1).filter(({ tone }) => tone === "alarm" || tone === "warning");
+  const rest = all.filter((each) => each !== shown && each.tone !== "plain"), others = rest.filter(({ tone }) => tone !== "past");
   put("drawer-open", others.length ? String(others.length) : "⋯", others.length ? "warning" : "");
   $("drawer-open").setAttribute("aria-label", `${words.t("drawer")} ${others.length || ""}`);
   if ($("drawer").hidden) return;
-  fill("standing", all.filter(({ tone }) => tone !== "plain"), ({ text, tone }) => make("li", text, tone));
+  fill("standing", rest, ({ text, tone }) => make("li", text, tone));
   const line = ([, at, times, text, event]) =>
     make("li", `${at === null ? "–" : units.time(at)}  ${times > 1 ? `${times} × ` : ""}${words.said(text, event)}`);
   fill("log", log.filter((each) => each[5]).reverse(), line);

@@ -136,7 +136,7 @@ STICKS = (69, 70)  # MANUAL_CONTROL, RC_CHANNELS_OVERRIDE: of a flood the newest
 
 
 class HeardMessages(NamedTuple):
-    """Of a board that sends much that nobody asked for, only these messages are decoded."""
+    """Only these messages of a board are decoded: it sends much that nobody asked for."""
 
     system: int
     messages: Iterable[str]
@@ -209,7 +209,7 @@ class MavlinkEndpoint:
 
     @property
     def names(self) -> list[str]:
-        """Of the other ends."""
+        """Names of the other ends."""
         return self._links.names
 
     def receive(self) -> list[MavlinkPacket]:

@@ -68,7 +68,7 @@ class ByteLinks(Protocol):
 
     @property
     def names(self) -> list[str]:
-        """Of the other ends."""
+        """Names of the other ends."""
         ...
 
     @property
@@ -314,7 +314,7 @@ class Links:
             arrival.pieces.append(data)
 
     def _read(self, name: str, peer: _Peer) -> None:
-        """Of a connection or a cable."""
+        """Read a connection or a cable."""
         assert peer.end is not None
         data, why = b"", "closed by the other side"
         try:

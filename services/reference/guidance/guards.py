@@ -13,6 +13,7 @@ from services.reference.trajectory.minimum_jerk import Sample
 
 RETURN_S = 0.5  # [s] time constant of the reference's return to a vehicle that is blocked
 PATIENCE_S = 0.8  # [s] a vehicle that creeps on in one direction is held where it is after that
+LEARNS_S = 6.0  # [s] from a stop on, in which the estimate of its place gets better
 WORTH = 0.02  # [-] of the furthest; a smaller move is not made
 # [rad] of roll and pitch together; beyond it a vehicle that holds its depth gets less surge and
 # sway than the pilot asks for. Tuned on a Pioneer that is lighter and less damped than its file.
@@ -59,24 +60,34 @@ def is_released(*motions: Sample) -> bool:
 @dataclass(slots=True)
 class Standstill:
     """Where a stop of one axis ends: when the reference rests, what is held moves to where the
-    vehicle then stands. Time `t` in seconds, never decreasing.
+    vehicle then stands, and for some seconds with the estimate of that place. Time `t` in seconds,
+    never decreasing.
 
     A stop ends where its plan says, and the vehicle runs past that point by some millimetres.
     Nobody asked for that very point, only for a stop, so to be pulled back to it is a motion that
-    the pilot did not want.
+    the pilot did not want. Nor does he want to follow an estimate of the depth that gets better.
     """
 
     most: float  # position units; furthest that what is held is moved
     moved: float = 0.0  # position units; by how much it was, at the newest stop
     _way: float | None = None  # newest velocity of a reference that comes to rest; None: at rest
-    _rests: float | None = None  # [s] since when the reference rests after that
+    _rests: float | None = None  # [s] since when the reference rests after that; None: no stop
+    _corrected: float | None = None  # position units; at the step before
+    _by: float = 0.0  # position units; by how much it was moved since the reference rests
 
     def cancel(self) -> None:
         """The end of this motion was asked for, or the vehicle is held back: leave it there."""
         self._way = self._rests = None
 
     def step(
-        self, error: float, rate: float, t: float, *, resting: bool, velocity: float = 0.0
+        self,
+        error: float,
+        rate: float,
+        t: float,
+        *,
+        resting: bool,
+        velocity: float = 0.0,
+        corrected: float | None = None,
     ) -> float:
         """By how much to move what is held, now. A vehicle that still runs on is waited for; one
         that has come to a standstill before, or comes back already, is held where it is.
@@ -86,19 +97,25 @@ class Standstill:
             rate: position units per second; of the vehicle.
             resting: the reference rests.
             velocity: position units per second; of the reference.
+            corrected: position units; sum of corrections of where it came to rest; None: none.
         """
+        before, self._corrected = self._corrected, corrected
         if not resting:
-            self._way, self._rests = velocity or self._way or 0.0, None
+            self._way, self._rests, self._by = velocity or self._way or 0.0, None, 0.0
             return 0.0
-        if self._way is None:
+        if self._way is not None and self._rests is None:
+            self._rests = t
+        if self._rests is None or t - self._rests > LEARNS_S:
             return 0.0
-        self._rests = t if self._rests is None else self._rests
-        if rate * self._way > 0.0 and t - self._rests < PATIENCE_S:
-            return 0.0
-        self.cancel()
-        by = max(-self.most, min(self.most, error))
-        self.moved = by if abs(by) >= WORTH * self.most else 0.0
-        return self.moved
+        by = 0.0 if before is None or corrected is None else corrected - before
+        stands = rate * (self._way or 0.0) <= 0.0 or t - self._rests >= PATIENCE_S
+        if self._way is not None and stands:
+            self._way = None
+            by = max(-self.most, min(self.most, error))
+            self.moved = by = by if abs(by) >= WORTH * self.most else 0.0
+        by = max(-self.most, min(self.most, self._by + by)) - self._by
+        self._by += by
+        return by
 
 
 def tilt_of(state: VehicleState) -> float | None:

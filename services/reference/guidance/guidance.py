@@ -309,11 +309,12 @@ class Guidance:
         here = heave.at(self.t)
         error = min(depth.value - here.position, max(0.0, deepest - here.position))
         resting = here.velocity == 0.0 == here.acceleration and heave.settles() <= self.t
+        corrected = None if state.depth_corrected is UNSET else state.depth_corrected
         by = self.standstill.step(
-            error, rate.value, self.t, resting=resting, velocity=here.velocity
+            error, rate.value, self.t, resting=resting, velocity=here.velocity, corrected=corrected
         )
         if by != 0.0:
-            heave.shift(by)
+            heave.shift(min(by, max(0.0, deepest - here.position)))
 
     def _keep(self, name: str, ramp: Ramp, estimate: Estimate, deepest: float = inf) -> None:
         """`deepest`: the reference is not moved beyond this position."""

@@ -17,7 +17,7 @@ QUALITY = 80  # of JPEG
 
 
 class JpegOfVideo:
-    """Of one camera. It begins at a keyframe."""
+    """The pictures of one camera, from a keyframe on."""
 
     def __init__(self) -> None:
         self._codec: VideoCodecContext | None = None

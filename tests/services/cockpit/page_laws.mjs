@@ -18,6 +18,7 @@ const { units } = await load("units");
 const { messages, Stopped, codeOf } = await load("messages");
 const { Alarms } = await load("alarms");
 const { holdButton } = await load("hold_button");
+const { Connection } = await load("connection");
 
 const ME = { has_sticks: true, in_control: true };
 const FLIES = { activity: "piloted", doing: "piloted", armed: true, depth_m: 1.25 };
@@ -74,9 +75,38 @@ test("a notice is a sentence with its numbers and what it is about", () => {
 });
 
 test("a cut connection is red for who flies and for who watches, and a page that begins is calm", () => {
-  assert.equal(first({}, {}, { cut: "no connection to the cockpit" }).text, "No connection to the cockpit. Pilot lost.");
-  assert.equal(first({}, {}, { cut: "no connection to the cockpit", watching: true }).text, "No connection to the cockpit.");
+  const cut = "nothing arrives from the cockpit";
+  assert.equal(first({}, {}, { cut, flew: true }).text, "Nothing arrives from the cockpit. Pilot lost.");
+  assert.equal(first({}, {}, { cut }).text, "Nothing arrives from the cockpit."); // of this page nobody is lost
   assert.deepEqual([first({}, {}, { cut: "connecting" }).tone, first({}, {}, { cut: "connecting" }).loud], ["plain", false]);
+});
+
+test("a page that was held up itself hears what waits before it says that nothing arrives", () => {
+  const timers = [], sockets = [];
+  class Socket {
+    static OPEN = 1;
+    constructor() { sockets.push(this); }
+    send() {}
+  }
+  const real = { setInterval, setTimeout, querySelector: document.querySelector };
+  Object.assign(globalThis, { WebSocket: Socket, location: new URL("http://127.0.0.1:8767/"), setInterval: (act) => timers.push(act), setTimeout: (act) => timers.push(act) });
+  document.querySelector = () => ({ getAttribute: () => "1" });
+  try {
+    const connection = new Connection(), heard = (armed) => sockets[0].onmessage({ data: JSON.stringify({ n: 1, t: now, ages: {}, you: ME, view: { armed } }) });
+    heard(true);
+    assert.ok(connection.flew);
+    now += 2000;
+    timers.shift()(); // the clock's call comes first …
+    heard(false); // … then what had arrived meanwhile
+    timers.shift()();
+    assert.deepEqual([connection.words, connection.flew], ["", false]);
+    now += 2000;
+    connection.look();
+    assert.equal(connection.words, "nothing arrives from the cockpit");
+  } finally {
+    Object.assign(globalThis, { setInterval: real.setInterval, setTimeout: real.setTimeout });
+    document.querySelector = real.querySelector;
+  }
 });
 
 test("a busy computer is one grey word", () => {

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from messages.sensors import BatterySample
 from messages.vehicle import VehicleStatus
-from services.cockpit.aids import LEAST_NS, LONGEST_MIN, SPAN_NS, DiveTimer, Endurance
+from services.cockpit.past import LEAST_NS, LONGEST_MIN, SPAN_NS, DiveTimer, Endurance
 
 S = 1_000_000_000  # [ns]
 

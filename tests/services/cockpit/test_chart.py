@@ -10,7 +10,8 @@ from msgspec.structs import replace
 from messages.message import Estimate
 from messages.state import VehicleState
 from messages.vehicle import PlaceAhead, VehicleStatus
-from services.cockpit.chart import (
+from services.cockpit.page_view import PageView, chart_view
+from services.cockpit.past import (
     APART,
     BEGINS,
     MEASURED_ON,
@@ -19,7 +20,6 @@ from services.cockpit.chart import (
     REMEMBERED_NS,
     Chart,
 )
-from services.cockpit.page_view import PageView, chart_view
 from tests.support.messages import example
 
 S = 1_000_000_000

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.film import FilmAnswer, FilmRequest
-from services.cockpit.filming import PATIENCE_NS, Filming
+from services.cockpit.cameras import Filming
 from services.cockpit.page_messages import PageWish
 
 S = 1_000_000_000
@@ -22,7 +22,7 @@ def test_begin_and_end_take_turns_whatever_is_answered(steps: list[str]) -> None
     for step in steps:
         now += S
         if step in ("film", "snapshot"):
-            request = filming.wish(FILM if step == "film" else SNAPSHOT, now, now)
+            request = filming.wish(FILM if step == "film" else SNAPSHOT)
             if step == "snapshot":
                 assert isinstance(request, FilmRequest)
                 assert request.kind == "snapshot"
@@ -45,7 +45,7 @@ def test_begin_and_end_take_turns_whatever_is_answered(steps: list[str]) -> None
 
 def test_a_snapshot_counts_once_it_is_recorded() -> None:
     filming = Filming("me", light_ns=5)
-    request = filming.wish(SNAPSHOT, 0, 0)
+    request = filming.wish(SNAPSHOT)
     assert isinstance(request, FilmRequest)
     filming.answered(request, answer(request, accepted=False), 0)
     assert filming.snapshots == 0
@@ -53,18 +53,17 @@ def test_a_snapshot_counts_once_it_is_recorded() -> None:
     assert filming.snapshots == 1
 
 
-def test_a_late_wish_and_one_without_a_picture_say_why() -> None:
-    assert Filming("me").wish(FILM, 0, 0) == "there is no picture"
-    assert Filming("me", light_ns=5).wish(FILM, 0, PATIENCE_NS + 1) == "it came too late"
+def test_a_wish_without_a_picture_says_why() -> None:
+    assert Filming("me").wish(FILM) == "there is no picture"
 
 
 def test_a_film_goes_on_in_the_next_process_of_the_service() -> None:
     first = Filming("me", light_ns=5)
-    request = first.wish(FILM, 0, 0)
+    request = first.wish(FILM)
     assert isinstance(request, FilmRequest)
     first.answered(request, answer(request, accepted=True), S)
     after = Filming("me", first.since_ns, light_ns=5)
     assert after.seconds(4 * S) == 3.0
-    ends = after.wish(FILM, 4 * S, 4 * S)
+    ends = after.wish(FILM)
     assert isinstance(ends, FilmRequest)
     assert ends.kind == "end"

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from messages.events import Outbox
 from messages.reference import Motion
 from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import Plant, lags_of, plant_of
-from services.control.core import PERIOD_S
+from services.control.core import PERIOD_S, Controller
 from services.control.settings import Settings
 from services.control.stability import (
     YAW_RATE_CUTOFF,
@@ -85,10 +86,10 @@ def test_the_exponential_of_a_matrix(lag: float, rate: float) -> None:
 @pytest.mark.parametrize("table", ["depth", "heading", "surge", "sway"])
 def test_gains_that_shake_the_vehicle_are_refused_by_name(table: str, pioneer: Vehicle) -> None:
     ours = Settings()
-    require_stable(ours, pioneer, PERIOD_S)
+    Controller(ours, pioneer, Outbox())
     wild = msgspec.structs.replace(getattr(ours, table), kd=5000.0)
     with pytest.raises(ValueError, match=rf"^control.{table}: .* kd = 5000 .* not stable"):
-        require_stable(msgspec.structs.replace(ours, **{table: wild}), pioneer, PERIOD_S)
+        Controller(msgspec.structs.replace(ours, **{table: wild}), pioneer, Outbox())
 
 
 @pytest.mark.parametrize("kd", [12.0, 20.0])

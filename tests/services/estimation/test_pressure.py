@@ -79,6 +79,7 @@ def test_a_jump_moves_the_depth_and_says_by_how_much() -> None:
     dive.pressure.air = Atmosphere(ATMOSPHERE - 20_000.0, 0.0)  # it reads two metres more
     dive.run(4.0)
     assert dive.names.count("jumped:sensor/pressure") == 1
+    assert dive.filter.position[2] - dive.depth == pytest.approx(2.0, abs=0.1)
     assert dive.pressure.moved == pytest.approx(2.0, abs=0.1)
     assert dive.pressure.depth_std(dive.filter) > 1.5  # nobody knows which depth is right
 
@@ -93,3 +94,24 @@ def test_twelve_hours_without_a_stop_leave_the_covariance_symmetric_and_positive
         f.spread()
         assert (f.P == f.P.T).all(), hour
         assert np.linalg.eigvalsh(f.P).min() > -1e-9 * f.P.max(), hour
+
+
+def test_what_corrects_the_depth_after_a_stop_corrects_that_place_less_and_less() -> None:
+    """So that who holds that place does not follow every correction of the depth."""
+    by_depth, by_place, later = list[float](), list[float](), list[float]()
+    for seed in range(24):
+        dive = Dive()
+        dive.rng = np.random.default_rng(seed)
+        dive.run(3.0)
+        f = dive.filter
+        f.rest()
+        depth, place = f.position[2], f.rest_shift
+        dive.run(1.0)
+        by_depth.append(f.position[2] - depth)  # it has not moved
+        by_place.append(by_depth[-1] - (f.rest_shift - place))
+        dive.run(4.0)
+        place = f.rest_shift
+        dive.run(1.0)
+        later.append(f.rest_shift - place)
+    assert np.std(by_place) < 0.75 * np.std(by_depth)
+    assert np.std(later) < 0.4 * np.std(by_depth)

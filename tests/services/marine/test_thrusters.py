@@ -57,11 +57,6 @@ def test_a_force_to_starboard_ahead_of_and_above_the_origin_turns_clockwise_and_
     )
 
 
-def test_a_thruster_without_direction_is_refused() -> None:
-    with pytest.raises(ValueError, match="lateral: direction"):
-        wrench_per_newton(msgspec.structs.replace(LATERAL, direction=(0.0, 0.0, 0.0)))
-
-
 @law
 @given(st.floats(-1000, 1000))
 def test_dead_band_gives_nothing_and_the_limit_holds(command: float) -> None:
@@ -75,34 +70,24 @@ def test_dead_band_gives_nothing_and_the_limit_holds(command: float) -> None:
         assert thrust * command > 0
 
 
-@law
-@given(st.floats(-1000, 1000))
-def test_without_a_limit_of_its_own_astern_is_as_strong_as_ahead(command: float) -> None:
-    assert LATERAL.limits == (-30.0, 30.0)
-    assert limited(LATERAL, -command) == -limited(LATERAL, command)
-
-
 T200 = CURVES["t200"]
 
 
 def thruster(**changes: Any) -> Thruster:
-    fields: dict[str, Any] = {"max_thrust": 30.4, "dead_band": 0.87, "curve": "t200"} | changes
-    return Thruster(name="port", position=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0), **fields)
+    fields: dict[str, Any] = {
+        "position": (0.0, 0.0, 0.0), "direction": (1.0, 0.0, 0.0), "max_thrust": 30.4,
+        "dead_band": 0.87, "curve": "t200",
+    }  # fmt: skip
+    return Thruster(name="port", **(fields | changes))
 
 
 @law
 @given(st.floats(-1.0, 1.0))
-def test_asking_for_what_a_voltage_gives_asks_for_that_voltage(part: float) -> None:
-    share = part * T200.top
-    assert T200.share(T200.thrust(share)) == pytest.approx(share, abs=1e-6)
-
-
-@law
-@given(st.floats(-1.0, 1.0))
-def test_the_driver_gives_the_thrust_that_it_is_asked_for(part: float) -> None:
-    newtons = part * T200.most
+def test_the_driver_gives_the_thrust_that_it_is_asked_for_by_one_voltage(part: float) -> None:
+    newtons, share = part * T200.most, part * T200.top
     assert T200.thrust(T200.share(newtons)) == pytest.approx(newtons, abs=1e-9)
     assert T200.share(-newtons) == -T200.share(newtons) or newtons == 0.0
+    assert T200.share(T200.thrust(share)) == pytest.approx(share, abs=1e-6)
 
 
 def test_the_curve_is_that_of_the_paper_and_rises_to_its_top() -> None:
@@ -113,21 +98,18 @@ def test_the_curve_is_that_of_the_paper_and_rises_to_its_top() -> None:
     assert T200.most > T200.thrust(1.0)
 
 
-def test_an_unknown_curve_is_refused_with_the_names_there_are() -> None:
-    with pytest.raises(ValueError, match="unknown curve 't500'; there are linear, t200"):
-        thruster(curve="t500")
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        ({"curve": "t500"}, "unknown curve 't500'; there are linear, t200"),
         ({"max_thrust": 40.0}, "t200 gives at most 30.62 N, found 40"),
         ({"max_reverse": 31.0}, "t200 gives at most 30.62 N, found 31"),
         ({"dead_band": 0.1}, "t200 gives nothing below 0.863 N, found a dead_band of 0.1 N"),
         ({"dead_band": 30.4}, "dead_band must be less than its limits, found 30.4 N"),
+        ({"direction": (0.0, 0.0, 0.0)}, "port: direction"),
     ],
 )
-def test_what_the_curve_cannot_do_is_refused(change: dict[str, float], words: str) -> None:
+def test_what_no_thruster_can_do_is_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         thruster(**change)
 
@@ -140,21 +122,14 @@ def step_response(modes: list[LagMode], seconds: float) -> float:
     return 1.0 - sum((mode.share * decay(mode.pole, seconds)).real for mode in modes)
 
 
-def test_the_identified_lag_begins_at_nothing_and_settles_at_the_command() -> None:
-    modes = modes_of(T200_LAG)
-    assert len(modes) == 2  # a real pole, and a pair
-    assert all(mode.pole.real < 0 for mode in modes)
-    assert step_response(modes, 0.0) == pytest.approx(0.0, abs=1e-12)
-    assert step_response(modes, 2.0) == pytest.approx(1.0, abs=1e-9)
-
-
 def test_the_modes_solve_the_differential_equation() -> None:
     """Against the state space form of the transfer function, by its own matrix exponential."""
     (b1, b0), (_, a2, a1, a0) = T200_LAG.numerator, T200_LAG.denominator
     A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-a0, -a1, -a2]])
+    assert len(modes_of(T200_LAG)) == 2  # a real pole, and a pair
     values, vectors = np.linalg.eig(A)
     steady = np.linalg.solve(A, [0.0, 0.0, -1.0])
-    for seconds in (0.001, 0.01, 0.03, 0.1, 0.3):
+    for seconds in (0.0, 0.001, 0.01, 0.1, 2.0):
         grown = vectors @ np.diag(np.exp(values * seconds)) @ np.linalg.inv(vectors)
         x = steady - (grown @ steady).real
         expected = b0 * x[0] + b1 * x[1]
@@ -181,7 +156,6 @@ def test_decay_does_not_care_how_time_is_cut(first: float, second: float) -> Non
 @pytest.mark.parametrize(
     ("numerator", "denominator", "words"),
     [
-        ([1.0], [1.0, -1.0], "settle at the command"),
         ([2.0], [1.0, 1.0], "found 2 and 1"),
         ([1.0, 1.0], [1.0, 1.0], "longer than"),
         ([1.0], [0.0, 1.0, 1.0], "not 0"),

@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from services.marine.hydrodynamics import damping, system_inertia
 from services.marine.thrust_curve import CURVES
 from services.marine.vehicle import Vehicle, wrench_per_newton
+from services.reference.settings import Settings
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
 from services.runtime.config.stack import Stack
@@ -43,28 +43,21 @@ def test_every_table_of_every_vehicle_file_is_right(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("factor", [1e3, 1e2])
-def test_millimetres_and_centimetres_in_place_of_metres_are_refused(
-    name: str, factor: float
-) -> None:
+def test_other_units_than_metres_and_an_inertia_that_no_hull_has_are_refused(name: str) -> None:
     about = vehicle(name)
     replace = msgspec.structs.replace
-    far = [factor * part for part in about.thruster[0].position]
-    wrong = replace(about.thruster[0], position=(far[0], far[1], far[2]))
-    with pytest.raises(ValueError, match=rf"^thruster {wrong.name}: .*positions are in metres"):
-        replace(about, thruster=[wrong, *about.thruster[1:]])
-    length, width, height = (factor * part for part in about.size)
-    with pytest.raises(ValueError, match="is lighter than any; sizes are in metres"):
-        replace(about, size=(length, width, height))
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("factor", [1e-3, 1e3])
-def test_an_inertia_that_no_hull_of_that_mass_has_is_refused(name: str, factor: float) -> None:
-    about = vehicle(name)
+    for factor in (1e3, 1e2):
+        far = [factor * part for part in about.thruster[0].position]
+        wrong = replace(about.thruster[0], position=(far[0], far[1], far[2]))
+        with pytest.raises(ValueError, match=rf"^thruster {wrong.name}: .*positions are in metres"):
+            replace(about, thruster=[wrong, *about.thruster[1:]])
+        length, width, height = (factor * part for part in about.size)
+        with pytest.raises(ValueError, match="is lighter than any; sizes are in metres"):
+            replace(about, size=(length, width, height))
     roll, pitch, yaw = about.inertia
-    with pytest.raises(ValueError, match=r"an inertia of .* about pitch do not belong to one hull"):
-        msgspec.structs.replace(about, inertia=(roll, factor * pitch, yaw))
+    for factor in (1e-3, 1e3):
+        with pytest.raises(ValueError, match=r"an inertia of .* about pitch do not belong to one"):
+            replace(about, inertia=(roll, factor * pitch, yaw))
 
 
 @pytest.mark.parametrize("called", ["x" * 41, "up\x1b[2J"])
@@ -106,29 +99,19 @@ def test_bluerov2_heavy_drives_all_six_axes_with_eight_t200() -> None:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("way", [1, -1])
 def test_the_heave_stick_asks_for_no_more_than_the_thrusters_can(name: str, way: int) -> None:
-    stack = Stack(vehicle=name)
-    about = vehicle(name)
-    heave = _reference(stack).heave
-    drag = damping(
-        about.linear_damping, about.quadratic_damping, (0, 0, heave.max_velocity, 0, 0, 0)
-    )[2]
+    about, heave = vehicle(name), Stack(vehicle=name).section("reference", Settings).heave
+    nu = (0, 0, heave.max_velocity, 0, 0, 0)
+    drag = damping(about.linear_damping, about.quadratic_damping, nu)[2]
     gain = system_inertia(about)[2] * heave.max_acceleration
     needed = way * (drag + gain) + about.net_buoyancy
     least, most = reach(about, 2)
     assert HEADROOM * least <= needed <= HEADROOM * most
 
 
-def _reference(stack: Stack) -> Any:
-    from services.reference.core import Settings
-
-    return stack.section("reference", Settings)
-
-
 @pytest.mark.parametrize(
     "override",
     [
-        "vehicle.mass=-1.0", "vehicle.mass=0.0", "vehicle.mass=nan", "vehicle.mass=inf",
-        "vehicle.inertia=[0.1, -0.2, 0.1]", "vehicle.inertia=[0.1, 0.2]",
+        "vehicle.mass=0.0", "vehicle.mass=inf", "vehicle.inertia=[0.1, -0.2, 0.1]",
         "vehicle.added_mass=[-1.0, 1.0, 1.0, 1.0, 1.0, 1.0]",
         "vehicle.linear_damping=[1.0, 1.0, 1.0, 1.0, 1.0, -1.0]",
         "vehicle.quadratic_damping=[1.0, 1.0, 1.0, 1.0, -1.0, 1.0]",
@@ -143,20 +126,20 @@ def test_a_body_that_cannot_exist_is_refused(override: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("way", [1, -1])
-@pytest.mark.parametrize("share", [0.0, 0.2, 0.99, 1.01, 3.0])
 def test_a_net_buoyancy_is_refused_exactly_where_the_thrusters_cannot_hold_it(
-    name: str, way: int, share: float
+    name: str, way: int
 ) -> None:
     least, most = reach(vehicle(name), 2)
     limit, push = (most, "down") if way > 0 else (-least, "up")
-    newtons = f"{way * share * limit:.3f}"
-    choices = Choices(vehicle=name, set_=(f"vehicle.net_buoyancy={newtons}",))
-    if share > 1.0:
-        sentence = rf"^--set .*={newtons}: is {float(newtons):g} N, .* push {push} with at most "
-        with pytest.raises(LindyError, match=rf"{sentence}{limit:.1f} N"):
-            checked(choices, PILOT, Registry.read())
-    else:
-        checked(choices, PILOT, Registry.read())
+    can, cannot = (
+        Choices(vehicle=name, set_=(f"vehicle.net_buoyancy={way * share * limit:.3f}",))
+        for share in (0.99, 1.01)
+    )
+    checked(can, PILOT, Registry.read())
+    newtons = f"{way * 1.01 * limit:.3f}"
+    sentence = rf"^--set .*={newtons}: is {float(newtons):g} N, .* push {push} with at most "
+    with pytest.raises(LindyError, match=rf"{sentence}{limit:.1f} N"):
+        checked(cannot, PILOT, Registry.read())
 
 
 def test_a_net_buoyancy_in_the_file_is_refused_with_its_line(tmp_path: Path) -> None:

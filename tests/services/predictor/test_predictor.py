@@ -8,10 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.prediction import Miss, Prediction
+from messages.prediction import Miss
 from messages.reference import Motion
-from messages.state import VehicleState
-from messages.vehicle import Truth
 from services.marine.vehicle import Vehicle
 from services.predictor.core import (
     Change,
@@ -27,18 +25,15 @@ from services.predictor.core import (
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Limits, Ramp
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.virtual_host import Skew, VirtualHost
+from services.runtime.hosts.virtual_host import Skew
 from tests.support import said
+from tests.support.dive import CHAIN as FLOWN
+from tests.support.dive import Dive
 
 SECOND = 1_000_000_000
 LIMITS = Limits(1.5, 0.5)
-CHAIN = (
-    *("simulator", "estimation", "reference", "control", "tether", "gamepad"),
-    *("link_monitor", "predictor"),
-)
-STICKS = """t,surge,sway,heave,yaw
-0,0,0,0,0
+CHAIN = (*FLOWN, "link_monitor", "predictor")
+STICKS = """0,0,0,0,0
 1,0,0,1,0
 4,0,0,0,0
 6,0.5,0,-0.5,0.6
@@ -125,12 +120,10 @@ def test_north_and_east_are_predicted_by_the_compass() -> None:
     """A drone that drives to the east at 0.5 m/s while its control heading is zero."""
     stack = Stack(vehicle="pioneer")
     ours = Predictor(stack.section("reference", Settings), stack.section("vehicle", Vehicle))
-    ours.state(
-        said.state(
-            heading_navigation=pi / 2, surge_velocity=0.5, sway_velocity=0.0, north=0.0, east=0.0
-        ),
-        0,
+    seen = said.state(
+        heading_navigation=pi / 2, surge_velocity=0.5, sway_velocity=0.0, north=0.0, east=0.0
     )
+    ours.state(seen, 0)
     ours.reference(said.reference(surge=Motion(0.0, 0.5, 0.0, 0.0)), 0)
     found = ours.predict(SECOND)
     assert found is not None
@@ -145,22 +138,12 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
 ) -> None:
     """Over a dive with stops, turns and reversals. What is judged is the motion in between: the
     estimate's own error is in the delayed picture and in the prediction alike."""
-    link, script = tmp_path / "slow.toml", tmp_path / "sticks.csv"
-    leg = f"delay_ms = {one_way_ms}.0\n"
+    link, leg = tmp_path / "slow.toml", f"delay_ms = {one_way_ms}.0\n"
     link.write_text(f"[down]\n{leg}[up]\n{leg}")
-    script.write_text(STICKS)
-    host, rows = VirtualHost(), Registry.read()
-    stack = Stack(pilot=f"script:{script}", link=str(link), out=str(tmp_path))
-    for name in CHAIN:
-        host.add(name, rows[name], stack)
-    said: list[Prediction] = []
-    truths: list[Truth] = []
-    states: list[VehicleState] = []
-    host.node("pilot", ["topside"]).each(topics.PREDICTION, lambda m, _: said.append(m))
-    quality = host.node("judge", ["drone"])
-    quality.each(topics.TRUTH, lambda m, _: truths.append(m))
-    quality.each(topics.STATE, lambda m, _: states.append(m))
-    host.run(40 * SECOND)
+    dive = Dive(STICKS, CHAIN, still_s=10.0, link=str(link))
+    said = dive.heard(topics.PREDICTION, "topside")
+    truths, states = dive.heard(topics.TRUTH), dive.heard(topics.STATE)
+    dive.run(40.0)
     true = {m.stamp_ns // 10_000_000: m for m in truths}
     seen = {m.sensor_ns: m for m in states}
     errors = {"predicted": [0.0, 0.0], "delayed": [0.0, 0.0]}
@@ -183,23 +166,16 @@ def test_the_predicted_now_is_at_most_a_third_as_far_off_as_the_delayed_picture(
 
 
 @pytest.mark.slow
-def test_a_prediction_has_one_clock_whoever_reads_it(tmp_path: Path) -> None:
+def test_a_prediction_has_one_clock_whoever_reads_it() -> None:
     """The topside's, in which it is made and said; on board the gate has turned all of it."""
-    ahead = 10**13
-    host, rows = VirtualHost({"drone": Skew(ahead)}), Registry.read().apart()
-    for name in (*CHAIN, "link_monitor_drone"):
-        host.add(name, rows[name], Stack(out=str(tmp_path)))
-    above, below = list[Prediction](), list[Prediction]()
-    sampled = set[int]()
-    host.node("pilot", ["topside"]).each(topics.PREDICTION, lambda m, _: above.append(m))
-    drone = host.node("ear", ["drone"])
-    drone.each(topics.PREDICTION, lambda m, _: below.append(m))
-    drone.each(topics.STATE, lambda m, _: sampled.add(m.sensor_ns))
-    host.run(20 * SECOND)
+    dive = Dive(services=CHAIN, clocks={"drone": Skew(10**13)})
+    above, below = dive.heard(topics.PREDICTION, "topside"), dive.heard(topics.PREDICTION)
+    states = dive.heard(topics.STATE)
+    dive.run(20.0)
     assert len(above) > 100
     assert len(below) > 100
     for m in above + below:
         assert m.stamp_ns - m.state_ns == pytest.approx(m.ahead_ms * 1e6, abs=2)
-    assert all(0 < m.stamp_ns <= host.now for m in above)
+    assert all(0 < m.stamp_ns <= dive.host.now for m in above)
     for m in below:  # what is known of the other clock is good for a few milliseconds
-        assert min(abs(m.state_ns - sample) for sample in sampled) < 5_000_000
+        assert min(abs(m.state_ns - state.sensor_ns) for state in states) < 5_000_000

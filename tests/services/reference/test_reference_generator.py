@@ -11,8 +11,8 @@ from msgspec.structs import replace
 
 from messages.control import Wrench
 from messages.events import Outbox, note
-from messages.pilot import Course, PilotCommand, PilotRequest, RequestKind
-from messages.reference import Motion, Reference
+from messages.pilot import Course, PilotRequest, RequestKind
+from messages.reference import Motion
 from messages.state import VehicleState
 from messages.vehicle import PlaceAhead
 from services.marine.attitude import wrapped
@@ -21,6 +21,7 @@ from services.reference.failsafe.table import WatchedMessages
 from services.reference.guidance.guidance import TURN_SHORT
 from services.runtime.config.stack import Stack
 from tests.services.reference.drone import DT, Drone, smooth
+from tests.support.messages import example
 from tests.support.said import state, sticks
 from tests.support.told import told
 
@@ -32,11 +33,25 @@ def armed(settings: Settings | None = None) -> Drone:
     return Drone(settings).armed()
 
 
-def test_it_does_not_arm_before_the_estimator_is_ready() -> None:
+def test_what_cannot_be_is_refused_with_the_reason() -> None:
     guidance = Drone()
     guidance.generator.step(state(DT, phase="calibrating"), sticks(DT), DT)
-    assert "does not know its depth" in guidance.ask("arm")
     assert guidance.generator.activity == "starting"
+    assert "does not know its depth" in guidance.ask("arm")
+    guidance.fly(0.1)
+    assert "not centred" in guidance.ask("arm", sticks(0, heave=0.5))
+    assert guidance.ask("goto", depth=2.0) == "the drone is not armed"
+    assert not guidance.generator.armed
+
+    guidance = armed()
+    assert "needs a depth or a heading" in guidance.ask("goto")
+    assert "above the surface" in guidance.ask("goto", depth=-1.0)
+    assert "does not know its position" in guidance.ask("goto", north=5.0, east=0.0)
+    assert "needs north and east" in guidance.ask("goto", north=5.0)
+    bad = Course(waypoints=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), min_radius=9.0)
+    assert "this is no path: " in guidance.ask("follow", course=bad)
+    assert guidance.ask("follow") == "follow needs a path"
+    assert guidance.generator.activity == "piloted"
 
 
 def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
@@ -53,16 +68,6 @@ def test_the_pilot_reads_what_keeps_the_drone_from_being_ready() -> None:
     assert "(the IMU reads as if the drone lay upside down)" in said(blocked)
     assert said(None).startswith("not ready: no usable")
     assert said(state(DT)) == ""
-
-
-def test_it_does_not_arm_with_a_deflected_stick() -> None:
-    guidance = Drone()
-    guidance.fly(0.1)
-    request = PilotRequest(stamp_ns=0, id="1", kind="arm")
-    answer = guidance.generator.answer(request, sticks(0, heave=0.5), 0)
-    assert not answer.accepted
-    assert "not centred" in answer.reason
-    assert not guidance.generator.armed
 
 
 def test_an_unplugged_pad_is_a_lost_pilot_although_its_sticks_read_zero() -> None:
@@ -106,53 +111,42 @@ def test_a_home_that_was_lost_is_where_the_drone_is_armed_next() -> None:
     assert (home.north, home.east) == pytest.approx((3.0, -2.0))
 
 
-def test_a_mode_asked_for_while_stopping_is_taken_up_at_rest() -> None:
+@pytest.mark.parametrize(
+    ("mode", "then", "taken", "told_of"),
+    [
+        ("heading_hold", None, "heading_hold", []),
+        ("heading_hold", "stop", "stabilised", []),
+        ("heading_hold", "disarm", "stabilised", []),
+        ("station_keeping", None, "stabilised", ["refused:mode"]),  # not to be had at rest
+    ],
+)
+def test_a_mode_asked_for_while_stopping_is_taken_up_at_rest_unless_something_else_is_asked(
+    mode: str, then: RequestKind | None, taken: str, told_of: list[str]
+) -> None:
     guidance = armed()
     guidance.fly(2.0, heave=1.0)
     guidance.ask("stop")
-    answer = guidance.request("mode", flight_mode="heading_hold")
-    assert (answer.accepted, answer.note) == (
-        True,
-        "the drone is stopping; it changes when it is at rest",
-    )
+    answer = guidance.request("mode", flight_mode=mode)
+    assert answer.accepted
+    assert answer.note == "the drone is stopping; it changes when it is at rest"
     guidance.fly(0.2)
     assert guidance.generator.activity == "stopping"
     assert guidance.status.flight_mode == "stabilised"
+    if then is not None:
+        guidance.ask(then)
+    told(guidance.generator.outbox)
     guidance.fly(4.0)
-    assert guidance.generator.activity == "piloted"
-    assert guidance.status.flight_mode == "heading_hold"
-
-
-@pytest.mark.parametrize("last", ["stop", "disarm"])
-def test_a_later_stop_or_disarm_forgets_the_mode(last: RequestKind) -> None:
-    guidance = armed()
-    guidance.fly(2.0, heave=1.0)
-    guidance.ask("stop")
-    guidance.ask("mode", flight_mode="heading_hold")
-    guidance.ask(last)
-    guidance.fly(4.0)
-    assert guidance.status.flight_mode == "stabilised"
-
-
-def test_a_mode_that_is_not_to_be_had_at_rest_is_refused_then() -> None:
-    guidance = armed()
-    guidance.fly(2.0, heave=1.0)
-    guidance.ask("stop")
-    assert guidance.request("mode", flight_mode="station_keeping").accepted
-    guidance.fly(4.0)
-    assert "refused:mode" in told(guidance.generator.outbox)
-    assert guidance.status.flight_mode == "stabilised"
+    assert guidance.status.flight_mode == taken
+    assert told(guidance.generator.outbox) == told_of
 
 
 def test_held_back_by_the_floor_the_reference_waits() -> None:
     guidance, s = armed(), Settings()
-    generator, now = guidance.generator, guidance.now
     for _ in range(1000):
-        now += DT
-        out = generator.step(state(now, depth=1.0), sticks(0, heave=1.0), now)
-        assert out is not None
+        guidance.depth = 1.0
+        out = guidance.fly(DT / 1e9, heave=1.0)
         assert out.depth.position <= 1.0 + s.heave.max_error + 1e-9
-    assert generator.outbox.counts["clamped:reference.depth"] == 1
+    assert guidance.generator.outbox.counts["clamped:reference.depth"] == 1
 
 
 @pytest.mark.parametrize(("achieved", "most"), [(6.0, TURN_SHORT), (9.0, 0.5)])
@@ -167,15 +161,7 @@ def test_where_all_thrust_does_not_turn_it_fast_enough_the_heading_waits(
     for step in range(500):
         now += DT
         turned = 0.7 * step * DT / 1e9  # [rad] of the 1.05 rad/s that are asked for
-        wrench = Wrench(
-            stamp_ns=now,
-            sensor_ns=now,
-            wanted=wanted,
-            achieved=got,
-            depth_integral=0.0,
-            heading_integral=0.0,
-            saturated=True,
-        )
+        wrench = example(Wrench, now, wanted=wanted, achieved=got, saturated=True)
         generator.conditions.newest = WatchedMessages(wrench=wrench)
         out = generator.step(state(now, heading=turned), sticks(0, yaw=1.0), now)
         assert out is not None
@@ -185,17 +171,12 @@ def test_where_all_thrust_does_not_turn_it_fast_enough_the_heading_waits(
 
 def test_without_a_state_it_stops_smoothly_and_keeps_its_rate() -> None:
     guidance = armed()
-    guidance.fly(3.0, heave=1.0)
-    before = guidance.flown[-1].depth
-    outs: list[Reference] = []
-    for _ in range(500):
-        guidance.now += DT
-        out = guidance.generator.step(None, sticks(0, heave=1.0), guidance.now)
-        assert out is not None
-        outs.append(out)
-    assert abs(outs[0].depth.velocity - before.velocity) < 0.01
-    assert outs[-1].depth.velocity == 0.0
-    assert outs[-1].sensor_ns is None
+    before = guidance.fly(3.0, heave=1.0).depth
+    first = guidance.fly(DT / 1e9, there="no state", heave=1.0).depth
+    assert abs(first.velocity - before.velocity) < 0.01
+    end = guidance.fly(5.0, there="no state", heave=1.0)
+    assert end.depth.velocity == 0.0
+    assert end.sensor_ns is None
     assert guidance.status.failsafe == "state_lost"
 
 
@@ -271,23 +252,6 @@ def test_a_path_ends_by_the_limits_of_the_place(vehicle: str, ending: str) -> No
     assert max(abs(pace.jerk) for pace in paces) <= limits.jerk * (1 + 1e-9)
 
 
-def test_a_path_that_cannot_be_is_refused_with_the_reason() -> None:
-    guidance = armed()
-    bad = Course(waypoints=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), min_radius=9.0)
-    assert "this is no path: " in guidance.ask("follow", course=bad)
-    assert guidance.ask("follow") == "follow needs a path"
-    assert guidance.generator.activity == "piloted"
-
-
-def test_goto_and_follow_are_refused_when_they_make_no_sense() -> None:
-    guidance = Drone()
-    guidance.fly(0.1)
-    assert guidance.ask("goto", depth=2.0) == "the drone is not armed"
-    guidance = armed()
-    assert "needs a depth or a heading" in guidance.ask("goto")
-    assert "above the surface" in guidance.ask("goto", depth=-1.0)
-
-
 @pytest.mark.parametrize("down", [2.0, -0.8])
 def test_a_stop_on_a_path_that_slopes_says_how_far_down_it_goes(down: float) -> None:
     guidance = armed()
@@ -360,12 +324,6 @@ def test_of_a_long_path_a_few_way_points_are_said_and_of_a_blind_one_none() -> N
             assert [*map(pytest.approx, places(ahead))] == list(corners[1 : number + 1])
 
 
-def test_goto_a_place_needs_a_drone_that_knows_where_it_is() -> None:
-    guidance = armed()
-    assert "does not know its position" in guidance.ask("goto", north=5.0, east=0.0)
-    assert "needs north and east" in guidance.ask("goto", north=5.0)
-
-
 def test_goto_a_place_turns_there_runs_the_distance_and_stops() -> None:
     guidance = armed()
     guidance.place = (2.0, 1.0)
@@ -405,14 +363,13 @@ def handled(moves: list[tuple[int, int]], latency_ms: int) -> list[tuple[Motion,
         nonlocal k
         k += 1
         now = (k * PERIOD_MS + latency_ms) * MS
-        sticks = PilotCommand(stamp_ns=now, surge=0.0, sway=0.0, heave=1.0, yaw=1.0)
-        out = generator.step(under_way(k * PERIOD_MS * MS) if heard else None, sticks, now)
+        seen = under_way(k * PERIOD_MS * MS) if heard else None
+        out = generator.step(seen, sticks(now, heave=1.0, yaw=1.0), now)
         assert out is not None
         said.append((out.depth, out.heading))
 
     step(heard=True)
-    present = PilotCommand(stamp_ns=0, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)
-    answer = generator.answer(PilotRequest(stamp_ns=0, id="1", kind="arm"), present, 0)
+    answer = generator.answer(PilotRequest(stamp_ns=0, id="1", kind="arm"), sticks(), 0)
     assert answer.accepted, answer.reason
     for states, silence in moves:
         for _ in range(states):

@@ -2,61 +2,19 @@
 
 from itertools import pairwise
 from math import exp, pi
-from typing import Any
 
 import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.sensors import BatterySample
 from messages.simulator import FaultRequest
-from services.marine.vehicle import Vehicle
-from services.runtime.config.stack import Stack
 from services.simulator.core import Settings, Simulator, WorldCheckpoint, at_the_surface
 from services.simulator.propulsion import Battery
+from tests.services.simulator.hulls import MS, PIONEER, command, simulator, world
 from tests.support.told import told
-
-MS = 1_000_000  # [ns]
-PIONEER = Stack().section("vehicle", Vehicle)
-
-
-def diving(**changes: Any) -> WorldCheckpoint:
-    """At rest, 5 m deep."""
-    surface = at_the_surface(PIONEER, Settings())
-    state = (0.0, 0.0, 5.0, *surface.state[3:])
-    return msgspec.structs.replace(surface, state=state, **changes)
-
-
-class ToldSimulator(Simulator):
-    """With an outbox of its own."""
-
-    def __init__(self, seed: int, world: WorldCheckpoint) -> None:
-        self.outbox = Outbox()
-        super().__init__(PIONEER, Settings(), seed, world, self.outbox)
-
-    def counted(self, command: ThrusterCommand, now: int) -> list[str]:
-        self.obey(command, now)
-        return told(self.outbox)
-
-
-def simulator(world: WorldCheckpoint | None = None, seed: int = 0) -> ToldSimulator:
-    fresh = ToldSimulator(seed, world or diving())
-    fresh.advance(0)
-    return fresh
-
-
-def command(now: int, *thrust: float, ttl_ms: float = 200.0) -> ThrusterCommand:
-    return ThrusterCommand(
-        stamp_ns=now,
-        sensor_ns=now - 1,
-        pilot_ns=now - 2,
-        thrust=thrust,
-        ttl_ms=ttl_ms,
-        armed=True,
-    )
 
 
 def test_it_begins_at_rest_floating_level_on_the_heading_asked_for() -> None:
@@ -78,9 +36,10 @@ def test_a_sea_too_shallow_to_float_in_is_refused() -> None:
 
 
 def test_before_the_first_command_the_thrusters_are_stopped_and_nothing_is_counted() -> None:
-    sim = simulator()
+    outbox = Outbox()
+    sim = simulator(outbox=outbox)
     sim.advance(1000 * MS)
-    assert told(sim.outbox) == []
+    assert told(outbox) == []
     assert sim.actuation().stale
     assert sim.actuation().actuated_ns is None
 
@@ -88,8 +47,10 @@ def test_before_the_first_command_the_thrusters_are_stopped_and_nothing_is_count
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 9_999_999))
 def test_a_command_takes_effect_at_the_instant_it_is_heard(offset: int) -> None:
-    sim, late = simulator(), 10 * MS
-    assert sim.counted(command(offset, 0.0, 0.0, 20.0, 0.0), offset) == []
+    outbox, late = Outbox(), 10 * MS
+    sim = simulator(outbox=outbox)
+    sim.obey(command(offset, 0.0, 0.0, 20.0, 0.0), offset)
+    assert told(outbox) == []
     sim.advance(late)
     actuation = sim.actuation()
     lag = PIONEER.thruster[2].time_constant
@@ -101,27 +62,29 @@ def test_a_command_takes_effect_at_the_instant_it_is_heard(offset: int) -> None:
 
 
 def test_a_stale_command_ends_at_the_end_of_its_life_and_is_counted_once() -> None:
-    sim = simulator()
+    outbox = Outbox()
+    sim = simulator(outbox=outbox)
     sim.obey(command(0, 30.0, 30.0, 0.0, 0.0), 0)
     sim.advance(200 * MS)
-    assert told(sim.outbox) == []
+    assert told(outbox) == []
     running = sim.actuation().thrust[0]
     sim.advance(201 * MS)
-    assert told(sim.outbox) == ["stale:control/thrusters"]
+    assert told(outbox) == ["stale:control/thrusters"]
     sim.advance(500 * MS)
-    assert told(sim.outbox) == []
+    assert told(outbox) == []
     assert sim.actuation().stale
     assert abs(sim.actuation().thrust[0]) < 0.05 * running
 
 
 def test_staleness_does_not_depend_on_how_often_the_world_is_looked_at() -> None:
-    seldom, often = simulator(), simulator()
+    outboxes = Outbox(), Outbox()
+    seldom, often = (simulator(outbox=outbox) for outbox in outboxes)
     for sim in (seldom, often):
         sim.obey(command(0, 30.0, 30.0, 5.0, 10.0, ttl_ms=123.4), 0)
     for ms in range(1, 401):
         often.advance(ms * MS)
     seldom.advance(400 * MS)
-    assert told(often.outbox) == told(seldom.outbox) == ["stale:control/thrusters"]
+    assert [told(outbox) for outbox in outboxes] == [["stale:control/thrusters"]] * 2
     # The steps are cut elsewhere: the integrator's own error, 5 µm here.
     assert often.truth().position == pytest.approx(seldom.truth().position, abs=1e-5)
 
@@ -169,7 +132,7 @@ def test_at_full_thrust_astern_a_weaker_thruster_draws_the_same_power() -> None:
 
 
 def test_an_empty_battery_is_said_and_reads_finite_values() -> None:
-    sim = simulator(diving(used_wh=200.0))
+    sim = simulator(before=world(used_wh=200.0))
     assert sim.battery_empty
     assert 0 < battery(sim).voltage < 16.8
     assert not simulator().battery_empty
@@ -216,16 +179,15 @@ def test_no_command_however_absurd_makes_the_world_unreadable(
 
 def test_the_water_is_measured_by_the_depth_sensor_and_not_while_that_is_silent() -> None:
     sim = simulator()
-    sim.advance(0)
-    before = sim.temperature()
-    assert before is not None
-    assert before.water is None  # nothing was measured yet
+
+    def water() -> float | None:
+        sample = sim.temperature()
+        assert sample is not None
+        return sample.water
+
+    assert water() is None  # nothing was measured yet
     sample = sim.pressure()
     assert sample is not None
-    measured = sim.temperature()
-    assert measured is not None
-    assert measured.water == sample.temperature
+    assert water() == sample.temperature
     sim.break_or_mend(FaultRequest(stamp_ns=0, id="1", part="sensor/pressure", fault="silent"), 10)
-    silent = sim.temperature()
-    assert silent is not None
-    assert silent.water is None
+    assert water() is None

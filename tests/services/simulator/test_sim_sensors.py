@@ -2,43 +2,30 @@
 
 from math import sqrt
 
-import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from messages.control import ThrusterCommand
-from messages.events import Outbox
 from messages.units import Quaternion, Vec6
 from services.marine.attitude import from_euler, to_world
 from services.marine.vehicle import GRAVITY, Thruster, Vehicle
 from services.runtime.config.stack import Stack
-from services.simulator.core import Simulator, at_the_surface
 from services.simulator.sensors import Sensors
 from services.simulator.settings import Dvl, Settings, Usbl
 from services.simulator.vibration import Shaking, Vibration
+from tests.services.simulator.hulls import LEVEL, REST, command, simulator, world
 
-REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
 motion = st.tuples(*[st.floats(-3, 3)] * 6)
 attitude = st.builds(from_euler, st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3))
 law = settings(max_examples=50, deadline=None)
 
 
 def perfect(**changes: float) -> Settings:
-    none = Settings(
-        gyro_bias=0.0,
-        gyro_drift=0.0,
-        gyro_noise=0.0,
-        accelerometer_bias=0.0,
-        accelerometer_noise=0.0,
-        hard_iron=0.0,
-        magnetometer_noise=0.0,
-        pressure_std=0.0,
-    )
-    return msgspec.structs.replace(none, **changes)
+    names = ("gyro_bias", "gyro_drift", "gyro_noise", "accelerometer_bias", "accelerometer_noise")
+    names += ("hard_iron", "magnetometer_noise", "pressure_std")
+    return replace(Settings(), **(dict.fromkeys(names, 0.0) | changes))
 
 
 def test_at_rest_the_imu_feels_gravity_upwards_and_its_bias() -> None:
@@ -72,17 +59,21 @@ def test_the_magnetometer_turns_with_the_body_and_keeps_the_places_field(q_NB: Q
     assert to_world(q_NB, sample.field) == pytest.approx((15e-6, 0.0, 49e-6), abs=1e-15)
 
 
-def test_pressure_is_air_and_a_column_of_water() -> None:
+def test_pressure_is_air_and_a_column_of_water_with_noise_in_steps() -> None:
     sensors = Sensors(perfect(atmosphere=100_000.0, water_density=1000.0), seed=0)
     assert sensors.pressure(0, 10.0).pressure == pytest.approx(100_000 + 98_100)
     assert sensors.pressure(0, -0.1).pressure == 100_000.0
-
-
-def test_pressure_is_rounded_to_its_step() -> None:
-    sensors = Sensors(perfect(pressure_std=300.0, pressure_step=500.0), seed=0)
-    readings = {sensors.pressure(0, 5.0).pressure for _ in range(50)}
+    coarse = Sensors(perfect(pressure_std=300.0, pressure_step=500.0), seed=0)
+    readings = {coarse.pressure(0, 5.0).pressure for _ in range(50)}
     assert len(readings) > 1
     assert all(reading % 500.0 == 0.0 for reading in readings)
+    sensors = Sensors(Settings(pressure_std=500.0), seed=5)
+    found = [sensors.pressure(k, 5.0) for k in range(4000)]
+    celsius = [s.temperature for s in found if s.temperature is not None]
+    assert np.std([s.pressure for s in found]) == pytest.approx(500.0, rel=0.05)
+    assert np.std(celsius) == pytest.approx(0.01, rel=0.05)
+    assert np.mean(celsius) == pytest.approx(8.0, abs=0.001)
+    assert sensors.water == celsius[-1]
 
 
 def test_noise_has_the_strength_of_its_density_and_no_colour() -> None:
@@ -97,12 +88,6 @@ def test_noise_has_the_strength_of_its_density_and_no_colour() -> None:
     assert abs(np.corrcoef(rates[:, 0], rates[:, 1])[0, 1]) < 0.06
 
 
-def test_pressure_noise_is_as_strong_as_set() -> None:
-    sensors = Sensors(Settings(pressure_std=500.0), seed=5)
-    readings = np.array([sensors.pressure(0, 5.0).pressure for _ in range(4000)])
-    assert readings.std() == pytest.approx(500.0, rel=0.05)
-
-
 def test_biases_are_the_seeds_and_do_not_depend_on_what_was_measured() -> None:
     one, other = Sensors(Settings(), seed=1), Sensors(Settings(), seed=1)
     other.imu(0, LEVEL, REST, REST)
@@ -114,7 +99,7 @@ def test_biases_are_the_seeds_and_do_not_depend_on_what_was_measured() -> None:
 
 def test_the_gyroscopes_bias_wanders_slowly_and_from_zero() -> None:
     sensors = Sensors(perfect(gyro_drift=1e-4), seed=4)
-    rates = np.array([sensors.imu(0, LEVEL, REST, REST).angular_rate for _ in range(60_000)])
+    rates = np.array([sensors.imu(0, LEVEL, REST, REST).angular_rate for _ in range(30_000)])
     assert abs(rates[0]).max() < 1e-5
     assert 0.2e-4 < rates.std() < 2e-4
     assert abs(np.diff(rates, axis=0)).max() < 5e-6
@@ -132,19 +117,15 @@ def test_a_dvl_may_be_off_by_a_share_of_the_velocity_that_stays() -> None:
     assert np.mean(shares) == pytest.approx(0.0, abs=0.003)
 
 
-def test_a_dvl_measures_the_velocity_over_ground_with_its_noise() -> None:
-    sensors, device = Sensors(Settings(), seed=1), Dvl(std=0.02)
+def test_a_dvl_measures_the_velocity_over_ground_with_its_noise_where_it_sees_the_bottom() -> None:
+    sensors, device = Sensors(Settings(), seed=1), Dvl(std=0.02, reach=30.0)
     samples = [sensors.dvl(5, (1.0, -0.5, 0.1, 0.0, 0.0, 0.0), 4.0, device) for _ in range(2000)]
     velocities = np.array([s.velocity for s in samples])
     assert velocities.mean(axis=0) == pytest.approx((1.0, -0.5, 0.1), abs=2e-3)
     assert velocities.std(axis=0) == pytest.approx([0.02] * 3, rel=0.1)
-
-
-@pytest.mark.parametrize("altitude", [-0.1, 0.0, 31.0])
-def test_a_dvl_without_a_bottom_in_reach_gives_no_velocity(altitude: float) -> None:
-    sensors, device = Sensors(Settings(), seed=1), Dvl(reach=30.0)
-    sample = sensors.dvl(7, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), altitude, device)
-    assert (sample.stamp_ns, sample.velocity, sample.altitude) == (7, None, None)
+    for altitude in (-0.1, 0.0, 31.0):
+        sample = sensors.dvl(7, REST, altitude, device)
+        assert (sample.stamp_ns, sample.velocity, sample.altitude) == (7, None, None)
 
 
 def test_a_usbl_fix_is_the_place_with_its_noise() -> None:
@@ -234,17 +215,7 @@ def test_what_is_added_to_one_sensor_changes_no_other_number() -> None:
     assert plain.pressure(10**9, 3.0).pressure == more.pressure(10**9, 3.0).pressure
 
 
-def test_the_temperature_of_the_water_has_noise_of_its_own() -> None:
-    sensors = Sensors(Settings(), seed=1)
-    found = [sensors.pressure(k, 5.0) for k in range(4000)]
-    celsius = [s.temperature for s in found if s.temperature is not None]
-    assert np.std(celsius) == pytest.approx(0.01, rel=0.05)
-    assert np.mean(celsius) == pytest.approx(8.0, abs=0.001)
-    assert sensors.water == celsius[-1]
-
-
-ONE = [Thruster(name="one", position=(0, 0, 0), direction=(1, 0, 0), max_thrust=40.0)]
-FOUR = [replace(ONE[0], name=str(n), max_reverse=20.0) for n in range(4)]
+FOUR = [Thruster(str(n), (0, 0, 0), (1, 0, 0), max_thrust=40.0, max_reverse=20.0) for n in range(4)]
 
 
 def shaken(
@@ -253,29 +224,26 @@ def shaken(
     hz: float = 200.0,
     seed: int = 0,
     bandwidth: float | None = None,
-    samples: int = 12_000,
+    samples: int = 8_000,
 ) -> tuple[np.ndarray, np.ndarray]:
     """[m/s²], [rad/s]: rows of samples at a steady thrust, from its second one on."""
-    thrusters = FOUR if len(thrust) == 4 else ONE
-    of = Shaking(vibration, thrusters, seed, bandwidth)
+    of = Shaking(vibration, FOUR, seed, bandwidth)
     found = [of.step(thrust, 1.0 / hz) for _ in range(samples)][1:]
     return np.array([force for force, _ in found]), np.array([rate for _, rate in found])
 
 
-def test_thrusters_that_stand_still_shake_nothing() -> None:
-    force, rate = shaken(Vibration(force=5.0, rate=1.0), [0.0] * 4, samples=100)
-    assert not force.any()
-    assert not rate.any()
-
-
-@pytest.mark.parametrize("share", [0.25, 1.0])
-@pytest.mark.parametrize("way", [40.0, -20.0])
+@pytest.mark.parametrize(("share", "way"), [(0.25, 40.0), (1.0, -20.0)])
 def test_steady_thrust_shakes_in_proportion_to_its_share_of_the_limit(
     share: float, way: float
 ) -> None:
     force, rate = shaken(Vibration(force=2.0, rate=0.1), [share * way] * 4)
     assert force.std(axis=0) == pytest.approx([2.0 * share] * 3, rel=0.1)
     assert rate.std(axis=0) == pytest.approx([0.1 * share] * 3, rel=0.1)
+    for still in shaken(Vibration(force=2.0, rate=0.1), [0.0] * 4, samples=100):
+        assert not still.any()
+    seeds = [shaken(Vibration(), [10.0] * 4, seed=seed, samples=50)[0] for seed in (1, 1, 2)]
+    assert (seeds[0] == seeds[1]).all()
+    assert (seeds[0] != seeds[2]).all()
 
 
 def peaks(samples: np.ndarray, hz: float) -> list[float]:
@@ -296,37 +264,25 @@ def test_its_tones_are_those_of_shaft_and_blades_and_go_with_the_root_of_the_thr
         assert found == pytest.approx(tones, abs=5)
 
 
-@pytest.mark.parametrize(
-    ("speed", "blades", "hz", "tones"),
-    [(30.0, 4, 180.0, [30, 60]), (40.0, 2, 100.0, [20, 40])],
-)
-def test_a_slower_imu_folds_the_blades_tone(
-    speed: float, blades: int, hz: float, tones: list[float]
-) -> None:
-    """120 Hz sampled at 180 Hz looks like 60; 80 sampled at 100 like 20."""
-    vibration = Vibration(force=1.0, speed=speed, blades=blades)
-    assert peaks(shaken(vibration, [40.0] * 4, hz=hz)[0], hz) == pytest.approx(tones, abs=5)
+def test_a_slower_imu_folds_the_blades_tone() -> None:
+    """120 Hz sampled at 180 Hz looks like 60."""
+    vibration = Vibration(force=1.0, speed=30.0, blades=4)
+    found = peaks(shaken(vibration, [40.0] * 4, hz=180.0)[0], 180.0)
+    assert found == pytest.approx([30, 60], abs=5)
 
 
-@pytest.mark.parametrize("bandwidth", [10.0, 20.0])
-def test_the_imus_filter_takes_the_tones_beyond_its_bandwidth(bandwidth: float) -> None:
+def test_the_imus_filter_takes_the_tones_beyond_its_bandwidth() -> None:
     """Of three parts of power the flow's is left, and those of the tones by their rates."""
     vibration = Vibration(force=1.0, speed=20.0, blades=5)
-    wide = shaken(vibration, [40.0] * 4)[0]
-    narrow = shaken(vibration, [40.0] * 4, bandwidth=bandwidth)[0]
+    bandwidth, many = 20.0, 12_000
+    wide = shaken(vibration, [40.0] * 4, samples=many)[0]
+    narrow = shaken(vibration, [40.0] * 4, bandwidth=bandwidth, samples=many)[0]
     gone = 1.0 - np.mean(narrow**2) / np.mean(wide**2)
     squares = np.square(Shaking(vibration, FOUR, 0)._ways)  # pyright: ignore[reportPrivateUsage]
     shaft, blades, flow = squares[:, :3].reshape(4, 3, 3).sum(axis=(0, 2)) / 3.0
     assert flow + shaft + blades == pytest.approx(1.0)
     left = shaft / (1.0 + (20.0 / bandwidth) ** 4) + blades / (1.0 + (100.0 / bandwidth) ** 4)
     assert gone == pytest.approx(shaft + blades - left, abs=0.015)
-
-
-def test_the_same_seed_shakes_the_same() -> None:
-    vibration = Vibration()
-    same = [shaken(vibration, [10.0] * 4, seed=seed, samples=50)[0] for seed in (1, 1, 2)]
-    assert (same[0] == same[1]).all()
-    assert (same[0] != same[2]).all()
 
 
 def test_a_change_of_thrust_knocks() -> None:
@@ -346,9 +302,7 @@ def blocks(seed: int) -> tuple[np.ndarray, np.ndarray]:
     stack = Stack(vehicle="bluerov2_heavy")
     vehicle, place = stack.section("vehicle", Vehicle), stack.section("simulator", Settings)
     place = replace(place, vibration=Vibration(), imu_rate=120.0, floor_depth=1000.0)
-    world = at_the_surface(vehicle, place)
-    world = replace(world, state=(0.0, 0.0, 50.0, *world.state[3:]))
-    simulator = Simulator(vehicle, place, seed, world, Outbox())
+    sailing = simulator(place, vehicle, world(place, vehicle, depth=50.0), seed=seed)
     chance, rows = np.random.default_rng(seed), list[tuple[float, ...]]()
     ways = np.ones(len(vehicle.thruster))
     for n in range(25 * 100):
@@ -357,13 +311,9 @@ def blocks(seed: int) -> tuple[np.ndarray, np.ndarray]:
             ways *= chance.choice([-1.0, 1.0], len(ways))
         if n % 5 == 0:
             thrust = tuple(0.4 * t.max_thrust * w for t, w in zip(vehicle.thruster, ways))  # noqa: B905
-            simulator.obey(
-                ThrusterCommand(
-                    stamp_ns=now, sensor_ns=None, pilot_ns=None, thrust=thrust, armed=True
-                ), now,
-            )  # fmt: skip
-        simulator.advance(now)
-        sample = simulator.imu()
+            sailing.obey(command(now, *thrust), now)
+        sailing.advance(now)
+        sample = sailing.imu()
         assert sample is not None
         rows.append((*sample.specific_force, *sample.angular_rate))
     differences = np.diff(np.array(rows), 2, axis=0)

@@ -8,20 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from messages.events import Outbox
-from messages.units import Quaternion, Vec3, Vec6
-from services.marine.attitude import down_in_body, from_euler, to_world
-from services.marine.vehicle import GRAVITY, Vehicle
-from services.runtime.config.stack import Stack
-from services.simulator.core import Simulator, at_the_surface
+from messages.units import Vec3
+from services.marine.attitude import down_in_body, to_world
+from services.marine.vehicle import GRAVITY
 from services.simulator.settings import Settings
-from services.simulator.vessel import Vessel
 from services.simulator.waves import Sea, Waves, jonswap, lines_of, wave_number
+from tests.services.simulator.hulls import NEUTRAL, PIONEER, deep, simulator, vessel, world
 
-PIONEER = Stack().section("vehicle", Vehicle)
-NEUTRAL = replace(PIONEER, net_buoyancy=0.0)
-LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
-REST: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 REGULAR = Waves(height=0.3, period=4.0, lines=1)
 SEA_STATE = Waves(height=0.3, period=4.0)
 K = wave_number(2.0 * pi / 4.0)
@@ -77,11 +70,9 @@ def test_every_line_obeys_the_dispersion_of_deep_water_and_together_they_have_th
     assert variance == pytest.approx(quarter**2)
 
 
-def test_the_surface_of_a_sea_has_a_quarter_of_its_height_as_deviation_and_its_peak_period() -> (
-    None
-):
+def test_the_surface_of_a_sea_has_a_quarter_of_its_height_as_deviation_and_its_period() -> None:
     stds, peaks = list[float](), list[float]()
-    for seed in range(8):
+    for seed in range(5):
         sea = Sea(SEA_STATE, seed)
         rises = np.array([sea.at(10.0 + 0.25 * n, (3.0, 4.0, 0.0)).rise for n in range(2048)])
         stds.append(float(rises.std()))
@@ -127,7 +118,7 @@ def test_waves_fade_with_depth_the_short_ones_first_and_before_they_begin_the_se
         assert max(rises) == pytest.approx(0.15 * exp(-K * depth), rel=1e-3)
     sea, lines = Sea(SEA_STATE, 2), lines_of(SEA_STATE, 2)
     for depth in (1.0, 4.0):
-        rises = [sea.at(10.0 + 0.5 * n, (0.0, 0.0, depth)).rise for n in range(4000)]
+        rises = [sea.at(10.0 + 0.5 * n, (0.0, 0.0, depth)).rise for n in range(2000)]
         left = sum(0.5 * (x.amplitude * exp(-x.wave_number * depth)) ** 2 for x in lines)
         assert np.var(rises) == pytest.approx(left, rel=0.05)
     late = Sea(replace(SEA_STATE, begins=30.0), 0).at(29.9, (0.0, 0.0, 1.0))
@@ -137,11 +128,11 @@ def test_waves_fade_with_depth_the_short_ones_first_and_before_they_begin_the_se
 def pressures(waves: Waves | None, seconds: float = 12.0) -> np.ndarray:
     """[Pa] at a hull that lies 3 m deep and is left alone."""
     place = Settings(waves=waves, pressure_std=0.0)
-    world = replace(at_the_surface(NEUTRAL, place), state=(0.0, 0.0, 3.0, *LEVEL, *REST))
-    simulator, found = Simulator(NEUTRAL, place, 0, world, Outbox()), list[float]()
+    sailing = simulator(place, NEUTRAL, world(place, NEUTRAL, depth=3.0))
+    found = list[float]()
     for n in range(round(seconds * 42)):
-        simulator.advance(round(n * 1e9 / 42))
-        sample = simulator.pressure()
+        sailing.advance(round(n * 1e9 / 42))
+        sample = sailing.pressure()
         assert sample is not None
         found.append(sample.pressure)
     return np.array(found)
@@ -157,8 +148,7 @@ def test_a_held_hull_feels_the_waves_pressure_and_one_that_is_carried_hardly_any
 
 
 def test_a_carried_hull_goes_round_as_the_water_does_and_its_imu_feels_it() -> None:
-    place = Settings(waves=REGULAR)
-    hull = Vessel(NEUTRAL, place, (0.0, 0.0, 3.0, *LEVEL, *REST), [0.0] * 4)
+    hull = vessel(deep(waves=REGULAR), at=(0.0, 0.0, 3.0))
     radius = 0.15 * exp(-K * 3.0)
     depths, forces = list[float](), list[float]()
     for _ in range(3000):
@@ -176,8 +166,8 @@ def test_a_carried_hull_goes_round_as_the_water_does_and_its_imu_feels_it() -> N
 def test_the_imu_feels_how_the_hull_really_moves_also_through_the_waves(thrust: float) -> None:
     """The acceleration over the ground, turned to the world, is that of the velocity: also of a
     hull that drives through the waves and meets them more often."""
-    place = Settings(waves=replace(SEA_STATE, heading=2.5), floor_depth=100.0)
-    hull = Vessel(NEUTRAL, place, (0.0, 0.0, 2.0, *LEVEL, *REST), [0.0] * 4, seed=3)
+    place = deep(waves=replace(SEA_STATE, heading=2.5))
+    hull = vessel(place, at=(0.0, 0.0, 2.0), seed=3)
     hull.propulsion.drive([thrust, thrust, 0.0, 0.0])
     velocities, forces = list[Vec3](), list[Vec3]()
     for _ in range(2400):
@@ -193,11 +183,11 @@ def test_the_imu_feels_how_the_hull_really_moves_also_through_the_waves(thrust: 
 
 def test_a_hull_lighter_than_its_water_is_carried_further_and_one_heavier_less() -> None:
     def swing(net_buoyancy: float) -> float:
-        place = Settings(waves=replace(REGULAR, period=8.0), floor_depth=100.0)
+        place = deep(waves=replace(REGULAR, period=8.0))
         drag = (0.0, 0.0, 1000.0, 10.0, 10.0, 10.0)  # upright, and it hardly rises
         vehicle = replace(NEUTRAL, linear_damping=drag, quadratic_damping=(0.0,) * 6)
         vehicle = replace(vehicle, net_buoyancy=net_buoyancy)
-        hull = Vessel(vehicle, place, (0.0, 0.0, 20.0, *LEVEL, *REST), [0.0] * 4)
+        hull = vessel(place, vehicle, at=(0.0, 0.0, 20.0))
         speeds = list[float]()
         for _ in range(3200):
             hull.advance(0.005)
@@ -214,8 +204,7 @@ def test_a_hull_in_long_waves_leans_towards_their_surface() -> None:
     """Its centre of buoyancy follows the pressure, so that down is where g less the water's
     acceleration points."""
     waves = Waves(height=1.0, period=16.0, lines=1)
-    place = Settings(waves=waves, floor_depth=100.0)
-    hull = Vessel(NEUTRAL, place, (0.0, 0.0, 2.0, *LEVEL, *REST), [0.0] * 4)
+    hull = vessel(deep(waves=waves), at=(0.0, 0.0, 2.0))
     leans, slopes = list[float](), list[float]()
     for _ in range(200 * 64):
         hull.advance(0.005)
@@ -227,9 +216,8 @@ def test_a_hull_in_long_waves_leans_towards_their_surface() -> None:
 
 
 def test_a_floating_hull_rides_on_the_waves() -> None:
-    place = Settings(waves=replace(REGULAR, period=8.0), floor_depth=100.0)
-    start = (0.0, 0.0, PIONEER.floating_depth, *LEVEL, *REST)
-    hull = Vessel(PIONEER, place, start, [0.0] * 4)
+    place = deep(waves=replace(REGULAR, period=8.0))
+    hull = vessel(place, PIONEER, at=(0.0, 0.0, PIONEER.floating_depth))
     depths, drafts = list[float](), list[float]()
     for _ in range(200 * 40):
         hull.advance(0.005)
@@ -238,12 +226,3 @@ def test_a_floating_hull_rides_on_the_waves() -> None:
         drafts.append(hull.position[2] + hull.sea.at(hull.elapsed, hull.position).rise)
     assert np.ptp(depths[3200:]) == pytest.approx(0.3, rel=0.1)
     assert np.ptp(drafts[3200:]) < 0.03
-
-
-def test_without_waves_nothing_is_added() -> None:
-    hull = Vessel(
-        PIONEER, Settings(), (0.0, 0.0, 2.0, *from_euler(0.1, 0.2, 0.3), *REST), [0.0] * 4
-    )
-    hull.advance(1.0)
-    assert hull.sea is None
-    assert hull.acceleration == hull._nu_dot  # pyright: ignore[reportPrivateUsage]

@@ -1,7 +1,7 @@
 """Nothing but a whole, timely, armed command of the epoch in force ever reaches a thruster."""
 
 from math import inf, isfinite, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import given
@@ -21,23 +21,10 @@ THRUSTERS = [
 ]
 
 
-def command(
-    at: int,
-    *thrust: float,
-    ttl_ms: float = 200.0,
-    epoch: int = 0,
-    armed: bool = True,
-    gripper: float = 0.0,
-) -> ThrusterCommand:
+def command(at: int, *thrust: float, ttl_ms: float = 200.0, **more: Any) -> ThrusterCommand:
+    said: dict[str, Any] = {"epoch": 0, "armed": True} | more
     return ThrusterCommand(
-        stamp_ns=at,
-        sensor_ns=None,
-        pilot_ns=None,
-        thrust=thrust,
-        ttl_ms=ttl_ms,
-        epoch=epoch,
-        armed=armed,
-        gripper=gripper,
+        stamp_ns=at, sensor_ns=None, pilot_ns=None, thrust=thrust, ttl_ms=ttl_ms, **said
     )
 
 
@@ -144,11 +131,9 @@ def test_it_is_zero_at_the_very_instant_after_a_life_has_ended(
     ("wrong", "reason"),
     [
         (command(500 * MS, nan, 0.0), "malformed"),
-        (command(500 * MS, 1.0, inf), "malformed"),
         (command(500 * MS, 1.0, 1.0, ttl_ms=1001.0), "malformed"),
         (command(500 * MS, 1.0, 1.0, ttl_ms=nan), "malformed"),
         (command(500 * MS, 1.0), "wrong_length"),
-        (command(500 * MS), "wrong_length"),
         (command(601 * MS, 1.0, 1.0), "from_future"),
         (command(299 * MS, 1.0, 1.0), "expired"),
         (command(399 * MS, 1.0, 1.0), "reordered"),
@@ -181,17 +166,12 @@ def test_armed_without_thrust_is_not_disarmed() -> None:
     assert not gate.armed(300 * MS)
 
 
-def test_commands_act_again_after_a_silence() -> None:
-    gate = Gate()
-    gate.obey(command(0, 5.0, 5.0), 0)
-    assert gate.counted(command(900 * MS, 4.0, 4.0), 900 * MS) == ["stale:control/thrusters"]
-    assert gate.output(900 * MS) == (4.0, 4.0)
-
-
-def test_a_command_from_a_little_ahead_lives_no_longer_for_it() -> None:
+def test_commands_act_again_after_a_silence_and_one_from_a_little_ahead_lives_no_longer() -> None:
     gate = Gate()
     gate.obey(command(90 * MS, 5.0, 5.0), 0)
     assert gate.ends_ns == 200 * MS
+    assert gate.counted(command(900 * MS, 4.0, 4.0), 900 * MS) == ["stale:control/thrusters"]
+    assert gate.output(900 * MS) == (4.0, 4.0)
 
 
 def test_an_older_epoch_acts_again_once_the_newer_one_has_been_silent() -> None:

@@ -13,7 +13,6 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.docs.chromium import BrowserPage, insist
 
 SERVICES = ("simulator", "estimation", "reference", "control", "tether", "link_monitor", "cockpit")
-CAMERA = ("camera", "camera_monitor")
 FLOOR = "simulator.floor_depth=4"  # [m] so that there is something to be seen
 STILL = "estimation.calibration.still_time=3"  # [s] less to wait for
 READY_NS = 6_000_000_000  # [ns] calibration is done by then; it is not waited for
@@ -37,7 +36,7 @@ class CockpitDive:
         overrides = [STILL, FLOOR, f"cockpit.port={port}", *settings]
         stack = Stack(pilot="cockpit", name=name, overrides=overrides)
         self.host = VirtualHost()
-        for name in (*SERVICES, *CAMERA) if camera else SERVICES:
+        for name in (*SERVICES, "camera") if camera else SERVICES:
             self.host.add(name, rows[name], stack)
         self.counts = self.host.nodes["cockpit"].counts
         # Its own ticks suffice to notice what arrives; the host is for one thread.

@@ -126,11 +126,10 @@ def test_link_status_and_log_lines_of_others_and_of_our_own_are_shown():
 
 def test_what_is_wrong_with_each_cameras_picture_is_shown():
     scene = Scene()
-    words = {"front": "", "down": "down camera: no picture has arrived"}
-    for camera, wrong in words.items():
-        scene.stack.publisher(age(camera)).put(PictureAge(stamp_ns=0, words=wrong))
+    for camera, ms in {"front": 40.0, "down": 3200.0}.items():
+        scene.stack.publisher(age(camera)).put(PictureAge(stamp_ns=0, age_ms=ms))
     scene.host.run(SECOND // 20)
-    assert scene.view().picture == words["down"]
+    assert scene.view().picture == "down camera: the picture is 3.2 s old"
     scene.host.run(10 * SECOND)
     assert scene.view().picture == ""  # nobody says so any more
 

@@ -252,8 +252,10 @@ def test_a_vehicle_that_sinks_does_not_move_the_bottom() -> None:
         assert dive.status.altitude == pytest.approx(dive.height, abs=0.02)
 
 
-@pytest.mark.parametrize("deed", ["stop", "goto", "lost"])
-def test_what_the_drone_does_by_itself_goes_on_at_a_depth(deed: str) -> None:
+@pytest.mark.parametrize("deed", ["stop", "goto", "turn", "lost"])
+def test_what_the_drone_does_by_itself_goes_on_at_a_depth_but_a_turn_at_the_height(
+    deed: str,
+) -> None:
     dive = Dive(flat, 3.0)
     assert dive.hold_height() == ""
     dive.fly(2.0)
@@ -262,18 +264,11 @@ def test_what_the_drone_does_by_itself_goes_on_at_a_depth(deed: str) -> None:
             assert dive.ask("stop") == ""
         case "goto":
             assert dive.ask("goto", depth=5.0) == ""
+        case "turn":
+            assert dive.ask("goto", heading=1.0) == ""
         case _:
-            dive.generator.step(dive.state(), None, dive.now + 500_000_000)
-    assert dive.status.flight_mode == "stabilised"
-
-
-def test_a_heading_can_be_gone_to_at_a_height() -> None:
-    dive = Dive(flat, 3.0)
-    assert dive.hold_height() == ""
-    dive.fly(2.0)
-    assert dive.ask("goto", heading=1.0) == ""
-    dive.fly(1.0)
-    assert dive.status.flight_mode == "altitude_hold"
+            dive.fly(0.5, there="nobody")
+    assert dive.status.flight_mode == ("altitude_hold" if deed == "turn" else "stabilised")
 
 
 def test_a_restarted_service_goes_on_holding_the_height() -> None:
@@ -370,7 +365,7 @@ def test_a_stick_held_down_at_the_floor_leads_no_deeper_without_an_altitude(mode
     smooth(dive.flown, dive.settings)
 
 
-def test_what_was_released_or_typed_or_set_goes_to_the_bottom() -> None:
+def test_what_was_released_or_typed_or_set_or_not_measured_goes_to_the_bottom() -> None:
     manual = held_at(2.0, "manual")
     assert manual.fly(2.0, heave=1.0).heave_force == manual.settings.heave_force.full
     typed = held_at(2.0)
@@ -379,8 +374,12 @@ def test_what_was_released_or_typed_or_set_goes_to_the_bottom() -> None:
     assert typed.height == pytest.approx(0.1, abs=0.01)
     assert "near_floor" in typed.status.conditions
     free = held_at(2.0, floor=0.0)
-    free.fly(3.0, heave=1.0)
-    assert free.flown[-1].depth.velocity == free.settings.heave.max_velocity
+    assert free.fly(3.0, heave=1.0).depth.velocity == free.settings.heave.max_velocity
+    blind = held_at(4.0)
+    blind.altimeter = False
+    blind.fly(PATIENCE_S + 1.0)
+    blind.fly(8.0, heave=1.0)
+    assert blind.height < FLOOR
 
 
 def test_the_answer_to_a_depth_at_the_bottom_says_what_comes_of_it() -> None:
@@ -399,11 +398,3 @@ def test_the_answer_to_a_depth_at_the_bottom_says_what_comes_of_it() -> None:
     dive.altimeter = False
     dive.fly(PATIENCE_S + 1.0)
     assert dive.request("goto", depth=30.0).note is UNSET
-
-
-def test_without_a_fresh_altitude_it_is_the_stick_alone() -> None:
-    dive = held_at(4.0)
-    dive.altimeter = False
-    dive.fly(PATIENCE_S + 1.0)
-    dive.fly(8.0, heave=1.0)
-    assert dive.height < FLOOR

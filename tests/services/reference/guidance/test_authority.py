@@ -60,7 +60,7 @@ def held_by_ann() -> Drone:
     return drone
 
 
-def test_the_reasons_are_in_plain_words():
+def test_reasons_and_announcements_are_in_plain_words():
     drone = held_by_ann()
     drone.now += 11 * S
     assert drone.ask("bob", "light") == "nobody has control; take it first"
@@ -69,6 +69,10 @@ def test_the_reasons_are_in_plain_words():
     assert {drone.ask("bob", k) for k in OTHERS if k != "stop"} == {words}
     assert drone.ask("bob", "lease") == drone.ask("bob", "offer") == words
     assert drone.ask("bob", "stop") == ""
+    force = PilotRequest(stamp_ns=0, id="x", kind="force", source="bob")
+    assert drone.authority.grant(force, S) == "bob has taken control from ann by force"
+    offer = PilotRequest(stamp_ns=0, id="y", kind="offer", source="bob", epoch=2, to="ann")
+    assert drone.authority.grant(offer, S) == "bob offers control to ann for 30 s"
 
 
 def test_control_is_free_exactly_when_the_holder_has_been_silent_for_long_enough():
@@ -117,14 +121,6 @@ def test_the_pilot_before_flies_on_until_the_new_one_speaks_and_not_for_ever():
     assert drone.command("bob")
     assert drone.command("cleo")
     assert not drone.command("bob")
-
-
-def test_force_is_announced_and_so_is_an_offer():
-    authority = held_by_ann().authority
-    force = PilotRequest(stamp_ns=0, id="x", kind="force", source="bob")
-    assert authority.grant(force, S) == "bob has taken control from ann by force"
-    offer = PilotRequest(stamp_ns=0, id="y", kind="offer", source="bob", epoch=2, to="ann")
-    assert authority.grant(offer, S) == "bob offers control to ann for 30 s"
 
 
 def test_epochs_grow_over_a_restart_without_memory():

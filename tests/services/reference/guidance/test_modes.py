@@ -33,12 +33,10 @@ MASS, DRAG = (14.0, 28.0, 20.0, 0.4), (25.0, 45.0, 25.0, 1.5)  # surge, sway, he
 WAY = Course(waypoints=((0.0, 0.0), (6.0, 0.0), (6.0, 6.0)), min_radius=1.5)
 
 
-def sticks(surge: float = 0.0, sway: float = 0.0, **more: Any) -> PilotCommand:
-    return said.sticks(0, surge=surge, sway=sway, **more)
-
-
-def deflected(surge: float, sway: float, heave: float = 0.0, yaw: float = 0.0) -> PilotCommand:
-    return sticks(surge, sway, heave=heave, yaw=yaw)
+def sticks(
+    surge: float = 0.0, sway: float = 0.0, heave: float = 0.0, yaw: float = 0.0, epoch: int = 0
+) -> PilotCommand:
+    return said.sticks(0, surge=surge, sway=sway, heave=heave, yaw=yaw, epoch=epoch)
 
 
 class Sea(Drone):
@@ -257,7 +255,7 @@ def do(sea: Sea, deed: tuple[object, ...]) -> None:  # noqa: C901 - one line eac
         case ("mode", str(hold)):
             sea.ask("mode", flight_mode=hold)
         case ("sticks", deflection, float(time)):
-            sea.sail(time, deflected(*cast(tuple[float, ...], deflection)))
+            sea.sail(time, sticks(*cast(tuple[float, float, float, float], deflection)))
         case ("wait", float(time)):
             sea.sail(time)
         case ("lost", str(who), float(time)):
@@ -340,14 +338,9 @@ def test_what_is_held_has_a_reference_and_what_is_not_a_force(hold: FlightMode) 
         assert reference.heading.velocity == s.yaw.max_velocity
     assert sea.status.flight_mode == hold
     check(sea)
-
-
-def test_disarmed_no_force_is_left_from_before() -> None:
-    sea = armed("manual")
-    sea.sail(2.0, sticks(heave=1.0, yaw=1.0, surge=1.0))
-    sea.ask("disarm")
+    sea.ask("disarm")  # no force is left
     reference = sea.sail(0.02)
-    assert reference.heave_force == reference.yaw_moment == reference.surge_force == 0.0
+    assert not any((reference.heave_force, reference.yaw_moment, reference.surge_force))
 
 
 @settings(max_examples=25, deadline=None)
@@ -361,7 +354,7 @@ def test_holding_begins_as_the_vehicle_moves_and_ends_at_rest(
     deflection: tuple[float, float, float, float], hold: FlightMode, when: float, offset: float
 ) -> None:
     sea = armed("manual", offset=offset)
-    moved = deflected(*deflection)
+    moved = sticks(*deflection)
     sea.sail(when, moved)
     before, heading = list(sea.v), sea.at[3]
     sea.ask("mode", moved, flight_mode=hold)
@@ -430,23 +423,18 @@ def test_an_emergency_stop_keeps_its_word_in_every_mode(when: float, hold: Fligh
 # When a mode can be had, and for how long.
 
 
-def test_station_keeping_is_refused_without_a_measured_place() -> None:
-    sea = armed(measures=False)
-    assert "does not know its position" in sea.ask("mode", flight_mode="station_keeping")
-    sea = armed()
-    sea.knows_place = False
-    sea.sail(0.02)
-    assert "does not know its position" in sea.ask("mode", flight_mode="station_keeping")
-    assert sea.status.flight_mode == "stabilised"
-    assert "what to hold" in sea.ask("mode")
-
-
-def test_depth_is_not_held_while_it_is_not_known() -> None:
+def test_what_is_not_measured_is_not_held_and_a_stop_is_waited_for() -> None:
     sea = armed("manual")
-    sea.knows_depth = False
+    assert "what to hold" in sea.ask("mode")
+    sea.knows_place = sea.knows_depth = False
     sea.sail(0.02)
+    for measures in (sea, armed(measures=False)):
+        assert "does not know its position" in measures.ask("mode", flight_mode="station_keeping")
     assert "does not know its depth" in sea.ask("mode", flight_mode="depth_hold")
+    assert sea.status.flight_mode == "manual"
     assert sea.ask("mode", flight_mode="heading_hold") == ""
+    sea.ask("stop")
+    assert "ask again when it is at rest" in sea.ask("goto", depth=1.0)
 
 
 def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
@@ -465,14 +453,7 @@ def test_a_place_not_measured_for_too_long_is_let_go_and_said() -> None:
     check(sea)
 
 
-def test_a_manoeuvre_is_refused_while_the_drone_stops() -> None:
-    sea = armed()
-    sea.sail(1.0, sticks(heave=1.0))
-    sea.ask("stop")
-    assert "ask again when it is at rest" in sea.ask("goto", depth=1.0)
-
-
-def test_arming_brings_back_the_mode_that_was_asked_for() -> None:
+def test_arming_brings_back_the_mode_that_was_asked_for_if_it_can_be_had() -> None:
     sea = armed("manual")
     sea.sail(0.1, lost="pilot")
     sea.sail(0.1)
@@ -481,13 +462,11 @@ def test_arming_brings_back_the_mode_that_was_asked_for() -> None:
     assert sea.status.flight_mode == "manual"
     assert sea.ask("arm") == ""
     assert sea.status.flight_mode == "manual"
-
-
-def test_armed_without_the_place_that_was_asked_for_it_says_so() -> None:
-    sea = armed("station_keeping")
+    sea.ask("mode", flight_mode="station_keeping")
     sea.ask("disarm")
     sea.knows_place = False
     sea.sail(0.1)
+    told(sea.generator.outbox)
     assert sea.ask("arm") == ""
     assert sea.status.flight_mode == "stabilised"
     assert told(sea.generator.outbox) == ["refused:station_keeping"]
@@ -530,7 +509,7 @@ def test_sticks_move_the_place_along_the_body_whatever_north_is(
     offset: float, deflection: tuple[float, float]
 ) -> None:
     sea = armed("station_keeping", offset=offset)
-    sea.sail(3.0, deflected(*deflection))
+    sea.sail(3.0, sticks(*deflection))
     fastest = SETTINGS.place.max_velocity
     assert dist(sea.v[:2], [x * fastest for x in deflection]) < 1e-6
 

@@ -113,18 +113,14 @@ def test_what_cannot_be_is_refused_in_a_sentence() -> None:
     assert drone.outputs.all == {"light": 0.0, "lasers": 0.0, "jaw": 0.0}
 
 
-def test_a_request_that_was_overtaken_changes_nothing() -> None:
+def test_a_request_that_was_overtaken_changes_nothing_and_one_of_the_future_locks_nothing() -> None:
     outputs = PilotOutputs(OUTPUTS, {}, 0)
     assert outputs.set(asked("light", 1.0, 5 * S), 5 * S, armed=True) == ""
     assert "newer" in outputs.set(asked("light", 0.0, 4 * S), 6 * S, armed=True)
     assert outputs.set(asked("lasers", 1.0, 4 * S), 6 * S, armed=True) == ""
     assert outputs.values == {"light": 1.0, "lasers": 1.0}
-
-
-def test_a_stamp_of_the_future_locks_nothing() -> None:
-    outputs = PilotOutputs(OUTPUTS, {}, 0)
-    assert outputs.set(asked("light", 1.0, 3600 * S), S, armed=True) == ""
-    assert outputs.set(asked("light", 0.0, 2 * S), 2 * S, armed=True) == ""
+    assert outputs.set(asked("light", 1.0, 3600 * S), 6 * S, armed=True) == ""
+    assert outputs.set(asked("light", 0.0, 7 * S), 7 * S, armed=True) == ""
     assert outputs.light == 0.0
 
 

@@ -94,19 +94,6 @@ def test_with_a_standing_heading_it_is_the_closed_form_of_the_stick_turned_to_no
     assert dist((north + 1.0, east + 2.0), [s.position for s in seen[-1]]) < 1e-6
 
 
-@settings(max_examples=10, deadline=None)
-@given(moves)
-def test_stepping_more_often_changes_next_to_nothing(
-    plan: list[tuple[float, float, float, float]],
-) -> None:
-    plan = [(a, b, c, round(seconds, 1) + 0.1) for a, b, c, seconds in plan]
-    ends: list[list[float]] = []
-    for dt in (0.01, 0.001):
-        place, yaw = held(0.3, GroundMotion((0.0, 0.0), (0.2, 0.1), 0.0))
-        ends.append([s.position for s in fly(place, yaw, plan, dt)[1][-1]])
-    assert dist(*ends) < 1e-6
-
-
 @settings(max_examples=30, deadline=None)
 @given(moves, angle, st.floats(-1.0, 1.0))
 def test_what_is_taken_over_goes_on_as_it_was(

@@ -6,10 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import UNSET
-from msgspec.structs import replace
 
 from messages.events import Outbox
-from messages.message import Estimate
 from messages.sensors import AltitudeSample, DvlSample
 from services.marine.attitude import from_euler, to_body, whole_turns, wrapped
 from services.reference.core import ReferenceGenerator, Settings
@@ -23,7 +21,6 @@ from services.reference.guidance.ground_motion import (
 )
 from tests.support.said import state
 
-ZERO = Estimate(0.0, 0.01)
 STATE = state(depth=2.5)
 angle = st.floats(-50.0, 50.0)
 
@@ -32,50 +29,32 @@ angle = st.floats(-50.0, 50.0)
 def test_the_heading_is_that_of_the_compass_however_often_the_drone_has_turned(
     control: float, compass: float | None
 ) -> None:
-    seen = replace(
-        STATE,
-        heading=Estimate(control, 0.01),
-        heading_navigation=None if compass is None else Estimate(compass, 0.1),
-    )
-    said = whereabouts(seen)[1]
+    said = whereabouts(state(heading=control, heading_navigation=compass))[1]
     assert isinstance(said, float)
     assert -pi <= said <= pi
     wanted = control if compass is None else compass
     assert wrapped(said - wanted) == pytest.approx(0.0, abs=1e-9)
+    assert abs(control - tau * whole_turns(control)) <= tau / 2 + 1e-9
 
 
 def test_what_is_not_known_is_not_said() -> None:
-    unknown = Estimate(2.5, 0.01, valid=False)
     assert whereabouts(None) == (UNSET, UNSET)
-    assert whereabouts(replace(STATE, depth=unknown))[0] is UNSET
-    assert whereabouts(replace(STATE, heading=unknown))[1] is UNSET
-
-
-def test_a_status_says_where_the_drone_is_only_while_there_is_a_state() -> None:
+    assert whereabouts(state(depth=2.5, invalid=("depth",)))[0] is UNSET
+    assert whereabouts(state(heading=2.5, invalid=("heading",)))[1] is UNSET
     generator = ReferenceGenerator(Settings(), Outbox())
-    assert generator.status(0).depth is UNSET
-    generator.step(STATE, None, 0)
-    assert generator.status(0).depth == 2.5
-    generator.step(None, None, 10_000_000)
-    assert generator.status(10_000_000).depth is UNSET
+    for now, seen, depth in ((0, None, UNSET), (1, STATE, 2.5), (2, None, UNSET)):
+        generator.step(seen, None, now * S)
+        assert generator.status(now * S).depth == depth
 
 
 def test_a_vehicle_that_dives_nose_down_does_not_move_over_the_ground() -> None:
     """Straight down by the compass's north, whatever the control heading."""
     tilted = from_euler(0.0, -0.35, 1.0)
     surge, sway, _ = to_body(tilted, (0.1, 0.0, 0.4))
-    seen = replace(
-        STATE,
-        attitude=tilted,
-        pitch=Estimate(-0.35, 0.01),
-        heading=Estimate(1.0, 0.01),
-        heading_navigation=Estimate(1.0 - pi / 2, 0.1),
-        depth_rate=Estimate(0.4, 0.01),
-        surge_velocity=Estimate(surge, 0.01),
-        sway_velocity=Estimate(sway, 0.01),
-        north=ZERO,
-        east=ZERO,
-    )
+    seen = state(
+        attitude=tilted, pitch=-0.35, heading=1.0, heading_navigation=1.0 - pi / 2, depth_rate=0.4,
+        surge_velocity=surge, sway_velocity=sway, north=0.0, east=0.0,
+    )  # fmt: skip
     found = ground_of(seen)
     assert found is not None
     assert found.velocity == pytest.approx((0.0, -0.1), abs=1e-9)
@@ -125,32 +104,21 @@ def test_it_stays_the_same_place_where_another_origin_takes_over(
     assert home.place.origin == 0
 
 
-def test_after_a_gap_with_another_origin_it_is_lost_for_good_and_says_so() -> None:
-    home = Home()
-    seen(home, (1.0, 2.0), 0.0)
-    seen(home, (0.0, 0.0), MOST_GAP_S + 0.5, origin=7)
-    assert home.place is None
-    assert "began anew" in home.missing
-    seen(home, (3.0, 0.0), MOST_GAP_S + 0.6, origin=7)
-    assert home.place is None
-    again = Home(home.place, home.lost)  # after a restart
-    seen(again, (3.0, 0.0), 100.0, origin=7)
-    assert again.place is None
-
-
-def test_a_gap_with_the_same_origin_and_a_restart_change_nothing() -> None:
+def test_after_a_gap_it_is_the_same_place_of_the_same_origin_and_of_another_lost_for_good() -> None:
     home = Home()
     seen(home, (1.0, 2.0), 0.0)
     home.see(None, None, 5.0, armed=True)
     seen(home, (4.0, 2.0), 60.0)
-    again = Home(home.place, home.lost)
+    again = Home(home.place, home.lost)  # after a restart
     seen(again, (5.0, 2.0), 61.0)
     assert again.place == HomePlace(1.0, 2.0, 1)
-
-
-@given(st.floats(-100.0, 100.0))
-def test_less_than_half_a_turn_is_left_after_the_whole_ones(heading: float) -> None:
-    assert abs(heading - tau * whole_turns(heading)) <= tau / 2 + 1e-9
+    seen(again, (0.0, 0.0), 61.0 + MOST_GAP_S + 0.5, origin=7)
+    assert again.place is None
+    assert "began anew" in again.missing
+    lost = Home(again.place, again.lost)
+    for home in (again, lost):
+        seen(home, (3.0, 0.0), 100.0, origin=7)
+        assert home.place is None
 
 
 # What is known of the bottom, by which instrument.
@@ -159,26 +127,18 @@ def test_less_than_half_a_turn_is_left_after_the_whole_ones(heading: float) -> N
 S = 1_000_000_000  # [ns]
 
 
-def test_an_altimeter_says_how_high_and_the_dvl_how_fast() -> None:
+@pytest.mark.parametrize(("altitude", "depth"), [(3.0, 8.0), (None, 14.0)])
+def test_an_altimeter_says_how_high_before_the_dvl_which_says_how_fast(
+    altitude: float | None, depth: float
+) -> None:
     bottom = Bottom()
-    for k in range(1, 30):
-        now = k * S // 10
-        dvl = DvlSample(stamp_ns=now, velocity=(0.3, 0.4, 0.0), std=0.01, altitude=9.0)
-        bottom.see(dvl, state(now, depth=5.0), now / S, AltitudeSample(stamp_ns=now, altitude=3.0))
-    assert bottom.depth(2.9) == pytest.approx(8.0)
-    assert bottom.speed == pytest.approx(0.5)
-    lost = DvlSample(stamp_ns=3 * S, velocity=None, std=0.01)
-    bottom.see(lost, state(3 * S, depth=5.0), 3.0, AltitudeSample(stamp_ns=3 * S, altitude=3.0))
+    for k in range(1, 31):
+        now, seen = k * S // 10, (0.3, 0.4, 0.0) if k < 30 else None
+        dvl = DvlSample(stamp_ns=now, velocity=seen, std=0.01, altitude=9.0)
+        sounder = None if altitude is None else AltitudeSample(stamp_ns=now, altitude=altitude)
+        bottom.see(dvl, state(now, depth=5.0), now / S, sounder)
+    assert bottom.depth(2.9) == pytest.approx(depth)
     assert bottom.speed == pytest.approx(0.5)  # the newest that was measured
-
-
-def test_without_an_altimeter_the_altitude_is_the_dvls() -> None:
-    bottom = Bottom()
-    for k in range(1, 30):
-        now = k * S // 10
-        dvl = DvlSample(stamp_ns=now, velocity=None, std=0.01, altitude=9.0)
-        bottom.see(dvl, state(now, depth=5.0), now / S)
-    assert bottom.depth(2.9) == pytest.approx(14.0)
 
 
 @pytest.mark.parametrize(("hz", "lost_after"), [(10.0, 1.0), (4.0, 2.5), (1.0, 5.0)])

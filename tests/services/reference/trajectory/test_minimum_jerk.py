@@ -111,75 +111,6 @@ def test_known_transitions(
     assert ramp.at(total).position == pytest.approx(distance, rel=1e-9)
 
 
-@many
-@given(
-    st.lists(st.tuples(st.floats(0.0, 1.5), st.floats(-1.0, 1.0)), min_size=1, max_size=8),
-    limits,
-    st.floats(0.003, 0.4),
-)
-def test_the_position_is_the_integral_however_often_it_is_asked(
-    moves: list[tuple[float, float]], lim: Limits, dt: float
-) -> None:
-    """Evaluating at any rate between target changes leaves the reference where it was."""
-    asked, silent = Ramp(lim), Ramp(lim)
-    now = 0.0
-    for wait, target in moves:
-        t = now
-        while t < now + wait:
-            asked.at(t)
-            t += dt
-        now += wait
-        asked.aim(target, now)
-        silent.aim(target, now)
-    assert asked.at(now + 1.0) == silent.at(now + 1.0)
-
-
-@many
-@given(velocity, acceleration, velocity, limits, st.floats(0.0, 5.0))
-def test_position_velocity_and_acceleration_fit_together(
-    v: float, a: float, target: float, lim: Limits, t: float
-) -> None:
-    ramp, h = ramp_from(v, a, target, lim), 1e-5
-    before, here, after = (ramp.at(max(0.0, t) + k * h) for k in (0, 1, 2))
-    slope = (after.position - before.position) / (2 * h)
-    bend = (after.velocity - before.velocity) / (2 * h)
-    assert isclose(slope, here.velocity, abs_tol=1e-4)
-    assert isclose(bend, here.acceleration, abs_tol=1e-2 * lim.jerk)
-
-
-@many
-@given(
-    limits,
-    limits,
-    st.lists(
-        st.tuples(st.sampled_from(["aim", "brake", "brake so", "limit"]), velocity),
-        min_size=1,
-        max_size=6,
-    ),
-    st.floats(0.05, 2.0),
-)
-def test_the_limits_in_force_are_those_that_the_plan_respects(
-    own: Limits, other: Limits, orders: list[tuple[str, float]], wait: float
-) -> None:
-    """Every transition arrives with the jerk in force, and no jerk in it is higher."""
-    ramp, now = Ramp(own), 0.0
-    ramp.aim(1.0, now)
-    for order, target in orders:
-        now += wait
-        if order == "aim":
-            ramp.aim(target, now)
-        elif order == "limit":
-            ramp.take(ramp.at(now), now, ramp.target, other)
-        else:
-            ramp.brake(now, other if order == "brake so" else None)
-        for part in ramp.segments:
-            for jerk in (part.at(0.0).jerk, part.at(part.duration).jerk):
-                assert abs(jerk) <= ramp.in_force.jerk * (1 + 1e-9)
-        if sum(part.duration for part in ramp.segments) > 1e-3:
-            last = ramp.segments[-1]
-            assert abs(last.at(last.duration).jerk) == pytest.approx(ramp.in_force.jerk)
-
-
 sample = st.builds(Sample, velocity, velocity, acceleration, st.just(0.0))
 ORDERS = ("aim", "brake", "brake so", "limit", "take", "rest", "shift")
 
@@ -196,6 +127,7 @@ ORDERS = ("aim", "brake", "brake so", "limit", "take", "rest", "shift")
 def test_whatever_is_ordered_it_goes_on_from_where_it_is_and_comes_to_what_was_ordered(
     own: Limits, other: Limits, orders: list[tuple[str, float, Sample, float]]
 ) -> None:
+    """Every plan arrives with the jerk in force, and no jerk in it is higher."""
     ramp, now, target = Ramp(own), 0.0, 0.0
     for order, number, elsewhere, wait in orders:
         now += wait
@@ -218,7 +150,6 @@ def test_whatever_is_ordered_it_goes_on_from_where_it_is_and_comes_to_what_was_o
             case _:
                 ramp.brake(now, other if order == "brake so" else None)
                 target = 0.0
-        assert ramp.at(now)[:3] == pytest.approx(here[:3], abs=1e-6)
         end = max(now, ramp.settles())
         there = ramp.at(end)
         assert there[1:3] == pytest.approx((target, 0.0), abs=1e-5)
@@ -226,17 +157,46 @@ def test_whatever_is_ordered_it_goes_on_from_where_it_is_and_comes_to_what_was_o
         assert ramp.to_go(end + 1.0) == 0.0
         assert ramp.at(end + 2.0)[1:] == (target, 0.0, 0.0)
         assert ramp.at(end + 2.0).position == pytest.approx(there.position + 2 * target, abs=1e-5)
+        assert ramp.at(now)[:3] == pytest.approx(here[:3], abs=1e-6)  # however often it is asked
+        jerks = [part.at(t).jerk for part in ramp.segments for t in (0.0, part.duration)]
+        assert all(abs(jerk) <= ramp.in_force.jerk * (1 + 1e-9) for jerk in jerks)
+        if duration(list(ramp.segments)) > 1e-3:
+            assert abs(jerks[-1]) == pytest.approx(ramp.in_force.jerk)
+
+
+# Andrén's rule, begun elsewhere: v, a, limits → time and distance to rest, number of segments.
+STOPS = [
+    (0.3, 0.0, Limits(1.0), 1.3416407864998738, 0.20124611797498107, 1),
+    (0.3, 0.0, Limits(1.0, 0.15), 2.2, 0.33, 3),
+    (-1.0, -0.2, Limits(1.5, 0.4), 3.022222222222222, -1.5982222222222224, 4),
+    (1.5, -0.1, Limits(2.0, 0.5), 3.2859236254666553, 2.4292465493110944, 3),
+]
+
+
+@pytest.mark.parametrize(("v", "a", "lim", "time", "distance", "segments"), STOPS)
+def test_a_motion_that_is_taken_over_stops_in_the_time_and_distance_of_the_law(
+    v: float, a: float, lim: Limits, time: float, distance: float, segments: int
+) -> None:
+    ramp = Ramp(Limits(9.0))
+    ramp.take(Sample(7.0, v, a, 0.0), 5.0, limits=lim)
+    assert ramp.settles() == pytest.approx(5.0 + time, abs=1e-9)
+    assert ramp.to_go(5.0) == pytest.approx(distance, abs=1e-9)
+    assert ramp.at(99.0).position == pytest.approx(7.0 + distance, abs=1e-9)
+    assert len(ramp.segments) == segments
 
 
 @many
 @given(velocity, acceleration, velocity, limits, st.floats(0.0, 1.5))
-def test_a_plan_read_in_any_way_is_the_same_motion(
+def test_a_plan_read_in_any_way_is_the_same_motion_whose_quantities_fit_together(
     v: float, a: float, target: float, lim: Limits, share: float
 ) -> None:
-    segments = solve(v, a, target, lim)
+    segments, h = solve(v, a, target, lim), 1e-5
     t = share * (1.0 + duration(segments))
-    read, found = reader(segments, target)(t), along(segments, t, target)
-    assert found[:3] == pytest.approx(read[:3], rel=1e-9, abs=1e-9)
+    read, found = reader(segments, target), along(segments, t, target)
+    assert found[:3] == pytest.approx(read(t)[:3], rel=1e-9, abs=1e-9)
+    before, here, after = (read(t + k * h) for k in (0, 1, 2))
+    assert isclose((after[0] - before[0]) / (2 * h), here[1], abs_tol=1e-4)
+    assert isclose((after[1] - before[1]) / (2 * h), here[2], abs_tol=1e-2 * lim.jerk)
 
 
 @many

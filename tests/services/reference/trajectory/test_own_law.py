@@ -1,7 +1,7 @@
 """A reference law of the user's: what is flown of it, and what is refused."""
 
 from collections.abc import Callable
-from math import exp, inf, nan
+from math import inf, nan
 
 import pytest
 from hypothesis import given
@@ -24,10 +24,6 @@ def ramp_of(law: Law) -> tuple[LawRamp, Outbox]:
     return LawRamp(LIMITS, law=PlannedAxis("heave", law, FULL, STOP, outbox)), outbox
 
 
-def refused(outbox: Outbox) -> int:
-    return outbox.counts[events.LAW_REFUSED("heave").name]
-
-
 def ours(_: str, here: Sample, velocity: float) -> AxisPlan:
     """Lindy's own law, as somebody else might write it."""
     ramp = Ramp(LIMITS)
@@ -45,7 +41,7 @@ def test_the_law_of_lindy_from_outside_is_the_law_of_lindy(sticks: list[tuple[fl
         assert own.settles() == pytest.approx(ramp.settles())
         t += after
         assert own.at(t) == pytest.approx(ramp.at(t), abs=1e-9)
-    assert not refused(outbox)
+    assert not outbox.said
 
 
 @given(sticks=STICKS)
@@ -58,7 +54,7 @@ def test_a_reference_of_another_law_is_continuous_and_comes_to_rest(
         ramp.aim(stick * FULL, t)
         assert ramp.at(t)[:3] == pytest.approx(before[:3], abs=1e-6)
         t += after
-    assert not refused(outbox)
+    assert not outbox.said
     assert ramp.at(t)[1:] == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
     ramp.brake(t)  # a stop of Lindy's goes on from there
     assert ramp.at(t + 5.0).velocity == 0.0
@@ -90,7 +86,6 @@ def fails(axis: str, _: Sample, __: float) -> AxisPlan:
         (bent(lambda _, at: at._replace(velocity=at.velocity + 0.004)), "it begins with"),
         (bent(lambda _, at: at, 0.5), "it ends with"),
         (bent(lambda _, at: at, inf), "it lasts inf s"),
-        (bent(lambda t, at: at._replace(velocity=at.velocity - t * exp(-2 * t))), "integral"),
         (fails, "KeyError"),
     ],
 )
@@ -98,7 +93,7 @@ def test_a_plan_that_cannot_be_flown_is_refused_and_lindys_own_flies(law: Law, w
     (ramp, outbox), lindys = ramp_of(law), Ramp(LIMITS)
     for each in (ramp, lindys):
         each.aim(FULL, 0.0)
-    assert refused(outbox) == 1
+    assert outbox.counts[events.LAW_REFUSED("heave").name] == 1
     assert why in outbox.said[0][1]
     for t in (0.0, 0.5, 3.0):
         assert ramp.at(t) == lindys.at(t)

@@ -27,6 +27,12 @@ def test_it_arrives_exactly_within_limits_and_again_when_asked_on_the_way(
     assert end.position == pytest.approx(distance, abs=1e-7 * (1 + abs(distance)))
     assert end.velocity == pytest.approx(0.0, abs=1e-9)
     assert end.acceleration == pytest.approx(0.0, abs=1e-6)
+    for before, after in pairwise(plan.segments):
+        joint = before.at(before.duration)
+        assert after.v0 == pytest.approx(joint.velocity, abs=1e-9)
+        assert after.a0 == pytest.approx(joint.acceleration, abs=1e-6)
+    mirrored = pair(-distance, lim, v_max, -v, -a)
+    assert mirrored.duration == pytest.approx(plan.duration)
     overshoot = a * a / (2 * lim.jerk)
     for k in range(101):
         here = plan.at(plan.duration * k / 100)
@@ -38,30 +44,12 @@ def test_it_arrives_exactly_within_limits_and_again_when_asked_on_the_way(
     assert rest.duration <= plan.duration * (1 - share) + 1e-3
 
 
-@many
-@given(st.floats(-20, 20), limits, speed, st.floats(-1, 1), st.floats(-1, 1))
-def test_velocity_and_acceleration_are_continuous(
-    distance: float, lim: Limits, v_max: float, v: float, a: float
-) -> None:
-    plan = pair(distance, lim, v_max, v, a)
-    for before, after in pairwise(plan.segments):
-        end = before.at(before.duration)
-        assert after.v0 == pytest.approx(end.velocity, abs=1e-9)
-        assert after.a0 == pytest.approx(end.acceleration, abs=1e-6)
-
-
-@many
-@given(st.floats(0.01, 20), limits, speed)
-def test_mirrored_distance_mirrors_the_motion(distance: float, lim: Limits, v_max: float) -> None:
-    there, back = pair(distance, lim, v_max), pair(-distance, lim, v_max)
-    assert there.duration == pytest.approx(back.duration)
-    assert there.peak == pytest.approx(-back.peak)
-
-
 # d, J, v_max, a_max → duration and peak of a motion from rest to rest; the first is 2 · 6^(1/3).
 GOLDEN = [
     (1.0, 1.0, 1000.0, inf, 3.6342411856642793, 0.5503212081491045),
-    (1.0, 1.0, 0.3, inf, 4.674974119833207, 0.3),
+    (-1.0, 1.0, 0.3, inf, 4.674974119833207, -0.3),
+    # With Fernandes' own peak acceleration and jerk (xi = 10); his run takes 228.89 s.
+    (50.0, 0.0084375, 0.3, 0.015, 189.037037037, 0.3),
 ]
 
 
@@ -70,13 +58,8 @@ def test_known_motions(
     d: float, jerk: float, v_max: float, a_max: float, total: float, peak: float
 ) -> None:
     plan = pair(d, Limits(jerk, a_max), v_max)
-    assert plan.duration == pytest.approx(total, rel=1e-12)
+    assert plan.duration == pytest.approx(total, rel=1e-11)
     assert plan.peak == pytest.approx(peak, rel=1e-9)
-
-
-def test_the_run_of_the_reference_model_is_seventeen_percent_sooner() -> None:
-    # 50 m at 0.3 m/s with Fernandes' own peak acceleration and jerk (xi = 10): 228.89 s there.
-    assert pair(50.0, Limits(0.0084375, 0.015), 0.3).duration == pytest.approx(189.03703704)
 
 
 def test_a_speed_limit_of_zero_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""A motion that waits for the vehicle by the pace of its own time, or is taken over and stopped."""
+"""A motion that waits for the vehicle by the pace of its own time."""
 
 from itertools import pairwise
 from math import cos, inf, isclose, sin
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
+from services.reference.trajectory.minimum_jerk import Limits, Sample
 from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
 
 many = settings(max_examples=80, deadline=None)
@@ -43,23 +43,16 @@ def swing(tau: float) -> Sample:
 
 @many
 @given(limits, episodes, st.floats(0.0, 10.0))
-def test_the_rate_stays_between_standstill_and_real_time(
+def test_the_rate_stays_between_standstill_and_real_time_and_a_change_of_mind_leaves_no_step(
     lim: Limits, times: list[tuple[float, float]], later: float
 ) -> None:
-    for t, clock in clocks(lim, times):
+    seen = clocks(lim, times)
+    for t, clock in seen:
         here, after = clock.at(t), clock.at(t + later)
         assert -1e-12 <= after.velocity <= 1 + 1e-12
         assert -1e-9 <= after.position - here.position <= later + 1e-9
         assert abs(after.acceleration) <= lim.acceleration * (1 + 1e-9)
         assert abs(after.jerk) <= lim.jerk * (1 + 1e-9)
-
-
-@many
-@given(limits, episodes)
-def test_a_change_of_mind_at_any_time_leaves_no_step(
-    lim: Limits, times: list[tuple[float, float]]
-) -> None:
-    seen = clocks(lim, times)
     for (_, before), (t, after) in pairwise(seen):
         one, two = (scaled_sample(swing(c.at(t).position), c.at(t)) for c in (before, after))
         assert one[:3] == pytest.approx(two[:3], abs=1e-9)
@@ -100,33 +93,7 @@ def test_it_stops_completely_while_the_error_stays_and_resumes_afterwards(
 
 
 def test_an_error_between_the_two_thresholds_changes_nothing() -> None:
-    clock = WaitingClock(0.5, 0.2, Limits(1.0))
+    clock = WaitingClock(0.5, 0.2, Limits(1.0), since=2.0)
     clock.watch(0.45, 3.0)
     assert not clock.waiting
-    assert clock.at(9.0) == (9.0, 1.0, 0.0, 0.0)
-
-
-def test_without_waiting_the_reference_is_untouched() -> None:
-    clock = WaitingClock(0.5, 0.2, Limits(1.0), since=2.0)
-    assert scaled_sample(swing(clock.at(5.0).position), clock.at(5.0)) == swing(3.0)
-
-
-@pytest.mark.parametrize(
-    ("v", "a", "lim", "time", "distance", "segments"),
-    [
-        (0.3, 0.0, Limits(1.0), 1.3416407864998738, 0.20124611797498107, 1),
-        (0.3, 0.0, Limits(1.0, 0.15), 2.2, 0.33, 3),
-        (1.0, 0.2, Limits(1.5, 0.4), 3.022222222222222, 1.5982222222222224, 4),
-        (1.5, -0.1, Limits(2.0, 0.5), 3.2859236254666553, 2.4292465493110944, 3),
-    ],
-)
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_motion_that_is_taken_over_stops_in_the_time_and_distance_of_the_law(
-    v: float, a: float, lim: Limits, time: float, distance: float, segments: int, sign: float
-) -> None:
-    ramp = Ramp(Limits(9.0))
-    ramp.take(Sample(sign * 7.0, sign * v, sign * a, 0.0), 5.0, limits=lim)
-    assert ramp.settles() == pytest.approx(5.0 + time, abs=1e-9)
-    assert ramp.to_go(5.0) == pytest.approx(sign * distance, abs=1e-9)
-    assert ramp.at(99.0).position == pytest.approx(sign * (7.0 + distance), abs=1e-9)
-    assert len(ramp.segments) == segments
+    assert scaled_sample(swing(clock.at(9.0).position), clock.at(9.0)) == swing(7.0)

@@ -23,10 +23,6 @@ def begun(v: Pair, a: Pair, target: Pair, lim: Limits) -> VectorRamp:
     return ramp
 
 
-def length(v: Pair, a: Pair, target: Pair, lim: Limits) -> float:
-    return begun(v, a, target, lim).settles()
-
-
 def norm(ramp: VectorRamp, t: float, what: str = "acceleration") -> float:
     return hypot(*(getattr(axis, what) for axis in ramp.at(t)))
 
@@ -36,9 +32,14 @@ def turned(p: Pair, angle: float) -> Pair:
 
 
 @many
-@given(pair, pair, pair, limits)
-def test_norms_keep_their_limits_from_any_state(v: Pair, a: Pair, to: Pair, lim: Limits) -> None:
+@given(pair, pair, pair, limits, st.floats(0.0, 5.0), st.floats(1e-3, 0.05))
+def test_from_any_state_it_arrives_without_a_step_and_its_norms_keep_their_limits(
+    v: Pair, a: Pair, to: Pair, lim: Limits, later: float, dt: float
+) -> None:
     ramp = begun(v, a, to, lim)
+    first, second = ramp.at(0.0)
+    assert (first.velocity, second.velocity) == pytest.approx(v, abs=1e-8)
+    assert (first.acceleration, second.acceleration) == pytest.approx(a, abs=1e-7)
     most, inside = max(lim.acceleration, hypot(*a)), False
     for k in range(60):
         t = ramp.settles() * k / 59
@@ -46,33 +47,14 @@ def test_norms_keep_their_limits_from_any_state(v: Pair, a: Pair, to: Pair, lim:
         now = norm(ramp, t)
         assert now <= (lim.acceleration if inside else most) * (1 + 1e-9)
         inside = inside or now <= lim.acceleration
-
-
-@many
-@given(pair, pair, pair, limits)
-def test_it_begins_without_a_step_and_arrives(v: Pair, a: Pair, to: Pair, lim: Limits) -> None:
-    ramp = begun(v, a, to, lim)
-    first, second = ramp.at(0.0)
-    assert (first.velocity, second.velocity) == pytest.approx(v, abs=1e-8)
-    assert (first.acceleration, second.acceleration) == pytest.approx(a, abs=1e-7)
     first, second = ramp.at(ramp.settles() + 1.0)
     assert (first.velocity, second.velocity) == pytest.approx(to, abs=1e-8)
     assert first.acceleration == second.acceleration == 0.0
-
-
-@many
-@given(pair, pair, limits, st.floats(0.0, 1.0))
-def test_from_rest_the_change_is_straight_and_the_scalar_law(
-    v: Pair, to: Pair, lim: Limits, share: float
-) -> None:
-    e = to[0] - v[0], to[1] - v[1]
-    assume(hypot(*e) > 1e-3)
-    ramp = begun(v, (0.0, 0.0), to, lim)
-    scalar = sum(part.duration for part in solve(0.0, 0.0, hypot(*e), lim))
-    assert ramp.settles() == pytest.approx(scalar, rel=1e-9)
-    here = ramp.at(share * ramp.settles())
-    gained = (here[0].velocity - v[0], here[1].velocity - v[1])
-    assert gained[0] * e[1] - gained[1] * e[0] == pytest.approx(0.0, abs=1e-9)
+    # Its position is what its velocity adds up to, by Simpson's rule over a short time.
+    begin, middle, end = (ramp.at(later + share * dt) for share in (0.0, 0.5, 1.0))
+    for b, m, e in zip(begin, middle, end, strict=True):
+        mean = (b.velocity + 4 * m.velocity + e.velocity) / 6
+        assert e.position - b.position == pytest.approx(mean * dt, abs=lim.jerk * dt**3)
 
 
 @many
@@ -81,8 +63,26 @@ def test_on_one_line_it_is_the_scalar_law(
     v: Pair, e: float, angle: float, a: float, lim: Limits
 ) -> None:
     n = (cos(angle), sin(angle))
-    found = length(v, (a * n[0], a * n[1]), (v[0] + e * n[0], v[1] + e * n[1]), lim)
-    assert found == pytest.approx(sum(p.duration for p in solve(0.0, a, e, lim)), rel=1e-5)
+    ramp = begun(v, (a * n[0], a * n[1]), (v[0] + e * n[0], v[1] + e * n[1]), lim)
+    scalar = sum(part.duration for part in solve(0.0, a, e, lim))
+    assert ramp.settles() == pytest.approx(scalar, rel=1e-5)
+
+
+@many
+@given(pair, pair, limits, st.floats(0.02, 0.98))
+def test_from_rest_the_change_is_straight_and_solving_it_again_does_not_delay_it(
+    v: Pair, to: Pair, lim: Limits, share: float
+) -> None:
+    e = to[0] - v[0], to[1] - v[1]
+    assume(hypot(*e) > 1e-3)
+    ramp = begun(v, (0.0, 0.0), to, lim)
+    scalar, total = sum(part.duration for part in solve(0.0, 0.0, hypot(*e), lim)), ramp.settles()
+    assert total == pytest.approx(scalar, rel=1e-9)
+    here = ramp.at(share * total)
+    gained = (here[0].velocity - v[0], here[1].velocity - v[1])
+    assert gained[0] * e[1] - gained[1] * e[0] == pytest.approx(0.0, abs=1e-9)
+    ramp.aim(to, share * total, lim)
+    assert ramp.settles() <= total + 1e-4 * (1 + total)
 
 
 @many
@@ -92,19 +92,8 @@ def test_turning_the_frame_changes_nothing(
 ) -> None:
     assume(hypot(to[0] - v[0], to[1] - v[1]) > 1e-6)
     there = turned(v, angle), turned(a, angle), turned(to, angle)
-    assert length(*there, lim) == pytest.approx(length(v, a, to, lim), rel=1e-4, abs=1e-4)
-
-
-@many
-@given(pair, pair, limits, st.floats(0.02, 0.98))
-def test_solving_again_on_a_straight_way_does_not_delay_the_arrival(
-    v: Pair, to: Pair, lim: Limits, share: float
-) -> None:
-    ramp = begun(v, (0.0, 0.0), to, lim)
-    total = ramp.settles()
-    assume(total > 1e-2)
-    ramp.aim(to, share * total, lim)
-    assert ramp.settles() <= total + 1e-4 * (1 + total)
+    expected = begun(v, a, to, lim).settles()
+    assert begun(*there, lim).settles() == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
 @many
@@ -137,16 +126,3 @@ def test_other_limits_count_from_when_they_are_given(
     if ramp.settles() > when:
         assert norm(ramp, (when + ramp.settles()) / 2, "jerk") <= other.jerk * (1 + 1e-9)
     assert (ramp.target, ramp.limits) == (then, lim)
-
-
-@many
-@given(pair, pair, pair, limits, st.floats(0.0, 5.0), st.floats(1e-3, 0.05))
-def test_position_is_what_the_velocity_adds_up_to(
-    v: Pair, a: Pair, to: Pair, lim: Limits, later: float, dt: float
-) -> None:
-    """By Simpson's rule over a short time."""
-    ramp = begun(v, a, to, lim)
-    begin, middle, end = (ramp.at(later + share * dt) for share in (0.0, 0.5, 1.0))
-    for b, m, e in zip(begin, middle, end, strict=True):
-        mean = (b.velocity + 4 * m.velocity + e.velocity) / 6
-        assert e.position - b.position == pytest.approx(mean * dt, abs=lim.jerk * dt**3)

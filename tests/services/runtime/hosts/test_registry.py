@@ -67,7 +67,7 @@ def test_a_ground_station_may_be_the_pilot_in_place_of_the_gamepad() -> None:
     assert set(simulated) ^ set(ros2) == {"gamepad", "ros2"}
     assert who_flies(Choices(stack="ros2"), ros2).name == "ros2"
     cockpit = Registry.read("cockpit")
-    picture = {"camera", "camera_monitor"}
+    picture = {"camera"}
     assert set(simulated) ^ set(cockpit) == {"gamepad", "cockpit"} | picture
     cockpit.require_whole()
     with pytest.raises(LindyError, match="a browser flies in the stack cockpit"):
@@ -124,7 +124,7 @@ def test_a_cockpit_has_a_picture_where_there_can_be_one_and_else_says_why(
     said = capsys.readouterr().out
     assert said.count("\n") == bool(sentence)
     assert said.startswith(sentence)
-    left_out = {"camera", "camera_monitor"} if sentence else set[str]()
+    left_out = {"camera"} if sentence else set[str]()
     assert set(flown) == set(whole) - left_out
     flown.require_whole()
 

@@ -1,4 +1,5 @@
-"""The account of the pictures that arrive. Pure: time is an argument."""
+"""How old the picture of each camera is when it is whole, stage by stage, and what the link lets
+through of it. Pure: time is an argument."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -8,11 +9,8 @@ from messages.events import Outbox
 from messages.link import Stage
 from messages.units import Ns
 from messages.video import HEADERS, PICTURE_STAGES, PictureAge, UnitStream, VideoPart
-from services.vehicle_view import ages
 
 TOTAL = "light to picture"
-OLD_MS = ages.STATE.grey_ns / 1e6  # [ms] an older picture is said to be old, as on the page
-SMALL_OLD_MS = ages.PICTURE.gone_ns / 1e6  # [ms] … of a small one
 MOST_KBIT = 1e6  # [kbit/s] parts that arrive at one instant
 MOST_MISSING = 1000  # messages: a greater gap is a sender that began anew
 
@@ -38,17 +36,15 @@ class _Period:
 
 
 class PictureAccount:
-    """Of one camera."""
+    """The pictures of one camera."""
 
-    def __init__(self, outbox: Outbox, carried: Carried | None = None, called: str = "") -> None:
+    def __init__(self, outbox: Outbox, carried: Carried | None = None) -> None:
         """
         Args:
             carried: shared by the accounts of all cameras.
-            called: the camera, before every word about its picture; empty: there is one only.
         """
         self._outbox = outbox
         self._carried = Carried() if carried is None else carried
-        self._called = called
         self._units = UnitStream()
         self._period = _Period()
         self._began_ns: Ns = 0  # [ns] of the period
@@ -56,6 +52,11 @@ class PictureAccount:
         self._seq: int | None = None
         self._newest: int | None = None
         self._picture: VideoPart | None = None  # newest picture that can be decoded
+
+    @property
+    def begun(self) -> bool:
+        """Has anything arrived?"""
+        return self._newest is not None
 
     @property
     def broken(self) -> bool:
@@ -76,13 +77,8 @@ class PictureAccount:
         self._period.stages.append(tuple(_ms(begin, end) for begin, end in pairwise(times)))
         self._period.totals.append(_ms(about.stamp_ns, now))
 
-    def report(self, now: Ns, *, small: bool = False, roomless: bool = False) -> PictureAge:
-        """What happened since the last report; a new period begins.
-
-        Args:
-            small: the picture is a small one, which may be a slide show.
-            roomless: the camera sends nothing because the link has no room for it.
-        """
+    def report(self, now: Ns) -> PictureAge:
+        """What happened since the last report; a new period begins."""
         period, self._period = self._period, _Period()
         seconds = max((now - self._began_ns) / 1e9, 1e-3)
         self._began_ns = now
@@ -107,21 +103,7 @@ class PictureAccount:
             lost=period.missing / expected if expected else 0.0,
             newest=self._newest,
             keyframe_wanted=self.broken,
-            words=self._words(age, small=small, roomless=roomless),
         )
-
-    def _words(self, age: float | None, *, small: bool, roomless: bool) -> str:
-        words, oldest = "", SMALL_OLD_MS if small else OLD_MS
-        if roomless:
-            words = "the link has no room for its picture"
-        elif self._picture is None or age is None:
-            arrived = self._newest is not None
-            words = "no picture could be decoded" if arrived else "no picture has arrived"
-        elif age > oldest:
-            why = ", and no newer one can be decoded" if self.broken else ""
-            least = "" if self._picture.exact else "at least "
-            words = f"the picture is {least}{age / 1e3:.1f} s old{why}"
-        return f"{self._called}: {words}" if words and self._called else words
 
     def _measure(self, part: VideoPart, now: Ns) -> None:
         period = self._period

@@ -1,8 +1,10 @@
-"""Where the drone is, has been and began, for the page's map: as its state says. It is shown only:
-nothing flies by it. Pure.
+"""What a page shows of the past. Pure.
 
-Every place belongs to an origin. Where estimation begins anew at another one, home and the track of
-the one before are not shown: they would lie.
+For its map: where the drone is, has been and began, as its state says. It is shown only: nothing
+flies by it. Every place belongs to an origin. Where estimation begins anew at another one, home and
+the track of the one before are not shown: they would lie.
+
+And how long the dive has gone on, and how long the battery lasts.
 """
 
 from collections import deque
@@ -13,8 +15,10 @@ import msgspec
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.units import Ns
+from messages.vehicle import VehicleStatus
 
 Pair = tuple[float, float]
 
@@ -23,6 +27,9 @@ MOST = 1000  # points; with more of them they are twice as far apart
 REMEMBERED_NS = 3_600_000_000_000  # [ns] of the track
 JUMP = 2.0  # [m] further than the drone moves in a step, beyond its spread: the line is broken
 MEASURED_ON, RECKONED_ON, BEGINS = 0, 1, 2  # how a point of the track follows the one before
+SPAN_NS = 180_000_000_000  # [ns] of the past by which the battery's use is judged
+LEAST_NS = 30_000_000_000  # [ns] of it, before anything is said
+LONGEST_MIN = 600.0  # [min] more is not said: the drone hardly uses anything
 
 
 class Position(msgspec.Struct, frozen=True, array_like=True):
@@ -122,3 +129,49 @@ def current(state: VehicleState | None) -> Pair | None:
     if not (state.current_north.valid and state.current_east.valid):
         return None
     return round(state.current_north.value, 2), round(state.current_east.value, 2)
+
+
+@dataclass(slots=True)
+class DiveTimer:
+    """Since the drone was first seen armed."""
+
+    began_ns: Ns | None = None
+
+    def heard(self, status: VehicleStatus, now: Ns) -> None:
+        if status.armed and self.began_ns is None:
+            self.began_ns = now
+
+    def seconds(self, now: Ns) -> float | None:
+        """[s]"""
+        return None if self.began_ns is None else round((now - self.began_ns) / 1e9)
+
+
+@dataclass(slots=True)
+class Endurance:
+    """How long the battery lasts at the mean power of the last minutes."""
+
+    _used: deque[tuple[Ns, float]] = field(default_factory=deque[tuple[Ns, float]])  # [ns], [Wh]
+
+    def heard(self, battery: BatterySample | None) -> None:
+        """The newest sample, as often as anybody likes."""
+        used = self._used
+        if battery is None or battery.used_wh is None:
+            return
+        if used and battery.stamp_ns == used[-1][0]:
+            return
+        if used and (battery.stamp_ns < used[-1][0] or battery.used_wh < used[-1][1]):
+            used.clear()  # another battery, or another clock
+        used.append((battery.stamp_ns, battery.used_wh))
+        while used[0][0] < battery.stamp_ns - SPAN_NS:
+            used.popleft()
+
+    def minutes(self, battery: BatterySample | None) -> float | None:
+        """[min] None: not known, because its capacity is not, or the past is too short."""
+        if battery is None or battery.charge is None or battery.capacity_wh is None:
+            return None
+        (began_ns, before), (ends_ns, after) = self._used[0], self._used[-1]
+        if ends_ns < began_ns + LEAST_NS or after <= before:
+            return None
+        left = max(0.0, battery.charge) * battery.capacity_wh  # [Wh]
+        minutes = left * (ends_ns - began_ns) / 60e9 / (after - before)
+        return round(minutes) if minutes <= LONGEST_MIN else None

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from messages.events import Outbox
 from messages.units import Ns
 from messages.video import HEADERS, PICTURE_STAGES, Assembler, VideoPart
-from services.camera_monitor.core import Carried, PictureAccount
+from services.link_monitor.picture_account import Carried, PictureAccount
 
 MS, S = 1_000_000, 1_000_000_000
 
@@ -69,17 +69,15 @@ def test_the_stages_add_up_to_the_age() -> None:
     assert [stage.p50_ms for stage in said.stages] == [3.0, 2.0, 19.0]
     assert said.total.p50_ms == sum(stage.p50_ms for stage in said.stages)
     assert said.age_ms == 160.0
-    assert said.words == ""
 
 
-def test_the_age_grows_while_nothing_arrives_and_is_said() -> None:
+def test_the_age_grows_while_nothing_arrives() -> None:
     account = PictureAccount(Outbox())
-    assert account.report(0).words == "no picture has arrived"
+    assert not account.begun
     arrive(account, parts(1), 50 * MS)
     ages = [account.report(k * S).age_ms or 0.0 for k in range(1, 5)]
     assert ages == sorted(ages)
     assert ages[-1] - ages[0] == 3000.0
-    assert account.report(5 * S).words.startswith("the picture is 5.0 s old")
 
 
 @pytest.mark.parametrize("kbit", [100.0, 1000.0, 20_000.0])
@@ -117,22 +115,3 @@ def test_the_pace_of_two_cameras_is_that_of_the_link(order: list[str], ms: float
     pace = (1000 + HEADERS) * 8e6 / apart  # [kbit/s]
     for account in accounts.values():
         assert account.report(now).room_kbit == pytest.approx(pace)
-
-
-@pytest.mark.parametrize(
-    ("age_ms", "small", "roomless", "words"),
-    [
-        (900, False, False, "down camera: the picture is 0.9 s old"),
-        (900, True, False, ""),  # a slide show
-        (3200, True, False, "down camera: the picture is 3.2 s old"),
-        (3200, True, True, "down camera: the link has no room for its picture"),
-    ],
-)
-def test_words_name_the_camera_and_a_small_picture_may_be_older(
-    age_ms: int, small: bool, roomless: bool, words: str
-) -> None:
-    account = PictureAccount(Outbox(), called="down camera")
-    arrive(account, parts(1), S)
-    light = parts(1)[0].stamp_ns
-    said = account.report(light + age_ms * MS, small=small, roomless=roomless)
-    assert said.words == words
