@@ -70,12 +70,15 @@ GROUPS: dict[str, dict[str, Verb]] = {
     },
     "Drones and links": {
         "drones": Verb("fleet.drones:drones", "List the drones that can be reached."),
-        "keys": Verb("keys.command:keys", "Keys by which drone and pilot recognise each other."),
+        "keys": Verb(
+            "keys.command:keys",
+            "Make and revoke the keys by which drone and pilot know each other.",
+        ),
         "top": Verb("topic.top:top", "Show what each service costs, and how late it is."),
         "topic": Verb(
             "topic.command:topic", "List the streams of a dive; show, time and weigh them."
         ),
-        "link": Verb("link:link", "The tether: show its model offline, change a running link."),
+        "link": Verb("link:link", "Show the model of the tether, or change a running link."),
     },
     "Recordings": {
         "review": Verb(
@@ -107,7 +110,10 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "path": Verb("path:path", "Print a path (JSON), or the reference along it (CSV)."),
         "profile": Verb("path:profile", "Print one motion of the reference model."),
         "ramp": Verb("ramp:ramp", "Turn a stick log into a smooth reference (CSV)."),
-        "figures": Verb(f"{RESEARCH}.papers.command:figures", "Draw the two papers' figures."),
+        "figures": Verb(
+            f"{RESEARCH}.papers.command:figures",
+            "Draw the figures of two papers, and check their numbers.",
+        ),
         "bench": Verb(f"{RESEARCH}.bench:bench", "Compare speed with other implementations."),
     },
     "This program": {
@@ -122,17 +128,22 @@ GROUPS: dict[str, dict[str, Verb]] = {
 }
 VERBS = {name: verb for group in GROUPS.values() for name, verb in group.items()}
 LOG: dict[str, Verb] = {
-    "info": Verb("log.info:info", "What a recording is of, and what is in it."),
-    "check": Verb("log.check:check", "Is everything in it that was sent, and what was lost where?"),
+    "info": Verb("log.info:info", "Print what a recording is of, and what is in it."),
+    "check": Verb(
+        "log.check:check",
+        "Check that everything that was sent is in it; print what was lost where.",
+    ),
     "cut": Verb("log.cut:cut", "Cut a part out, as a recording of its own."),
     "recover": Verb("log.cut:recover", "Save what can be read of a damaged recording."),
     "export": Verb(
         "log.export:export",
         "Write tables, a bag of ROS 2, a stick log, a link's trace, or rerun's file.",
     ),
-    "compare": Verb("log.compare:compare", "What differs between two recordings, when first."),
-    "film": Verb("log.film:film", "The pictures as a film with subtitles (MP4)."),
-    "snapshots": Verb("log.snapshots:snapshots", "The pictures that the pilot took (JPEG)."),
+    "compare": Verb(
+        "log.compare:compare", "Print what differs between two recordings, and when first."
+    ),
+    "film": Verb("log.film:film", "Write the pictures as a film with subtitles (MP4)."),
+    "snapshots": Verb("log.snapshots:snapshots", "Write the pictures that the pilot took (JPEG)."),
 }
 
 

@@ -105,7 +105,7 @@ class Choices:
     )
     seconds: Annotated[
         float | None,
-        Parameter(help="end at the latest so long after arming; a script ends it sooner"),
+        Parameter(help="end this long after arming at the latest; a script ends it sooner"),
     ] = None
     out: Annotated[
         Path | None,

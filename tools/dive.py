@@ -38,7 +38,7 @@ def dive(
 ) -> int:
     """Fly a dive on this machine: every service, record and report.
 
-    Exit status 3: done, but data or a service was lost.
+    Exit status 3: data was lost, or a service did not work for a while.
 
     Example: lindy dive --pilot script:first_dive --link remote --out dives/first
              lindy dive --stack real --set driver.port=/dev/ttyACM0

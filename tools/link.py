@@ -17,7 +17,7 @@ MOST_MESSAGES = 5_000_000
 
 link = App(
     name="link",
-    help="The tether: show its model offline, change a running link.",
+    help="Show the model of the tether, or change a running link.",
 )
 
 
@@ -31,7 +31,7 @@ def show(
     seed: Annotated[Whole, Parameter(help="of everything random; what `dive --seed` means")] = 0,
     direction: Literal["down", "up"] = "down",
 ) -> int:
-    """What the link would do to a stream of messages, as CSV: seq,sent_s,arrived_s,reason.
+    """Print what the link would do to a stream of messages: seq,sent_s,arrived_s,reason.
 
     A lost message has a reason and no arrival; a copy has the same seq once more; a damaged one
     arrives, with the reason damaged. The same seed gives the same lines.

@@ -66,8 +66,8 @@ def simulate(
 ) -> int:
     """Fly a dive on virtual time, as fast as possible.
 
-    The same dive as `lindy dive`, with the same files. Exit status 3: done, but data or a service
-    was lost.
+    It is the same dive as that of `lindy dive`, with the same files. Exit status 3: data was lost,
+    or a service did not work for a while.
 
     Example: lindy simulate --seed 7 --set control.depth.kp=3 --out dives/simulated
              lindy simulate --no-files --link severe

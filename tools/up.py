@@ -68,7 +68,7 @@ def up(
     The other side runs on another. Start the drone first. Each side has its own clock; the clock
     offset is measured. By default both connect on this machine. Between machines both need keys:
     see `lindy keys`. A topside without --name takes the one drone that can be reached. Exit status
-    3: done, but data or a service was lost.
+    3: data was lost, or a service did not work for a while.
 
     Example: lindy up drone --listen tls/192.168.2.2:7447
              lindy up topside --connect tls/192.168.2.2:7447

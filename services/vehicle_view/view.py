@@ -130,7 +130,8 @@ def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
         "heading_deg": None if status.heading is UNSET else bearing(status.heading),
     }
     if ages.old(ages.STATUS, status.stamp_ns, now):
-        return known | {"silent_s": round((now - status.stamp_ns) / 1e9, 1)}
+        silent_s = round((now - status.stamp_ns) / 1e9, 1)
+        return known | {"silent_s": silent_s, "next_s": _seconds(now, status.next_ns)}
     return known | {
         "flight_mode": status.flight_mode,
         "light": round(status.light, 3),

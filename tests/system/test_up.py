@@ -84,7 +84,7 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
     assert abs(report["stops"][0]["t"] - 2.0) < 0.5
     assert report["latency_ms"]["stick_to_thruster"]["p50"] > 0.0
     assert report["link"] == endpoint
-    ends = "supervisor_drone: the drone's side ends, because it was asked to on board"
+    ends = "supervisor_drone: somebody on board ended the drone's side"
     for line in (
         ends,
         "ended cleanly",
@@ -136,7 +136,7 @@ def test_the_topside_says_what_was_restarted_and_where_the_report_is(tmp_path: P
     assert "ended; the drone was never heard, " in topside.said
     assert f"topside of {own_name('pioneer', gethostname())}, ended" in topside.said
     assert "restarted         hub_topside 1 × and link_monitor 1 ×" in lines
-    heard = "what was heard here; all that never crosses, and report.json, are on the drone"
+    heard = "what arrived here; the whole recording and report.json are on the drone"
     assert f"recorded          {heard}" in lines
     assert is_whole(topside.out / "dive.mcap")
 

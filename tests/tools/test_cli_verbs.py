@@ -38,7 +38,10 @@ def script(tmp_path: Path) -> str:
         (["--vehicle", "pionear"], "did you mean 'pioneer'?"),
         (["--link", "tehter"], "did you mean 'tether'?"),
         (["--set", "control.depht.kp=3"], "did you mean 'depth'?"),
-        (["--set", "control.depth.kp=-3"], "control.depth.kp=-3: expected float >= 0.0, found -3"),
+        (
+            ["--set", "control.depth.kp=-3"],
+            "control.depth.kp=-3: expected a number >= 0.0, found -3",
+        ),
         (["--set", "contrl.depth.kp=3"], "did you mean 'control'?"),
         (
             ["--set", "link.up.delay_ms=3"],

@@ -50,8 +50,8 @@ def doctor(
 ) -> int:
     """Check a vehicle file, its ArduSub board and its instruments.
 
-    Before anything is flown; board and instruments only where the file names them. A line for
-    everything that was looked at: ok, change or missing. The exit status is 0 where all fits, else
+    Run it before you fly. It checks board and instruments only where the file names them, and
+    prints a line for each thing: ok, change or missing. The exit status is 0 where all fits, else
     1. It arms nothing, moves nothing and sets no parameter. Only one program can use an endpoint:
     stop the dive before running the doctor.
 

@@ -24,8 +24,9 @@ def fly(
 ) -> int:
     """Start the topside for one of several drones.
 
-    DRONE is its name, which `lindy drones` lists. As `lindy up topside --router ENDPOINT --name
-    DRONE`, which also waits for the drone. Exit status 3: done, but data or a service was lost.
+    `lindy drones` lists the names. `lindy up topside --router ENDPOINT --name DRONE` does the same,
+    and also waits for the drone. Exit status 3: data was lost, or a service did not work for a
+    while.
 
     Example: lindy fly rov2 --router tls/192.168.2.1:7447
     """

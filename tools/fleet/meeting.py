@@ -132,8 +132,8 @@ def drone_at(endpoint: str, own: str, keys: KeyFiles | None) -> str:
             return own
         if not said:
             print(
-                f"no drone can be reached at {endpoint} yet: waits for one (with --name it is not "
-                f"waited for)",
+                f"no drone answers at {endpoint} yet: waiting for one; with --name the topside "
+                f"starts without it",
                 flush=True,
             )
             said = True

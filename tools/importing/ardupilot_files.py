@@ -18,6 +18,7 @@ from services.runtime.config.errors import LindyError
 from tools.importing.log_file import (
     DATAFLASH,
     EARLIEST_NS,
+    EMPTY,
     LogFile,
     LogRow,
     LogSource,
@@ -117,7 +118,7 @@ class DataflashFile(LogFile):
             at = end = at + form.len
         if skipped:
             self.say(f"{skipped} bytes of it are no message and are left out")
-        if (left := len(data[end:].rstrip(b"\0"))) > SLACK:
+        if (left := len(data[end:].rstrip(EMPTY))) > SLACK:
             self.say(f"its last {left} bytes are no whole message: it was cut off")
 
     def _is_followed(self, end: int) -> bool:
@@ -245,7 +246,7 @@ class TlogFile(LogFile):
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
         waiting: list[LogRow] = []  # for a message that says how long the board runs
-        for found in self._packets(Counter()):
+        for found in self._in_time(self._packets(Counter())):
             if found.name in wanted and self._is_taken(found.system, found.name):
                 fields = self._codec.decode(bytearray(found.data))
                 row = LogRow(found.name, fields, found.at_us * 1000)
@@ -255,6 +256,20 @@ class TlogFile(LogFile):
                     yield from (_dated(each, row.arrival_ns, boot_ns) for each in waiting)
                     waiting = []
         yield from waiting
+
+    def _in_time(self, packets: Iterator[LoggedPacket]) -> Iterator[LoggedPacket]:
+        """One whose time is beyond those of the two beside it has that of the one before."""
+        before_us, wrong = None, 0
+        for found, after in pairwise(chain(packets, [None])):
+            assert found is not None
+            if before_us is not None and after is not None:
+                least, most = sorted((before_us, after.at_us))
+                if not least - APART_NS // 1000 <= found.at_us <= most + APART_NS // 1000:
+                    found, wrong = found._replace(at_us=before_us), wrong + 1
+            yield found
+            before_us = found.at_us
+        if wrong:
+            self.say(f"{wrong} of its times are damaged: those of the messages before them count")
 
     def _is_taken(self, system: int, name: str) -> bool:
         return (system == self._vehicle) != (name in FROM_OTHERS)
@@ -314,7 +329,7 @@ class TlogFile(LogFile):
             else:
                 damaged[name] += 1
             at, end = after + STAMP, after
-        damaged[""] += size - end
+        damaged[""] += len(data[end:].rstrip(EMPTY))
 
     def _has_checksum(self, packet: bytes, extra: int) -> bool:
         said = int.from_bytes(packet[-CHECKSUM:], "little")

@@ -78,8 +78,9 @@ class UlogFile(LogFile):
         if self._log.file_corruption:
             self.say("a part of it is damaged, and left out")
         if lost := sum(each.duration for each in self._log.dropouts):
-            times = len(self._log.dropouts)
-            self.say(f"its logger was too slow {times} times, for {lost / 1e3:.2f} s")
+            drops = len(self._log.dropouts)
+            often = "once" if drops == 1 else f"{drops} times"
+            self.say(f"its logger was too slow {often}, and lost {lost / 1e3:.2f} s")
         kinds = self._topics.get("vehicle_status", {}).get("system_type", np.zeros(0))
         kind = kinds[-1] if len(kinds) else self._log.initial_parameters.get("MAV_TYPE")
         if kind is not None:
@@ -153,7 +154,10 @@ class TableFile(LogFile):
             columns: dict[str, Any] = {name: self._column(name) for name in named}
             if not np.all(whole):
                 lost = np.count_nonzero(~whole)
-                self.say(f"{lost} rows of {self.path.name} have no time")
+                has, is_ = (
+                    ("row", "has no time and is") if lost == 1 else ("rows", "have no time and are")
+                )
+                self.say(f"{lost} {has} of {self.path.name} {is_} left out")
                 columns = {name: column.filter(whole) for name, column in columns.items()}
                 at_ns = at_ns[whole]
             back = np.flatnonzero(np.diff(at_ns) < -BACK_NS)
@@ -186,6 +190,12 @@ class TableFile(LogFile):
         column: Any = self._column(taken.stamp)
         kind = str(column.type)
         is_date = kind.startswith("timestamp")
+        if not is_date and not kind.startswith(NUMBERS) and kind != "null":
+            raise LindyError(
+                f"{self.path}: {taken.stamp}, the time at {taken.where} in the map, is {column[0]} "
+                f"in its first row, which is neither a number nor a date and time such as "
+                f"2024-05-01T09:30:00.123"
+            )
         if is_date != (taken.stamp_unit == "date"):
             what = 'dates; write stamp_unit = "date"' if is_date else "no dates; write its unit"
             raise LindyError(f"{self.path}: {taken.stamp} has {what} at {taken.where} in the map")

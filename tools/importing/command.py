@@ -147,7 +147,9 @@ def import_log(
     /,
     *more: Annotated[
         Path,
-        Parameter(converter=named, help="of the same format and dive, by the same clock"),
+        Parameter(
+            converter=named, help="further files of the same format and dive, by the same clock"
+        ),
     ],
     map_: Annotated[
         str | None,

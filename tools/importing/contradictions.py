@@ -33,11 +33,11 @@ class Oddity(msgspec.Struct, kw_only=True):
 
     @property
     def in_words(self) -> str:
-        """`sensor/imu: gap: 3, the first at 12.4 s, at most 0.8 s`"""
+        """`sensor/imu: gap: 3, the first at 12.4 s, the worst 0.8 s`"""
         before, _, unit = self.what.partition(" [")
         unit, _, after = unit.partition("]")
         times = f"{self.count}, the first at {self.first_s:.1f} s"
-        worst = "" if self.most is None else f", at most {self.most:g} {unit}".rstrip()
+        worst = f", the worst {self.most:g} {unit}".rstrip() if self.most else ""
         return f"{self.stream}: {before}{after}: {times}{worst}"
 
 

@@ -92,6 +92,7 @@ class Conversion:
             arrival = clock.arrival(row.arrival_ns, row.boot_ns)
             for stream in by_source[row.source]:
                 stream.hear(number, row.fields, arrival, clock.shifts)
+        set_ahead = clock.settle()
         for at_s, size in clock.set_at:
             way = "ahead" if size > 0.0 else "back"
             what = f"the logger's clock stepped {way} [s]; what follows was moved"
@@ -100,7 +101,7 @@ class Conversion:
         self.remarks = clock.remarks
         self._streams = [stream for several in by_source.values() for stream in several]
         for stream in self._streams:
-            stream.move(clock.moved_ns)
+            stream.move(clock.moved_ns, set_ahead)
         self._first_ns = (clock.first_ns or 0) + clock.moved_ns
         with np.errstate(over="ignore", invalid="ignore"):  # of numbers that cannot be
             sensors = SensorsHeard(self._streams, mounted)
@@ -147,6 +148,8 @@ class Conversion:
             yield Imported(topic, message, sample.arrival_ns)
         if not self.counts:
             odd = ", ".join(f"{o.stream}: {o.what} ({o.count})" for o in self.oddities.all())
+            if any(stream.taken.only and not stream.rows for stream in self._streams):
+                odd = odd or "`only` in the map leaves out every row"
             raise LindyError(f"no row of it could be used: {odd or 'the map takes none of them'}")
 
     def _seconds(self, arrivals: Any) -> Floats:
@@ -173,7 +176,7 @@ class Conversion:
             unit = next(iter(QUANTITIES[known.quantity].units))
             values = stream.column(name)
             if known.required:
-                odd("rows without it, of another sensor", alive & ~there)
+                odd(f"rows without {name}, left out", alive & ~there)
             there = alive & there
             for column in stream.raw(name).T if field.curve else ():
                 beyond = (column < field.curve[0][0]) | (column > field.curve[-1][0])
@@ -273,7 +276,7 @@ def _message_fields(
             given |= {"actuated_ns": stamp, "sensor_ns": None, "pilot_ns": None}
             given |= {"stale": False, "power": 0.0}
         case topics.BATTERY.key if given.get("used_wh", 0.0) < 0.0:
-            odd("used_wh is negative [Wh], taken for 0", given["used_wh"])
+            odd("used_wh is negative [Wh], taken for 0", -given["used_wh"])
             given["used_wh"] = 0.0
         case _:
             pass

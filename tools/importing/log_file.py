@@ -31,11 +31,14 @@ KINDS = {  # how a file begins: what it is, and how its name ends
     PARQUET: ("a Parquet table", ".parquet"),
 }
 LONGEST_MAGIC = max(map(len, KINDS))  # [B]
-PAGE = 4096  # [B] more zeros behind the end are space that nothing was written to
+EMPTY = b"\0\xff"  # of a file that was made longer, and of flash memory
+PAGE = 4096  # [B] more of these behind the end are space that nothing was written to
 BLOCK = 1 << 20  # [B] that are looked at at once
 SUBMARINE = 12  # MAV_TYPE
 CHUNK = 10_000  # rows of columns that are Python's numbers at a time
-EARLIEST_NS = 946_684_800 * 10**9  # [ns] UTC, the year 2000; an earlier clock was never set
+EARLIEST_NS = (
+    978_307_200 * 10**9
+)  # [ns] UTC, the year 2001; a clock that was never set may begin in 2000
 LATEST_NS = 4_102_444_800 * 10**9  # [ns] UTC, the year 2100; a later one is damaged
 BY_FILE = (
     "its clock was never set: without a GPS or a network it only counts from a start; its end is "
@@ -142,13 +145,13 @@ class LogFile(ABC):
         """
 
     def own_part(self, magic: bytes, kind: str, zeros: int = 0) -> Path:
-        """The file; where something else is before its beginning or only zeros are behind its end,
-        a copy without them.
+        """The file; where something else is before its beginning or only empty space is behind its
+        end, a copy without them.
 
         Args:
             magic: how it begins.
             kind: of file, for the error.
-            zeros: [B] with which a message may end.
+            zeros: [B] of empty space with which a message may end.
 
         Raises:
             LindyError: it is empty, or there is no beginning of this kind in it.
@@ -161,7 +164,7 @@ class LogFile(ABC):
                 beginning = bytes(data[:LONGEST_MAGIC])
                 other = other_kind(beginning, but=magic)
                 begin = -1 if other else data.find(magic)
-                end = content_end(data)
+                end, last = content_end(data), data[-1]
             if begin < 0:
                 why = other or f"it begins with {beginning[: len(magic)]!r}"
                 raise LindyError(f"{self.path} is not {kind}: {why}")
@@ -170,7 +173,8 @@ class LogFile(ABC):
             if begin:
                 self.say(f"{begin} bytes before its beginning are left out")
             if size - end > PAGE:
-                self.say(f"{size - end} bytes of zeros behind its end are left out")
+                what = "0xFF" if last else "zeros"
+                self.say(f"{size - end} bytes of {what} behind its end are left out")
             folder = mkdtemp(prefix="lindy-")
             finalize(self, rmtree, folder, ignore_errors=True)
             copy = Path(folder) / self.path.name
@@ -210,11 +214,11 @@ class LogFile(ABC):
 
 
 def content_end(data: Any) -> int:
-    """[B] Where the bytes end behind which there are only zeros."""
+    """[B] Where the bytes end behind which there is only empty space."""
     end = len(data)
     while end:
         begin = max(0, end - BLOCK)
-        if rest := data[begin:end].rstrip(b"\0"):
+        if rest := data[begin:end].rstrip(EMPTY):
             return begin + len(rest)
         end = begin
     return 0

@@ -3,9 +3,11 @@ recordings (.mcap) of other programs with messages of ROS 1, of ROS 2 (CDR) and 
 library rosbags. A topic that cannot be read is left out, which is said."""
 
 import json
+import re
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -15,6 +17,7 @@ from mcap.records import Channel, Metadata, Schema
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import MCAP, ROSBAG, LogFile, LogRow, LogSource, Wanted, library
+from tools.importing.streams import STEP_NS
 from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
 
 METADATA = "metadata.yaml"
@@ -101,7 +104,7 @@ class RosbagFile(TopicsLog):
             ]
             last_ns = 0
             try:
-                for each, at_ns, data in reader.messages(known):
+                for each, at_ns, data in _as_written(reader, known):
                     yield from self._decoded(topics[each.id], data, at_ns)
                     last_ns = at_ns
             except Exception as error:  # of whatever kind: rosbags does not say
@@ -122,11 +125,10 @@ class RosbagFile(TopicsLog):
         except LindyError:
             raise
         except Exception as error:  # of whatever kind: where bytes are wrong, rosbags does not say
-            why = (str(error) or "a record cannot be read").rstrip(".")
+            said = str(error) or "a record cannot be read"
+            why = re.sub(r"\('(.*?)',?\)", r"\1", said).rstrip(".")
             raise LindyError(
-                f"{self.path} is damaged or was not finished: {why}; `rosbag reindex` or "
-                f"`ros2 bag reindex` mends what can be read, and a .mcap file of a bag can be "
-                f"imported by itself"
+                f"{self.path} is damaged or was not finished: {why}; {_cure(self.path)}"
             ) from None
 
 
@@ -169,6 +171,32 @@ class McapLog(TopicsLog):
         for found in records(self._own):
             if isinstance(found, StoredMessage) and found.channel_id in taken:
                 yield from self._decoded(taken[found.channel_id], found.data, found.log_ns)
+
+
+def _cure(path: Path) -> str:
+    """What helps with a damaged bag."""
+    if path.suffix == ".bag":
+        return "`rosbag reindex` mends what can be read"
+    if path.suffix == ".db3":
+        return f"`sqlite3 {path.name} .recover | sqlite3 new.db3` saves what can be read"
+    return "`ros2 bag reindex` mends its metadata; or name one .db3 or .mcap file of it"
+
+
+def _as_written(reader: Any, connections: list[Any]) -> Iterator[tuple[Any, Ns, bytes]]:
+    """Messages by their times; of a bag of ROS 1 whose clock was set back, in the order of the
+    file, as the times of a topic tell."""
+    indexes: dict[int, list[Any]] = getattr(reader, "indexes", {})
+    found = [sorted(indexes.get(each.id, []), key=_place) for each in connections]
+    pairs = chain.from_iterable(pairwise(each) for each in found)
+    if not any(later.time < before.time - STEP_NS for before, later in pairs):
+        return reader.messages(connections)
+    first = connections[0]  # its index may hold those of all: each message says whose it is
+    indexes[first.id] = sorted(chain.from_iterable(found), key=_place)
+    return reader.messages([first])
+
+
+def _place(entry: Any) -> tuple[int, int]:
+    return entry.chunk_pos, entry.offset
 
 
 def _topic(connection: Any) -> TypedTopic:
@@ -219,8 +247,10 @@ def decoder(topic: TypedTopic) -> Decode:
             store.register(_types(topic, typesys))
             store.get_msgdef(kind)
         except KeyError as error:
-            part = f"{error.args[0]}, a part of its type," if error.args[0] != kind else "its type"
-            why.append(f"{part} is not in the log")
+            name = str(error.args[0])
+            part = f"{name}, a part of its type," if name != kind else "its type"
+            is_wide = name.endswith("/wstring")
+            why.append("its type has wstring" if is_wide else f"{part} is not in the log")
         except Exception as error:  # of whatever kind: rosbags does not say
             why.append(f"its type cannot be read: {_first_line(error)}")
         else:
@@ -237,8 +267,9 @@ def _types(topic: TypedTopic, typesys: Any) -> dict[str, Any]:
             is_first = not topic.words.startswith(BETWEEN_IDL)
             found |= typesys.get_types_from_idl(words if is_first else words.partition("\n")[2])
         return found
-    # A log that did not find the words of a type has none.
-    return typesys.get_types_from_msg(topic.words, topic.kind) if topic.words.strip() else {}
+    # A log that did not find the words of a type has none; some are written on Windows.
+    words = topic.words.replace("\r\n", "\n")
+    return typesys.get_types_from_msg(words, topic.kind) if words.strip() else {}
 
 
 def _first_line(error: Exception) -> str:

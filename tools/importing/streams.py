@@ -36,6 +36,8 @@ SHORTEST_NS = S // 2  # [ns] a clock that went on for less is a damaged time
 BIN_NS = 5 * S  # [ns] of the least delays, one is kept
 PACE_NS = S  # [ns] shorter logs tell none
 SET = "its clock was set while it was written: all times are by the clock that is latest"
+AHEAD_NS = S // 2  # [ns] by which a clock is set ahead; less is as late as a link is
+NEAR = 2_000  # rows of which the least delay is that of a time
 RESTART_NS = S  # [ns] a stamp that goes back by more is of a board that started again
 
 
@@ -56,7 +58,9 @@ class LoggerClock:
         self.set_at: list[tuple[float, float]] = []  # [s] when, and how far
         self._spans: list[list[Ns]] = []  # [ns] arrivals at each of them, the first and the last
         self._boot: tuple[Ns, Ns] | None = None  # [ns] of a board, and arrival
+        self._boots, self._arrivals = array("q"), array("q")  # [ns] all of these
         self._period: Ns = 0  # [ns] between rows; longer than a step, it does not tell
+        self._ahead: Ns = 0  # [ns] as `settle` found
         self._began, self._changed = began_ns, changed_ns
 
     def arrival(self, said: Ns, boot_ns: Ns | None = None) -> Ns:
@@ -87,7 +91,35 @@ class LoggerClock:
         self.last_ns = self._spans[-1][1] = max(self.last_ns, at)
         if boot_ns is not None:
             self._boot = boot_ns, self.last_ns
+            self._boots.append(boot_ns)
+            self._arrivals.append(self.last_ns)
         return self.last_ns
+
+    def settle(self) -> list[tuple[Ns, Ns]]:
+        """At the end: where the clock was set ahead by less than a pause may last. By the board's
+        clock nothing after that comes as early as before; after a delay of the link it does.
+
+        Returns:
+            From which arrival on, and how far [ns]; `moved` takes it back.
+        """
+        boots, arrivals = (np.frombuffer(each, np.int64) for each in (self._boots, self._arrivals))
+        found: list[tuple[Ns, Ns]] = []
+        if not len(boots):
+            return found
+        for piece in np.split(np.arange(len(boots)), np.flatnonzero(np.diff(boots) < 0) + 1):
+            late, at = arrivals[piece] - boots[piece], arrivals[piece]
+            ever = np.minimum.accumulate(late[::-1])[::-1]  # the least from here on
+            begin = 0
+            for k in np.flatnonzero(np.diff(late) > AHEAD_NS) + 1:
+                before = late[max(begin, k - NEAR) : k].min()
+                if ever[k] - before > AHEAD_NS and at[-1] - at[k] >= BIN_NS:
+                    size = int(late[k : k + NEAR].min() - before)
+                    found.append((int(at[k]), size))
+                    before_ns = int(at[k]) - size - self._ahead - int(arrivals[0])
+                    self.set_at.append((before_ns / 1e9, size / 1e9))
+                    self._ahead, begin = self._ahead + size, k
+        self.last_ns -= self._ahead
+        return found
 
     @property
     def moved_ns(self) -> Ns:
@@ -96,14 +128,17 @@ class LoggerClock:
             return 0
         if self._began is not None:
             return self._began - self.first_ns
-        return self._changed - self.last_ns if self._never_set else -min(self._lasting())
+        if self._never_set:
+            return self._changed - self.last_ns
+        return self._ahead - min(self._lasting())
 
     @property
     def remarks(self) -> list[str]:
         """What a reader of the recording should know of its times."""
         if self._began is not None or self.first_ns is None:
             return []
-        return [BY_FILE] if self._never_set else [SET] if min(self._lasting()) < 0 else []
+        is_set = self._ahead or min(self._lasting()) < 0
+        return [BY_FILE] if self._never_set else [SET] if is_set else []
 
     @property
     def _never_set(self) -> bool:
@@ -230,7 +265,7 @@ class LogStream:
             LindyError: the map does not fit: a field that is not there, a wrong clock.
         """
         try:
-            if any(take(fields) != value for take, value in self._only):
+            if not all(_is_same(take(fields), value) for take, value in self._only):
                 return
         except BlankError:
             return
@@ -321,10 +356,18 @@ class LogStream:
 
     # Afterwards.
 
-    def move(self, by_ns: Ns) -> None:
-        """Arrivals to UTC."""
+    def move(self, by_ns: Ns, set_ahead: Sequence[tuple[Ns, Ns]] = ()) -> None:
+        """Arrivals to UTC.
+
+        Args:
+            set_ahead: as `LoggerClock.settle` says.
+        """
+        arrivals = np.array(self.arrivals, np.int64)
+        by = np.full(len(arrivals), by_ns)
+        for since, size in set_ahead:
+            by[arrivals >= since] -= size
         for times in (self.arrivals, *([] if self.taken.clock == "board" else [self.stamps])):
-            times[:] = array("q", (np.frombuffer(times, np.int64) + by_ns).tobytes())
+            times[:] = array("q", (np.frombuffer(times, np.int64) + by).tobytes())
 
     def stamps_ns(self) -> Sequence[Ns]:
         """(n,) [ns] UTC by the logger's clock."""
@@ -368,6 +411,12 @@ class LogStream:
         forward, starboard, down = (_turned(world, to_world(q, axis)) for axis in body)
         pitch = -asin(max(-1.0, min(1.0, forward[2])))
         return atan2(starboard[2], down[2]), pitch, atan2(forward[1], forward[0])
+
+
+def _is_same(raw: Any, wanted: Any) -> bool:
+    """Also a word of a table that means it: `True` or `true`, 1 or "1"."""
+    words = [f"{each:g}" if isinstance(each, float) else str(each) for each in (raw, wanted)]
+    return bool(raw == wanted) or words[0].casefold() == words[1].casefold()
 
 
 def _word(raw: Any, field: FieldMap) -> str | bool:

@@ -16,6 +16,7 @@ from tools.importing.map_file import QUANTITIES, STAMP_UNITS
 
 ENCODINGS = {  # by how it begins; the longer first
     b"\xff\xfe\0\0": "utf-32-le",
+    b"\0\0\xfe\xff": "utf-32-be",
     b"\xef\xbb\xbf": "utf-8",
     b"\xff\xfe": "utf-16-le",
     b"\xfe\xff": "utf-16-be",
@@ -24,7 +25,8 @@ UTF8 = re.compile(rb"[\xc2-\xdf][\x80-\xbf]|[\xe0-\xef][\x80-\xbf]{2}")  # no te
 ZEROS = 3  # [B] with which a letter may end
 HEAD = 4  # [B] that tell the encoding, if any do
 AMOUNT = re.compile(r"[-+]?[.,]?\d")  # how a number or a date begins
-DELIMITERS = "\t;|, "  # blanks only where nothing else divides it
+DELIMITERS = "\t;|,^~\x1f "  # blanks only where nothing else divides it
+END = "\x1a"  # of a text as DOS marks it
 COMMENTS = ("#", "%", "//")
 BLANK = {"", "--.--", "-.-", "--", "null", "NULL", "None", "NA", "N/A"}  # no sample; NaN is odd
 TYPES = {"int", "int32", "int64", "float", "float32", "float64", "double", "str", "string", "bool"}
@@ -33,6 +35,7 @@ SAMPLE = 100  # lines by which the delimiter is found, and by which a torn numbe
 PART = 50_000  # rows that are Python's words at a time
 # As RE2 reads them.
 NUMBER = r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$|^[-+]?(?i:nan|inf|infinity)$"
+FORTRAN = r"^([-+]?[\d.]+)[dD]([-+]?\d+)$"  # 1.013D+05
 WHOLE = r"^[-+]?\d{1,18}$"
 DATE = r"^\d{4}-\d\d-\d\d([T ]\d\d:\d\d.*)?$"
 GROUPED = r"^[-+]?\d{1,3}([ '’\x{a0}\x{202f}]\d{3})+([.,]\d*)?$"  # 101 325,0 or 101'325.0
@@ -68,7 +71,8 @@ class TableText:
         if not self.lines:
             raise LindyError(f"{path} has no rows below its names of columns")
         if self._no_rows:
-            self._say(f"{len(self._no_rows)} lines are damaged, the first is {self._no_rows[0]}")
+            lines = "1 line is" if len(self._no_rows) == 1 else f"{len(self._no_rows)} lines are"
+            self._say(f"{lines} damaged and left out, the first is line {self._no_rows[0]}")
         self.words: Any = self._pa.concat_tables(parts, promote_options="default")
         self._comma = self._has_decimal_comma()
 
@@ -85,9 +89,10 @@ class TableText:
         if 2 * count > filled or not filled:
             if count < filled:
                 row = pc.index(is_number, False).as_py()
+                bad = filled - count
                 self._say(
                     f"{name} is {words[row].as_py()!r} in line {self.lines[row]}, which is no "
-                    f"number; {filled - count} cells of it are none"
+                    f"number; {bad} of its {filled} cells {'is' if bad == 1 else 'are'} none"
                 )
                 numbers = pc.if_else(is_number, numbers, "nan")
             is_whole = pc.all(pc.match_substring_regex(numbers, WHOLE)).as_py()
@@ -115,6 +120,7 @@ class TableText:
         else:
             without = pc.replace_substring(words, ",", "")
             words = pc.if_else(pc.match_substring_regex(words, THOUSANDS), without, words)
+        words = pc.replace_substring_regex(words, FORTRAN, r"\1e\2")
         return pc.replace_substring_regex(words, r"^\+", "")
 
     def _has_decimal_comma(self) -> bool:
@@ -140,7 +146,10 @@ class TableText:
                     self._say(f"line {line} has the names again: its logger began again")
                     yield self._columns(rows)
                     rows = []
-                self._names, is_below = _unique(cells), True
+                known = {name.casefold(): name for name in self._names}  # as first written
+                names = _unique(cells)
+                self._names = [known.get(name.casefold(), name) for name in names]
+                is_below = True
                 continue
             if not self._names or cells[0].startswith(COMMENTS):
                 continue
@@ -198,7 +207,7 @@ class TableText:
                 number += 1
                 zeros += (zero := line.count("\0"))
                 if not zero:
-                    yield line.replace("\ufeff", "")
+                    yield line.replace("\ufeff", "").rstrip(END)
                     continue
                 before, after = line.partition("\0")[0], line.rpartition("\0")[2]
                 yield before + "\0\n" if before.strip() else ""
@@ -209,10 +218,10 @@ class TableText:
             self._say(f"{zeros} zero bytes in it are left out")
 
     def _is_names_again(self, cells: Sequence[str]) -> bool:
-        bare = {*_bare(cells)} - {""}
+        bare = {cell.casefold() for cell in _bare(cells)} - {""}
         if any(map(AMOUNT.match, cells)):
             return False
-        return 2 * len(bare & {*self._names}) >= max(2, len(bare))
+        return 2 * len(bare & {*map(str.casefold, self._names)}) >= max(2, len(bare))
 
     def _is_torn(self, cells: Sequence[str]) -> bool:
         """The file ends in it without a line's end: it lacks cells, or its last one is shorter

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 TWO_YEARS = 730  # [days]
 Keys = Annotated[Path, Parameter(name="--keys", converter=named, help="the folder of the keys")]
-keys = App(name="keys", help="Keys by which drone and pilot recognise each other.")
+keys = App(name="keys", help="Make and revoke the keys by which drone and pilot know each other.")
 
 
 @keys.command

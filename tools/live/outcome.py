@@ -11,6 +11,7 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from messages import events, topics
+from messages.link import LatencyBudget
 from messages.text import harmless
 from messages.vehicle import VehicleStatus
 from services.recorder.io.parts import parts_in
@@ -49,10 +50,12 @@ class Outcome:
         self._health = HealthOfAll(joined=stack.apart)
         self._error: LindyError | None = None
         self._drone_heard = self._armed = False
+        self._lost_s = 0.0  # [s] in which the pilot saw nothing of the drone
 
     def listen(self, node: Node) -> None:
         """Keep the health of all services; the recorder does not receive its own."""
         node.each(topics.HEALTH, lambda health, _: self._health.add(health))
+        node.each(topics.LATENCY, self.see_latency)
 
     @contextmanager
     def of_the_dive(self) -> Generator[None]:
@@ -122,7 +125,8 @@ class Outcome:
         ]
         how = f"{side} of {self._stack.drone_name}, {ending(self.exit, troubles)}"
         files = written(folder)
-        print(unrecorded(how, restarts, self.gone, other, files, self.shared), flush=True)
+        text = unrecorded(how, restarts, self.gone, other, files, self.shared, self._lost_s)
+        print(text, flush=True)
         self._tell_insecure()
         self.complain()
         return _status(lost=self._was_away(restarts))
@@ -135,6 +139,10 @@ class Outcome:
         """A status of the drone has arrived."""
         self._drone_heard = True
         self._armed = self._armed or status.armed
+
+    def see_latency(self, latency: LatencyBudget, _: int) -> None:
+        """The link monitor has said how long nothing of the drone arrived."""
+        self._lost_s = latency.lost_s
 
     def _was_away(self, restarts: Mapping[str, int]) -> bool:
         """Was there a time in which a service did not work?"""

@@ -28,7 +28,7 @@ LOOK_HZ = 25.0  # [1/s] often enough that a port that keeps the newest 16 does n
 WHO = "end-of-dive"
 REFUSALS = 5  # of one request, until it is given up
 REMIND_S = 60.0  # [s] between two lines in the log that say that there are no keys
-ENDS = "the drone's side ends, because it was asked to on board: its services end now"
+ENDS = "somebody on board ended the drone's side: its services end now"
 ALIVE_S = 30.0  # [s] for all services to start, on a slow and busy computer
 
 

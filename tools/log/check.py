@@ -71,7 +71,7 @@ class Accounts(msgspec.Struct, kw_only=True):
 
 
 def check(recording: Path, /, *, json: Json = False) -> int:
-    """Is everything in it that was sent, and what was lost where?
+    """Check that everything that was sent is in it; print what was lost where.
 
     RECORDING is a dive's folder or its MCAP file. For every topic: sent, recorded, and lost.
     `link`: lost on the link; `thinned`: left out because the link is slow; `queue`: too many waited

@@ -71,7 +71,7 @@ class Differences(msgspec.Struct):
 
 
 def compare(a: Path, b: Path, /, *, json: Json = False) -> int:
-    """What differs between two recordings, when first.
+    """Print what differs between two recordings, and when first.
 
     And by how much, by stream and field. A and B are dives' folders or MCAP files, of one vehicle.
     Times are seconds since arming, or, where one was never armed, since the recording began. Exit

@@ -234,7 +234,7 @@ def film(
     ] = False,
     camera: Camera = "",
 ) -> int:
-    """The pictures as a film with subtitles (MP4).
+    """Write the pictures as a film with subtitles (MP4).
 
     RECORDING is a dive's folder or its MCAP file. Pictures are copied as they were sent, each at
     the time of its light; OUT's name with .srt has time, depth, heading, place and flight mode. A

@@ -130,7 +130,7 @@ class Gathered:
 
 
 def info(recording: Path, /, *, json: Json = False) -> int:
-    """What a recording is of, and what is in it.
+    """Print what a recording is of, and what is in it.
 
     Vehicle, versions, length, events, topics. RECORDING is a dive's folder or its MCAP file. Exit
     status 3: it is damaged or was not finished.

@@ -43,7 +43,7 @@ def snapshots(
     ] = (),
     camera: Camera = "",
 ) -> int:
-    """The pictures that the pilot took (JPEG).
+    """Write the pictures that the pilot took (JPEG).
 
     RECORDING is a dive's folder or its MCAP file. Each file is named by its time (UTC) and carries
     time, depth, heading and place in its EXIF fields. Of several cameras it is the one that was

@@ -59,9 +59,7 @@ def summary(
         delay = f"{stick.p50:.0f} ms, in 99 of 100 cases below {stick.p99:.0f} ms"
         rows.append(("stick to thruster", delay))
     rows += _pictures(report)
-    lost_s = report.budget_ms.lost_s
-    lost = f"; the pilot saw nothing of the drone for {lost_s:.1f} s" if lost_s else ""
-    rows.append(("link", f"{report.link}{lost}"))
+    rows.append(("link", "; ".join([report.link, *_lost(report.budget_ms.lost_s)])))
     hours = report.energy.endurance_h
     lasts = "" if hours is None else f"; a full battery lasts {hours:.1f} h like this"
     rows.append(("energy", f"{report.energy.wh:.2f} Wh{lasts}"))
@@ -82,6 +80,11 @@ def written(files: Sequence[Path]) -> list[tuple[str, str]]:
     if not files:
         return []
     return [("written", f"{', '.join(path.name for path in files)} in {files[0].parent}")]
+
+
+def _lost(seconds: float | None) -> list[str]:
+    """What a person lacked because of the link."""
+    return [f"the pilot saw nothing of the drone for {seconds:.1f} s"] if seconds else []
 
 
 def _pictures(report: Report) -> list[tuple[str, str]]:
@@ -177,11 +180,11 @@ def _losses(report: Report, kinds: int | None) -> list[tuple[str, str]]:
     ordered = sorted(times.items())
     rows = [_of_holes(report.holes)] if report.holes else []
     if not ordered and not rows:
-        return [("losses", "none")]
+        return [("events", "none")]
     rows += [f"{count} × {sentence}" for (_, _, sentence), count in ordered[:kinds]]
     if kinds is not None and (more := len(ordered) - kinds) > 0:
         rows.append(f"and {more} more kind{'s' * (more > 1)}, see report.json")
-    return _labelled("losses", rows)
+    return _labelled("events", rows)
 
 
 def _of_holes(found: list[Hole]) -> str:
@@ -217,9 +220,10 @@ def unrecorded(
     other: str,
     files: Sequence[Path],
     shared: Mapping[str, str] | None = None,
+    lost_s: float = 0.0,
 ) -> str:
     """Of a dive on the machine without a report, whose recorder heard only what crossed the link:
-    but only its own supervisor knows its restarts. At most six lines.
+    but only its own supervisor knows its restarts. At most seven lines.
 
     Args:
         how: the side, the vehicle and how the dive ended.
@@ -228,17 +232,17 @@ def unrecorded(
         other: the side that has the report.
         files: files that were written here, such as the viewer's.
         shared: the process of each service that is not alone in a process of its own name.
+        lost_s: [s] in which nothing of the drone arrived.
     """
     again = restarted(restarts, shared or {})
     recorded = f"nothing here: recording and report.json are on the {other}"
     if any(path.suffix == ".mcap" for path in files):
-        recorded = (
-            f"what was heard here; all that never crosses, and report.json, are on the {other}"
-        )
+        recorded = f"what arrived here; the whole recording and report.json are on the {other}"
     rows = [
         ("Dive", how),
+        *[("link", words) for words in _lost(lost_s)],
         ("restarted", in_a_row(again) or "nothing"),
-        ("lost", f"{in_a_row(gone)} not alive at the end" if gone else "no service"),
+        ("services", f"not alive at the end: {in_a_row(gone)}" if gone else "all alive at the end"),
         ("recorded", recorded),
     ]
     return lined_up([*rows, *written(files)])
@@ -257,7 +261,7 @@ def elsewhere(report: Report, other: Elsewhere) -> str:
     if len(silent) == len(other.services):
         text = f"the {other.side} was never heard: nothing of it is in this report"
         return lined_up([("elsewhere", text)])
-    text = f"the {other.side}'s restarts, and its messages that never arrived, are not in here"
+    text = f"only the {other.side} knows its restarts, and its messages that never arrived"
     figures = {  # that come from the topside's messages
         "stick to thruster": report.latency_ms.stick_to_thruster.p50,
         "sensor to screen": report.budget_ms.sensor_to_screen,

@@ -348,8 +348,8 @@ def drawn(rows: Sequence[Row], varied: Sequence[str]) -> bytes:
             found = [main.factor * float(v) for row in group if (v := row[main.column]) is not None]
             axes.plot([place] * len(found), found, "o", color="C0", alpha=0.6, markersize=4.0)
         axes.set_ylabel(f"{main.title}\n[{main.unit}]")
-        axes.set_ylim(bottom=0.0)
-        axes.margins(x=0.1)
+        axes.margins(x=0.1, y=0.1)  # no dot is cut off
+        axes.set_ylim(0.0, axes.get_ylim()[1])
         axes.grid(axis="y", alpha=0.3)
     panels[-1].set_xticks(range(len(groups)), [label or "all dives" for label in groups])
     panels[-1].set_xlabel(" · ".join(varied) or "one combination")

@@ -79,7 +79,7 @@ def echo(key: str, *, limits: ListenOptions = DEFAULT) -> int:
 
 @topic.command
 def hz(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
-    """How often streams come, how old they are and how much they weigh.
+    """Print how often streams come, how old they are and how much they weigh.
 
     Beside the rate of the table: the pauses between messages, their age since the stamp of whoever
     sent them, and the payload without Zenoh's own bytes. Between two computers the drone's clock is

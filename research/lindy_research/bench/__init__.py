@@ -47,7 +47,7 @@ def bench(
 ) -> int:
     """Compare speed with other implementations.
 
-    As ratios with their goals, both measured in this run.
+    It measures both in this run, and prints ratios with their goals.
 
     Example: lindy bench --only reference --json
     """

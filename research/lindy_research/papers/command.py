@@ -34,11 +34,11 @@ def figures(
         ),
     ] = (),
 ) -> int:
-    """Draw the two papers' figures.
+    """Draw the figures of two papers, and check their numbers.
 
-    On references and control, and check their numbers: ID.png and ID.svg for each figure, and
-    claims.json: each claim with the paper's value, ours, and a verdict. The same files, byte for
-    byte, on every run.
+    The papers are on references and control. It writes ID.png and ID.svg for each figure, and
+    claims.json: each claim with the paper's value, ours, and a verdict. Every run gives the same
+    files, byte for byte.
 
     Example: lindy figures --out figures --only andren-4.2 fernandes-10
     """

@@ -93,7 +93,8 @@ class Pad:
         answering = self._silence.read(self._pad.controls, now)
         if (other := self._pilots_own(now)) is not None:
             self._others = [each for each in (*self._others, self._pad) if each is not other]
-            self._take(other, "has the sticks now, because the other one is still")
+            why = "has the sticks now, because the other one is still; centre its sticks once"
+            self._take(other, why)
             self._pad, answering = other, self._silence.read(other.controls, now)
         controls = self._pad.controls
         self._answered_at = now - answering.age_ns
@@ -191,8 +192,10 @@ class Pad:
             return
         self._others.append(pad)
         self._is_new = True
-        until = "is still" if pad.name == self._pad.name else "is gone or silent"
-        self._outbox.say("info", f"another pad, {pad.name}, waits until {self._pad.name} {until}")
+        first = self._pad.name
+        another = f"another pad, {pad.name}, waits until {first} is gone or silent"
+        twin = f"a second {pad.name} waits until the first is still"
+        self._outbox.say("info", twin if pad.name == first else another)
 
     def _take(self, pad: PadDevice, why: str) -> None:
         self._pad, self.name = pad, f"gamepad {pad.name}"

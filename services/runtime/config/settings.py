@@ -26,6 +26,15 @@ QUOTES = ('"""', "'''")  # of strings of several lines
 ASSIGNMENT = re.compile(r"\s*([\w.\-]+)\s*=")
 LARGEST_FILE = 50_000_000  # [bytes] a trace of many hours
 LONGEST_TOML = 1_000_000  # [letters] a vehicle file has 20,000
+PLAIN = {  # types as msgspec calls them
+    "float": "a number",
+    "int": "a whole number",
+    "str": "text",
+    "bool": "true or false",
+    "array": "an array",
+    "object": "a table",
+    "null": "nothing",
+}
 UNNAMED = "[...]"  # of msgspec, for a name in a dictionary
 
 
@@ -231,11 +240,19 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
     elif what.startswith("Expected `object") and known:
         text.append(f"expected a table, found {found!r}; its keys: {', '.join(known)}")
     else:
-        what = what[0].lower() + what[1:].replace("`", "")
-        text.append(what)
+        what, got, kind_found = what.partition(", got ")
+        text.append(_plainly(what[0].lower() + what[1:]))
         if not isinstance(found, dict | list):
             text.append(f", found {found!r}")
+        elif got:
+            text.append(f", found {_plainly(kind_found)}")
     return "".join(text)
+
+
+def _plainly(words: str) -> str:
+    """What msgspec says, without names of types."""
+    without = words.replace(" | null", "")
+    return re.sub(r"`(\w*)([^`]*)`", lambda m: PLAIN.get(m[1], m[1]) + m[2], without)
 
 
 def _with_name(error: str, tree: Any, kind: type) -> str:

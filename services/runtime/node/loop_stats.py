@@ -55,7 +55,7 @@ class LoopStats:
         why = "the computer is too busy, or it was stopped"
         return (
             stalled,
-            f"late: handles messages {worst / 1e9:.2f} s late or more; {why}",
+            f"runs {worst / 1e9:.2f} s behind or more: {why}",
         )
 
     def report(

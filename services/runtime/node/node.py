@@ -137,10 +137,11 @@ class Node:
 
     # What a service receives.
 
-    def latest(self, topic: Topic[M]) -> Latest[M]:
-        """The newest message, read when wanted; arrivals do not wake the service."""
+    def latest(self, topic: Topic[M], *, onlooker: bool = False) -> Latest[M]:
+        """The newest message, read when wanted; arrivals do not wake the service. An onlooker acts
+        on no command, so it also gets expired ones."""
         inbox = self._inbox(topic.key, RING, self._home)
-        return Latest(topic, inbox, self.gate(topic), self.outbox)
+        return Latest(topic, inbox, self.gate(topic, onlooker=onlooker), self.outbox)
 
     def each(
         self,
@@ -286,8 +287,9 @@ class Node:
 
         return notify
 
-    def gate(self, topic: Topic[M]) -> Gate[M]:
-        return Gate(topic, self.outbox, self._clock_offset)
+    def gate(self, topic: Topic[M], *, onlooker: bool = False) -> Gate[M]:
+        offset, replay = self._clock_offset, self._replay
+        return Gate(topic, self.outbox, offset, onlooker=onlooker, replay=replay)
 
     def _gates(self, topic: Topic[M], *, onlooker: bool) -> Gate[M] | Gates[M]:
         kind = Gates[M] if topic.is_family else Gate[M]

@@ -13,7 +13,7 @@ class VehiclePorts:
 
     def __init__(self, node: Node) -> None:
         self._status = node.latest(topics.STATUS)
-        self._thrusters = node.latest(topics.THRUSTERS)
+        self._thrusters = node.latest(topics.THRUSTERS, onlooker=True)  # late over a slow link
         self._state = node.latest(topics.STATE)
         self._reference = node.latest(topics.REFERENCE)
         self._battery = node.latest(topics.BATTERY)

@@ -14,8 +14,10 @@ from messages.notice import Notice
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
+from services.runtime.hosts.virtual_host import VirtualHost
 from services.vehicle_view import ages, words
 from services.vehicle_view.ages import GONE_AT_LEAST_NS, GREY_AT_LEAST_NS
+from services.vehicle_view.io.ports import VehiclePorts
 from services.vehicle_view.view import OVERRULED_NS, Newest, VehicleView, believed, vehicle_view
 from services.vehicle_view.words import head_up, notes
 from tests.support.messages import example
@@ -73,6 +75,13 @@ def test_in_a_failsafe_nobody_is_told_that_he_has_the_sticks(
     assert text.endswith("; centre the sticks to continue")
     ended = vehicle_view(Newest(status=msgspec.structs.replace(acts, conditions=())), S // 2)
     assert f"{short(f'failsafe:{failsafe}')} has ended; the drone" in words.acting(ended)
+
+
+def test_a_drone_that_acted_before_the_link_went_is_still_known_to_rise() -> None:
+    acts = status(failsafe="pilot_lost", reaction="stop", since_ns=0, next_ns=60 * S)
+    view = vehicle_view(Newest(status=acts), 34 * S)
+    assert (view.silent_s, view.next_s) == (34.0, 26.0)
+    assert words.failsafe(view) == "FAILSAFE pilot lost, rises in 26 s"
 
 
 def test_a_drone_that_nobody_moves_holds_nothing() -> None:
@@ -183,3 +192,17 @@ def test_a_drone_that_is_not_heard_is_the_last_known_one(age_s: float):
     silent = [note for note in notes(view) if note.startswith("no status from the drone")]
     assert view.last_known == bool(silent) == (round(age_s * 1e9) > ages.STATUS.grey_ns)
     assert (view.light is None) == view.last_known
+
+
+def test_a_screen_hears_commands_that_come_too_late_to_act() -> None:
+    """Over a slow link they do, and that is no trouble of the screen's."""
+    host = VirtualHost()
+    says = host.node("control", ["drone"]).publisher(topics.THRUSTERS)
+    screen = host.node("screen", ["drone"])
+    ports = VehiclePorts(screen)
+    command = ThrusterCommand(stamp_ns=0, sensor_ns=None, pilot_ns=None, thrust=(0.0,))
+    host.run(S)
+    says.put(command)
+    host.run(2 * S)
+    assert ports.thrusters(host.now) is not None
+    assert not screen.counts

@@ -239,6 +239,7 @@ def tlog(
     systems: Sequence[int] = (1,),
     milli: float = 1.0,
     clock: Callable[[int], int | None] = lambda at: at,
+    seconds: int = SECONDS,
 ) -> Path:
     """A telemetry log with the sticks of a ground station.
 
@@ -262,7 +263,7 @@ def tlog(
             if (said := clock(at)) is not None:
                 file.write(struct.pack(">Q", said // 1000) + bytes(message.pack(codec)))
 
-        for k in range(SECONDS * SLOW_HZ):
+        for k in range(seconds * SLOW_HZ):
             at = BEGAN_NS + k * S // SLOW_HZ
             ms = (BOOT_S * S + k * S // SLOW_HZ) // 1_000_000
             for board in boards:

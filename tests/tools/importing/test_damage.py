@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from messages.sensors import PressureSample
+from tests.tools.test_cli_verbs import complaint
 from tools.__main__ import main
 from tools.recordings.mcap_records import Damage, records
 
@@ -58,6 +59,16 @@ def test_what_is_before_a_log_is_passed_over(tmp_path: Path, name: str, rubbish:
     assert f"{len(rubbish)} bytes " in remarks(out)
 
 
+@pytest.mark.parametrize("name", WRITERS)
+def test_erased_flash_behind_a_log_is_passed_over(tmp_path: Path, name: str) -> None:
+    log = WRITERS[name](tmp_path / name)
+    with log.open("ab") as file:
+        file.write(b"\xff" * 3_000_000)
+    out = imported(log, tmp_path / "dive")
+    assert all_samples(name) - 1 <= imu_samples(out) <= all_samples(name)
+    assert "bytes of 0xFF behind its end are left out" in remarks(out)
+
+
 @pytest.mark.parametrize("size", [3_000_000, 5000, 100])
 @pytest.mark.parametrize("name", WRITERS)
 def test_zeros_behind_a_log_are_passed_over(tmp_path: Path, name: str, size: int) -> None:
@@ -69,6 +80,7 @@ def test_zeros_behind_a_log_are_passed_over(tmp_path: Path, name: str, size: int
     assert all_samples(name) - 1 <= imu_samples(out) <= all_samples(name)
     if size > 4096:
         assert "bytes of zeros behind its end are left out" in remarks(out)
+        assert "no message" not in remarks(out)
 
 
 def test_zeros_behind_a_recording_that_was_cut_off_are_one_damage(tmp_path: Path) -> None:
@@ -81,20 +93,24 @@ def test_zeros_behind_a_recording_that_was_cut_off_are_one_damage(tmp_path: Path
     assert 50 < imu_samples(imported(log, tmp_path / "dive")) < SECONDS * IMU_HZ
 
 
+@pytest.mark.parametrize("year_s", [5, 315_964_800, 946_684_805])  # 1970, of GPS, of RTC chips
 @pytest.mark.parametrize("name", ["a.bag", "a.bin", "a.ulg", "a.tlog", "a.csv"])
 def test_a_clock_that_was_never_set_ends_when_the_file_was_changed(
-    tmp_path: Path, name: str
+    tmp_path: Path, name: str, year_s: int
 ) -> None:
+    def clock(at: int) -> int:
+        return at - BEGAN_NS + year_s * S
+
     options: tuple[str, ...] = ()
     if name == "a.bag":
-        log = ros1(tmp_path / name, "old")
+        log = ros1(tmp_path / name, clock=clock)
     elif name == "a.tlog":
-        log = tlog(tmp_path / name, clock=lambda at: at - BEGAN_NS + 5 * S)
+        log = tlog(tmp_path / name, clock=clock)
     elif name == "a.ulg":
-        log = ulog(tmp_path / name, gps_ns=5 * S)
+        log = ulog(tmp_path / name, gps_ns=year_s * S)
     elif name == "a.csv":
         log, options = tmp_path / name, pressure_map(tmp_path, "mbar")
-        rows = [f"{5 + k / IMU_HZ},{1013.0 + k}" for k in range(SECONDS * IMU_HZ)]
+        rows = [f"{year_s + k / IMU_HZ},{1013.0 + k}" for k in range(SECONDS * IMU_HZ)]
         log.write_text("\n".join(["time,pressure", *rows]) + "\n")
     else:
         log = dataflash(tmp_path / name)
@@ -116,7 +132,11 @@ CLOCKS: dict[str, list[int]] = {  # [ns] ahead of the truth, in each of the seco
     "there and back": [0, -1096 * DAY, 0, -1096 * DAY],
     "three clocks": [-2000 * DAY, -1096 * DAY, -1096 * DAY, 0],
     "by two hours": [-7200 * S, -7200 * S, 0, 0],
+    "back by three seconds": [0, 0, -3 * S, -3 * S],
+    "back by an hour": [0, 0, -3600 * S, -3600 * S],
+    "back and back": [0, -3 * S, -6 * S, -9 * S],
 }
+BACK = [kind for kind in CLOCKS if kind.startswith("back")]
 
 
 def table_by(path: Path, clock: Clock) -> Path:
@@ -141,7 +161,7 @@ CLOCKED: dict[
 ] = {  # how, [1/s], which clocks
     "tlog": (tlog_by, SLOW_HZ, [*CLOCKS]),
     "csv": (table_by, SLOW_HZ, [kind for kind in CLOCKS if kind != "by two hours"]),
-    "bag": (bag_by, IMU_HZ, ["set once", "set at the end", "never set, then set"]),
+    "bag": (bag_by, IMU_HZ, ["set once", "set at the end", "never set, then set", *BACK]),
 }
 
 
@@ -185,6 +205,55 @@ def test_a_dead_time_of_telemetry_is_kept_where_the_clock_is_set(tmp_path: Path)
     assert times[-1] - times[0] == pytest.approx(3.9 * S, abs=S // 5)
 
 
+@pytest.mark.parametrize("ahead", [3, 20, 50, -3])
+def test_a_step_shorter_than_a_pause_is_told_by_the_board_s_clock(
+    tmp_path: Path, ahead: int
+) -> None:
+    """A network sets the clock of a computer that was right for a while."""
+
+    def clock(at: int) -> int:
+        return at + (ahead * S if at >= BEGAN_NS + 20 * S else 0)
+
+    out = imported(tlog(tmp_path / "a.tlog", clock=clock, seconds=40), tmp_path / "dive")
+    for key in ("sensor/imu", "vehicle/estimate", "pilot/command"):
+        times = [one.publish_ns for one in messages(out, key)]
+        assert times[-1] - times[0] == pytest.approx(39.9 * S, abs=S // 50)
+        assert max(np.diff(times)) < S // 4
+        assert min(np.diff(times)) >= 0
+    assert "log: the logger's clock stepped" in " ".join(odd(out))
+
+
+def test_damaged_times_stretch_no_log(tmp_path: Path) -> None:
+    """One bit of each twentieth, from milliseconds to years."""
+    log = tlog(tmp_path / "a.tlog", seconds=20)
+    data, at, number = bytearray(log.read_bytes()), 8, 0
+    while at < len(data):
+        number += 1
+        if number % 20 == 10:
+            bit = 10 + number // 20 % 40
+            data[at - 1 - bit // 8] ^= 1 << bit % 8
+        at += 12 + data[at + 1] + 8
+    log.write_bytes(data)
+    out = imported(log, tmp_path / "dive")
+    for key in ("sensor/imu", "vehicle/estimate", "pilot/command"):
+        times = [one.publish_ns for one in messages(out, key)]
+        assert times[-1] - times[0] == pytest.approx(19.9 * S, abs=2 * S)
+    assert "of its times are damaged" in remarks(out)
+
+
+def test_a_delay_of_the_link_is_no_step(tmp_path: Path) -> None:
+    """Three seconds in which nothing comes, and then all of it at once."""
+
+    def clock(at: int) -> int:
+        late = at - (BEGAN_NS + 20 * S)
+        return BEGAN_NS + 23 * S + late // 1000 if 0 <= late < 3 * S else at
+
+    out = imported(tlog(tmp_path / "a.tlog", clock=clock, seconds=40), tmp_path / "dive")
+    times = [one.publish_ns for one in messages(out, "sensor/imu")]
+    assert [*np.diff(times)] == pytest.approx([S // SLOW_HZ] * (len(times) - 1), abs=S // 50)
+    assert not [what for what in odd(out) if what.startswith("log:")]
+
+
 @pytest.mark.parametrize("kind", ["RAW_IMU", "SCALED_PRESSURE2", "HEARTBEAT"])
 def test_packets_with_a_wrong_checksum_are_counted_by_name(tmp_path: Path, kind: str) -> None:
     numbers = {"RAW_IMU": 27, "SCALED_PRESSURE2": 137, "HEARTBEAT": 0}
@@ -222,6 +291,13 @@ OWN_TYPES = {  # what the bag says of /thrusters, its type, and what is said of 
         "float64[8] thrust\nstring<=10 name\nstring[<=3] names\nint16[] more\n",
         "my_msgs/msg/Bounded", "",
     ),
+    "lines of Windows and remarks": (
+        "# made elsewhere\r\nfloat64 x # [m]\r\n\r\n", "my_msgs/msg/One", "",
+    ),
+    "wide letters": ("wstring name\n", "my_msgs/msg/One", "its type has wstring"),
+    "defaults": ('float64 x 1.5\nstring name "deep"\n', "my_msgs/msg/One", ""),
+    "a service": ("", "my_srvs/srv/Do_Event", "its type is not in the log"),
+    "itself": ("my_msgs/One[] more\n", "my_msgs/msg/One", "its type cannot be read"),
     "another type of a known name": ("float64 x\n", "geometry_msgs/msg/Vector3", ""),
     "a standard part that is left out": ("std_msgs/Header header\nfloat64 x\n", "a/msg/B", ""),
 }  # fmt: skip
@@ -301,6 +377,31 @@ def test_what_is_refused_makes_no_folder_and_names_none(
     assert main(["import", str(tmp_path / "b.bag"), "--out", str(out)]) == 1
     assert capsys.readouterr().out == ""
     assert not (tmp_path / "dive-2").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "cure"),
+    [
+        ("a.bag", "`rosbag reindex` mends what can be read"),
+        ("a.db3", "`sqlite3 a.db3 .recover | sqlite3 new.db3` saves what can be read"),
+        ("bag", "or name one .db3 or .mcap file of it"),
+    ],
+)
+def test_of_a_bag_that_was_cut_off_it_is_said_what_mends_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, cure: str
+) -> None:
+    log = tmp_path / name
+    if name == "a.bag":
+        data = ros1(log).read_bytes()
+    else:
+        [part] = ros2(tmp_path / "bag").glob("*.db3")
+        data = part.read_bytes()
+    if name == "bag":
+        (log / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 9\n  storage")
+    else:
+        log.write_bytes(data[: len(data) * 2 // 3])
+    assert cure in complaint(capsys, "import", str(log), "--out", str(tmp_path / "dive"))
+    assert not (tmp_path / "dive").exists()
 
 
 def test_of_a_bag_with_a_damaged_part_what_is_before_it_is_kept(tmp_path: Path) -> None:

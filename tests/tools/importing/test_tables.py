@@ -85,7 +85,7 @@ def test_a_row_without_our_sensor_is_none_of_its_samples(
     assert later == pytest.approx([k * S // 10 for k in range(20)], abs=1000)
     last = of(out, "sensor/pressure", PressureSample)[-1]
     assert last.pressure == pytest.approx(101_325.0 + 380.0)
-    assert odd(out) == {"sensor/pressure: rows without it, of another sensor": 20}
+    assert odd(out) == {"sensor/pressure: rows without pressure, left out": 20}
     assert report(out)["remarks"] == []
 
 
@@ -118,7 +118,7 @@ def test_rows_without_a_time_are_counted(tmp_path: Path) -> None:
     log.write_text(log.read_text() + ",,1013.25,12.5,\n")
     out = imported(log, tmp_path / "dive", *column_map(tmp_path))
     assert len(messages(out, "sensor/pressure")) == 20
-    assert report(out)["remarks"] == ["1 rows of a.csv have no time"]
+    assert report(out)["remarks"] == ["1 row of a.csv has no time and is left out"]
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,20 @@ WHOLE: dict[str, str | bytes] = {
     "commas in quotes": thousands(PLAIN, "", ",", ","),
     "a mark in between": PLAIN[:HALF] + "\ufeff" + PLAIN[HALF:],
     "plus signs": PLAIN.replace(",1", ",+1"),
+    "utf-32": codecs.BOM_UTF32_LE + PLAIN.encode("utf-32-le"),
+    "utf-32, big end first": codecs.BOM_UTF32_BE + PLAIN.encode("utf-32-be"),
+    "two-byte letters of Asia": PLAIN.replace("temp", "水温").encode("shift_jis"),
+    "Cyrillic": PLAIN.replace("temp", "Темп").encode("cp1251"),
+    "circumflexes": PLAIN.replace(",", "^"),
+    "tildes": PLAIN.replace(",", "~"),
+    "separators of ASCII": PLAIN.replace(",", "\x1f"),
+    "exponents": "\n".join([NAMES, *(f"{second(k):.12E},{pascal(k):.6E},20" for k in range(ROWS))]),
+    "exponents of Fortran": "\n".join(
+        [NAMES, *(f"{second(k):.2f},{pascal(k):.6E},20".replace("E", "D") for k in range(ROWS))]
+    ),
+    "the end of a text as DOS marks it": PLAIN + "\x1a",
+    "carriage returns twice": PLAIN.replace("\n", "\r\r\n"),
+    "a last comment": PLAIN + "# closed, 60 rows\n",
 }  # fmt: skip
 
 
@@ -149,7 +163,7 @@ WRONG: dict[str, tuple[str | bytes, set[int], str]] = {  # content, rows that ar
     ),
     "a hole of zeros": (
         PLAIN[: HALF - 6].encode() + bytes(500) + PLAIN[HALF + 4 :].encode(),
-        {ROWS // 2 - 1, ROWS // 2}, "2 lines are damaged, the first is 31",
+        {ROWS // 2 - 1, ROWS // 2}, "2 lines are damaged and left out, the first is line 31",
     ),
     "names again": (
         PLAIN[:HALF] + PLAIN.splitlines(keepends=True)[0] + PLAIN[HALF:], set(),
@@ -157,7 +171,28 @@ WRONG: dict[str, tuple[str | bytes, set[int], str]] = {  # content, rows that ar
     ),
     "names again behind a torn row": (
         PLAIN[: HALF - 8] + "\n" + NAMES + "\n" + PLAIN[HALF:], {ROWS // 2 - 1},
-        "1 lines are damaged, the first is 31",
+        "1 line is damaged and left out, the first is line 31",
+    ),
+    "names again in other letters": (
+        PLAIN[:HALF] + "Time,Pressure,TEMP\n" + PLAIN[HALF:], set(),
+        "line 32 has the names again: its logger began again",
+    ),
+    "a page of erased flash": (
+        PLAIN.encode() + b"\xff" * 9000, set(), "9000 bytes of 0xFF behind its end"
+    ),
+    "erased flash behind a torn row": (
+        PLAIN[:-8].encode() + b"\xff" * 9000, {ROWS - 1}, "its last row, line 61, was cut off"
+    ),
+    "two-byte letters, cut in one": (
+        utf16(PLAIN)[:-7], {ROWS - 1}, "its last row, line 61, was cut off"
+    ),
+    "a line of words at the end": (PLAIN + "End of file\n", set(), "1 line is damaged"),
+    "a mean at the end": (
+        PLAIN + "mean,101325.0,20.5\n", set(), "1 row of a.csv has no time and is left out"
+    ),
+    "a word of a C program for no number": (
+        PLAIN.replace(LINES[20], f"{second(20):.2f},1.#QNAN,20.5"), {20},
+        "pressure is '1.#QNAN' in line 22, which is no number; 1 of its 60 cells is none",
     ),
     "names again behind a hole": (
         PLAIN[: HALF - 8].encode() + bytes(99) + f"{NAMES}\n{PLAIN[HALF:]}".encode(),
@@ -177,11 +212,12 @@ WRONG: dict[str, tuple[str | bytes, set[int], str]] = {  # content, rows that ar
         "line 3 is no row: float, float, float",
     ),
     "a row with other cells": (
-        PLAIN[:HALF] + "1,2,3,4\n" + PLAIN[HALF:], set(), "1 lines are damaged, the first is 32"
+        PLAIN[:HALF] + "1,2,3,4\n" + PLAIN[HALF:], set(),
+        "1 line is damaged and left out, the first is line 32"
     ),
     "a word among the numbers": (
         PLAIN.replace(LINES[20], f"{second(20):.2f},ERR,20.5"), {20},
-        "pressure is 'ERR' in line 22, which is no number; 1 cells of it are none",
+        "pressure is 'ERR' in line 22, which is no number; 1 of its 60 cells is none",
     ),
     "a word among the times": (
         PLAIN.replace(LINES[20], "restart,1,2"), {20},
@@ -206,6 +242,8 @@ def test_what_is_lost_of_a_table_is_said_and_nothing_else_is_lost(
         (PLAIN.partition("\n")[2], "has no names of columns above its rows"),
         (PLAIN.replace("\n1700", "\n17000000"), "which is no time since 1970 in s"),
         (PLAIN.replace("\n1700", "\n1700000"), 'write stamp_unit = "ms" at'),
+        (PLAIN.replace("\n1700", "\n12:00:"), "which is neither a number nor a date and time"),
+        (PLAIN.replace("\n1700", "\n30.11.2026 "), "which is neither a number nor a date and time"),
     ],
 )
 def test_a_table_that_means_nothing_is_one_sentence(
@@ -226,6 +264,39 @@ def test_three_decimals_are_no_thousands(
     rows = [f"{second(k):.2f},{pascal(k) / 1000:.{decimals}f}" for k in range(ROWS)]
     _, values = found(tmp_path, write("\n".join(["time,pressure", *rows]) + "\n"), "kPa")
     assert values == pytest.approx([pascal(k) for k in range(ROWS)], abs=100.0)
+
+
+@pytest.mark.parametrize(
+    ("cells", "wanted"),
+    [
+        (["true", "false", ""], "true"),
+        (["True", "False", ""], "true"),
+        (["1", "2", ""], "1"),
+        (["1", "2", ""], '"1"'),
+        (["A", "7", ""], '"A"'),
+        (["7", "A", "B"], "7"),
+    ],
+)
+def test_a_condition_takes_a_cell_that_means_it(
+    tmp_path: Path, cells: list[str], wanted: str
+) -> None:
+    """However its column is read: one of three rows is meant."""
+    log = tmp_path / "a.csv"
+    rows = [f"{second(k)},{cells[k % 3]},{pascal(k)}" for k in range(30)]
+    log.write_text("\n".join(["time,kind,pressure", *rows]) + "\n")
+    options = pressure_map(tmp_path, only=f"only = {{ kind = {wanted} }}")
+    assert len(messages(imported(log, tmp_path / "dive", *options), "sensor/pressure")) == 10
+
+
+def test_a_condition_that_leaves_nothing_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "a.csv"
+    rows = [f"{second(k)},,{pascal(k)}" for k in range(30)]
+    log.write_text("\n".join(["time,kind,pressure", *rows]) + "\n")
+    options = pressure_map(tmp_path, only='only = { kind = "BI" }')
+    said = complaint(capsys, "import", str(log), *options, "--out", str(tmp_path / "dive"))
+    assert "`only` in the map leaves out every row" in said
 
 
 def test_a_row_that_has_nothing_in_a_column_of_a_condition_is_left_out(tmp_path: Path) -> None:

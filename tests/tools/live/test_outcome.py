@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import tools.live.outcome
 from messages import topics
+from messages.link import LatencyBudget
 from messages.vehicle import Actuation, VehicleStatus
 from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
@@ -16,6 +17,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.live.outcome import Outcome, was_deaf
 from tools.recordings.recording import open_recording
+from tools.report.summary import lined_up
 
 
 def record(path: Path, stamps: range) -> None:
@@ -115,6 +117,18 @@ def test_a_side_without_a_recorder_ended_cleanly_only_if_the_drone_was_there_and
         outcome.see_status(VehicleStatus(stamp_ns=0, armed=armed, activity="ready"), 0)
     assert outcome.sum_up_unrecorded(side, "other") == 0
     assert capsys.readouterr().out.splitlines()[0].endswith(f" of pioneer, {words}")
+
+
+def test_both_machines_say_alike_how_long_the_pilot_saw_nothing(
+    capsys: pytest.CaptureFixture[str],
+):
+    outcome = Outcome(Stack())
+    outcome.see_status(VehicleStatus(stamp_ns=0, armed=True, activity="ready"), 0)
+    unknown = dict.fromkeys(("down", "up", "stick_to_thruster_ms", "sensor_to_screen_ms"))
+    outcome.see_latency(LatencyBudget(stamp_ns=0, bound_ms=None, lost_s=33.9, **unknown), 0)
+    assert outcome.sum_up_unrecorded("topside", "drone") == 0
+    words = "the pilot saw nothing of the drone for 33.9 s"
+    assert lined_up([("link", words)]) in capsys.readouterr().out.splitlines()
 
 
 @pytest.mark.parametrize("trouble", ["restarts", "hung"])

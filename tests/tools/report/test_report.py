@@ -200,9 +200,9 @@ def test_every_second_without_any_message_is_in_the_report_and_never_called_no_l
     assert [(hole.begin, hole.end) for hole in report.holes] == [
         (pytest.approx(begin, abs=0.006), pytest.approx(end, abs=0.006)) for begin, end in expected
     ]
-    (losses,) = [line for line in summary(report).splitlines() if line.startswith("losses")]
+    (losses,) = [line for line in summary(report).splitlines() if line.startswith("events")]
     assert ("nothing was recorded from " in losses) == bool(expected)
-    assert (losses.split() == ["losses", "none"]) == (not expected)
+    assert (losses.split() == ["events", "none"]) == (not expected)
 
 
 def test_errors_compare_truth_with_the_reference_at_its_own_sample_while_armed(tmp_path: Path):

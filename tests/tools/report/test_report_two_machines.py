@@ -74,14 +74,15 @@ def test_the_side_without_recorder_names_every_restart_and_every_loss(
 ):
     text = unrecorded("topside of pioneer, ended cleanly", restarts, gone, "drone", files)
     lines = dict(line.split(maxsplit=1) for line in text.splitlines())
-    assert list(lines) == ["Dive", "restarted", "lost", "recorded", *(["written"] if files else [])]
+    labels = ["Dive", "restarted", "services", "recorded"]
+    assert list(lines) == [*labels, *(["written"] if files else [])]
     again = {name: count for name, count in restarts.items() if count}
     for name, count in again.items():
         assert f"{name} {count} ×" in lines["restarted"]
     assert lines["restarted"].count("×") == len(again)
     assert (lines["restarted"] == "nothing") == (not again)
-    assert all(name in lines["lost"] for name in gone)
-    assert (lines["lost"] == "no service") == (not gone)
+    assert all(name in lines["services"] for name in gone)
+    assert (lines["services"] == "all alive at the end") == (not gone)
     assert "recording and report.json are on the drone" in lines["recorded"]
 
 

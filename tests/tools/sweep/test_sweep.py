@@ -115,7 +115,7 @@ def test_parquet_has_the_same_rows_with_types(tmp_path: Path):
     ("arguments", "says"),
     [
         (["--set", "control.depth.kpp=1,2"], "did you mean 'kp'?"),
-        (["--set", "control.depth.kp=1,-2"], "control.depth.kp=-2: expected float >= 0.0"),
+        (["--set", "control.depth.kp=1,-2"], "control.depth.kp=-2: expected a number >= 0.0"),
         (["--vehicle", "pioneer,minevra"], "did you mean 'minerva'?"),
         (["--link", "tether,tehter"], "did you mean 'tether'?"),
         (["--link", "tether,acoustic"], "cannot be flown"),

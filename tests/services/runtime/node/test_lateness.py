@@ -56,7 +56,7 @@ def test_a_slow_service_is_as_late_as_the_messages_that_it_skips_and_says_so_onc
     assert newest is not None
     assert LATE_MS < newest <= 100.0
     assert len(dive.told) == 1
-    assert dive.told[0].startswith("late: handles messages 0.")
+    assert dive.told[0].startswith("runs 0.")
     assert dive.late.counts["stalled"] == 0
 
 
@@ -67,9 +67,7 @@ def test_a_service_that_was_stopped_counts_it_and_says_so() -> None:
     dive.hindrance.go_on()
     dive.run(2.0)
     assert dive.late.counts["stalled"] == 1
-    assert dive.told == [
-        "late: handles messages 0.15 s late or more; the computer is too busy, or it was stopped"
-    ]
+    assert dive.told == ["runs 0.15 s behind or more: the computer is too busy, or it was stopped"]
 
 
 def test_a_punctual_service_says_nothing_and_one_that_only_collects_may_wait_for_its_disk() -> None:
