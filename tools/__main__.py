@@ -10,9 +10,10 @@ import signal
 import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from errno import ENOSPC
 from importlib.util import find_spec
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from messages.version import VERSION
 from services.runtime.config.errors import EndedByUserError, LindyError
@@ -285,13 +286,14 @@ def _sentence(error: Exception, *, debug: bool) -> str:
     if isinstance(error, ImportError) and isinstance(error.__cause__, ImportError):
         error = error.__cause__  # cyclopts says only of which verb it was
     if type(error).__module__ == "cyclopts.exceptions":
-        chain = getattr(error, "command_chain", None) or ()
-        return f"{error} `{' '.join(('lindy', *chain))} --help` says more"
+        return _mistyped(error)
     if debug:
         traceback.print_exception(error)
     if isinstance(error, LindyError):
         return str(error)
     if isinstance(error, OSError):
+        if error.filename is None and error.errno == ENOSPC:
+            return "the disk is full: there is no room for what it prints or writes"
         return f"{error.filename or 'operating system'}: {error.strerror or error}"
     if isinstance(error, ImportError) and not isinstance(error, ModuleNotFoundError):
         return f"a library cannot be loaded: {error}; it is damaged, or there is too little memory"
@@ -301,6 +303,22 @@ def _sentence(error: Exception, *, debug: bool) -> str:
     name = where.filename.rpartition("/")[2]
     what = f"{type(error).__name__}: {error}"
     return f"an error in Lindy itself ({DEBUG} shows more), at {name}:{where.lineno}: {what}"
+
+
+def _mistyped(error: Any) -> str:
+    """A command line that cyclopts refuses. What is missing, too much or no number it says in words
+    for programmers."""
+    from cyclopts import CoercionError, MissingArgumentError, UnusedCliTokensError
+
+    verb, said = " ".join(("lindy", *(error.command_chain or ()))), f"{error}"
+    if isinstance(error, MissingArgumentError) and error.argument is not None:
+        needs = error.argument.name
+        said = f"{error.keyword} needs a value." if error.keyword else f"`{verb}` needs {needs}."
+    elif isinstance(error, UnusedCliTokensError):
+        said = f"`{verb}` takes no {' '.join(error.unused_tokens or ())}."
+    elif isinstance(error, CoercionError) and error.target_type is float and error.token:
+        said = f"{error.token.keyword} is {error.token.value!r}, expected a number."
+    return f"{said} `{verb} --help` says more"
 
 
 def _nobody_reads() -> bool:
