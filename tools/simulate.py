@@ -61,7 +61,7 @@ def simulate(
     ] = None,
     trust: Annotated[
         bool,
-        Parameter(negative=(), help="with --from: also code in it that is not Lindy's own"),
+        Parameter(negative=(), help="with --from, run code in it that is not Lindy's own, too"),
     ] = False,
 ) -> int:
     """Fly a dive on virtual time, as fast as possible.

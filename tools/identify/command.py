@@ -218,7 +218,9 @@ def proposed(vehicle: Vehicle, axes: tuple[str, ...], tree: dict[str, Any]) -> l
 
 identify = App(name="identify", help="Find inertia, drag, buoyancy and lag in a dive.")
 
-AxesOption = Annotated[str, Parameter(help="of heave, yaw, surge and sway, with commas between")]
+AxesOption = Annotated[
+    str, Parameter(help="heave, yaw, surge and sway, or some of them, by commas")
+]
 VehicleOption = Annotated[
     str | None, Parameter(help="file to begin from; default: that in the recording")
 ]

@@ -147,7 +147,9 @@ def import_log(
     /,
     *more: Annotated[
         Path,
-        Parameter(converter=named, help="of the same format and dive, by the same clock"),
+        Parameter(
+            converter=named, help="further files of the same format and dive, by the same clock"
+        ),
     ],
     map_: Annotated[
         str | None,
@@ -168,7 +170,7 @@ def import_log(
     vehicle: Annotated[
         str | None,
         Parameter(
-            help="that it is of: a name in deploy/vehicles, or the path of a TOML file; default: "
+            help="which vehicle it is of: a name in deploy/vehicles, or the path of a TOML file; default: "
             "that of the map"
         ),
     ] = None,

@@ -238,16 +238,17 @@ def review(
         ),
     ] = None,
     map_: Annotated[
-        str | None, Parameter(name="--map", help="of `lindy import`, for a log of another program")
+        str | None,
+        Parameter(name="--map", help="as `lindy import` takes it, for a log of another program"),
     ] = None,
     vehicle: Annotated[
-        str | None, Parameter(help="of `lindy import`, for a log of another program")
+        str | None, Parameter(help="as `lindy import` takes it, for a log of another program")
     ] = None,
     quick: Annotated[
         bool,
         Parameter(
             negative="",
-            help="without identifying the vehicle and flying its stops again, which takes longest",
+            help="leave out what takes longest: identifying the vehicle and flying its stops again",
         ),
     ] = False,
     set_: Overrides = (),

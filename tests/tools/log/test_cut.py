@@ -211,7 +211,7 @@ def test_a_dive_cut_by_its_number_is_a_recording_like_any_other(
     dives = msgspec.json.decode(capsys.readouterr().out)["dives"]
     assert len(dives) == 2
     out = tmp_path / "cut.mcap"
-    assert main(["log", "cut", str(two_dives), "--dive", str(number), "--out", str(out)]) == 0
+    assert main(["log", "cut", str(two_dives), "--number", str(number), "--out", str(out)]) == 0
     for verb in ("check", "info"):
         assert main(["log", verb, str(out)]) == 0
     capsys.readouterr()
@@ -223,11 +223,11 @@ def test_a_dive_cut_by_its_number_is_a_recording_like_any_other(
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--dive", "3"], "there are 2 dives (1: "),
-        (["--dive", "0"], "there are 2 dives (1: "),
-        (["--dive", "-1"], "there are 2 dives (1: "),
-        (["--dive", "1", "--from", "2"], "leave out --from and --to"),
-        (["--dive", "1", "--to", "nan"], "leave out --from and --to"),
+        (["--number", "3"], "there are 2 dives (1: "),
+        (["--number", "0"], "there are 2 dives (1: "),
+        (["--number", "-1"], "there are 2 dives (1: "),
+        (["--number", "1", "--from", "2"], "leave out --from and --to"),
+        (["--number", "1", "--to", "nan"], "leave out --from and --to"),
     ],
 )
 def test_a_number_that_is_not_there_is_one_sentence(
