@@ -42,7 +42,12 @@ def test_it_has_the_vehicle_file_and_the_settings_of_the_dive(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     launched: list[Launch] = []
-    monkeypatch.setattr("tools.ros2.run_services", lambda launch: launched.append(launch) or 0)
+
+    def run(launch: Launch) -> int:
+        launched.append(launch)
+        return 0
+
+    monkeypatch.setattr("tools.ros2.run_services", run)
     file = DEPLOY / "vehicles" / "bluerov2_heavy.toml"
     folder = going_on(tmp_path)
     running = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running)

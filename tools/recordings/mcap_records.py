@@ -54,12 +54,15 @@ def nowhere(_: int) -> None:
     """Nobody wants to know how far a file was read."""
 
 
-class StoredMessage(NamedTuple):
-    channel_id: int
-    sequence: int
-    log_ns: int  # [ns] UTC
-    publish_ns: int  # [ns] UTC
-    data: bytes
+class Raw(NamedTuple):
+    """A message as stored in the file."""
+
+    key: str  # empty: the file does not describe its channel
+    data: bytes  # JSON
+    log_ns: int  # [ns] UTC of arrival
+    publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
+    sequence: int = 0  # the publisher's count, modulo 2³²
+    channel_id: int = 0
 
 
 Described = Attachment | Channel | Metadata | Schema
@@ -156,7 +159,7 @@ def records(
     damage: Damage | None = None,
     wants: Wants = always,
     within: Span = ALWAYS,
-) -> Iterator[StoredMessage | Described]:
+) -> Iterator[Raw | Described]:
     """Everything in a file, also what follows a damaged record. Behind the first one that is
     damaged or passed over come the schemas and channels that the summary describes, in case that it
     had them.
@@ -208,13 +211,14 @@ class _RecordReader:
     wants: Wants
     within: Span
     open_chunks: bool
-    passed_over: set[int] = field(default_factory=set[int])  # channels
+    keys: dict[int, str] = field(default_factory=dict[int, str])  # of the channels …
+    passed_over: set[int] = field(default_factory=set[int])  # … and those that are not wanted
 
     def __post_init__(self) -> None:
         self.index = self.damage.index = index_of(self.stream, self.size)
         self.chunked = self.index.has_chunks  # then there is no message outside a chunk
 
-    def read(self, position: int) -> tuple[int, list[StoredMessage | Described], int | None]:
+    def read(self, position: int) -> tuple[int, list[Raw | Described], int | None]:
         """(opcode, what is in it, where it ends). It ends nowhere where it is a chunk whose writer
         was killed between the two writes of a flush.
 
@@ -281,7 +285,7 @@ class _RecordReader:
                 at = whole.find(ZSTD, at + 1)
         return None
 
-    def _chunk(self, content: bytes) -> tuple[list[StoredMessage | Described], bool]:
+    def _chunk(self, content: bytes) -> tuple[list[Raw | Described], bool]:
         """What is in it, and whether it is whole."""
         first, last = CHUNK_TIMES.unpack_from(content)
         begin, end = self.within
@@ -294,18 +298,19 @@ class _RecordReader:
     def _see(self, record: Described) -> None:
         """Before the first message of its channel."""
         if isinstance(record, Channel):
+            self.keys[record.id] = record.topic
             self.passed_over.discard(record.id)
             if not self.wants(record.topic):
                 self.passed_over.add(record.id)
 
-    def _split(self, data: bytes) -> list[StoredMessage | Described]:
+    def _split(self, data: bytes) -> list[Raw | Described]:
         """
         Raises:
             DAMAGE: it makes no sense.
         """
-        found: list[StoredMessage | Described] = []
+        found: list[Raw | Described] = []
         at, end, messages = 0, len(data), 0
-        passed_over, unpack = self.passed_over, MESSAGE_HEAD.unpack_from
+        keys, passed_over, unpack = self.keys, self.passed_over, MESSAGE_HEAD.unpack_from
         while at < end:
             if data[at] != MESSAGE:
                 opcode, length = RECORD_HEAD.unpack_from(data, at)
@@ -320,7 +325,8 @@ class _RecordReader:
             at += RECORD_HEAD.size + length
             messages += 1
             if channel not in passed_over:
-                found.append(StoredMessage(channel, sequence, log_ns, publish_ns, data[begin:at]))
+                key, content = keys.get(channel, ""), data[begin:at]
+                found.append(Raw(key, content, log_ns, publish_ns, sequence, channel))
         self.damage.messages += messages
         return found
 

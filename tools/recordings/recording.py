@@ -31,8 +31,8 @@ from tools.recordings.mcap_records import (
     MERGED,
     Damage,
     Described,
+    Raw,
     Span,
-    StoredMessage,
     Wants,
     always,
     index_of,
@@ -42,16 +42,6 @@ from tools.recordings.mcap_records import (
 
 COUNT = re.compile(r"[0-9]{1,16}")  # what a recorder writes; anybody may have altered it
 RESERVE = 256_000  # [bytes] left free by merging, for the report
-
-
-class Raw(NamedTuple):
-    """A message as stored in the file."""
-
-    key: str
-    data: bytes  # JSON
-    log_ns: int  # [ns] UTC of arrival
-    publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
-    sequence: int = 0  # the publisher's count, modulo 2³²
 
 
 Decoding = Callable[[bytes], Message | None]
@@ -102,18 +92,13 @@ class Recording:
             return not is_view(key) and wants(key)
 
         for path in self.files:
-            keys: dict[int, str] = {}
             for record in self.records(path, wanted, within):
-                if isinstance(record, StoredMessage):
-                    number, sequence, log_ns, publish_ns, data = record
-                    if number in keys:
-                        yield Raw(keys[number], data, log_ns, publish_ns, sequence)
-                elif isinstance(record, Channel):
-                    keys[record.id] = record.topic
+                if isinstance(record, Raw) and record.key:
+                    yield record
 
     def records(
         self, path: Path, wants: Wants = always, within: Span = ALWAYS
-    ) -> Iterator[StoredMessage | Described]:
+    ) -> Iterator[Raw | Described]:
         """Everything in one of its files, as `mcap_records.records` gives it. `damage` knows what
         is wrong with it at the end."""
         before = sum(file.stat().st_size for file in self.files[: self.files.index(path)])
@@ -142,7 +127,7 @@ class Recording:
         to.next_file()
         begin, end = within
         for record in self.records(path, wants, within):
-            if isinstance(record, StoredMessage):
+            if isinstance(record, Raw):
                 is_in = begin <= record.log_ns < end
             else:
                 is_in = not (isinstance(record, Metadata) and record.name in but)

@@ -16,7 +16,7 @@ from services.runtime.config.errors import LindyError
 from tests.support.recorded import ShortDive, foreign, rewritten
 from tools.__main__ import main
 from tools.log.cut import ArmedSpan, ArmedSpans, WantedPart, armed_spans, around, cut_out, recovered
-from tools.recordings.mcap_records import StoredMessage
+from tools.recordings.mcap_records import Raw
 from tools.recordings.recording import is_whole, open_recording
 
 times = st.floats(0.0, 8.0)
@@ -194,7 +194,7 @@ def two_dives(dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> Path
     origin = open_recording(dive.folder).origin_ns() or 0
     third = whole.seconds / 3.0
 
-    def disarmed(_: str, message: StoredMessage) -> StoredMessage:
+    def disarmed(_: str, message: Raw) -> Raw:
         t = (message.log_ns - origin) / 1e9 - whole.from_s
         if not third < t < 2.0 * third:
             return message
