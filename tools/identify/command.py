@@ -51,7 +51,7 @@ from tools.identify.results import (
     thrust_scale,
     weakly,
 )
-from tools.recordings.recording import open_recording
+from tools.recordings.recording import Recording, open_recording
 
 LAG_STEP = 1e-4  # [-] of a difference quotient in the logarithm
 LAG_STEPS = 12
@@ -101,16 +101,20 @@ class Identified(NamedTuple):
 
 
 def identify_dive(
-    recording: Path, vehicle: str | None = None, axes: tuple[str, ...] = AXES
+    recording: Path,
+    vehicle: str | None = None,
+    axes: tuple[str, ...] = AXES,
+    opened: Recording | None = None,
 ) -> Identified:
     """
     Args:
         vehicle: file to begin from; None: that of the recording.
+        opened: the recording, where it is open already.
 
     Raises:
         LindyError: there is no such recording, or it does not tell enough of any axis.
     """
-    opened = open_recording(recording)
+    opened = opened or open_recording(recording)
     file = of_recording(opened, vehicle)
     data, start = read(opened, file.vehicle, file.water, recording), start_of(file.vehicle)
     found = windows(data, file.vehicle)

@@ -151,8 +151,14 @@ class Damage:
         return no_summary or (MERGED in self.metadata and LOSSES not in self.metadata)
 
 
-def records(
-    path: Path,
+def records(path: Path, damage: Damage | None = None) -> Iterator[Raw | Described]:
+    """Everything in a file, as `records_in` gives it."""
+    with path.open("rb") as stream:
+        yield from records_in(stream, damage=damage)
+
+
+def records_in(
+    stream: BinaryIO,
     *,
     open_chunks: bool = True,
     at: At = nowhere,
@@ -160,7 +166,7 @@ def records(
     wants: Wants = always,
     within: Span = ALWAYS,
 ) -> Iterator[Raw | Described]:
-    """Everything in a file, also what follows a damaged record. Behind the first one that is
+    """Everything in an open file, also what follows a damaged record. Behind the first one that is
     damaged or passed over come the schemas and channels that the summary describes, in case that it
     had them.
 
@@ -173,32 +179,31 @@ def records(
             messages before and after it may be given.
     """
     damage = Damage() if damage is None else damage
-    with path.open("rb") as stream:
-        began = os.fstat(stream.fileno())  # also of a file that is moved away meanwhile
-        reader = _RecordReader(stream, began.st_size, damage, wants, within, open_chunks)
-        described = False
-        position: int | None = len(MAGIC)
-        while position is not None:
-            at(position)
-            try:
-                opcode, found, after = reader.read(position)
-            except DAMAGE:
-                opcode, found, after = 0, [], reader.beyond(position)
-                if after is not None:
-                    damage.places.append(position)
-            if opcode == Opcode.DATA_END:
-                return
-            if not described and (damage.passed_over or damage.places):
-                described = True
-                yield from reader.known()
-            yield from found
-            if opcode == 0 or after is None:
-                now = os.fstat(stream.fileno())
-                damage.written |= (now.st_size, now.st_mtime_ns) != (
-                    began.st_size, began.st_mtime_ns,
-                )  # fmt: skip
-            position = after
-        damage.cut_off = True
+    began = os.fstat(stream.fileno())  # also of a file that is moved away meanwhile
+    reader = _RecordReader(stream, began.st_size, damage, wants, within, open_chunks)
+    described = False
+    position: int | None = len(MAGIC)
+    while position is not None:
+        at(position)
+        try:
+            opcode, found, after = reader.read(position)
+        except DAMAGE:
+            opcode, found, after = 0, [], reader.beyond(position)
+            if after is not None:
+                damage.places.append(position)
+        if opcode == Opcode.DATA_END:
+            return
+        if not described and (damage.passed_over or damage.places):
+            described = True
+            yield from reader.known()
+        yield from found
+        if opcode == 0 or after is None:
+            now = os.fstat(stream.fileno())
+            damage.written |= (now.st_size, now.st_mtime_ns) != (
+                began.st_size, began.st_mtime_ns,
+            )  # fmt: skip
+        position = after
+    damage.cut_off = True
 
 
 @dataclass
