@@ -108,10 +108,10 @@ class Outcome:
     def require_dive(self, dive: RecordedDive) -> None:
         """
         Raises:
-            LindyError: it was aborted before the drone said anything, as where a service cannot
+            LindyError: it was aborted before anything of it was recorded, as where a service cannot
                 start: there was no dive to sum up.
         """
-        if self._error is not None and not dive[topics.STATUS].count:
+        if self._error is not None and not any(each.count for each in dive.streams.values()):
             raise self._error
 
     def sum_up_unrecorded(self, side: str, other: str) -> int:
