@@ -117,7 +117,7 @@ class SeveralFiles(LogFile):
                 )
         for one in spans:
             others = [each for each in spans if each is not one]
-            if not any(
+            if others and not any(
                 one.overlaps(each) >= (-LONGEST_PAUSE_NS if one.sources & each.sources else 0)
                 for each in others
             ):
