@@ -202,6 +202,11 @@ class RecordedDive:
         known = state["depth.value"][state["depth.valid"] > 0.0]
         return float(np.max(known)) if len(known) else None
 
+    def estimate(self, axis: str) -> tuple[Array, Array] | None:
+        """(times [ns], depth [m] or heading [rad]) as the drone estimated; None: it did not."""
+        state = self[topics.STATE]
+        return (state["sensor_ns"], state[f"{FIELD[axis]}.value"]) if state.count else None
+
     def truth(self, axis: str) -> tuple[Array, Array] | None:
         """(times [ns], true depth [m] or heading [rad]), or None on a dive without a simulator.
 
