@@ -56,6 +56,7 @@ from tools.recordings.recording import Recording, open_recording
 LAG_STEP = 1e-4  # [-] of a difference quotient in the logarithm
 LAG_STEPS = 12
 MOST_LAG_STEP = 0.5
+LEAST_LAG_STD = 1e-3  # [-] of the lag: a simulated thrust has no noise, and no lag is that exact
 
 
 class MeasuredLag(NamedTuple):
@@ -86,7 +87,7 @@ def measured_lag(data: DiveData, vehicle: Vehicle) -> MeasuredLag | None:
         if not log(1e-4) < x < log(10.0):
             return None
     left = measured - expected(x)
-    std = sqrt(float(np.mean(left**2)) / information)
+    std = max(LEAST_LAG_STD, sqrt(float(np.mean(left**2)) / information))
     return MeasuredLag(exp(x), exp(x) * std)
 
 
