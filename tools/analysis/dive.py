@@ -16,6 +16,7 @@ from messages.message import Message
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth
 from messages.video import PICTURE_STAGES, PictureAge
+from services.runtime.hosts.loop import rare_collections
 from services.runtime.node.clock_offset import ClockOffset, mover
 from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.columns import (
@@ -247,16 +248,17 @@ def read_dive(
     topside_clock = _TopsideClock() if apart else None
     gathered = GatheredDive(more, origin_ns, utc_offset_ns)
     decoders: dict[str, Callable[[bytes], Message | None] | None] = {}
-    for key, data, log_ns, *_ in recording.raw():
-        gathered.see(key, log_ns)
-        if key not in decoders:
-            kind = gathered.kind(key, whole=apart)
-            decoders[key] = kind if kind is None else recording.decoding(key, kind)
-        decode = decoders[key]
-        if decode is None or (message := decode(data)) is None:
-            continue
-        if topside_clock is None or topside_clock.convert(key, message, log_ns):
-            gathered.add(key, message, log_ns)
+    with rare_collections():
+        for key, data, log_ns, *_ in recording.raw():
+            gathered.see(key, log_ns)
+            if key not in decoders:
+                kind = gathered.kind(key, whole=apart)
+                decoders[key] = kind if kind is None else recording.decoding(key, kind)
+            decode = decoders[key]
+            if decode is None or (message := decode(data)) is None:
+                continue
+            if topside_clock is None or topside_clock.convert(key, message, log_ns):
+                gathered.add(key, message, log_ns)
     losses = recording.losses() + Counter(
         {events.UNREADABLE(key).name: count for key, count in recording.unreadable.items()}
     )
