@@ -10,9 +10,10 @@ import signal
 import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from errno import ENOSPC
 from importlib.util import find_spec
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from messages.version import VERSION
 from services.runtime.config.errors import EndedByUserError, LindyError
@@ -47,6 +48,46 @@ GONE = {
     "topic delay": "`lindy topic hz`, which shows this, too",
     "tour": "the steps of a first dive are in docs/flying.md",
 }  # verb of an earlier version → what to use instead
+GONE_OPTIONS = {
+    "ask --path": "`lindy ask follow PATH`",
+    "ask --to": "`lindy ask offer NAME`",
+    "ask --value": "`lindy ask light 0.5`",
+    "bench --json": "`make bench` keeps every figure in performance.json",
+    "dive --trust": "a line says that a stack file runs code of others",
+    "fly --link": "the link is emulated by `lindy up topside --gateway` only",
+    "fly --name": "the name of the drone is said once, `lindy fly NAME`",
+    "fly --seconds": "end it with Ctrl-C",
+    "fly --seed": "a topside draws nothing",
+    "fly --trust": "a line says that a stack file runs code of others",
+    "gains --force": "--effort",
+    "gains --rate": "--error-rate",
+    "keys new --drone": "`lindy keys new DRONE PILOT`",
+    "keys new --pilot": "`lindy keys new DRONE PILOT`",
+    "keys list --json": "its table",
+    "link show --profile": "`lindy link show PROFILE`",
+    "link show --rate": "--hz",
+    "log compare --out": "--json has every difference",
+    "log compare --tolerance": "--json has every difference with its size",
+    "log cut --dive": "--number",
+    "log film --overlay": "the film's subtitles say the same",
+    "pad --profile": "`lindy pad PROFILE`",
+    "pad --seconds": "end it with Ctrl-C",
+    "profile --accel-time": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
+    "profile --cruise": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
+    "profile --decel-time": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
+    "profile --length": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
+    "ramp --to": "`lindy ramp --plan VELOCITY`",
+    "replay --connect": "--listen",
+    "replay --loop": "begin it again",
+    "ros2 --vehicle": "it has the vehicle file of the dive",
+    "simulate --name": "--set vehicle.name=NAME",
+    "run --seconds": "end it with Ctrl-C",
+    "sweep --fast": "every dive is flown exactly, on all cores",
+    "topic echo --side": "what never leaves the drone is heard there, all else topside",
+    "topic hz --side": "what never leaves the drone is heard there, all else topside",
+    "top --order": "the dearest service is the first line",
+    "up --trust": "a line says that a stack file runs code of others",
+}  # verb and option of an earlier version → what to use instead
 ABOUT = "Pilot an underwater drone: the pilot leads, the drone follows, without a jerk."
 EPILOGUE = f"With {DEBUG} before or after any verb, an error shows where it came from."
 
@@ -296,13 +337,14 @@ def _sentence(error: Exception, *, debug: bool) -> str:
     if isinstance(error, ImportError) and isinstance(error.__cause__, ImportError):
         error = error.__cause__  # cyclopts says only of which verb it was
     if type(error).__module__ == "cyclopts.exceptions":
-        chain = getattr(error, "command_chain", None) or ()
-        return f"{error} `{' '.join(('lindy', *chain))} --help` says more"
+        return _mistyped(error)
     if debug:
         traceback.print_exception(error)
     if isinstance(error, LindyError):
         return str(error)
     if isinstance(error, OSError):
+        if error.filename is None and error.errno == ENOSPC:
+            return "the disk is full: there is no room for what it prints or writes"
         return f"{error.filename or 'operating system'}: {error.strerror or error}"
     if isinstance(error, ImportError) and not isinstance(error, ModuleNotFoundError):
         return f"a library cannot be loaded: {error}; it is damaged, or there is too little memory"
@@ -312,6 +354,34 @@ def _sentence(error: Exception, *, debug: bool) -> str:
     name = where.filename.rpartition("/")[2]
     what = f"{type(error).__name__}: {error}"
     return f"an error in Lindy itself ({DEBUG} shows more), at {name}:{where.lineno}: {what}"
+
+
+def _mistyped(error: Any) -> str:
+    """A command line that cyclopts refuses. What is missing, too much or no number it says in words
+    for programmers."""
+    from cyclopts import (
+        CoercionError,
+        MissingArgumentError,
+        UnknownOptionError,
+        UnusedCliTokensError,
+    )
+
+    verb, said = " ".join(("lindy", *(error.command_chain or ()))), f"{error}"
+    if isinstance(error, MissingArgumentError) and error.argument is not None:
+        needs = error.argument.name
+        said = f"{error.keyword} needs a value." if error.keyword else f"`{verb}` needs {needs}."
+    elif isinstance(error, UnknownOptionError):
+        option = (error.token.keyword or error.token.value).partition("=")[0]
+        place = option.lstrip("-").replace("-", "_").upper()
+        if instead := GONE_OPTIONS.get(f"{verb.removeprefix('lindy ')} {option}"):
+            return f"{option} of `{verb}` is gone: {instead}"
+        if any(place in argument.names for argument in error.argument_collection):
+            said = f"`{verb}` takes {place} without {option}."
+    elif isinstance(error, UnusedCliTokensError):
+        said = f"`{verb}` takes no {' '.join(error.unused_tokens or ())}."
+    elif isinstance(error, CoercionError) and error.target_type is float and error.token:
+        said = f"{error.token.keyword} is {error.token.value!r}, expected a number."
+    return f"{said} `{verb} --help` says more"
 
 
 def _nobody_reads() -> bool:

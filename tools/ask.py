@@ -34,15 +34,15 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "arm": (),
     "disarm": (),
     "stop": (),
-    "light": ("value",),
+    "light": ("name",),
     "output": ("name", "setting"),
     "goto": ("depth", "heading", "north", "east"),
-    "follow": ("path",),
+    "follow": ("name",),
     "home": (),
     "unwind": (),
     "mode": ("name",),
     "take": ("force",),
-    "offer": ("to",),
+    "offer": ("name",),
     "release": (),
     "resume": (),
 }  # the options of each kind of request
@@ -56,9 +56,14 @@ def ask(
     kind: str,
     name: Annotated[
         str | None,
-        Parameter(help=f"mode: {', '.join(FLIGHT_MODES)}; output: its name in the vehicle file"),
+        Parameter(
+            help=f"mode: {', '.join(FLIGHT_MODES)}; follow: a name in deploy/paths, or a TOML "
+            "file; light: 0 … 1; output: its name in the vehicle file; offer: to the pilot of "
+            "this name only"
+        ),
     ] = None,
     setting: Annotated[str | None, Parameter(help="output: on, off or 0 … 1")] = None,
+    /,
     *,
     depth: Annotated[float | None, Parameter(help="goto: [m] positive down")] = None,
     heading: Annotated[
@@ -68,14 +73,7 @@ def ask(
         float | None, Parameter(help="goto: [m], with --east; needs a drone that measures position")
     ] = None,
     east: Annotated[float | None, Parameter(help="goto: [m]")] = None,
-    path: Annotated[
-        str | None, Parameter(help="follow: a name in deploy/paths, or a TOML file")
-    ] = None,
-    value: Annotated[float | None, Parameter(help="light: brightness 0 … 1")] = None,
     force: Annotated[bool, Parameter(help="take: from whoever has control")] = False,
-    to: Annotated[
-        str | None, Parameter(help="offer: to the pilot of this name only; default: to any")
-    ] = None,
     dive: RunningDive = None,
     as_json: Json = False,
 ) -> int:
@@ -95,10 +93,7 @@ def ask(
         "heading": heading,
         "north": north,
         "east": east,
-        "path": path,
-        "value": value,
         "force": force or None,
-        "to": to,
     }
     wanted = wanted_of(kind, **given)
     if wanted.kind == "stop" and dive is None:
@@ -131,7 +126,7 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
     )
     match known:
         case "light":
-            return _wanted(known, value=_brightness(given["value"]))
+            return _wanted(known, value=_brightness(given["name"]))
         case "output":
             return _output(given["name"], given.get("setting"))
         case "goto" if given.get("north") is not None or given.get("east") is not None:
@@ -143,11 +138,11 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
                 raise LindyError(str(error)) from None
             return _wanted(known, depth=intent.depth, heading=intent.heading)
         case "follow":
-            return _wanted(known, course=_course(given["path"]))
+            return _wanted(known, course=_course(given["name"]))
         case "mode":
             return _wanted(known, flight_mode=_flight_mode(given["name"]))
         case "offer":
-            return _wanted(known, to=_pilot_name(given.get("to") or ""))
+            return _wanted(known, to=_pilot_name(given.get("name") or ""))
         case _:
             return _wanted(known)
 
@@ -284,12 +279,12 @@ def _place(given: dict[str, Any]) -> PilotRequest:
     return _wanted("goto", depth=given["depth"], north=place[0], east=place[1])
 
 
-def _brightness(value: float | None) -> float:
-    if value is None:
-        raise LindyError("light needs --value, a brightness from 0 to 1")
-    if not 0.0 <= value <= 1.0:
-        raise LindyError(f"--value is {value:g}, expected a brightness from 0 to 1")
-    return value
+def _brightness(word: str | None) -> float:
+    with suppress(ValueError):
+        if 0.0 <= (value := float(word or "")) <= 1.0:
+            return value
+    found = f", found {word!r}" if word else ""
+    raise LindyError(f"light needs a brightness from 0 to 1, such as light 0.5{found}")
 
 
 def _output(name: str | None, setting: str | None) -> PilotRequest:
@@ -314,7 +309,9 @@ def _output(name: str | None, setting: str | None) -> PilotRequest:
 
 def _pilot_name(name: str) -> str:
     if len(name) > LONGEST_NAME:
-        raise LindyError(f"--to has {len(name)} letters, expected at most {LONGEST_NAME}")
+        raise LindyError(
+            f"offer: the name has {len(name)} letters, expected at most {LONGEST_NAME}"
+        )
     return name
 
 
@@ -328,7 +325,7 @@ def _flight_mode(name: str | None) -> FlightMode:
 
 def _course(name: str | None) -> Course:
     if name is None:
-        raise LindyError("follow needs --path, a name in deploy/paths or a TOML file")
+        raise LindyError("follow needs a path: a name in deploy/paths, or a TOML file")
     file = deploy_file("paths", name)
     course = course_of(file)
     try:

@@ -42,7 +42,7 @@ def whole(_: object, tokens: Sequence[Token]) -> int:
 
 
 Whole = Annotated[int, Parameter(converter=whole)]
-Json = Annotated[bool, Parameter(name="--json", help="as JSON")]
+Json = Annotated[bool, Parameter(name="--json", help="print JSON")]
 NewFile = Annotated[Path, Parameter(converter=named, help="the file to write, a new one")]
 NewPicture = Annotated[Path | None, Parameter(converter=named, help="also draw into this new PNG")]
 RunningDive = Annotated[
@@ -80,7 +80,29 @@ Grouped = Annotated[
         "none of their own in the stack file share one per side",
     ),
 ]
+LinkName = Annotated[str, Parameter(help="a name in deploy/links, or the path of a TOML file")]
+Seed = Annotated[Whole, Parameter(help="whole number that everything random follows from")]
 HERE = "tcp/127.0.0.1:7447"  # where both sides meet on one machine
+
+
+DroneName = Annotated[
+    str | None,
+    Parameter(
+        help="name of this drone on the network; default: its type's and this computer's, such as "
+        "pioneer-boat"
+    ),
+]
+PilotName = Annotated[
+    str | None, Parameter(help="gamepad, keyboard or script:FILE (a CSV stick log)")
+]
+DiveFolder = Annotated[
+    Path | None,
+    Parameter(
+        converter=named,
+        help="folder for the recording; where it holds a dive already, a new one beside it; "
+        "default: dives/ and the time (UTC). dives/latest is the newest dive in dives/",
+    ),
+]
 
 
 @Parameter(name="*")
@@ -88,35 +110,27 @@ HERE = "tcp/127.0.0.1:7447"  # where both sides meet on one machine
 class Choices:
     """Options that real and simulated dives share."""
 
-    pilot: Annotated[
-        str | None, Parameter(help="gamepad, keyboard or script:FILE (a CSV stick log)")
-    ] = None
+    pilot: PilotName = None
     vehicle: VehicleName = "pioneer"
-    name: Annotated[
-        str | None,
-        Parameter(
-            help="of this drone on the network; default: its type's and this computer's, such as "
-            "pioneer-boat; in virtual time its type's"
-        ),
-    ] = None
+    name: Annotated[str | None, Parameter(parse=False)] = None
     stack: StackName = "simulated"
-    link: Annotated[str, Parameter(help="a name in deploy/links, or the path of a TOML file")] = (
-        "tether"
-    )
+    link: LinkName = "tether"
     seconds: Annotated[
         float | None,
         Parameter(help="end this long after arming at the latest; a script ends it sooner"),
     ] = None
-    out: Annotated[
-        Path | None,
-        Parameter(
-            converter=named,
-            help="folder for the recording; where it holds a dive already, a new one beside it; "
-            "default: dives/ and the time (UTC). dives/latest is the newest dive in dives/",
-        ),
-    ] = None
-    seed: Annotated[Whole, Parameter(help="of everything random in simulator and link")] = 0
+    out: DiveFolder = None
+    seed: Seed = 0
     set_: Overrides = ()
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class NamedChoices(Choices):
+    """Options of a dive whose drone has a name on the network."""
+
+    name: DroneName = None
+
+
 DEFAULT = Choices()
+NAMED = NamedChoices()

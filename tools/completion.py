@@ -8,7 +8,7 @@ from tools.__main__ import RESEARCH, VERBS, command_line
 Shell = Literal["bash", "zsh", "fish"]
 
 
-def completion(shell: Shell) -> int:
+def completion(shell: Shell, /) -> int:
     """Print the completion of verbs and options for a shell.
 
     In bash, for this terminal: source <(lindy completion bash). For every terminal its output

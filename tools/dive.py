@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.process_plan import Dive
-from tools.choices import DEFAULT, Choices, Grouped, Insecure, KeysFolder
+from tools.choices import NAMED, Grouped, Insecure, KeysFolder, NamedChoices
 from tools.keys.credentials import credentials
 from tools.live.cockpit import COCKPIT, announce, with_cockpit
 from tools.live.outcome import title
@@ -17,7 +17,7 @@ from tools.start import as_it_can_run, fly_planned, settled
 
 def dive(
     *,
-    choices: Choices = DEFAULT,
+    choices: NamedChoices = NAMED,
     headless: Annotated[
         bool, Parameter(help="no live viewer, even where there is a display")
     ] = False,

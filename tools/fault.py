@@ -20,6 +20,7 @@ MOST_VALUE = 1e9  # as in a message
 def fault(
     part: str,
     kind: str,
+    /,
     *,
     value: Annotated[
         float | None,

@@ -77,7 +77,7 @@ def fly_again(path: Path, choices: Choices, *, files: bool = True, trust: bool =
 
 def _require_nothing_else(choices: Choices) -> None:
     defaults = Choices(out=choices.out)
-    for name in ("pilot", "vehicle", "stack", "link", "seconds", "seed", "set_", "name"):
+    for name in ("pilot", "vehicle", "stack", "link", "seconds", "seed", "set_"):
         if getattr(choices, name) != getattr(defaults, name):
             option = name.rstrip("_")
             raise LindyError(

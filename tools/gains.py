@@ -178,8 +178,8 @@ def gains(
     *,
     vehicle: VehicleName = "pioneer",
     error: Annotated[float | None, Parameter(help="[m] or [rad]")] = None,
-    rate: Annotated[float | None, Parameter(help="[m/s] or [rad/s]")] = None,
-    force: Annotated[float | None, Parameter(help="[N] or [N m]")] = None,
+    error_rate: Annotated[float | None, Parameter(help="[m/s] or [rad/s]")] = None,
+    effort: Annotated[float | None, Parameter(help="[N] or [N m]")] = None,
     observer: Annotated[
         float,
         Parameter(help="[rad/s] of a disturbance observer, at most 50, checked with the rest"),
@@ -188,13 +188,13 @@ def gains(
 ) -> int:
     """Find control gains for an axis of a vehicle (LQ).
 
-    Printed for the vehicle's file. An error as large as --error, a rate as large as --rate and a
-    force as large as --force are equally bad. Left out, they are 5 cm, 10 cm/s and 5 N; of the
-    heading 3 deg, 10 deg/s and 0.4 N m.
+    Printed for the vehicle's file. An error as large as --error, a rate as large as --error-rate
+    and a force as large as --effort are equally bad. Left out, they are 5 cm, 10 cm/s and 5 N; of
+    the heading 3 deg, 10 deg/s and 0.4 N m.
 
-    Example: lindy gains depth --error 0.1 --force 8 --observer 3
+    Example: lindy gains depth --error 0.1 --effort 8 --observer 3
     """
-    given = {"error": error, "rate": rate, "force": force}
+    given = {"error": error, "error-rate": error_rate, "effort": effort}
     for name, value in given.items():
         if value is not None and not 0.0 < value < 1e6:
             raise LindyError(f"--{name} is {value:g}, expected more than 0 and less than 1e6")
@@ -203,8 +203,8 @@ def gains(
     usual = USUAL_TURN if axis == "heading" else USUAL_WAY
     worth = usual._replace(
         position=error or usual.position,
-        velocity=rate or usual.velocity,
-        force=force or usual.force,
+        velocity=error_rate or usual.velocity,
+        force=effort or usual.force,
     )
     stack = Stack(vehicle=vehicle, overrides=list(set_))
     stack.check(known_tables(Registry.read()))
@@ -212,6 +212,6 @@ def gains(
         with np.errstate(all="ignore"):
             found = design(stack.section("vehicle", Vehicle), axis, worth, observer)
     except ValueError as why:
-        raise LindyError(f"--error, --rate and --force: {why}; choose nearer ones") from None
+        raise LindyError(f"--error, --error-rate and --effort: {why}; choose nearer ones") from None
     print("\n".join(lines(axis, found, worth)))
     return 0

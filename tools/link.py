@@ -23,12 +23,13 @@ link = App(
 
 @link.command
 def show(
-    *,
     profile: Annotated[str, Parameter(help="a name in deploy/links, or a TOML file")] = "tether",
-    rate: Annotated[float, Parameter(help="[1/s] messages that enter, evenly")] = 50.0,
-    bytes_: Annotated[Whole, Parameter(name="--bytes", help="of each message")] = 200,
+    /,
+    *,
+    hz: Annotated[float, Parameter(help="[1/s] messages that enter, evenly")] = 50.0,
+    bytes_: Annotated[Whole, Parameter(name="--bytes", help="size of each message")] = 200,
     seconds: Annotated[float, Parameter(help="how long messages enter")] = 10.0,
-    seed: Annotated[Whole, Parameter(help="of everything random; what `dive --seed` means")] = 0,
+    seed: Annotated[Whole, Parameter(help="as of `lindy dive`")] = 0,
     direction: Literal["down", "up"] = "down",
 ) -> int:
     """Print what the link would do to a stream of messages: seq,sent_s,arrived_s,reason.
@@ -36,13 +37,13 @@ def show(
     A lost message has a reason and no arrival; a copy has the same seq once more; a damaged one
     arrives, with the reason damaged. The same seed gives the same lines.
 
-    Example: lindy link show --profile severe --rate 100 --bytes 200 --seconds 60 --seed 1
+    Example: lindy link show severe --hz 100 --bytes 200 --seconds 60 --seed 1
     """
-    for name, value in (("rate", rate), ("seconds", seconds)):
+    for name, value in (("hz", hz), ("seconds", seconds)):
         if not (math.isfinite(value) and value > 0.0):
             raise LindyError(f"--{name} is {value:g}, expected a finite number above 0")
-    if rate * seconds > MOST_MESSAGES:
-        raise LindyError(f"{rate * seconds:.3g} messages are too many; the most is 5e6")
+    if hz * seconds > MOST_MESSAGES:
+        raise LindyError(f"{hz * seconds:.3g} messages are too many; the most is 5e6")
     if bytes_ < 0 or seed < 0:
         raise LindyError("--bytes and --seed are whole numbers from 0")
     from services.tether.io.profile_file import named
@@ -50,7 +51,7 @@ def show(
 
     found = named(profile).profile
     leg = found.down if direction == "down" else found.up
-    rows = fates(leg, rate, bytes_, seconds, seed + (direction == "up"))
+    rows = fates(leg, hz, bytes_, seconds, seed + (direction == "up"))
     lines = (f"{n},{sent:.6f},{_seconds(at)},{why}\n" for n, sent, at, why in rows)
     sys.stdout.write("seq,sent_s,arrived_s,reason\n" + "".join(lines))
     return 0

@@ -174,13 +174,13 @@ def rows(duration: float, dt: float) -> int:
 
 
 def profile(
-    *, length: float, cruise: float, accel_time: float, decel_time: float, dt: Step = None
+    length: float, cruise: float, accel_time: float, decel_time: float, /, *, dt: Step = None
 ) -> int:
     """Print one motion of the reference model.
 
     From rest to rest, with the paper's usual tuning: its numbers (JSON), or its samples (CSV).
 
-    Example: lindy profile --length 50 --cruise 0.3 --accel-time 20 --decel-time 20 --dt 0.1
+    Example: lindy profile 50 0.3 20 20 --dt 0.1
 
     Without --dt: v_m, v_c, a_m, d_m, the ends of the five phases in time (t) and position (P).
     With --dt: t,p,v,a from the start to the first sample at or after the arrival.

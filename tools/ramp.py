@@ -28,8 +28,7 @@ def ramp(
     jerk: float | None = None,
     accel: float | None = None,
     dt: float | None = None,
-    plan: bool = False,
-    to: float | None = None,
+    plan: float | None = None,
 ) -> int:
     """Turn a stick log into a smooth reference (CSV).
 
@@ -44,7 +43,7 @@ def ramp(
 
     Example: printf 't,target\\n0,0.3\\n2,0\\n' | lindy ramp --jerk 3 --accel 0.5 --dt 0.1
 
-    Example: lindy ramp --jerk 3 --plan --to 0.3
+    Example: lindy ramp --jerk 3 --plan 0.3
 
     Parameters
     ----------
@@ -57,21 +56,17 @@ def ramp(
     dt
         [s] between samples
     plan
-        print one transition as JSON instead; reads nothing
-    to
-        target velocity of --plan
+        print one transition to this velocity as JSON instead; reads nothing
     """
     for name, value in (("jerk", jerk), ("accel", accel), ("dt", dt)):
         if value is not None and not (isfinite(value) and value > 0):
             raise LindyError(f"--{name} is {value}, expected a finite number above 0")
-    if to is not None and not isfinite(to):
-        raise LindyError(f"--to is {to}, expected a finite number")
+    if plan is not None and not isfinite(plan):
+        raise LindyError(f"--plan is {plan}, expected a finite number")
     generator = generator_of(rule, jerk, accel)
-    if plan:
-        print(plan_of(rule, generator, to))
+    if plan is not None:
+        print(plan_of(rule, generator, plan))
         return 0
-    if to is not None:
-        raise LindyError("--to belongs to --plan; without it the targets come from stdin")
     if dt is None:
         raise LindyError("--dt is missing: the time between samples in seconds, e.g. --dt 0.01")
     rows = read(sys.stdin)
@@ -163,11 +158,9 @@ def generator_of(rule: Rule, jerk: float | None, accel: float | None) -> "Baseli
     return PlannedBaseline(plan)
 
 
-def plan_of(rule: Rule, generator: "BaselineReference", to: float | None) -> str:
+def plan_of(rule: Rule, generator: "BaselineReference", to: float) -> str:
     from tools.generators.baselines import PlannedBaseline
 
-    if to is None:
-        raise LindyError("--to is missing: the velocity that --plan goes to, e.g. --to 0.3")
     if not isinstance(generator, PlannedBaseline):
         raise LindyError(f"--plan has nothing to show with --rule {rule}, which makes no plan")
     try:

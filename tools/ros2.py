@@ -15,21 +15,20 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.os import system
 from tools.ask import dive_in
 from tools.checks import pilot_of
-from tools.choices import Choices, Overrides, RunningDive, VehicleName
+from tools.choices import Choices, Overrides, RunningDive
 from tools.start import settled
 
 SERVICE = "ros2"
 LOOK_S = 0.5  # [s] between two looks whether the dive goes on
 
 
-def ros2(
-    *, dive: RunningDive = None, vehicle: VehicleName = "pioneer", set_: Overrides = ()
-) -> int:
+def ros2(*, dive: RunningDive = None, set_: Overrides = ()) -> int:
     """Show a running dive in ROS 2, and have it flown from there.
 
-    It reaches the ROS network by the router of rmw_zenoh, which --set ros2.router=tcp/HOST:7447
-    names. It takes sticks only with --set ros2.sticks=true: whoever reaches that router may then
-    fly. It ends with the dive, or with Ctrl-C.
+    It has the vehicle file and the settings of the dive. It reaches the ROS network by the router
+    of rmw_zenoh, which --set ros2.router=tcp/HOST:7447 names. It takes sticks only with --set
+    ros2.sticks=true: whoever reaches that router may then fly. It ends with the dive, or with
+    Ctrl-C.
 
     Example: lindy ros2 --set ros2.domain=3
     """
@@ -40,7 +39,9 @@ def ros2(
     spec = services[SERVICE]
     spec = replace(spec, sides=[side for side in spec.sides if side in running.endpoints])
     here = services.only({SERVICE: spec})
-    choices, out = Choices(vehicle=vehicle, stack=SERVICE, set_=set_), str(Path().resolve())
+    settings = (*running.overrides, *set_)
+    choices = Choices(vehicle=running.vehicle_file or "pioneer", stack=SERVICE, set_=settings)
+    out = str(Path().resolve())
     stack = settled(choices, pilot_of("gamepad"), services, here, out=out)
     threading.Thread(target=_end_with, args=(running,), daemon=True).start()
     with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:

@@ -15,7 +15,18 @@ from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from tools.checks import pilot_of
-from tools.choices import DEFAULT, Choices, named
+from tools.choices import (
+    Choices,
+    DiveFolder,
+    DroneName,
+    LinkName,
+    Overrides,
+    PilotName,
+    Seed,
+    StackName,
+    VehicleName,
+    named,
+)
 from tools.keys.credentials import credentials, is_local
 from tools.keys.roles import Role
 from tools.live.cockpit import VIEWER, with_further_cameras
@@ -29,6 +40,7 @@ FILE = {"recorder": "mcap", "visualizer": "rrd"}  # of one dive only
 
 def run(
     service: str,
+    /,
     *,
     connect: Annotated[
         tuple[str, ...],
@@ -38,19 +50,36 @@ def run(
         Path | None,
         Parameter(
             converter=named,
-            help="for a hub at tls/…: folder of the keys; default: ~/.config/lindy/keys",
+            help="folder of the keys, for a hub at tls/…; default: ~/.config/lindy/keys",
         ),
     ] = None,
     replay: Annotated[
         bool,
         Parameter(help="visualizer: show what `lindy replay --listen` plays, and no vehicle"),
     ] = False,
-    choices: Choices = DEFAULT,
+    pilot: PilotName = None,
+    vehicle: VehicleName = "pioneer",
+    name: DroneName = None,
+    stack: StackName = "simulated",
+    link: LinkName = "tether",
+    out: DiveFolder = None,
+    seed: Seed = 0,
+    set_: Overrides = (),
 ) -> int:
     """Run one service in the foreground, on running hubs.
 
     Example: lindy run control --connect drone=tcp/127.0.0.1:7448
     """
+    choices = Choices(
+        pilot=pilot,
+        vehicle=vehicle,
+        name=name,
+        stack=stack,
+        link=link,
+        out=out,
+        seed=seed,
+        set_=set_,
+    )
     services = with_further_cameras(Registry.read(choices.stack), choices)
     if service not in services:
         raise LindyError(f"unknown service {service!r}{nearest(service, sorted(services))}")
@@ -58,18 +87,19 @@ def run(
     if replay:
         spec = of_a_replay(service, spec)
     endpoints = endpoints_of(service, spec, connect)
-    out = (choices.out or Path()).resolve()
-    if (kind := FILE.get(service)) and (earlier := dive_files(out, kind)):
+    folder = (out or Path()).resolve()
+    if (kind := FILE.get(service)) and (earlier := dive_files(folder, kind)):
         raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
-    pilot = pilot_of(choices.pilot or "gamepad")
     here = services.only({service: spec})
-    stack = settled(choices, pilot, services, here, out=str(out), replay=replay)
+    settings = settled(
+        choices, pilot_of(pilot or "gamepad"), services, here, out=str(folder), replay=replay
+    )
     with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:
         return run_services(
             Launch(
                 process=service,
                 services={service: spec},
-                stack=stack,
+                stack=settings,
                 stack_file=str(services.file),
                 endpoints=endpoints,
                 checkpoint=checkpoint,
@@ -107,6 +137,7 @@ def keys_for(endpoints: Mapping[str, str], keys: Path | None) -> KeyFiles | None
 
 def hub(
     endpoint: str,
+    /,
     *,
     insecure: Annotated[bool, Parameter(help="let in whoever reaches the endpoint")] = False,
 ) -> int:

@@ -61,7 +61,7 @@ def simulate(
     ] = None,
     trust: Annotated[
         bool,
-        Parameter(negative=(), help="with --from: also code in it that is not Lindy's own"),
+        Parameter(negative=(), help="with --from, run code in it that is not Lindy's own, too"),
     ] = False,
 ) -> int:
     """Fly a dive on virtual time, as fast as possible.
@@ -155,6 +155,7 @@ def _in_memory(stack: Stack, services: Registry, pilot: PilotChoice) -> Simulate
 
 def _sum_up_memory(outcome: Outcome, memory: MemoryRecorder) -> int:
     dive = memory.dive()
+    outcome.require_dive(dive)
     report = outcome.report_in_memory(dive, memory.log_hash())
     print(summary(report, dive.max_depth_m, all_losses=True), flush=True)
     outcome.complain()

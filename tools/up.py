@@ -16,7 +16,7 @@ from services.runtime.launch.local_stack import require_free
 from services.runtime.launch.process_plan import Dive
 from services.runtime.os import system
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
-from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder
+from tools.choices import HERE, NAMED, Choices, Grouped, Insecure, KeysFolder, NamedChoices
 from tools.fleet.meeting import Meeting, drone_at, drones_credentials, drones_name, require_only
 from tools.keys.credentials import credentials
 from tools.live.outcome import RECORDER
@@ -30,6 +30,7 @@ GATEWAY = "tether"  # the service that may stand between the two
 
 def up(
     side: str,
+    /,
     *,
     listen: Annotated[
         str | None,
@@ -40,13 +41,9 @@ def up(
     connect: Annotated[
         str | None,
         Parameter(
-            help=f"topside: endpoint of the drone, e.g. tls/192.168.2.2:7447; default {HERE}"
-        ),
-    ] = None,
-    router: Annotated[
-        str | None,
-        Parameter(
-            help="either side: endpoint of a Zenoh router where both meet; see docs/fleet.md"
+            name=("--connect", "--router"),
+            help="topside: endpoint of the drone, e.g. tls/192.168.2.2:7447; either side: of a "
+            f"Zenoh router where both meet, see docs/fleet.md; default for the topside {HERE}",
         ),
     ] = None,
     gateway: Annotated[
@@ -61,7 +58,7 @@ def up(
     grouped: Grouped = False,
     keys: KeysFolder = None,
     insecure: Insecure = False,
-    choices: Choices = DEFAULT,
+    choices: NamedChoices = NAMED,
 ) -> int:
     """Start one SIDE of a dive, topside or drone, on this machine.
 
@@ -81,13 +78,9 @@ def up(
                 "`lindy up drone` needs Linux or macOS; this computer can be the topside: "
                 "lindy up topside"
             )
-        if connect is not None:
-            raise LindyError(
-                f"--connect is for the topside: the drone waits for it, with --listen {connect}"
-            )
-        listen = HERE if listen is None and router is None else listen
-        way_in = drones_credentials(listen, router, keys, insecure=insecure)
-        meeting = Meeting(listen, router, way_in)
+        listen = HERE if listen is None and connect is None else listen
+        way_in = drones_credentials(listen, connect, keys, insecure=insecure)
+        meeting = Meeting(listen, connect, way_in)
         return drone(choices, meeting, resume, grouped=grouped, insecure=insecure)
     if resume is not None:
         raise LindyError(
@@ -97,11 +90,8 @@ def up(
         raise LindyError(
             f"--listen is for the drone: the topside calls it, with --connect {listen}"
         )
-    if connect is not None and router is not None:
-        raise LindyError(f"--connect {connect} and --router {router}: one of them is enough")
-    option = "--connect" if router is None else "--router"
-    connect = connect or router or HERE
-    way_out = credentials(connect, option, ("pilot",), keys, insecure=insecure)
+    connect = connect or HERE
+    way_out = credentials(connect, "--connect", ("pilot",), keys, insecure=insecure)
     return fly_planned(
         *topside(choices, connect, way_out, gateway=gateway, grouped=grouped, insecure=insecure)
     )

@@ -13,7 +13,7 @@ from services.runtime.hosts.registry import Registry
 from tests.golden.dives import flown
 from tools.choices import Choices
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import StoredMessage, records
+from tools.recordings.mcap_records import Raw, records
 from tools.simulate import simulated
 
 SCRIPT = """t,surge,sway,heave,yaw,tilt,event
@@ -109,7 +109,7 @@ def fly_severe_dive(folder: Path) -> None:
     simulated(choices, running=without_viewer())
 
 
-Alter = Callable[[str, StoredMessage], StoredMessage | None]
+Alter = Callable[[str, Raw], Raw | None]
 
 
 def rewritten(
@@ -128,7 +128,7 @@ def rewritten(
                 keys[record.id] = record.topic
             elif isinstance(record, Attachment):
                 record.data = attached(record.name, record.data)
-            if isinstance(record, StoredMessage):
+            if isinstance(record, Raw):
                 if (other := alter(keys[record.channel_id], record)) is not None:
                     copy.add(other)
             else:

@@ -71,11 +71,11 @@ def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
 
         again = topside("bob2", DIVE)
         again.until_said("ann has control; waiting")
-        assert asked(ann, "offer", "--to", "bob2").endswith(": offer: accepted")
+        assert asked(ann, "offer", "bob2").endswith(": offer: accepted")
         assert asked(again, "take").endswith(": take: accepted")
         until_flown("bob2", armed=True)
-        assert "refuses (light): bob2 has control" in asked(ann, "light", "--value", "1")
-        assert asked(again, "light", "--value", "1").endswith(": light: accepted")
+        assert "refuses (light): bob2 has control" in asked(ann, "light", "1")
+        assert asked(again, "light", "1").endswith(": light: accepted")
         for who, name in ((ann, "ann"), (again, "bob2")):
             assert asked(who, "take", "--force").endswith(": take: accepted")
             until_flown(name, armed=True)

@@ -27,7 +27,7 @@ from tools.ask import ask, dive_in, dives_here, for_the_pilot, in_json, in_words
 from tools.live.asking import OneRequest
 
 S = 1_000_000_000  # [ns]
-GIVEN: dict[str, Any] = dict.fromkeys(("name", "depth", "heading", "path", "value", "force", "to"))
+GIVEN: dict[str, Any] = dict.fromkeys(("name", "depth", "heading", "force"))
 
 
 def wanted(kind: Any, **more: Any) -> PilotRequest:
@@ -46,7 +46,7 @@ def test_a_word_alone_asks_for_nothing_else(kind: str):
 def test_control_is_taken_by_force_only_when_asked_and_offered_to_one_or_to_all():
     assert wanted_of("take", **GIVEN) == wanted("lease")
     assert wanted_of("take", **GIVEN | {"force": True}) == wanted("force")
-    assert wanted_of("offer", **GIVEN | {"to": "bob"}) == wanted("offer", to="bob")
+    assert wanted_of("offer", **GIVEN | {"name": "bob"}) == wanted("offer", to="bob")
 
 
 @settings(max_examples=50, deadline=None)
@@ -59,7 +59,7 @@ def test_a_heading_is_given_in_degrees_and_asked_in_radians(depth: float, degree
 
 
 def test_a_followed_path_is_asked_whole():
-    course = wanted_of("follow", **GIVEN | {"path": "inspection_box"}).course
+    course = wanted_of("follow", **GIVEN | {"name": "inspection_box"}).course
     assert course is not None
     assert course.waypoints[-1] == (0.0, 0.0, 3.5)
     assert course.kind == "interpolating"
@@ -90,11 +90,11 @@ def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
         ("goto", {"depth": -1.0}, "depth is -1, expected a number from 0"),
         ("goto", {"depth": math.nan}, "depth is nan, expected"),
         ("goto", {"heading": math.inf}, "heading is inf, expected"),
-        ("goto", {"depth": 1.0, "value": 1.0}, "goto takes no --value"),
+        ("goto", {"depth": 1.0, "name": "1"}, "goto takes no second word, found '1'"),
         ("arm", {"depth": 0.0}, "arm takes no --depth"),
-        ("light", {}, "light needs --value"),
-        ("light", {"value": 1.5}, "--value is 1.5, expected a brightness from 0 to 1"),
-        ("light", {"value": math.nan}, "--value is nan"),
+        ("light", {}, "light needs a brightness from 0 to 1"),
+        ("light", {"name": "1.5"}, "from 0 to 1, such as light 0.5, found '1.5'"),
+        ("light", {"name": "nan"}, "found 'nan'"),
         ("output", {}, "output needs its name and on, off or a number"),
         ("output", {"name": "lasers"}, "output needs its name and on, off or a number"),
         ("output", {"name": "lasers", "setting": "yes"}, "from 0 to 1, found 'yes'"),
@@ -105,24 +105,26 @@ def test_every_mode_can_be_asked_for_and_reaches_the_drone(hold: str):
             {"name": 129 * "l", "setting": "on"},
             "the name has 129 letters, expected at most 128",
         ),
-        ("light", {"value": 1.0, "setting": "on"}, "light takes no third word, found 'on'"),
-        ("follow", {}, "follow needs --path"),
-        ("follow", {"path": "inspection_bix"}, "did you mean 'inspection_box'?"),
-        ("follow", {"path": "fernandes"}, "only a path with model = 'mjvr'"),
+        ("light", {"name": "1", "setting": "on"}, "light takes no third word, found 'on'"),
+        ("follow", {}, "follow needs a path"),
+        ("follow", {"name": "inspection_bix"}, "did you mean 'inspection_box'?"),
+        ("follow", {"name": "fernandes"}, "only a path with model = 'mjvr'"),
         ("mode", {}, "mode needs its name: manual, depth_hold"),
         ("mode", {"name": "stabilized"}, "did you mean 'stabilised'?"),
         ("mode", {"name": "manual", "depth": 1.0}, "mode takes no --depth"),
         ("stop", {"name": "manual"}, "stop takes no second word, found 'manual'"),
         ("stop", {"force": True}, "stop takes no --force"),
-        ("take", {"to": "bob"}, "take takes no --to"),
-        ("offer", {"to": 129 * "b"}, "--to has 129 letters, expected at most 128"),
+        ("take", {"name": "bob"}, "take takes no second word"),
+        ("offer", {"name": 129 * "b"}, "the name has 129 letters, expected at most 128"),
     ],
 )
 def test_a_wrong_argument_is_explained_before_anybody_is_asked(
     tmp_path: Path, kind: str, given: dict[str, Any], says: str
 ):
+    rest = {name: value for name, value in given.items() if name not in ("name", "setting")}
+    words = given.get("name"), given.get("setting")
     with pytest.raises(LindyError) as caught:
-        ask(kind, **given, dive=tmp_path)  # where no dive is: this would be said next
+        ask(kind, *words, **rest, dive=tmp_path)  # where no dive is: this would be said next
     assert says in str(caught.value)
 
 
@@ -401,7 +403,7 @@ def still_goes(out: Path, heading: float, capsys: pytest.CaptureFixture[str]) ->
 @pytest.mark.system
 def test_a_real_drone_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     with dive(tmp_path) as out:
-        assert ask("light", value=0.5, dive=out) == 0
+        assert ask("light", "0.5", dive=out) == 0
         assert capsys.readouterr().out.endswith(": light: accepted\n")
         assert ask("output", "light", "0.25", dive=out) == 0
         assert capsys.readouterr().out.endswith(": output: accepted\n")

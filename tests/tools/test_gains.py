@@ -67,11 +67,11 @@ def test_what_is_printed_goes_into_a_vehicle_file(
 
 def test_a_wish_that_no_thruster_can_fulfil_is_refused() -> None:
     with pytest.raises(LindyError, match=r"not stable behind thrusters with a lag of 0.08 s"):
-        gains("depth", error=1e-4, force=1e3)
+        gains("depth", error=1e-4, effort=1e3)
     with pytest.raises(LindyError, match=r"--error is -1, expected more than 0"):
         gains("depth", error=-1.0)
 
 
 def test_weights_that_nothing_satisfies_are_one_sentence() -> None:
     with pytest.raises(LindyError, match="these weights have no settled solution; choose nearer"):
-        gains("depth", rate=1e-300)
+        gains("depth", error_rate=1e-300)

@@ -46,7 +46,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> Lines:
 def test_every_message_has_a_line_and_either_an_arrival_or_a_reason(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    rows = run(capsys, "--profile", "severe", "--rate", "100", "--seconds", "60", "--seed", "1")
+    rows = run(capsys, "severe", "--hz", "100", "--seconds", "60", "--seed", "1")
     assert list(rows[0]) == ["seq", "sent_s", "arrived_s", "reason"]
     assert {int(row["seq"]) for row in rows} == set(range(6000))
     assert [int(row["seq"]) for row in rows] == sorted(int(row["seq"]) for row in rows)
@@ -60,19 +60,19 @@ def test_every_message_has_a_line_and_either_an_arrival_or_a_reason(
 
 
 def test_video_does_not_go_over_sound(capsys: pytest.CaptureFixture[str]) -> None:
-    rows = run(capsys, "--profile", "acoustic", "--rate", "25", "--bytes", "10000")
+    rows = run(capsys, "acoustic", "--hz", "25", "--bytes", "10000")
     assert not any(row["arrived_s"] for row in rows)
 
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["show", "--rate", "0"], "--rate is 0, expected"),
-        (["show", "--rate", "nan"], "--rate is nan, expected"),
+        (["show", "--hz", "0"], "--hz is 0, expected"),
+        (["show", "--hz", "nan"], "--hz is nan, expected"),
         (["show", "--seconds", "-1"], "--seconds is -1, expected"),
-        (["show", "--rate", "1e9"], "the most is 5e6"),
+        (["show", "--hz", "1e9"], "the most is 5e6"),
         (["show", "--seed", "-1"], "--bytes and --seed are whole numbers from 0"),
-        (["show", "--profile", "tehter"], "did you mean 'tether'"),
+        (["show", "tehter"], "did you mean 'tether'"),
         (["set", "remote", "--dive", "nowhere"], "no dive is going on in nowhere"),
         (["set", "up.delay_ms=3", "--dive", "nowhere"], "no dive is going on in nowhere"),
         (["set", "down", "--dive", "nowhere"], "no dive is going on in nowhere"),

@@ -7,6 +7,7 @@ import msgspec
 import pytest
 
 from services.runtime.config.running import RUNNING, Running
+from services.runtime.config.settings import DEPLOY
 from services.runtime.hosts.process_host import Launch
 from tools.__main__ import main
 
@@ -35,6 +36,26 @@ def test_it_joins_the_hubs_of_that_dive_in_the_name_of_its_drone(
     assert launch.endpoints["topside"] == "tcp/127.0.0.1:1"
     assert launch.stack.drone_name == "rov-7"
     assert launch.stack.overrides == ["ros2.sticks=true"]
+
+
+def test_it_has_the_vehicle_file_and_the_settings_of_the_dive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    launched: list[Launch] = []
+
+    def run(launch: Launch) -> int:
+        launched.append(launch)
+        return 0
+
+    monkeypatch.setattr("tools.ros2.run_services", run)
+    file = DEPLOY / "vehicles" / "bluerov2_heavy.toml"
+    folder = going_on(tmp_path)
+    running = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running)
+    running = msgspec.structs.replace(running, vehicle_file=str(file), overrides=("ros2.domain=4",))
+    (folder / RUNNING).write_bytes(msgspec.json.encode(running))
+    assert main(["ros2", "--dive", str(folder)]) == 0
+    assert launched[0].stack.vehicle_path == file
+    assert launched[0].stack.overrides == ["ros2.domain=4"]
 
 
 @pytest.mark.parametrize(

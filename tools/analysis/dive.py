@@ -16,6 +16,7 @@ from messages.message import Message
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth
 from messages.video import PICTURE_STAGES, PictureAge
+from services.runtime.hosts.loop import rare_collections
 from services.runtime.node.clock_offset import ClockOffset, mover
 from tools.health_sums import HealthOfAll, HealthSums
 from tools.recordings.columns import (
@@ -202,6 +203,11 @@ class RecordedDive:
         known = state["depth.value"][state["depth.valid"] > 0.0]
         return float(np.max(known)) if len(known) else None
 
+    def estimate(self, axis: str) -> tuple[Array, Array] | None:
+        """(times [ns], depth [m] or heading [rad]) as the drone estimated; None: it did not."""
+        state = self[topics.STATE]
+        return (state["sensor_ns"], state[f"{FIELD[axis]}.value"]) if state.count else None
+
     def truth(self, axis: str) -> tuple[Array, Array] | None:
         """(times [ns], true depth [m] or heading [rad]), or None on a dive without a simulator.
 
@@ -242,16 +248,17 @@ def read_dive(
     topside_clock = _TopsideClock() if apart else None
     gathered = GatheredDive(more, origin_ns, utc_offset_ns)
     decoders: dict[str, Callable[[bytes], Message | None] | None] = {}
-    for key, data, log_ns, _, _ in recording.raw():
-        gathered.see(key, log_ns)
-        if key not in decoders:
-            kind = gathered.kind(key, whole=apart)
-            decoders[key] = kind if kind is None else recording.decoding(key, kind)
-        decode = decoders[key]
-        if decode is None or (message := decode(data)) is None:
-            continue
-        if topside_clock is None or topside_clock.convert(key, message, log_ns):
-            gathered.add(key, message, log_ns)
+    with rare_collections():
+        for key, data, log_ns, *_ in recording.raw():
+            gathered.see(key, log_ns)
+            if key not in decoders:
+                kind = gathered.kind(key, whole=apart)
+                decoders[key] = kind if kind is None else recording.decoding(key, kind)
+            decode = decoders[key]
+            if decode is None or (message := decode(data)) is None:
+                continue
+            if topside_clock is None or topside_clock.convert(key, message, log_ns):
+                gathered.add(key, message, log_ns)
     losses = recording.losses() + Counter(
         {events.UNREADABLE(key).name: count for key, count in recording.unreadable.items()}
     )
@@ -268,7 +275,10 @@ class GatheredDive:
         self._origin_ns, self._arrival_origin_ns = origin_ns, origin_ns + utc_offset_ns
         self._traffic: dict[str, Traffic] = {}
         self._wanted = {wanted.topic.key: wanted for wanted in (*WANTED, *more)}
-        self._streams = {key: Gathering(wanted) for key, wanted in self._wanted.items()}
+        self._arrival = bool(more)  # a report needs none
+        self._streams = {
+            key: Gathering(wanted, arrival=self._arrival) for key, wanted in self._wanted.items()
+        }
         self._health = HealthOfAll()
         self._holes, self._vehicle_holes = HoleFinder(), HoleFinder()
         self._errors = Counter[str]()
@@ -291,7 +301,7 @@ class GatheredDive:
             whole: with all fields, not only those that are needed.
         """
         if FURTHER_WANTED.topic.covers(key):
-            self._streams.setdefault(key, Gathering(FURTHER_WANTED))
+            self._streams.setdefault(key, Gathering(FURTHER_WANTED, arrival=self._arrival))
         if (wanted := self._wanted.get(key)) is not None and not whole:
             return wanted.message
         if key in self._streams or key.startswith((HEALTH, LOG)):
@@ -316,7 +326,8 @@ class GatheredDive:
             about: vehicle, link, pilot, seed, overrides.
             losses: what the recorder itself counted.
         """
-        streams = {key: each.columns(self._origin_ns) for key, each in self._streams.items()}
+        keys = [*self._streams]  # of a long dive both forms of all streams would be too much
+        streams = {key: self._streams.pop(key).columns(self._origin_ns) for key in keys}
         reference = streams[topics.REFERENCE.key]
         known = np.isfinite(reference["sensor_ns"])
         valid = np.where(known, reference["sensor_ns"], reference["stamp_ns"])

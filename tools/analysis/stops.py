@@ -32,8 +32,9 @@ SETTLED: dict[StopAxis, float] = {"heave": 0.05, "yaw": radians(1.0)}  # [m, rad
 class StickStop(msgspec.Struct, frozen=True):
     axis: StopAxis
     t: float  # [s] since the first arming, of the release
-    overshoot: float  # [m] or [rad] of the true motion past the final reference, never negative
+    overshoot: float  # [m] or [rad] of the motion past the final reference, never negative
     settle_s: float | None  # [s] from the release until it stays within SETTLED; None: never
+    by: Literal["estimate"] | msgspec.UnsetType = msgspec.UNSET  # where no simulator knew better
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,16 +47,19 @@ class StickRelease:
 
 
 def stops(dive: RecordedDive) -> list[StickStop]:
-    """All stops in order of time; none on a dive without truth or without arming."""
+    """All stops in order of time; none on a dive without arming. Where there is no simulator, as
+    on a real dive, the drone's own estimate says how it moved."""
     found: list[StickStop] = []
     axes: tuple[StopAxis, ...] = ("heave", "yaw")
     for axis in axes:
-        if (truth := dive.truth(axis)) is not None:
+        by = msgspec.UNSET if dive[topics.TRUTH].count else "estimate"
+        known = dive.estimate(axis) if by else dive.truth(axis)
+        if known is not None:
             ends = np.append(stop_ends(dive, axis), inf)
             for release in releases(dive, axis):
                 end = min(release.end, float(ends[np.searchsorted(ends, release.begin)]))
-                stop = _measure(dive, axis, StickRelease(release.begin, end, release.sign), truth)
-                found += [] if stop is None else [stop]
+                stop = _measure(dive, axis, StickRelease(release.begin, end, release.sign), known)
+                found += [] if stop is None else [msgspec.structs.replace(stop, by=by)]
     return sorted(found, key=lambda stop: stop.t)
 
 
@@ -163,9 +167,9 @@ def _changed(values: Array) -> Flags:
 
 
 def _measure(
-    dive: RecordedDive, axis: StopAxis, release: StickRelease, truth: tuple[Array, Array]
+    dive: RecordedDive, axis: StopAxis, release: StickRelease, known: tuple[Array, Array]
 ) -> StickStop | None:
-    """One stop compared with the truth (times [ns], motion), or None if it does not count.
+    """One stop by the known motion (times [ns], motion), or None if it does not count.
 
     The direction is that of the reference's velocity at the release, or, if the reference was still
     at rest after a very short deflection, that of the stick.
@@ -186,7 +190,7 @@ def _measure(
         return None
     moves = abs(velocity[first]) > REST_VELOCITY
     direction = np.sign(velocity[first]) if moves else release.sign
-    times, true = truth
+    times, true = known
     begin, until = np.searchsorted(times, [release.begin, float(valid[end])])
     if begin == until:
         return None

@@ -1,10 +1,20 @@
 """`lindy fly NAME`: the topside for one drone of several."""
 
-from dataclasses import replace
-
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
-from tools.choices import DEFAULT, HERE, Choices, Grouped, Insecure, KeysFolder, Router
+from tools.choices import (
+    HERE,
+    Choices,
+    DiveFolder,
+    Grouped,
+    Insecure,
+    KeysFolder,
+    Overrides,
+    PilotName,
+    Router,
+    StackName,
+    VehicleName,
+)
 from tools.fleet.look import who_is_there
 from tools.fleet.meeting import missing
 from tools.keys.credentials import credentials
@@ -15,12 +25,17 @@ from tools.up import topside
 
 def fly(
     drone: str,
+    /,
     *,
     router: Router = HERE,
     grouped: Grouped = False,
     keys: KeysFolder = None,
     insecure: Insecure = False,
-    choices: Choices = DEFAULT,
+    pilot: PilotName = None,
+    vehicle: VehicleName = "pioneer",
+    stack: StackName = "simulated",
+    out: DiveFolder = None,
+    set_: Overrides = (),
 ) -> int:
     """Start the topside for one of several drones.
 
@@ -30,16 +45,13 @@ def fly(
 
     Example: lindy fly rov2 --router tls/192.168.2.1:7447
     """
-    if choices.name not in (None, drone):
-        raise LindyError(f"fly {drone} --name {choices.name}: the drone's name is said once")
     checked_name(drone, "fly")
     way = credentials(router, "--router", ("pilot",), keys, insecure=insecure)
     own_keys = None if way is None else way.keys
     if drone not in (there := who_is_there(router, own_keys)):
         raise LindyError(missing(drone, there, router))
-    plan, pilot = topside(
-        replace(choices, name=drone), router, way, grouped=grouped, insecure=insecure
-    )
+    choices = Choices(pilot=pilot, vehicle=vehicle, name=drone, stack=stack, out=out, set_=set_)
+    plan, pilot_choice = topside(choices, router, way, grouped=grouped, insecure=insecure)
     if COCKPIT in plan.services:
         announce(plan.stack, browser=False)
-    return fly_planned(plan, pilot)
+    return fly_planned(plan, pilot_choice)

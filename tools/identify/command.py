@@ -51,11 +51,12 @@ from tools.identify.results import (
     thrust_scale,
     weakly,
 )
-from tools.recordings.recording import open_recording
+from tools.recordings.recording import Recording, open_recording
 
 LAG_STEP = 1e-4  # [-] of a difference quotient in the logarithm
 LAG_STEPS = 12
 MOST_LAG_STEP = 0.5
+LEAST_LAG_STD = 1e-3  # [-] of the lag: a simulated thrust has no noise, and no lag is that exact
 
 
 class MeasuredLag(NamedTuple):
@@ -86,7 +87,7 @@ def measured_lag(data: DiveData, vehicle: Vehicle) -> MeasuredLag | None:
         if not log(1e-4) < x < log(10.0):
             return None
     left = measured - expected(x)
-    std = sqrt(float(np.mean(left**2)) / information)
+    std = max(LEAST_LAG_STD, sqrt(float(np.mean(left**2)) / information))
     return MeasuredLag(exp(x), exp(x) * std)
 
 
@@ -101,16 +102,20 @@ class Identified(NamedTuple):
 
 
 def identify_dive(
-    recording: Path, vehicle: str | None = None, axes: tuple[str, ...] = AXES
+    recording: Path,
+    vehicle: str | None = None,
+    axes: tuple[str, ...] = AXES,
+    opened: Recording | None = None,
 ) -> Identified:
     """
     Args:
         vehicle: file to begin from; None: that of the recording.
+        opened: the recording, where it is open already.
 
     Raises:
         LindyError: there is no such recording, or it does not tell enough of any axis.
     """
-    opened = open_recording(recording)
+    opened = opened or open_recording(recording)
     file = of_recording(opened, vehicle)
     data, start = read(opened, file.vehicle, file.water, recording), start_of(file.vehicle)
     found = windows(data, file.vehicle)
@@ -218,7 +223,9 @@ def proposed(vehicle: Vehicle, axes: tuple[str, ...], tree: dict[str, Any]) -> l
 
 identify = App(name="identify", help="Find inertia, drag, buoyancy and lag in a dive.")
 
-AxesOption = Annotated[str, Parameter(help="of heave, yaw, surge and sway, with commas between")]
+AxesOption = Annotated[
+    str, Parameter(help="heave, yaw, surge and sway, or some of them, by commas")
+]
 VehicleOption = Annotated[
     str | None, Parameter(help="file to begin from; default: that in the recording")
 ]

@@ -170,7 +170,7 @@ def import_log(
     vehicle: Annotated[
         str | None,
         Parameter(
-            help="that it is of: a name in deploy/vehicles, or the path of a TOML file; default: "
+            help="the vehicle: a name in deploy/vehicles, or the path of a TOML file; default: "
             "that of the map"
         ),
     ] = None,

@@ -18,7 +18,7 @@ from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import MCAP, ROSBAG, LogFile, LogRow, LogSource, Wanted, library
 from tools.importing.streams import STEP_NS
-from tools.recordings.mcap_records import DIVE, Damage, StoredMessage, records
+from tools.recordings.mcap_records import DIVE, Damage, Raw, records
 
 METADATA = "metadata.yaml"
 ROS1, ROS2, IDL = "ros1msg", "ros2msg", "ros2idl"  # languages of a type
@@ -146,7 +146,7 @@ class McapLog(TopicsLog):
         damage = Damage()
         for found in records(self._own, damage=damage):
             match found:
-                case StoredMessage():
+                case Raw():
                     counts[found.channel_id] += 1
                 case Schema():
                     schemas[found.id] = found
@@ -169,7 +169,7 @@ class McapLog(TopicsLog):
         }
         self.damaged.clear()
         for found in records(self._own):
-            if isinstance(found, StoredMessage) and found.channel_id in taken:
+            if isinstance(found, Raw) and found.channel_id in taken:
                 yield from self._decoded(taken[found.channel_id], found.data, found.log_ns)
 
 

@@ -94,8 +94,14 @@ class SeveralFiles(LogFile):
         Raises:
             LindyError: a file has nothing to do with the others, or two are of two boards.
         """
+        if left := [
+            log.path.name for log, part in zip(self._logs, wanted, strict=True) if not part
+        ]:
+            self.say(f"left out, because the map takes nothing of it: {listed(left)}")
         spans: list[FileSpan] = []
         for log, part, sources in zip(self._logs, wanted, self._sources, strict=True):
+            if not part:
+                continue
             times = np.array([row.arrival_ns for row in log.rows(part)], np.int64)
             if not len(times):
                 columns = [name for source in sources.values() for name in sorted(source.columns)]
@@ -111,7 +117,7 @@ class SeveralFiles(LogFile):
                 )
         for one in spans:
             others = [each for each in spans if each is not one]
-            if not any(
+            if others and not any(
                 one.overlaps(each) >= (-LONGEST_PAUSE_NS if one.sources & each.sources else 0)
                 for each in others
             ):

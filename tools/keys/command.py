@@ -4,11 +4,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import msgspec
 from cyclopts import App, Parameter
 
 from services.runtime.config.errors import LindyError
-from tools.choices import Json, Whole, named
+from tools.choices import Whole, named
 from tools.keys.credentials import CRYPTOGRAPHY, DEFAULT
 from tools.keys.roles import Identity, parse
 from tools.packages import require_package
@@ -23,14 +22,15 @@ keys = App(name="keys", help="Make and revoke the keys by which drone and pilot 
 
 @keys.command
 def new(
-    *,
     drone: Annotated[str, Parameter(help="name of the drone")] = "pioneer",
     pilot: Annotated[str, Parameter(help="name of the pilot")] = "first",
+    /,
+    *,
     folder: Keys = Path(DEFAULT),
 ) -> int:
     """Make an authority, and keys for one drone and one pilot.
 
-    Example: lindy keys new --drone pioneer --pilot ann
+    Example: lindy keys new pioneer ann
     """
     both, authority = (_who(f"drone:{drone}"), _who(f"pilot:{pilot}")), _authority(folder)
     now = datetime.now(UTC)
@@ -46,10 +46,11 @@ def new(
 def add(
     role: str,
     name: str,
+    /,
     *,
-    again: Annotated[bool, Parameter(help="for one whose certificate ends; the key stays")] = False,
+    again: Annotated[bool, Parameter(help="renew a certificate that ends; the key stays")] = False,
     folder: Keys = Path(DEFAULT),
-    days: Annotated[Whole, Parameter(help="for which the certificate is valid")] = TWO_YEARS,
+    days: Annotated[Whole, Parameter(help="how long the certificate is valid")] = TWO_YEARS,
 ) -> int:
     """Make keys for one more. ROLE is drone, pilot, router, or observer (hears, sends nothing).
 
@@ -72,7 +73,7 @@ def add(
 
 
 @keys.command(name="list")
-def list_(*, folder: Keys = Path(DEFAULT), json: Json = False) -> int:
+def list_(*, folder: Keys = Path(DEFAULT)) -> int:
     """Print whose keys are in the folder, and until when they are valid.
 
     Example: lindy keys list
@@ -82,13 +83,6 @@ def list_(*, folder: Keys = Path(DEFAULT), json: Json = False) -> int:
     from tools.keys.certificates import day
 
     found = listed(folder.expanduser(), datetime.now(UTC))
-    if json:
-        rows = [
-            {"name": str(who), "begins": begins, "ends": ends, "state": state, "folder": str(path)}
-            for (who, begins, ends), state, path in found
-        ]
-        print(msgspec.json.encode(rows).decode())
-        return 0
     width = max(len(str(certificate.who)) for certificate, _, _ in found)
     for (who, begins, ends), state, _ in found:
         print(f"{who!s:<{width}}  {day(begins)} to {day(ends)}  {state}")
@@ -96,7 +90,7 @@ def list_(*, folder: Keys = Path(DEFAULT), json: Json = False) -> int:
 
 
 @keys.command
-def revoke(name: str, *, folder: Keys = Path(DEFAULT)) -> int:
+def revoke(name: str, /, *, folder: Keys = Path(DEFAULT)) -> int:
     """Take somebody, such as pilot:ann, off every list in the folder of the keys.
 
     A drone reads its list when it is started. So do this on the drone, or copy the list there.

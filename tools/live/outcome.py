@@ -92,6 +92,8 @@ class Outcome:
         except BrokenPipeError:  # nobody reads the summary; the report is written
             raise
         except Exception as error:  # whatever it is: the recording is worth more than its report
+            if error is self._error:
+                raise
             raise LindyError(self._kept(folder, error)) from error
         self.complain()
         return _status(lost=lost)
@@ -105,6 +107,15 @@ class Outcome:
             raise self._error or LindyError(
                 f"the dive ended before anything was recorded in {folder}"
             )
+
+    def require_dive(self, dive: RecordedDive) -> None:
+        """
+        Raises:
+            LindyError: it was aborted before anything of it was recorded, as where a service cannot
+                start: there was no dive to sum up.
+        """
+        if self._error is not None and not any(each.count for each in dive.streams.values()):
+            raise self._error
 
     def sum_up_unrecorded(self, side: str, other: str) -> int:
         """Print what is known on the side without a report. Returns the exit status.
@@ -154,6 +165,7 @@ class Outcome:
         recording = open_recording(folder)
         with reading("reporting", recording.size) as recording.advance:
             dive = read_dive(recording, apart=self._stack.apart)
+        self.require_dive(dive)
         # The recorder writes the hash last; merged parts have none.
         ended = merged or log_hash(folder) is not None
         report = report_on(dive, self._extras(finished=ended))

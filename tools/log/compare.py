@@ -125,7 +125,8 @@ def figures(recording: Recording) -> list[tuple[str, str, float | None]]:
     dive = read_dive(recording)
     report = report_on(dive, Extras())
     stick = report.latency_ms.stick_to_thruster
-    stops = [stop.overshoot for stop in report.stops if stop.axis == "heave"]
+    of_depth = [stop for stop in report.stops if stop.axis == "heave"]
+    stops = [stop.overshoot for stop in of_depth if not stop.by]  # by the truth alone
     lost = sum(count for name, count in report.losses.items() if is_loss(name))
     return [
         ("length", "s", report.seconds),

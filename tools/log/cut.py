@@ -114,12 +114,12 @@ def around(spans: Sequence[ArmedSpan], number: int, where: str) -> tuple[float, 
     """
     if not spans:
         said = f"in {where} no {topics.STATUS.key} says that the drone was armed"
-        raise LindyError(f"--dive {number}: {said}")
+        raise LindyError(f"--number {number}: {said}")
     if not 1 <= number <= len(spans):
         many = "is 1 dive" if len(spans) == 1 else f"are {len(spans)} dives"
         listed = [f"{n}: {span.words}" for n, span in enumerate(spans[:SHOWN], start=1)]
         listed += [f"and {len(spans) - SHOWN} more"] if len(spans) > SHOWN else []
-        raise LindyError(f"--dive {number}: in {where} there {many} ({', '.join(listed)})")
+        raise LindyError(f"--number {number}: in {where} there {many} ({', '.join(listed)})")
     span = spans[number - 1]
     earliest = spans[number - 2].to_s if number > 1 else 0.0
     latest = spans[number].from_s if number < len(spans) else inf
@@ -156,7 +156,7 @@ def cut(
         float, Parameter(name="--from", help="[s] since the recording began, inclusive")
     ] = 0.0,
     to: Annotated[float, Parameter(help="[s] exclusive; default: to its end")] = inf,
-    dive: Annotated[
+    number: Annotated[
         int | None,
         Parameter(
             help="in place of --from and --to: the dive of this number, from 1, of `lindy log "
@@ -172,14 +172,14 @@ def cut(
     3: the recording is damaged in that part, or was not finished.
 
     Example: lindy log cut dives/latest --from 30 --to 40 --topics state 'sensor/*' --out part.mcap
-             lindy log cut dives/class/rov1 --dive 2 --out dive2.mcap
+             lindy log cut dives/class/rov1 --number 2 --out dive2.mcap
     """
     refuse_existing(out)
     opened = open_recording(recording)
-    if dive is not None:
+    if number is not None:
         if (from_, to) != (0.0, inf):
-            raise LindyError(f"--dive {dive} says from when to when; leave out --from and --to")
-        from_, to = around(armed_spans(opened), dive, str(recording))
+            raise LindyError(f"--number {number} says from when to when; leave out --from and --to")
+        from_, to = around(armed_spans(opened), number, str(recording))
     for option, value in (("--from", from_), ("--to", to)):
         if not value >= 0.0:  # NaN neither
             raise LindyError(f"{option} is {value:g}, expected seconds from 0")

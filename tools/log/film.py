@@ -34,7 +34,7 @@ from tools.recordings.recording import Recording, open_recording
 VIDEOS = (topics.VIDEO, topics.FURTHER_VIDEO)
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
 Camera = Annotated[
-    str, Parameter(help="of this camera, or `all`; default: the one that was large the longest")
+    str, Parameter(help="take this camera, or `all`; default: the one that was large the longest")
 ]
 OLD_NS = 1_000_000_000  # [ns] before a picture: where the drone was then is not where it is
 

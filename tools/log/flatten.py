@@ -14,7 +14,7 @@ from mcap.records import Channel, Schema
 
 from messages.components import COMPONENTS
 from services.recorder.foxglove.channel import is_view
-from tools.recordings.mcap_records import StoredMessage, Wants, always
+from tools.recordings.mcap_records import Raw, Wants, always
 from tools.recordings.recording import Recording
 
 Kind = str  # of a column, as JSON schemas have it: number, integer, boolean, string
@@ -34,7 +34,7 @@ class TableColumn(NamedTuple):
 class FlattenedRow(NamedTuple):
     key: str
     columns: list[TableColumn]  # of all rows of this key, the same list
-    message: StoredMessage
+    message: Raw
     row: Row
 
 
@@ -68,7 +68,7 @@ class FlattenedRows:
                     schemas[record.id] = record
                 elif isinstance(record, Channel):
                     channels[record.id] = record
-                elif isinstance(record, StoredMessage):
+                elif isinstance(record, Raw):
                     if (channel := channels.get(record.channel_id)) is None:
                         self.unread["of an unknown topic"] += 1
                     elif channel.message_encoding != "json":
@@ -77,9 +77,7 @@ class FlattenedRows:
                     else:
                         yield from self._row(record, channel, schemas.get(channel.schema_id))
 
-    def _row(
-        self, message: StoredMessage, channel: Channel, schema: Schema | None
-    ) -> Iterator[FlattenedRow]:
+    def _row(self, message: Raw, channel: Channel, schema: Schema | None) -> Iterator[FlattenedRow]:
         key = channel.topic
         try:
             tree = DECODE(message.data)

@@ -13,9 +13,8 @@ from rich.text import Text
 
 from services.gamepad.core import PadProfile, sticks_of
 from services.gamepad.io import sdl
-from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file, read
-from tools.choices import UntilCtrlC, named
+from tools.choices import named
 from tools.fresh import refuse_existing, write_fresh
 from tools.live.display import drawn_anew
 from tools.live.screen import bar
@@ -28,10 +27,11 @@ Show = Callable[[Callable[[], list[str]]], None]
 
 
 def pad(
-    *,
     profile: Annotated[
         str, Parameter(help="a name in deploy/pads, or the path of a TOML file")
     ] = "default",
+    /,
+    *,
     write: Annotated[
         Path | None,
         Parameter(
@@ -39,7 +39,6 @@ def pad(
             help="ask for each action in turn, and write a profile into this new file",
         ),
     ] = None,
-    seconds: UntilCtrlC = None,
 ) -> int:
     """Show what a pad sends, and write a profile for it.
 
@@ -48,8 +47,6 @@ def pad(
 
     Example: lindy pad --write mine.toml
     """
-    if seconds is not None and not seconds > 0.0:
-        raise LindyError(f"--seconds is {seconds:g}, expected more than 0")
     base = read(deploy_file("pads", profile), PadProfile)
     if write is not None:
         refuse_existing(write, "--write")
@@ -58,9 +55,9 @@ def pad(
 
     with Device() as device:
         if write is None:
-            show(device, base, seconds)
+            show(device, base)
             return 0
-        taught = teach(device, base, seconds)
+        taught = teach(device, base)
     write_fresh(write, toml_of(taught, device.name).encode(), "--write")
     print(f"{write}: fly with --set gamepad.profile={write}", flush=True)
     return 0
@@ -75,33 +72,28 @@ class AnyPad(Protocol):
     def read(self, now_s: float) -> dict[str, float]: ...
 
 
-def show(pad: AnyPad, profile: PadProfile, seconds: float | None) -> None:
-    """Until `seconds` are over; None: until Ctrl-C."""
+def show(pad: AnyPad, profile: PadProfile) -> None:
+    """Until Ctrl-C."""
     with _shown() as put:
-        for controls in _readings(pad, seconds):
+        for controls in _readings(pad):
             put(lambda c=controls: lines(pad, c, profile))
 
 
-def teach(pad: AnyPad, base: PadProfile, seconds: float | None) -> PadProfile:
-    """Ask for every action in turn.
-
-    Raises:
-        LindyError: the time was over before the last one.
-    """
+def teach(pad: AnyPad, base: PadProfile) -> PadProfile:
+    """Ask for every action in turn."""
     teaching = Teaching(base)
     with _shown() as put:
-        for controls in _readings(pad, seconds):
+        for controls in _readings(pad):
             teaching = teaching.keep() if _entered() else teaching.read(controls)
             if teaching.step is None:
                 return teaching.profile()
             put(lambda c=controls, t=teaching: [*lines(pad, c, None), "", *asked(t)])
-    raise LindyError("--seconds ended before the last action; nothing was written")
+    raise AssertionError("a pad is read for ever")
 
 
-def _readings(pad: AnyPad, seconds: float | None) -> Iterator[dict[str, float]]:
+def _readings(pad: AnyPad) -> Iterator[dict[str, float]]:
     """What the pad sends, again and again."""
-    began_s = time.monotonic()
-    while seconds is None or time.monotonic() < began_s + seconds:
+    while True:
         yield pad.read(time.monotonic())
         time.sleep(READ_S)
 

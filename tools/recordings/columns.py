@@ -4,6 +4,7 @@ where a message has none. Any field of any message can be one. A time in ns is e
 
 from array import array
 from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from math import nan
 from operator import attrgetter
 from typing import Any, NamedTuple, cast
@@ -20,7 +21,8 @@ from tools.recordings.recording import Recording
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Figures = tuple[float | None, ...]
-# Columns of every stream: [ns] when a message was recorded, and how many were before it.
+# Columns of a stream: [ns] when a message was recorded; how many were before it, where that is not
+# the order of its times.
 ARRIVAL, PLACE = "arrival", "place"
 
 
@@ -39,6 +41,7 @@ class StreamColumns:
         times = next(iter(columns.values()))
         if np.any(times[1:] < times[:-1]):
             order = np.argsort(times, kind="stable")
+            columns = {**columns, PLACE: columns.get(PLACE, np.arange(float(len(times))))}
             columns = {name: column[order] for name, column in columns.items()}
         self.count = len(times)
         self.words = words
@@ -57,7 +60,7 @@ class StreamColumns:
 
     def as_recorded(self) -> "StreamColumns":
         """The same in the order in which they were recorded."""
-        return self.with_columns({PLACE: self[PLACE]})
+        return self.with_columns({PLACE: self[PLACE]}) if PLACE in self else self
 
     def rising(self) -> "StreamColumns":
         """As recorded, without messages whose time is no later than one before them."""
@@ -100,14 +103,21 @@ class StreamFigures(NamedTuple):
 class Gathering:
     """Collects the figures of one stream, message by message."""
 
-    def __init__(self, wanted: StreamFigures) -> None:
-        self._names = (ARRIVAL, *wanted.fields, *wanted.more)
+    def __init__(self, wanted: StreamFigures, *, arrival: bool = True) -> None:
+        """
+        Args:
+            arrival: with the column of that name.
+        """
+        self._first, self._arrival = wanted.fields[0], arrival
+        self._names = (*[ARRIVAL] * arrival, *wanted.fields, *wanted.more)
         self._read, self._figures = _reader(wanted.fields), wanted.figures
         self._rows = array("d")
         self._words: dict[str, int] = {}
 
     def add(self, message: object, arrival_ns: int = 0) -> None:
-        row = (arrival_ns, *self._read(message))
+        row = self._read(message)
+        if self._arrival:
+            row = (arrival_ns, *row)
         if self._figures is not None:
             row += self._figures(message)
         try:
@@ -122,14 +132,12 @@ class Gathering:
         Args:
             origin_ns: [ns] from which its times count, but for `arrival`.
         """
-        rows = np.array(self._rows).reshape(-1, len(self._names))
-        found = dict(zip(self._names, np.ascontiguousarray(rows.T), strict=True))
+        rows = np.frombuffer(self._rows).reshape(-1, len(self._names))
+        found = {name: rows[:, place].copy() for place, name in enumerate(self._names)}
         for name in found:
             if name.endswith("_ns"):
                 found[name] -= origin_ns
-        found[PLACE] = np.arange(float(len(rows)))
-        first = self._names[1]
-        return StreamColumns({first: found[first], **found}, [*self._words])
+        return StreamColumns({self._first: found[self._first], **found}, [*self._words])
 
     def _number(self, word: str | UnsetType | None) -> float:
         """Of a word, or of what the message does not say."""
@@ -141,20 +149,37 @@ def _reader(paths: Sequence[str]) -> Callable[[object], tuple[Any, ...]]:
     get = attrgetter(*paths)
     if len(paths) == 1:
         return lambda message: (get(message),)
+    runs = [
+        (head, inner, attrgetter(*inner, *inner) if inner else None)
+        for head, several in groupby(paths, lambda path: path.partition(".")[0])
+        for inner in [[path.partition(".")[2] for path in several if "." in path]]
+    ]
 
     def read(message: object) -> tuple[Any, ...]:
         try:
             return get(message)
-        except AttributeError:  # a part of it is None
-            return tuple(_value(message, path) for path in paths)
+        except AttributeError:  # a part of it is None, or left out
+            pass
+        row: list[Any] = []
+        for head, inner, get_all in runs:
+            part = getattr(message, head)
+            if get_all is None:
+                row.append(part)
+            elif isinstance(part, UnsetType | None):
+                row += [None] * len(inner)
+            else:
+                try:
+                    row += get_all(part)[: len(inner)]  # of one path alone it is no tuple
+                except AttributeError:
+                    row += [_value(part, path) for path in inner]
+        return tuple(row)
 
     return read
 
 
-def _value(message: object, path: str) -> Any:
-    found: Any = message
+def _value(found: Any, path: str) -> Any:
     for name in path.split("."):
-        found = getattr(found, name, None)  # a part may be None, or left out
+        found = getattr(found, name, None)
     return found
 
 

@@ -9,7 +9,7 @@ from mcap.writer import Writer
 
 from services.recorder.foxglove.channel import is_view
 from tools.fresh import new_file
-from tools.recordings.mcap_records import Described, StoredMessage
+from tools.recordings.mcap_records import Described, Raw
 
 CHUNK_BYTES = 512 * 1024  # before compression
 
@@ -35,9 +35,9 @@ class McapCopy:
     def next_file(self) -> None:
         self._schemas, self._channels, self._numbers = {}, {}, {}
 
-    def add(self, record: StoredMessage | Described) -> None:
+    def add(self, record: Raw | Described) -> None:
         """Schemas and channels are written with the first message that needs them."""
-        if isinstance(record, StoredMessage):
+        if isinstance(record, Raw):
             self._message(record)
         elif isinstance(record, Schema):
             self._schemas[record.id] = record
@@ -62,7 +62,7 @@ class McapCopy:
             record.create_time, record.log_time, record.name, record.media_type, record.data
         )
 
-    def _message(self, message: StoredMessage) -> None:
+    def _message(self, message: Raw) -> None:
         number = self._numbers.get(message.channel_id)
         if number is None:
             channel = self._channels.get(message.channel_id)

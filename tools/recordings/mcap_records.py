@@ -54,12 +54,15 @@ def nowhere(_: int) -> None:
     """Nobody wants to know how far a file was read."""
 
 
-class StoredMessage(NamedTuple):
-    channel_id: int
-    sequence: int
-    log_ns: int  # [ns] UTC
-    publish_ns: int  # [ns] UTC
-    data: bytes
+class Raw(NamedTuple):
+    """A message as stored in the file."""
+
+    key: str  # empty: the file does not describe its channel
+    data: bytes  # JSON
+    log_ns: int  # [ns] UTC of arrival
+    publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
+    sequence: int = 0  # the publisher's count, modulo 2³²
+    channel_id: int = 0
 
 
 Described = Attachment | Channel | Metadata | Schema
@@ -148,16 +151,22 @@ class Damage:
         return no_summary or (MERGED in self.metadata and LOSSES not in self.metadata)
 
 
-def records(
-    path: Path,
+def records(path: Path, damage: Damage | None = None) -> Iterator[Raw | Described]:
+    """Everything in a file, as `records_in` gives it."""
+    with path.open("rb") as stream:
+        yield from records_in(stream, damage=damage)
+
+
+def records_in(
+    stream: BinaryIO,
     *,
     open_chunks: bool = True,
     at: At = nowhere,
     damage: Damage | None = None,
     wants: Wants = always,
     within: Span = ALWAYS,
-) -> Iterator[StoredMessage | Described]:
-    """Everything in a file, also what follows a damaged record. Behind the first one that is
+) -> Iterator[Raw | Described]:
+    """Everything in an open file, also what follows a damaged record. Behind the first one that is
     damaged or passed over come the schemas and channels that the summary describes, in case that it
     had them.
 
@@ -170,32 +179,31 @@ def records(
             messages before and after it may be given.
     """
     damage = Damage() if damage is None else damage
-    with path.open("rb") as stream:
-        began = os.fstat(stream.fileno())  # also of a file that is moved away meanwhile
-        reader = _RecordReader(stream, began.st_size, damage, wants, within, open_chunks)
-        described = False
-        position: int | None = len(MAGIC)
-        while position is not None:
-            at(position)
-            try:
-                opcode, found, after = reader.read(position)
-            except DAMAGE:
-                opcode, found, after = 0, [], reader.beyond(position)
-                if after is not None:
-                    damage.places.append(position)
-            if opcode == Opcode.DATA_END:
-                return
-            if not described and (damage.passed_over or damage.places):
-                described = True
-                yield from reader.known()
-            yield from found
-            if opcode == 0 or after is None:
-                now = os.fstat(stream.fileno())
-                damage.written |= (now.st_size, now.st_mtime_ns) != (
-                    began.st_size, began.st_mtime_ns,
-                )  # fmt: skip
-            position = after
-        damage.cut_off = True
+    began = os.fstat(stream.fileno())  # also of a file that is moved away meanwhile
+    reader = _RecordReader(stream, began.st_size, damage, wants, within, open_chunks)
+    described = False
+    position: int | None = len(MAGIC)
+    while position is not None:
+        at(position)
+        try:
+            opcode, found, after = reader.read(position)
+        except DAMAGE:
+            opcode, found, after = 0, [], reader.beyond(position)
+            if after is not None:
+                damage.places.append(position)
+        if opcode == Opcode.DATA_END:
+            return
+        if not described and (damage.passed_over or damage.places):
+            described = True
+            yield from reader.known()
+        yield from found
+        if opcode == 0 or after is None:
+            now = os.fstat(stream.fileno())
+            damage.written |= (now.st_size, now.st_mtime_ns) != (
+                began.st_size, began.st_mtime_ns,
+            )  # fmt: skip
+        position = after
+    damage.cut_off = True
 
 
 @dataclass
@@ -208,13 +216,14 @@ class _RecordReader:
     wants: Wants
     within: Span
     open_chunks: bool
-    passed_over: set[int] = field(default_factory=set[int])  # channels
+    keys: dict[int, str] = field(default_factory=dict[int, str])  # of the channels …
+    passed_over: set[int] = field(default_factory=set[int])  # … and those that are not wanted
 
     def __post_init__(self) -> None:
         self.index = self.damage.index = index_of(self.stream, self.size)
         self.chunked = self.index.has_chunks  # then there is no message outside a chunk
 
-    def read(self, position: int) -> tuple[int, list[StoredMessage | Described], int | None]:
+    def read(self, position: int) -> tuple[int, list[Raw | Described], int | None]:
         """(opcode, what is in it, where it ends). It ends nowhere where it is a chunk whose writer
         was killed between the two writes of a flush.
 
@@ -281,7 +290,7 @@ class _RecordReader:
                 at = whole.find(ZSTD, at + 1)
         return None
 
-    def _chunk(self, content: bytes) -> tuple[list[StoredMessage | Described], bool]:
+    def _chunk(self, content: bytes) -> tuple[list[Raw | Described], bool]:
         """What is in it, and whether it is whole."""
         first, last = CHUNK_TIMES.unpack_from(content)
         begin, end = self.within
@@ -294,18 +303,19 @@ class _RecordReader:
     def _see(self, record: Described) -> None:
         """Before the first message of its channel."""
         if isinstance(record, Channel):
+            self.keys[record.id] = record.topic
             self.passed_over.discard(record.id)
             if not self.wants(record.topic):
                 self.passed_over.add(record.id)
 
-    def _split(self, data: bytes) -> list[StoredMessage | Described]:
+    def _split(self, data: bytes) -> list[Raw | Described]:
         """
         Raises:
             DAMAGE: it makes no sense.
         """
-        found: list[StoredMessage | Described] = []
+        found: list[Raw | Described] = []
         at, end, messages = 0, len(data), 0
-        passed_over, unpack = self.passed_over, MESSAGE_HEAD.unpack_from
+        keys, passed_over, unpack = self.keys, self.passed_over, MESSAGE_HEAD.unpack_from
         while at < end:
             if data[at] != MESSAGE:
                 opcode, length = RECORD_HEAD.unpack_from(data, at)
@@ -320,7 +330,8 @@ class _RecordReader:
             at += RECORD_HEAD.size + length
             messages += 1
             if channel not in passed_over:
-                found.append(StoredMessage(channel, sequence, log_ns, publish_ns, data[begin:at]))
+                key, content = keys.get(channel, ""), data[begin:at]
+                found.append(Raw(key, content, log_ns, publish_ns, sequence, channel))
         self.damage.messages += messages
         return found
 

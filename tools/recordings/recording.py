@@ -10,7 +10,8 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
+from weakref import finalize
 
 import msgspec
 from mcap.records import Attachment, Channel, Metadata
@@ -31,27 +32,17 @@ from tools.recordings.mcap_records import (
     MERGED,
     Damage,
     Described,
+    Raw,
     Span,
-    StoredMessage,
     Wants,
     always,
     index_of,
     nowhere,
-    records,
+    records_in,
 )
 
 COUNT = re.compile(r"[0-9]{1,16}")  # what a recorder writes; anybody may have altered it
 RESERVE = 256_000  # [bytes] left free by merging, for the report
-
-
-class Raw(NamedTuple):
-    """A message as stored in the file."""
-
-    key: str
-    data: bytes  # JSON
-    log_ns: int  # [ns] UTC of arrival
-    publish_ns: int  # [ns] UTC of the message's own stamp; of arrival if of an unknown clock
-    sequence: int = 0  # the publisher's count, modulo 2³²
 
 
 Decoding = Callable[[bytes], Message | None]
@@ -73,6 +64,8 @@ class Recording:
         self.files = files
         self.unreadable: Counter[str] = Counter()  # messages skipped so far, by key
         self.advance: Callable[[int], None] = nowhere  # told how many bytes of `size` were read
+        self._streams: dict[Path, BinaryIO] = {}  # open for as long as this is: each is read often
+        finalize(self, _close, self._streams)
         self._read: dict[Path, Damage] = {}  # of the files that were read to their ends
         self._described: list[Metadata | Attachment] | None = None
         self._decoding: dict[str, Decoding] = {}
@@ -102,18 +95,13 @@ class Recording:
             return not is_view(key) and wants(key)
 
         for path in self.files:
-            keys: dict[int, str] = {}
             for record in self.records(path, wanted, within):
-                if isinstance(record, StoredMessage):
-                    number, sequence, log_ns, publish_ns, data = record
-                    if number in keys:
-                        yield Raw(keys[number], data, log_ns, publish_ns, sequence)
-                elif isinstance(record, Channel):
-                    keys[record.id] = record.topic
+                if isinstance(record, Raw) and record.key:
+                    yield record
 
     def records(
         self, path: Path, wants: Wants = always, within: Span = ALWAYS
-    ) -> Iterator[StoredMessage | Described]:
+    ) -> Iterator[Raw | Described]:
         """Everything in one of its files, as `mcap_records.records` gives it. `damage` knows what
         is wrong with it at the end."""
         before = sum(file.stat().st_size for file in self.files[: self.files.index(path)])
@@ -122,8 +110,19 @@ class Recording:
         def at(position: int) -> None:
             advance(before + position)
 
-        yield from records(path, at=at, damage=damage, wants=wants, within=within)
+        stream = self.opened(path)
+        yield from records_in(stream, at=at, damage=damage, wants=wants, within=within)
         self._read[path] = damage
+
+    def opened(self, path: Path) -> BinaryIO:
+        """One of its files; to be read from wherever one seeks."""
+        if path not in self._streams:
+            self._streams[path] = path.open("rb")
+        return self._streams[path]
+
+    def close(self) -> None:
+        """So that its files can be moved on every system; they are opened again where needed."""
+        _close(self._streams)
 
     def copy(
         self,
@@ -142,7 +141,7 @@ class Recording:
         to.next_file()
         begin, end = within
         for record in self.records(path, wants, within):
-            if isinstance(record, StoredMessage):
+            if isinstance(record, Raw):
                 is_in = begin <= record.log_ns < end
             else:
                 is_in = not (isinstance(record, Metadata) and record.name in but)
@@ -215,9 +214,9 @@ class Recording:
         """Of its messages: from the summaries, or where there is none, by reading all of it."""
         found: set[str] = set()
         for path in self.files:
-            with path.open("rb") as stream:
-                described = index_of(stream, path.stat().st_size).described
-            for record in described or records(path, wants=lambda _: False):
+            stream = self.opened(path)
+            described = index_of(stream, path.stat().st_size).described
+            for record in described or records_in(stream, wants=lambda _: False):
                 if isinstance(record, Channel) and not is_view(record.topic):
                     found.add(record.topic)
         return found
@@ -255,7 +254,7 @@ class Recording:
             self._described = [
                 record
                 for path in self.files
-                for record in records(path, open_chunks=False)
+                for record in records_in(self.opened(path), open_chunks=False)
                 if isinstance(record, Metadata | Attachment)
             ]
         return self._described
@@ -274,14 +273,19 @@ def open_recording(place: Path | str) -> Recording:
             near = path / "latest"
             meant = f"; did you mean {near}?" if near.exists() else ""
             raise LindyError(f"there is no recording in {path}{meant}")
+        recording = Recording(files)
         for file in files:
-            with file.open("rb") as stream:
-                beginning = stream.read(len(MAGIC))
-            if not MAGIC.startswith(beginning):
+            if not MAGIC.startswith(recording.opened(file).read(len(MAGIC))):
                 raise LindyError(f"{file} is not a recording: it does not begin as MCAP files do")
     except OSError as error:
         raise LindyError(f"cannot read {error.filename or path}: {error.strerror}") from None
-    return Recording(files)
+    return recording
+
+
+def _close(streams: dict[Path, BinaryIO]) -> None:
+    for stream in streams.values():
+        stream.close()
+    streams.clear()
 
 
 def log_hash(path: Path) -> str | None:
@@ -317,6 +321,7 @@ def merge_parts(folder: Path) -> bool:
         with new_mcap(folder / "merging.mcap") as copy:
             merged = {part.name: str(recording.copy(part, copy)) for part in parts}
             copy.metadata(Metadata(MERGED, merged))
+        recording.close()
         whole = folder / FIRST
         (folder / "merging.mcap").replace(whole)
         for part in parts:

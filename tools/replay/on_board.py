@@ -148,7 +148,8 @@ class OnBoard:
         self.outputs = Outputs(self._port, self._is_own, hear)
         self._starts = _starts(source, names)
         self._wanted: dict[str, bool] = {}  # key: does a service subscribe to it?
-        self._own: dict[str, bool] = {}  # key: does a service publish it?
+        self._own: set[str] = set()  # keys that a service publishes …
+        self._publishers = 0  # … of so many
         self._first: dict[str, int] = {}  # key: number of the first message in the recording
         self._waiting: list[Waiting] = []
         self._settled_ns = -1  # [ns] newest instant at which the services were stepped
@@ -282,7 +283,7 @@ class OnBoard:
             self._services.wire(start.name)(node, self._stack)
             self._advance(start.ticks_ns)
             node.start()
-            self._wanted, self._own = {}, {}
+            self._wanted = {}
 
     def _advance(self, to: int) -> None:
         if self._host.nodes and to > self._host.now:
@@ -296,9 +297,11 @@ class OnBoard:
         return self._wanted[key]
 
     def _is_own(self, key: str) -> bool:
-        if not self._own.get(key):  # a publisher may be new
-            self._own[key] = any(topic.key == key for n in self.nodes for topic in n.published)
-        return self._own[key]
+        count = sum(len(node.published) for node in self.nodes)
+        if count != self._publishers:  # some are made with their first message
+            self._publishers = count
+            self._own = {topic.key for node in self.nodes for topic in node.published}
+        return key in self._own
 
 
 def _starts(source: ReplaySource, names: tuple[str, ...]) -> list[ServiceStart]:

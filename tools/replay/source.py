@@ -23,6 +23,7 @@ DAY_NS = 86_400_000_000_000  # [ns]
 LONGEST_NS = 31 * DAY_NS  # [ns] of a recording: with a wrong time it would be walked through
 CUT = "cut"  # metadata: it is a part of another recording
 IMPORTED = "imported"  # in the metadata `dive`: the log that it was made of
+FLOWN = (topics.HEALTH, topics.STATUS, topics.IDENTITY)  # what says how a dive was flown
 THINNED = "thinned"  # metadata: messages were taken out on purpose
 
 
@@ -61,11 +62,19 @@ class ReplaySource:
         self.named_start_ns: int | None = None
         self.identity: SideIdentity | None = None
         first, last, self.goes_back_ns = inf, 0, 0
+        says: dict[str, bool] = {}  # by key: something of how the dive was flown
         for raw in recording.raw():
-            first = min(first, raw.log_ns)
-            self.goes_back_ns = max(self.goes_back_ns, last - raw.log_ns)
-            last = max(last, raw.log_ns)
-            self._see(raw)
+            key, _, at, *_ = raw
+            if at >= last:
+                last = at
+            elif last - at > self.goes_back_ns:
+                self.goes_back_ns = last - at
+            if at < first:
+                first = at
+            if key not in says:
+                says[key] = any(topic.covers(key) for topic in FLOWN)
+            if says[key]:
+                self._see(raw)
         recording.unreadable.clear()  # they are counted as they are used
         if first == inf:
             raise LindyError(f"{path} holds no message that can be read: nothing to replay")

@@ -156,7 +156,8 @@ def _stops(report: Report, axis: StopAxis) -> list[tuple[str, str]]:
     label, past = "depth stops", f"{worst.overshoot * 100:.1f} cm"
     if axis == "yaw":
         label, past = "turn stops", f"{degrees(worst.overshoot):.1f}°"
-    return [(label, f"{len(stops)}, worst ran {past} too far, at {worst.t:.1f} s")]
+    by = ", by its own estimate" if worst.by else ""
+    return [(label, f"{len(stops)}, worst ran {past} too far, at {worst.t:.1f} s{by}")]
 
 
 def is_loss(name: str) -> bool:

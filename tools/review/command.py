@@ -27,34 +27,35 @@ from tools.importing.rosbag_file import is_rosbag
 from tools.live.cockpit import VIEWER
 from tools.log.sticks import as_csv, sticks_of
 from tools.packages import require_package
-from tools.recordings.recording import open_recording
+from tools.recordings.recording import Recording, open_recording
 from tools.replay.source import ReplaySource, remarks
 from tools.review.estimated import Measurement, MeasurementSection, estimate, plain
 from tools.review.estimation import EstimationSection, ReviewedEstimation
-from tools.review.recorded import read
+from tools.review.recorded import Recorded, read
 from tools.review.section import ReviewSection
 from tools.review.sensors import AxisVibration, SensorSection, SensorStream, VibrationSection
 from tools.review.stops import ReviewedStop, StopSection, StopsWithLindySection, reviewed_stops
 from tools.simulate import simulated
 
 
-def stops_with_lindy(path: Path, begin_ns: int) -> list[ReviewedStop] | str:
+def stops_with_lindy(path: Path, recording: Recording, begin_ns: int) -> list[ReviewedStop] | str:
     """
     Args:
+        path: of the recording, as the user has named it.
         begin_ns: [ns] of this recording, from which times count, by the clock of its stamps.
 
     Returns:
         A sentence: what is missing in this recording for it.
     """
     try:
-        found = identify_dive(path)
+        found = identify_dive(path, opened=recording)
         vehicle = rounded(identified(found.fit, found.start))
         text = rewritten(found.file, vehicle, "identified")
         with TemporaryDirectory(prefix="lindy-") as name:
             folder = Path(name)
             file, script = folder / "identified.toml", folder / "sticks.csv"
             file.write_text(text, encoding="utf-8")
-            sticks = sticks_of(open_recording(path), f"{folder}/")
+            sticks = sticks_of(recording, f"{folder}/")
             for each, course in sticks.paths.items():
                 Path(each).write_text(course, encoding="utf-8")
             script.write_text(as_csv(sticks, "the recorded sticks"), encoding="utf-8")
@@ -137,7 +138,7 @@ def reviewed(path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False
         estimation := EstimationSection(recorded, estimated),
         stops := StopSection(found),
         measurements := MeasurementSection(estimated),
-        flown := StopsWithLindySection(_with_lindy(path, recorded.begin_ns, quick=quick)),
+        flown := StopsWithLindySection(_with_lindy(path, recorded, quick=quick)),
     )
     about, keys = recorded.source.about, sorted(recorded.source.recording.unreadable)
     more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
@@ -205,7 +206,7 @@ def _missing(found: Review) -> Iterator[str]:
         yield f"Not in this dive: {plain(' '.join(lacking))}"
 
 
-def _with_lindy(path: Path, begin_ns: int, *, quick: bool) -> list[ReviewedStop] | str:
+def _with_lindy(path: Path, recorded: Recorded, *, quick: bool) -> list[ReviewedStop] | str:
     if quick:
         return "Your sticks were not flown again, as --quick asks."
     print(
@@ -213,7 +214,7 @@ def _with_lindy(path: Path, begin_ns: int, *, quick: bool) -> list[ReviewedStop]
         file=sys.stderr,
         flush=True,
     )
-    return stops_with_lindy(path, begin_ns)
+    return stops_with_lindy(path, recorded.source.recording, recorded.begin_ns)
 
 
 RECORDING = ".mcap"
@@ -238,16 +239,17 @@ def review(
         ),
     ] = None,
     map_: Annotated[
-        str | None, Parameter(name="--map", help="of `lindy import`, for a log of another program")
+        str | None,
+        Parameter(name="--map", help="as `lindy import` takes it, for a log of another program"),
     ] = None,
     vehicle: Annotated[
-        str | None, Parameter(help="of `lindy import`, for a log of another program")
+        str | None, Parameter(help="as `lindy import` takes it, for a log of another program")
     ] = None,
     quick: Annotated[
         bool,
         Parameter(
             negative="",
-            help="without identifying the vehicle and flying its stops again, which takes longest",
+            help="leave out what takes longest: identifying the vehicle and flying its stops again",
         ),
     ] = False,
     set_: Overrides = (),

@@ -10,7 +10,7 @@ from messages import topics
 from messages.link import Clock
 from messages.message import Message
 from messages.text import harmless
-from messages.topic import AnyTopic, Side
+from messages.topic import AnyTopic
 from messages.units import Ns
 from services.runtime.node.clock_offset import ClockOffset
 from tools.choices import RunningDive, UntilCtrlC, Whole
@@ -27,10 +27,6 @@ class ListenOptions:
 
     count: Annotated[Whole | None, Parameter(help="end after so many messages")] = None
     seconds: UntilCtrlC = None
-    side: Annotated[
-        Side | None,
-        Parameter(help="of which hub; default: topside, drone for what never leaves the drone"),
-    ] = None
     dive: RunningDive = None
 
 
@@ -55,7 +51,7 @@ def list_() -> int:
 
 
 @topic.command
-def echo(key: str, *, limits: ListenOptions = DEFAULT) -> int:
+def echo(key: str, /, *, limits: ListenOptions = DEFAULT) -> int:
     """Print what arrives of a stream, a line of JSON for each message.
 
     KEY is a topic of the table, or one of a family: log/* or log/control.
@@ -72,7 +68,7 @@ def echo(key: str, *, limits: ListenOptions = DEFAULT) -> int:
         line = msgspec.json.encode({"topic": key, "message": message}).decode()
         print(harmless(line), flush=True)
 
-    here = side_of(running, wanted, limits.side)
+    here = side_of(running, wanted)
     listen(running, here, wanted, take, None, count=limits.count, seconds=limits.seconds)
     return 0
 
@@ -93,7 +89,7 @@ def hz(*keys: Key, limits: ListenOptions = DEFAULT) -> int:
 
     asked = named(keys)
     running = dive_in(limits.dive)
-    here = side_of(running, asked, limits.side)
+    here = side_of(running, asked)
     clock = ClockOffset(here) if len(running.endpoints) == 1 else None  # else there is one clock
     found = {each.key: HeardStream() for each in asked if not each.is_family}
 

@@ -48,24 +48,23 @@ def named(keys: Collection[str]) -> list[AnyTopic]:
     return found
 
 
-def side_of(running: Running, wanted: Collection[AnyTopic], side: Side | None) -> Side:
+def side_of(running: Running, wanted: Collection[AnyTopic]) -> Side:
     """Where to listen: at the pilot's side, unless some of what is wanted never leaves the drone.
 
     Args:
         wanted: by name; empty: all that is heard there.
 
     Raises:
-        LindyError: that side is not on this machine, or does not hear what is wanted.
+        LindyError: that side is not on this machine.
     """
     stays = [topic.key for topic in wanted if topic.way is Direction.STAY]
-    first: Side = "drone" if stays or HOME not in running.endpoints else HOME
-    chosen = side or first
-    if stays and chosen == HOME:
-        raise LindyError(f"{stays[0]} never leaves the drone: --side {chosen} does not hear it")
-    if chosen not in running.endpoints:
-        why = f"{stays[0]} never leaves the drone" if stays else f"--side is {chosen}"
-        raise LindyError(f"{why}; on this machine is only the {', '.join(running.endpoints)}")
-    return chosen
+    side: Side = "drone" if stays or HOME not in running.endpoints else HOME
+    if side not in running.endpoints:
+        raise LindyError(
+            f"{stays[0]} never leaves the drone; on this machine is only the "
+            f"{', '.join(running.endpoints)}"
+        )
+    return side
 
 
 def listen(

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping
-from typing import Literal
 
 from messages import topics
 from messages.events import troubles
@@ -18,17 +17,16 @@ HEADING = (
     *("service", "side", "process", "processor %", "memory MB", "calls 1/s"),
     *("late p50 ms", "late p99 ms", "sent", "received", "counted", ""),
 )
-Order = Literal["processor", "memory", "late", "name"]
 
 
-def top(*, order: Order = "processor", seconds: UntilCtrlC = None, dive: RunningDive = None) -> int:
+def top(*, seconds: UntilCtrlC = None, dive: RunningDive = None) -> int:
     """Show what each service costs, and how late it is.
 
     From the health that each service says once a second. `counted` is all that was dropped, stale,
     refused or limited in its last second; the memory is that of its process, which services with
     the same number share. On a terminal every second, else once at the end.
 
-    Example: lindy top --order late --seconds 10
+    Example: lindy top --seconds 10
     """
     from tools.ask import dive_in
     from tools.topic.listening import listen, side_of
@@ -43,36 +41,22 @@ def top(*, order: Order = "processor", seconds: UntilCtrlC = None, dive: Running
         heard[health.service] = (health, before if same else None, now)
 
     def draw() -> list[str]:
-        return table(heard, time.monotonic_ns(), order)
+        return table(heard, time.monotonic_ns())
 
-    side = side_of(running, [topics.HEALTH], None)
+    side = side_of(running, [topics.HEALTH])
     listen(running, side, [topics.HEALTH], take, draw, count=None, seconds=seconds)
     return 0
 
 
-def table(
-    heard: Mapping[str, tuple[Health, Health | None, Ns]], now: Ns, order: Order
-) -> list[str]:
-    """A line for each service.
+def table(heard: Mapping[str, tuple[Health, Health | None, Ns]], now: Ns) -> list[str]:
+    """A line for each service, the dearest first.
 
     Args:
         heard: by service: its newest health, the one before it of the same process, and when [ns]
             the newest came.
     """
-    ranked = sorted(heard.items(), key=lambda each: (-_weight(each[1][0], order), each[0]))
+    ranked = sorted(heard.items(), key=lambda each: (-(each[1][0].cpu_percent or 0.0), each[0]))
     return aligned([HEADING, *(_line(*health, now) for _, health in ranked)])
-
-
-def _weight(health: Health, order: Order) -> float:
-    match order:
-        case "processor":
-            return health.cpu_percent or 0.0
-        case "memory":
-            return health.rss_mb or 0.0
-        case "late":
-            return health.lateness_p99_ms or 0.0
-        case "name":
-            return 0.0
 
 
 def _line(health: Health, before: Health | None, at: Ns, now: Ns) -> tuple[str, ...]:

@@ -10,8 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from lindy.api import LindyError
-from lindy_research.bench.table import Figure, as_json, show
-from tools.choices import Json
+from lindy_research.bench.table import show
 
 SECTIONS = {
     "reference": "lindy_research.bench.reference",
@@ -42,26 +41,20 @@ QUICK = ("hulls", "other_hulls", "reality", "position")  # sections that can fly
 def bench(
     *,
     only: Annotated[tuple[str, ...], Parameter(help="a section; repeatable")] = (),
-    json: Json = False,
     quick: Annotated[bool, Parameter(help="fewer dives where it flies many")] = False,
 ) -> int:
     """Compare speed with other implementations.
 
     It measures both in this run, and prints ratios with their goals.
 
-    Example: lindy bench --only reference --json
+    Example: lindy bench --only reference
     """
     for name in only:
         if name not in SECTIONS:
             raise LindyError(f"--only {name}: no such section; there are {', '.join(SECTIONS)}")
-    figures: list[Figure] = []
     for name in only or SECTIONS:
         print(f"measuring {name}", file=sys.stderr, flush=True)  # of minutes each
         options = {"quick": True} if quick and name in QUICK else {}
         found = import_module(SECTIONS[name]).figures(**options)
-        if not json:
-            show(found)
-        figures += found
-    if json:
-        print(as_json(figures))
+        show(found)
     return 0

@@ -1,9 +1,7 @@
 """One figure of a benchmark beside its baseline, and how a list of them is shown."""
 
-import json
 import sys
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from rich.console import Console
 from rich.table import Table
@@ -58,15 +56,6 @@ def show(figures: list[Figure]) -> None:
         colour = {True: "green", False: "red", None: "dim"}[figure.met]
         table.add_row(*row[:-1], f"[{colour}]{row[-1]}[/]")
     Console().print(table)
-
-
-def as_json(figures: list[Figure]) -> str:
-    """Every field, with ratio and met."""
-    return json.dumps([_fields(figure) for figure in figures], indent=1, allow_nan=False)
-
-
-def _fields(figure: Figure) -> dict[str, Any]:
-    return asdict(figure) | {"ratio": figure.ratio, "met": figure.met}
 
 
 def _cells(figure: Figure) -> tuple[str, ...]:

@@ -16,6 +16,8 @@ class Running(msgspec.Struct, frozen=True):
     supervisor: int  # process id
     pids: dict[str, int]  # process id of every hub and service; some services may share one
     stack_file: str = ""  # path of the stack file
+    vehicle_file: str = ""  # path of the vehicle file; empty: an older Lindy wrote this
+    overrides: tuple[str, ...] = ()  # key.path=value into it
     began: float | None = None  # when the supervisor began: its id may be another program's later
 
 

@@ -78,6 +78,8 @@ class RunNote:
             began=system.began(os.getpid()),
             pids=pids,
             stack_file=str(self._plan.services.file),
+            vehicle_file=str(self._plan.stack.vehicle_path.resolve()),
+            overrides=tuple(self._plan.stack.overrides),
         )
         self._file.save_checkpoint(msgspec.json.format(msgspec.json.encode(running)))
 

@@ -75,6 +75,7 @@ class Node:
         self._gateway = gateway
         self._replay = replay
         self._visitor = visitor
+        self.published: list[AnyTopic] = []  # topics that it may publish
         self._publishers: list[Publisher[Any]] = []
         self._inboxes: list[Inbox] = []
         self._heard: list[tuple[str, str]] = []
@@ -101,12 +102,8 @@ class Node:
         buses = self.sides.values() if everywhere else [self.sides[side or self._home]]
         publisher = Publisher(topic, [bus.say(topic) for bus in buses])
         self._publishers.append(publisher)
+        self.published.append(topic)
         return publisher
-
-    @property
-    def published(self) -> list[AnyTopic]:
-        """Topics it may publish."""
-        return [publisher.topic for publisher in self._publishers]
 
     @property
     def heard(self) -> list[tuple[str, str]]:

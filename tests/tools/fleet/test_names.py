@@ -127,8 +127,6 @@ def test_both_ways_in_have_keys_or_none_has(keys: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["up", "topside", "--connect", "tcp/127.0.0.1:1", "--router", "tcp/127.0.0.1:2"],
-         "one of them is enough"),
         (["fly", "a*b"], "a drone's name"),
         (["up", "drone", "--router", "tcp/192.168.2.2:7447"], "over the network without keys"),
     ],

@@ -214,6 +214,19 @@ def test_two_sensors_of_one_dive_are_in_the_order_of_their_times(tmp_path: Path)
     assert report(tmp_path / "dive")["file"] == "sensor_imu.csv, sensor_pressure.csv"
 
 
+def test_a_table_that_the_map_takes_nothing_of_is_left_out_which_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`lindy log export` writes one for each stream."""
+    state = tmp_path / "state.csv"
+    state.write_text(f"publish_ns,phase\n{BEGAN_NS},running\n{BEGAN_NS + S},running\n")
+    logs = str(imu_table(tmp_path, "sensor_imu.csv")), str(state)
+    assert main(["import", *logs, "--out", str(tmp_path / "dive")]) == 0
+    assert "left out, because the map takes nothing of it: state.csv" in capsys.readouterr().out
+    assert len(messages(tmp_path / "dive", "sensor/imu")) == SECONDS * IMU_HZ
+    assert "nothing in it is in this map" in complaint(capsys, "import", str(state))
+
+
 def test_the_pieces_of_a_log_become_one(tmp_path: Path) -> None:
     names = [("a/sensor_imu.csv", 0), ("b/sensor_imu.csv", SECONDS)]
     logs = [str(imu_table(tmp_path, name, later_s=later)) for name, later in reversed(names)]

@@ -54,7 +54,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 
 def test_new_makes_keys_for_a_drone_and_a_pilot_that_nobody_else_can_read(tmp_path: Path) -> None:
     place = tmp_path / "keys"
-    assert keys(place, "new", "--drone", "pioneer", "--pilot", "ann") == 0
+    assert keys(place, "new", "pioneer", "ann") == 0
     for path in (place, *place.rglob("*")):
         assert path.stat().st_mode & 0o777 == (0o700 if path.is_dir() else 0o600), path
     drone, drones = own_keys(place, ("drone",), NOW)

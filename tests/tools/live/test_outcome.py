@@ -80,6 +80,19 @@ def test_a_mistake_of_ours_in_any_step_of_the_report_costs_no_message(
     assert seen(tmp_path) == list(range(1, 40))
 
 
+def test_a_service_that_cannot_start_is_one_sentence_and_no_dive(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    record(tmp_path / "dive.mcap", range(0))
+    outcome = Outcome(Stack(out=str(tmp_path)))
+    with outcome.of_the_dive():
+        raise LindyError("module bad: RuntimeError: it does not fit")
+    with pytest.raises(LindyError, match=r"^module bad: RuntimeError: it does not fit$"):
+        outcome.sum_up()
+    assert capsys.readouterr().out == ""
+    assert not (tmp_path / "report.json").exists()
+
+
 def test_a_dive_that_broke_off_is_summed_up_and_then_says_why(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -15,7 +15,7 @@ from tests.support import said
 from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
 from tools.log.check import Accounts, LinkReports, Numbering, account_for, accounts
-from tools.recordings.mcap_records import StoredMessage
+from tools.recordings.mcap_records import Raw
 from tools.recordings.recording import open_recording
 
 KEY = "pilot/command"
@@ -142,7 +142,7 @@ def without(dive: ShortDive, out: Path, dropped: set[int]) -> Path:
     """A copy without the messages that have these places among those of the bus in the file."""
     place = 0
 
-    def kept(key: str, message: StoredMessage) -> StoredMessage | None:
+    def kept(key: str, message: Raw) -> Raw | None:
         nonlocal place
         place += not is_view(key)
         return message if is_view(key) or place not in dropped else None
@@ -197,7 +197,7 @@ def test_a_clock_that_runs_backwards_is_said(
 ) -> None:
     back = 0
 
-    def set_back(_: str, message: StoredMessage) -> StoredMessage:
+    def set_back(_: str, message: Raw) -> Raw:
         nonlocal back
         back = 3_000_000_000 if message.log_ns > 3_500_000_000 else back
         return message._replace(log_ns=message.log_ns - back)

@@ -21,7 +21,7 @@ from tools.log.compare import (
 from tools.log.cut import WantedPart, cut_out
 from tools.log.flatten import TableColumn
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import StoredMessage
+from tools.recordings.mcap_records import Raw
 from tools.recordings.recording import open_recording
 
 COLUMNS = [TableColumn("x", "number"), TableColumn("word", "string")]
@@ -85,7 +85,7 @@ def test_a_field_that_was_changed_is_named_with_its_time(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
 
-    def changed(key: str, message: StoredMessage) -> StoredMessage:
+    def changed(key: str, message: Raw) -> Raw:
         if key != "state" or message.log_ns < 4_000_000_000:
             return message
         data = message.data.replace(b'"phase":"running"', b'"phase":"other"')

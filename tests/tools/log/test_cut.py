@@ -16,7 +16,7 @@ from services.runtime.config.errors import LindyError
 from tests.support.recorded import ShortDive, foreign, rewritten
 from tools.__main__ import main
 from tools.log.cut import ArmedSpan, ArmedSpans, WantedPart, armed_spans, around, cut_out, recovered
-from tools.recordings.mcap_records import StoredMessage
+from tools.recordings.mcap_records import Raw
 from tools.recordings.recording import is_whole, open_recording
 
 times = st.floats(0.0, 8.0)
@@ -194,7 +194,7 @@ def two_dives(dive: ShortDive, tmp_path_factory: pytest.TempPathFactory) -> Path
     origin = open_recording(dive.folder).origin_ns() or 0
     third = whole.seconds / 3.0
 
-    def disarmed(_: str, message: StoredMessage) -> StoredMessage:
+    def disarmed(_: str, message: Raw) -> Raw:
         t = (message.log_ns - origin) / 1e9 - whole.from_s
         if not third < t < 2.0 * third:
             return message
@@ -211,7 +211,7 @@ def test_a_dive_cut_by_its_number_is_a_recording_like_any_other(
     dives = msgspec.json.decode(capsys.readouterr().out)["dives"]
     assert len(dives) == 2
     out = tmp_path / "cut.mcap"
-    assert main(["log", "cut", str(two_dives), "--dive", str(number), "--out", str(out)]) == 0
+    assert main(["log", "cut", str(two_dives), "--number", str(number), "--out", str(out)]) == 0
     for verb in ("check", "info"):
         assert main(["log", verb, str(out)]) == 0
     capsys.readouterr()
@@ -223,11 +223,11 @@ def test_a_dive_cut_by_its_number_is_a_recording_like_any_other(
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--dive", "3"], "there are 2 dives (1: "),
-        (["--dive", "0"], "there are 2 dives (1: "),
-        (["--dive", "-1"], "there are 2 dives (1: "),
-        (["--dive", "1", "--from", "2"], "leave out --from and --to"),
-        (["--dive", "1", "--to", "nan"], "leave out --from and --to"),
+        (["--number", "3"], "there are 2 dives (1: "),
+        (["--number", "0"], "there are 2 dives (1: "),
+        (["--number", "-1"], "there are 2 dives (1: "),
+        (["--number", "1", "--from", "2"], "leave out --from and --to"),
+        (["--number", "1", "--to", "nan"], "leave out --from and --to"),
     ],
 )
 def test_a_number_that_is_not_there_is_one_sentence(

@@ -10,7 +10,7 @@ from services.recorder.foxglove.channel import is_view
 from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import StoredMessage
+from tools.recordings.mcap_records import Raw
 from tools.recordings.recording import open_recording
 
 
@@ -101,7 +101,7 @@ def test_a_message_of_an_older_lindy_is_counted_without_its_new_field(
 ) -> None:
     """What this version cannot read as its own type is still in tables, numbers and sizes."""
 
-    def older(_: str, message: StoredMessage) -> StoredMessage:
+    def older(_: str, message: Raw) -> Raw:
         return message._replace(data=message.data.replace(b'"armed":', b'"was_armed":'))
 
     path = rewritten(dive, tmp_path / "older.mcap", older)

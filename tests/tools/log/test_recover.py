@@ -186,16 +186,16 @@ def test_a_recording_that_is_still_written_is_not_called_damaged(
     data, _ = whole_file()
     path = tmp_path / "dive.mcap"
     path.write_bytes(data[: round(end * len(data))])
-    records = reader.records
+    records_in = reader.records_in
 
     def beside_its_recorder(*args: Any, **more: Any) -> Iterator[Any]:
-        for number, record in enumerate(records(*args, **more)):
+        for number, record in enumerate(records_in(*args, **more)):
             if number == 0:
                 with path.open("ab") as file:
                     file.write(bytes(20))
             yield record
 
-    monkeypatch.setattr(reader, "records", beside_its_recorder)
+    monkeypatch.setattr(reader, "records_in", beside_its_recorder)
     found = recovered(path, tmp_path / "mended.mcap")
     assert found.messages > 0
     assert found.wrong == ["dive.mcap is still being written: look again when the dive has ended"]

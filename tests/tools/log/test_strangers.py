@@ -14,7 +14,7 @@ from tests.support.recorded import Alter, ShortDive, rewritten
 from tools.__main__ import GROUPS, LOG, main
 from tools.log.check import Account, unrecorded_in
 from tools.recordings.mcap_copy import new_mcap
-from tools.recordings.mcap_records import StoredMessage, records
+from tools.recordings.mcap_records import Raw, records
 
 Tree = dict[str, Any]
 Edit = Callable[[str, Tree], Tree]  # a message of a key
@@ -46,7 +46,7 @@ def forged(
                 keys[record.id] = record.topic
             elif isinstance(record, Attachment):
                 record.name += named
-            elif isinstance(record, StoredMessage):
+            elif isinstance(record, Raw):
                 tree = edit(keys[record.channel_id], json.loads(record.data))
                 data = json.dumps(tree, separators=(",", ":")).encode()
                 record = record._replace(data=data)
@@ -56,7 +56,7 @@ def forged(
         if named:
             copy.add(Schema(id=9999, data=b"{}", encoding="jsonschema", name=named))
             copy.add(Channel(9999, named, "json", {}, 9999))
-            copy.add(StoredMessage(9999, 0, 1, 1, b"{}"))
+            copy.add(Raw("", b"{}", 1, 1, channel_id=9999))
     return out
 
 
@@ -220,7 +220,7 @@ def test_a_replay_says_what_makes_no_sense_in_a_recording(
 STRANGE = ["1e309", "-1e308", "NaN", "9" * 400, '"x"', "null", "[]", "{}", "[[[1]]]", "-0.5"]
 
 
-def with_strange_fields(_: str, message: StoredMessage) -> StoredMessage:
+def with_strange_fields(_: str, message: Raw) -> Raw:
     """Every third message: all fields but stamp and number."""
     if message.sequence % 3:
         return message
@@ -235,11 +235,11 @@ def with_strange_fields(_: str, message: StoredMessage) -> StoredMessage:
     return message._replace(data=f"{{{said}}}".encode())
 
 
-def years_later(_: str, message: StoredMessage) -> StoredMessage:
+def years_later(_: str, message: Raw) -> Raw:
     return message._replace(log_ns=message.log_ns + message.sequence % 2 * 10**18)
 
 
-def at_no_time(_: str, message: StoredMessage) -> StoredMessage:
+def at_no_time(_: str, message: Raw) -> Raw:
     return message._replace(log_ns=2**64 - 1) if message.sequence % 100 == 7 else message
 
 

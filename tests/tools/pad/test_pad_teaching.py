@@ -138,10 +138,10 @@ def test_a_session_ends_with_the_profile_or_with_the_pad(
         pass
 
     monkeypatch.setattr("time.sleep", at_once)
-    profile = teach(Recorded(presses(*WANTED)), DEFAULT, None)
+    profile = teach(Recorded(presses(*WANTED)), DEFAULT)
     assert profile == taught(presses(*WANTED)).profile()
     with pytest.raises(LindyError, match="unplugged"):
-        show(Recorded([REST] * 3), DEFAULT, None)
+        show(Recorded([REST] * 3), DEFAULT)
     assert "1 of 12" in capsys.readouterr().out
 
 

@@ -18,7 +18,7 @@ from messages.sensors import PressureSample
 from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import MAGIC, McapFile
 from services.runtime.config.errors import LindyError
-from tools.recordings.mcap_records import Damage, StoredMessage, records
+from tools.recordings.mcap_records import Damage, Raw, records
 from tools.recordings.recording import is_whole, log_hash, merge_parts, open_recording
 
 PER_CHUNK, CHUNKS = 7, 5
@@ -93,7 +93,7 @@ def test_chunks_outside_of_a_time_are_not_opened_and_all_within_it_is_given(a: i
         for record in recording.records(path, within=(begin, end)):
             if isinstance(record, Channel):
                 keys[record.id] = record.topic
-            elif isinstance(record, StoredMessage):
+            elif isinstance(record, Raw):
                 assert keys[record.channel_id] == KEY
                 times.append(record.log_ns)
         wanted = [n for n in range(0, 10 * CHUNKS * PER_CHUNK, 10) if begin <= n < end]

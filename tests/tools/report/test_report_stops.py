@@ -130,6 +130,17 @@ def dive_of(said: Said) -> RecordedDive:
     return read_dive(Memory(said))
 
 
+def test_of_a_real_dive_the_estimate_says_how_it_moved() -> None:
+    said = moving("heave", bump(0.1, 6.0)) + sticks("heave", held_until_release)
+    real = [row for row in said if row[0] is not topics.TRUTH]
+    (stop,) = stops(dive_of(real))
+    assert (stop.axis, stop.by) == ("heave", "estimate")
+    assert stop.overshoot == pytest.approx(0.0, abs=1e-9)  # the estimate followed
+    (true,) = stops(dive_of(said))
+    assert true.by is msgspec.UNSET
+    assert true.overshoot == pytest.approx(0.1, abs=1e-6)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", ["heave", "yaw"])
 @given(
@@ -347,8 +358,9 @@ def test_only_the_sticks_of_the_pilot_in_control_count():
     assert stop.t == pytest.approx(RELEASE)
 
 
-def test_without_truth_there_is_nothing_to_measure():
-    said = [s for s in moving("heave", lambda _: 0.0) if s[0] is not topics.TRUTH]
+def test_without_truth_and_estimate_there_is_nothing_to_measure():
+    unknown = (topics.TRUTH, topics.STATE)
+    said = [s for s in moving("heave", lambda _: 0.0) if s[0] not in unknown]
     assert stops(dive_of(said + sticks("heave", held_until_release))) == []
     assert stops(dive_of([])) == []
 

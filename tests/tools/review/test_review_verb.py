@@ -2,7 +2,9 @@
 
 import json
 import shutil
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -128,6 +130,22 @@ def test_quick_flies_nothing_again(
     found = json.loads(capsys.readouterr().out)
     assert found["stops_with_lindy"] == []
     assert "--quick" in found["missing"]["stops_with_lindy"][0]
+
+
+@pytest.mark.slow
+def test_each_file_of_the_dive_is_opened_at_most_twice(
+    dive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: Counter[Path] = Counter()
+    real: Any = Path.open
+
+    def counted(self: Path, *args: Any, **more: Any) -> Any:
+        opened[self] += self.suffix == ".mcap" and self.parent == dive
+        return real(self, *args, **more)
+
+    monkeypatch.setattr(Path, "open", counted)
+    assert review(dive, json=True) == 0
+    assert 1 <= max(opened.values()) <= 2
 
 
 def test_bad_input_is_one_sentence(

@@ -146,9 +146,17 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         alive(local)
         assert local.shown >= {("drone", "engine"), ("topside", "desk"), ("drone", "desk")}
         found = running(stack)
-        stack_file, pids = str(services.file), local.supervisor.pids
-        began, me = system.began(os.getpid()), os.getpid()
-        assert found == Running("pioneer", local.plan.endpoints, me, pids, stack_file, began)
+        file, pids = str(services.file), local.supervisor.pids
+        began = system.began(os.getpid())
+        assert found == Running(
+            vehicle="pioneer",
+            endpoints=local.plan.endpoints,
+            supervisor=os.getpid(),
+            pids=pids,
+            stack_file=file,
+            vehicle_file=str(stack.vehicle_path.resolve()),
+            began=began,
+        )
         assert set(found.pids) == {"hub_topside", "hub_drone", "engine", "desk"}
         ear = Ear(found)
         said = ear.heard(topics.LOG.of("engine"))
