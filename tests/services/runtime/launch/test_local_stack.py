@@ -146,14 +146,14 @@ def test_a_stack_comes_alive_is_found_by_its_file_and_leaves_nothing_behind(tmp_
         alive(local)
         assert local.shown >= {("drone", "engine"), ("topside", "desk"), ("drone", "desk")}
         found = running(stack)
-        file, pids = str(services.file), local.supervisor.pids
+        stack_file, pids = str(services.file), local.supervisor.pids
         began = system.began(os.getpid())
         assert found == Running(
             vehicle="pioneer",
             endpoints=local.plan.endpoints,
             supervisor=os.getpid(),
             pids=pids,
-            stack_file=file,
+            stack_file=stack_file,
             vehicle_file=str(stack.vehicle_path.resolve()),
             began=began,
         )
