@@ -20,6 +20,7 @@ from services.runtime.node.node import Node
 from services.visualizer.batch import Batch
 from services.visualizer.core import Collector
 from services.visualizer.io.live_viewer import LiveViewer, viewer_command
+from services.visualizer.io.rrd_file import RrdFile
 
 # Curves, states and log: how often they are handed over.
 # Somebody who watches wants them soon; a file does not care, and takes several batches at once.
@@ -96,9 +97,11 @@ def outputs(
     identity = f"{stack.out_dir.resolve().name}-{part}"
     writer = RerunWriter(identity, vehicle)
     try:
-        writer.save(path, node.tell, node.log)
+        writer.save(RrdFile(path, node.tell, node.log))
     except OSError as error:
         raise LindyError(f"cannot write {path}: {reason(error)}; choose another --out") from None
+    except ValueError as error:
+        raise LindyError(f"{error}; install the rerun-sdk that `uv sync` installs") from None
     live = None
     if stack.viewer:
         live = LiveViewer(identity, vehicle, viewer_command(), node.tell, node.log)

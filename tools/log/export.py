@@ -300,6 +300,7 @@ def draw(source: ReplaySource, rrd: Path) -> None:
     """
     require_package("rerun", "viewer", "a file for rerun")
     from services.visualizer.io.rerun_writer import RerunWriter
+    from services.visualizer.io.rrd_file import RrdFile
 
     with source.stack() as stack:
         vehicle = stack.section("vehicle", Vehicle)
@@ -311,7 +312,7 @@ def draw(source: ReplaySource, rrd: Path) -> None:
 
     collector = Collector(vehicle)
     writer = RerunWriter(rrd.parent.name, vehicle)
-    writer.save(rrd, lambda _: None, say)
+    writer.save(RrdFile(rrd, lambda _: None, say))
     framed: Ns = 0
     written: Ns | None = None
     now: Ns = 0

@@ -30,8 +30,7 @@ from services.visualizer.batch import Batch
 if TYPE_CHECKING:
     from services.visualizer.io.rerun_writer import RerunWriter
 
-# rerun's own log on stderr, before it is imported; a disk that fails is said by us.
-os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")
+os.environ.setdefault("RUST_LOG", "warn")  # rerun's own log on stderr, before it is imported
 MOST_WAITING = 256  # batches that are not read yet, ten seconds; more are dropped
 LENGTH_BYTES = 4  # before each batch
 END_S = 2.0  # for the viewer process to finish after the pipe is closed

@@ -1,23 +1,18 @@
 """Writes batches to a rerun recording. With `blueprint.py`, the only code that imports rerun."""
 
-import errno
-import os
 from collections.abc import Iterable
 from itertools import chain
 from math import cos, sin
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from messages import events
 from messages.cameras import FIRST
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Failsafe
 from services.marine.vehicle import Vehicle
-from services.runtime.config.disk import reason, require_room
 from services.visualizer.batch import (
     Batch,
     CurveColumns,
@@ -28,7 +23,7 @@ from services.visualizer.batch import (
 )
 from services.visualizer.blueprint import TIMELINE, blueprint, camera_path
 from services.visualizer.curves import MANY, PREDICTED, REFERENCE, Look, curves
-from services.visualizer.io.live_viewer import Log, Tell
+from services.visualizer.io.rrd_file import RrdFile
 
 METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
 HULL, NOSE, FORCE, PATH, PLUMB = 0x4CA6FFFF, 0xF4F7FAFF, 0xFF5A4EFF, 0x38D6C0FF, 0x7FA8C4FF
@@ -36,11 +31,7 @@ SURFACE, SAND, SAND_LINES = 0x3A86A8FF, 0x4A4230FF, 0x6B6046FF
 FILL = "transparentfillmajorwireframe"  # the thrusters' arrows begin inside the hull
 GRID_HALF = 30  # [m] half the side of surface and floor around the vehicle
 TIME = "timedelta64[ns]"
-RESERVE = 2_000_000  # [bytes] left free for the recorder, whose file matters more
-WRITTEN_S = 5.0  # [s] in which all is written that a viewer or a disk takes
 LEVELS = {"info": rr.TextLogLevel.INFO, "warning": "WARN", "error": rr.TextLogLevel.ERROR}
-
-ENDS = "it ends here"
 
 QUIET, GOOD, ACTIVE, CAUTION, ALARM = 0x4A5560FF, 0x2E7D5BFF, 0x2F6DB5FF, 0xC77F1AFF, 0xC23B3BFF
 BY_ITSELF = 0x7A55B8FF
@@ -65,7 +56,8 @@ class RerunWriter:
     def __init__(self, recording_id: str, vehicle: Vehicle) -> None:
         self._rec = rr.RecordingStream("lindy", recording_id=recording_id)
         self._vehicle = vehicle
-        self._file: DiveFile | None = None
+        self._bytes: rr.BinaryStream | None = None  # encoded, not yet written …
+        self._file: RrdFile | None = None  # … to this file, if there is one
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = np.array([], TIME)  # … and as an array
         named = [curve for curve in curves(vehicle) if curve.look.names]
@@ -75,23 +67,17 @@ class RerunWriter:
         self._cameras: list[str] = []  # of which a picture has been written
         self._services: dict[str, int] = {}  # colour of each, in every panel
 
-    def save(self, path: Path, tell: Tell, log: Log) -> None:
-        """Write into a new file from here on.
+    def save(self, file: RrdFile) -> None:
+        """Write into a file from here on.
 
         Raises:
-            OSError: there is such a file already, or it cannot be begun.
+            OSError: its beginning cannot be written.
         """
-        file = DiveFile(path, tell, log)
-        try:
-            # Without the index, which rerun would keep in memory until the end.
-            self._rec.save(path, write_footer=False)
-            self._prepare()
-            self._rec.flush(timeout_sec=WRITTEN_S)
-        except RuntimeError:
-            path.unlink()
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
+        # Bytes, not rerun's own file: that keeps an index in memory until the end.
+        self._bytes = self._rec.binary_stream()
+        self._prepare()
+        file.begin(self._bytes.read() or b"")
         self._file = file
-        file.wrote(self._rec)
 
     def connect(self, url: str) -> None:
         """Show it in the viewer that listens at `url` from here on."""
@@ -100,8 +86,6 @@ class RerunWriter:
 
     def write(self, *batches: Batch) -> None:
         """Write batches that follow each other. Many at once are smaller and cheaper."""
-        if self._file is not None and not self._file.admits():
-            return
         for columns in joined_columns(batches):
             self._columns(columns)
         if frames := [frame for batch in batches for frame in batch.frames]:
@@ -116,14 +100,19 @@ class RerunWriter:
                 self._rec.log("world/path", rr.LineStrips3D.from_fields(strips=[batch.trail]))
             if batch.floor is not None:
                 self._floor(batch.floor)
-        if self._file is not None:
-            self._file.wrote(self._rec)
+        self._write_bytes()
 
     def close(self) -> None:
         """Write everything out and end the recording."""
-        if self._file is None:
-            self._rec.flush(timeout_sec=WRITTEN_S)
+        self._rec.flush(timeout_sec=5.0)
+        self._write_bytes()
         self._rec.disconnect()
+        if self._file is not None:
+            self._file.close()
+
+    def _write_bytes(self) -> None:
+        if self._bytes is not None and self._file is not None and (data := self._bytes.read()):
+            self._file.append(data)
 
     def _columns(self, columns: CurveColumns) -> None:
         # A third of the time of np.array(rows), which inspects the shape of every row.
@@ -285,52 +274,6 @@ class RerunWriter:
 
     def _static(self, path: str, what: rr.AsComponents) -> None:
         self._rec.log(path, what, static=True)
-
-
-class DiveFile:
-    """What rerun writes, in whole batches only. Where the disk has no room, batches are left out
-    and counted, and one warning is logged; a disk that fails ends it."""
-
-    def __init__(self, path: Path, tell: Tell, log: Log) -> None:
-        """
-        Raises:
-            OSError: there is such a file already, or it cannot be made.
-        """
-        path.parent.mkdir(parents=True, exist_ok=True)
-        require_room(path.parent, RESERVE)
-        path.touch(exist_ok=False)
-        self._path, self._tell, self._log = path, tell, log
-        self._whole = 0  # [bytes]
-        self._lacks = ""  # why the newest batch is not in it
-
-    def admits(self) -> bool:
-        """Is there room for another batch? Else it is counted."""
-        try:
-            require_room(self._path.parent, RESERVE)
-        except OSError as error:
-            return self._lose(self._lacks or f"{reason(error)}; it has a gap")
-        if self._lacks.endswith(ENDS):
-            return self._lose(self._lacks)
-        if self._lacks:
-            self._log("info", f"{self._path} continues")
-        self._lacks = ""
-        return True
-
-    def wrote(self, recording: rr.RecordingStream) -> None:
-        """A batch was handed to rerun: it is in the file when this returns, or the file ends."""
-        try:
-            recording.flush(timeout_sec=WRITTEN_S)
-            self._whole = self._path.stat().st_size
-        except (OSError, RuntimeError):
-            os.truncate(self._path, self._whole)  # half a batch would make the rest unreadable
-            self._lose(f"the disk is full, or has failed; {ENDS}")
-
-    def _lose(self, why: str) -> bool:
-        self._tell(events.DISK_ERROR(self._path.name))
-        if not self._lacks:
-            self._log("warning", f"cannot write {self._path}: {why}")
-        self._lacks = why
-        return False
 
 
 def _bends(values: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

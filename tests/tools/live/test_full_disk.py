@@ -16,16 +16,16 @@ import pytest
 from mcap.reader import make_reader
 
 import services.recorder.io.mcap_session
+import services.visualizer.io.rrd_file
 import tools.recordings.recording
 from messages import events, topics
 from messages.events import Event
 from messages.link import LinkRequest
-from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import foxglove_schema, is_view
 from services.recorder.io.mcap_file import McapFile
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.visualizer.batch import Batch, Note
+from services.visualizer.io.rrd_file import RrdFile
 from tools.__main__ import main
 from tools.live.outcome import Outcome
 from tools.recordings.recording import is_whole, open_recording
@@ -90,8 +90,7 @@ def test_a_disk_that_fills_during_a_simulated_dive(
             pass
 
         monkeypatch.setattr(services.recorder.io.mcap_session, "require_room", see_nothing)
-        writer = pytest.importorskip("services.visualizer.io.rerun_writer")
-        monkeypatch.setattr(writer, "require_room", see_nothing)
+        monkeypatch.setattr(services.visualizer.io.rrd_file, "require_room", see_nothing)
     (small_disk / "theirs.mcap").write_bytes(b"theirs")
     out = small_disk / "dive"
     status = simulate(tmp_path, out)
@@ -176,81 +175,43 @@ def test_a_report_for_which_there_is_no_room_leaves_no_half_of_one_and_is_summed
     assert "report.json" not in said
 
 
-def notes(rrd: Path) -> list[str]:
-    """Read by rerun's own reader."""
-    chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
-    found = chunk.RrdReader(str(rrd)).stream().filter(content="/log/test")
-    columns = (part.to_record_batch()["TextLog:text"] for part in found)
-    return [text for column in columns for text in column.flatten().to_pylist()]
+def stream(*messages: bytes) -> bytes:
+    """As rerun encodes them."""
+    framed = b"".join(
+        (2).to_bytes(8, "little") + len(m).to_bytes(8, "little") + m for m in messages
+    )
+    return b"RRF2" + bytes(8) + framed + bytes(8) + (5).to_bytes(8, "little") + b"index" + bytes(32)
 
 
-class Written:
-    """A file for the viewer, and what it has said."""
-
-    def __init__(self, folder: Path) -> None:
-        pytest.importorskip("rerun", reason="the viewer extra is not installed")
-        from services.visualizer.io.rerun_writer import RerunWriter
-
-        self.path, self.told, self.lines = folder / "dive.rrd", list[Event](), list[str]()
-        self._writer = RerunWriter("test", Stack().section("vehicle", Vehicle))
-        self._writer.save(self.path, self.told.append, lambda _, text: self.lines.append(text))
-
-    def write(self, text: str) -> None:
-        self._writer.write(Batch(notes=[Note("log/test", 0, "log", text)]))
-
-    def close(self) -> None:
-        self._writer.close()
-
-
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_viewer_s_file_leaves_out_what_does_not_fit_and_says_it_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    written = Written(tmp_path)
-    written.write("first")
+    told: list[Event] = []
+    lines: list[str] = []
+    file = RrdFile(tmp_path / "dive.rrd", told.append, lambda _, text: lines.append(text))
+    file.begin(stream(b"first"))
     with monkeypatch.context() as full:
-        full.setattr("services.visualizer.io.rerun_writer.require_room", no_room)
-        written.write("second")
-        written.write("third")
-    written.write("fourth")
-    written.close()
-    assert notes(written.path) == ["first", "fourth"]
-    assert written.told == [events.DISK_ERROR("dive.rrd")] * 2
-    assert [line.rpartition(": ")[2] for line in written.lines[:1]] == [
-        "the disk is full; it has a gap"
-    ]
-    assert len(written.lines) == 2
-
-
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
-def test_a_viewer_s_file_ends_whole_where_the_disk_fails(
-    small_disk: Path, monkeypatch: pytest.MonkeyPatch
-):
-    def see_nothing(_: Path, __: int) -> None:
-        """As if somebody else had taken the room just then."""
-
-    pytest.importorskip("services.visualizer.io.rerun_writer")
-    monkeypatch.setattr("services.visualizer.io.rerun_writer.require_room", see_nothing)
-    written = Written(small_disk)
-    written.write("first")
-    written.write(os.urandom(3_000_000).hex())
-    written.write("third")
-    written.close()
-    assert notes(written.path) == ["first"]
-    assert len(written.told) == 2
-    assert [line.endswith("it ends here") for line in written.lines] == [True]
+        full.setattr(services.visualizer.io.rrd_file, "require_room", no_room)
+        file.append(stream(b"second"))
+        file.append(stream(b"third"))
+    file.append(stream(b"fourth", b"fifth"))
+    file.close()
+    whole = stream(b"first", b"fourth", b"fifth")
+    assert (tmp_path / "dive.rrd").read_bytes() == whole[: whole.index(bytes(8) + b"\x05")]
+    assert told == [events.DISK_ERROR("dive.rrd")] * 2
+    assert [line.rpartition(": ")[2] for line in lines[:1]] == ["the disk is full; it has a gap"]
+    assert len(lines) == 2
 
 
 def test_a_viewer_s_file_that_cannot_begin_is_not_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    pytest.importorskip("services.visualizer.io.rerun_writer")
-    (tmp_path / "dive.rrd").write_bytes(b"theirs")
-    with pytest.raises(FileExistsError):
-        Written(tmp_path)
-    assert (tmp_path / "dive.rrd").read_bytes() == b"theirs"
-    (tmp_path / "dive.rrd").unlink()
-    monkeypatch.setattr("services.visualizer.io.rerun_writer.require_room", no_room)
+    def make() -> RrdFile:
+        return RrdFile(tmp_path / "dive.rrd", lambda _: None, lambda _, __: None)
+
+    with pytest.raises(ValueError, match="in an unknown way"):
+        make().begin(b"RRF9 and so on")
+    monkeypatch.setattr(services.visualizer.io.rrd_file, "require_room", no_room)
     with pytest.raises(OSError, match="No space left"):
-        Written(tmp_path)
+        make().begin(stream(b"first"))
     assert not any(tmp_path.iterdir())
