@@ -33,7 +33,7 @@ ESTIMATES = (
 )  # in a state
 STATE = StreamFigures(
     topics.STATE,
-    ("sensor_ns", "stamp_ns", "phase", "depth_moved", "heading_navigation.std",
+    ("sensor_ns", "stamp_ns", "phase", "depth_moved", "depth_corrected", "heading_navigation.std",
      *(f"{name}.{part}" for name in (*ESTIMATES, "heading_navigation")
        for part in ("value", "valid")), "heading.std"),
 )  # fmt: skip
@@ -66,6 +66,7 @@ class Track(NamedTuple):
     surge: Array  # [m/s] velocity, body
     sway: Array  # [m/s]
     bearing: Array  # [rad] to compare: by the compass where there is one; accumulates past ±π
+    corrected: Array  # [m] of the depth, sum: of where it came to rest, which is no motion
 
     @property
     def seconds_known(self) -> float:
@@ -103,6 +104,7 @@ def true_track(dive: RecordedDive) -> Track | None:
         t=t, roll=unknown, pitch=unknown, heading=heading, depth=depth,
         depth_rate=np.gradient(depth, t), depth_acceleration=unknown,
         yaw_rate=np.gradient(heading, t), surge=unknown, sway=unknown, bearing=unknown,
+        corrected=np.zeros(truth.count),
     )  # fmt: skip
 
 
@@ -122,19 +124,22 @@ def track(state: StreamColumns, estimate: StreamColumns | None = None) -> Track 
         return np.where(state[f"{name}.std"] > UNKNOWN_STD, nan, known(name))
 
     rows = [state["sensor_ns"] / 1e9, *map(known, ESTIMATES)]
-    rows += [bearing("heading"), bearing("heading_navigation")]
+    of_rest = state["depth_corrected"]  # absent: as it was last
+    newest = np.maximum.accumulate(np.where(np.isfinite(of_rest), np.arange(state.count), 0))
+    rows += [np.nan_to_num(of_rest)[newest], bearing("heading"), bearing("heading_navigation")]
     has_compass = np.isfinite(state["heading_navigation.value"]).any()
     if estimate is not None:
         e, none = estimate, np.full(estimate.count, nan)
         theirs = [e["stamp_ns"] / 1e9, e["roll"], e["pitch"], e["heading"], e["depth"],
-                  e["depth_rate"], none, e["yaw_rate"], none, none, e["heading"], none]  # fmt: skip
+                  e["depth_rate"], none, e["yaw_rate"], none, none, np.zeros(e.count),
+                  e["heading"], none]  # fmt: skip
         rows = [np.concatenate(pair) for pair in zip(rows, theirs, strict=True)]
     if not len(rows[0]):
         return None
     order = np.argsort(rows[0], kind="stable")
-    *columns, gyroscopes, compass = (row[order] for row in rows)
+    *columns, corrected, gyroscopes, compass = (row[order] for row in rows)
     # Two zeros: the gyroscopes' heading is no stand-in where the compass is refused.
-    found = Track(*[*columns, compass if has_compass else gyroscopes])
+    found = Track(*[*columns, compass if has_compass else gyroscopes], corrected=corrected)
     for turning in (found.heading, found.bearing):  # some are in one turn
         there = np.isfinite(turning)
         turning[there] = np.unwrap(turning[there])

@@ -222,6 +222,8 @@ def _moved(
     position = np.cumsum(rate) / RATE
     if axis.position:
         position = track_at(motion, axis.position, grid)
+    if axis.position == "depth":
+        position = position - np.interp(grid, motion.t, np.nan_to_num(motion.corrected))
     return (grid, rate, position) if np.isfinite(rate + position).all() else None
 
 

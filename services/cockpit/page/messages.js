@@ -60,7 +60,10 @@ export function messages(view, you, page) {
 // What a drone does that hears nobody either.
 /** @param {PageView} view */
 function gone(view) {
-  if (acts(view)) return words.t(`does.${view.doing}`);
+  if (acts(view)) {
+    const what = words.t(`does.${view.doing}`);
+    return view.next_s ? words.t("then", { what, s: units.number(view.next_s) }) : what;
+  }
   return view.next_s ? words.t("gone.rises", { s: units.number(view.next_s) }) : words.t("does.rising");
 }
 

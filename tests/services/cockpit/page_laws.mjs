@@ -118,6 +118,7 @@ test("a busy computer is one grey word", () => {
 test("a drone that is not heard is said to rise, and when", () => {
   assert.equal(first({ ...FLIES, silent_s: 27, next_s: 34.4 }).text, "Link gone. The drone holds; it rises in 34 s.");
   assert.equal(first({ ...FLIES, silent_s: 99, next_s: 0 }).text, "Link gone. It rises slowly.");
+  assert.match(first({ ...LOST, silent_s: 27, next_s: 31 }).text, /it rises in 31 s\.$/);
   assert.equal(first({ ...FLIES, silent_s: 27, armed: false }), undefined);
 });
 
