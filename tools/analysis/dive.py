@@ -87,8 +87,8 @@ WANTED = (
     ),
     StreamFigures(
         topics.STATE,
-        ("sensor_ns", "stamp_ns", "depth.value", "heading.value", "depth_moved", "depth.valid",
-         "heading.valid", "depth_acceleration.value", "yaw_rate.value"),
+        ("sensor_ns", "stamp_ns", "depth.value", "heading.value", "depth_moved", "depth_corrected",
+         "depth.valid", "heading.valid", "depth_acceleration.value", "yaw_rate.value"),
     ),
     StreamFigures(
         topics.REFERENCE,
@@ -226,6 +226,12 @@ class RecordedDive:
         true = np.interp(start, truth["stamp_ns"], truth["yaw"])
         estimated = np.interp(start, state["sensor_ns"], state["heading.value"])
         return truth["stamp_ns"], truth["yaw"] - true + estimated
+
+
+def kept(values: Array) -> Array:
+    """Each value, or where it is not known the one before; 0 before the first."""
+    newest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
+    return np.nan_to_num(values)[newest]
 
 
 def read_dive(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from messages import topics
 from messages.vehicle import OWN_WAY
 from services.reference.guidance.axes import CENTRED
-from tools.analysis.dive import FIELD, STICKS, RecordedDive
+from tools.analysis.dive import FIELD, STICKS, RecordedDive, kept
 from tools.log.cut import ArmedSpan
 from tools.recordings.columns import Array, Flags
 
@@ -55,10 +55,14 @@ def stops(dive: RecordedDive) -> list[StickStop]:
         by = msgspec.UNSET if dive[topics.TRUTH].count else "estimate"
         known = dive.estimate(axis) if by else dive.truth(axis)
         if known is not None:
+            learnt = np.zeros(len(known[0]))
+            if by and axis == "heave":
+                learnt = kept(dive[topics.STATE]["depth_corrected"])
             ends = np.append(stop_ends(dive, axis), inf)
             for release in releases(dive, axis):
                 end = min(release.end, float(ends[np.searchsorted(ends, release.begin)]))
-                stop = _measure(dive, axis, StickRelease(release.begin, end, release.sign), known)
+                until_then = StickRelease(release.begin, end, release.sign)
+                stop = _measure(dive, axis, until_then, *known, learnt)
                 found += [] if stop is None else [msgspec.structs.replace(stop, by=by)]
     return sorted(found, key=lambda stop: stop.t)
 
@@ -167,12 +171,21 @@ def _changed(values: Array) -> Flags:
 
 
 def _measure(
-    dive: RecordedDive, axis: StopAxis, release: StickRelease, known: tuple[Array, Array]
+    dive: RecordedDive,
+    axis: StopAxis,
+    release: StickRelease,
+    times: Array,
+    motion: Array,
+    learnt: Array,
 ) -> StickStop | None:
-    """One stop by the known motion (times [ns], motion), or None if it does not count.
+    """One stop, or None if it does not count.
 
     The direction is that of the reference's velocity at the release, or, if the reference was still
     at rest after a very short deflection, that of the stick.
+
+    Args:
+        times, motion: [ns], [m] or [rad] as known.
+        learnt: [m] or [rad] sum of what corrected the place where it came to rest.
     """
     reference = dive[topics.REFERENCE]
     valid = reference["valid_ns"]
@@ -190,10 +203,10 @@ def _measure(
         return None
     moves = abs(velocity[first]) > REST_VELOCITY
     direction = np.sign(velocity[first]) if moves else release.sign
-    times, true = known
     begin, until = np.searchsorted(times, [release.begin, float(valid[end])])
     if begin == until:
         return None
+    true = motion + learnt[until - 1] - learnt
     past = direction * (true[begin:until] - position[end])
     return StickStop(
         axis=axis,

@@ -14,7 +14,7 @@ from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
 from services.reference.settings import Settings as ReferenceSettings
 from services.vehicle.mounting import AtOrigin
-from tools.analysis.dive import RecordedDive, read_dive
+from tools.analysis.dive import RecordedDive, kept, read_dive
 from tools.analysis.stops import counting
 from tools.log.cut import ArmedSpan, ArmedSpans
 from tools.recordings.columns import ARRIVAL, Array, Figures, StreamColumns, StreamFigures
@@ -124,9 +124,7 @@ def track(state: StreamColumns, estimate: StreamColumns | None = None) -> Track 
         return np.where(state[f"{name}.std"] > UNKNOWN_STD, nan, known(name))
 
     rows = [state["sensor_ns"] / 1e9, *map(known, ESTIMATES)]
-    of_rest = state["depth_corrected"]  # absent: as it was last
-    newest = np.maximum.accumulate(np.where(np.isfinite(of_rest), np.arange(state.count), 0))
-    rows += [np.nan_to_num(of_rest)[newest], bearing("heading"), bearing("heading_navigation")]
+    rows += [kept(state["depth_corrected"]), bearing("heading"), bearing("heading_navigation")]
     has_compass = np.isfinite(state["heading_navigation.value"]).any()
     if estimate is not None:
         e, none = estimate, np.full(estimate.count, nan)
