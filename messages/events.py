@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, nullcontext
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
-from messages.notice import Notice
+from messages.message import Notice
 from messages.vehicle import Reaction, Returns
 
 Level = Literal["info", "warning", "error"]

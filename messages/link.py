@@ -4,8 +4,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from messages.message import Answer, Message, Request
-from messages.notice import Notices
+from messages.message import Answer, Message, Notices, Request
 from messages.units import (
     Count,
     Counts,

@@ -1,8 +1,10 @@
 """Base types of all messages."""
 
+from typing import Annotated
+
 import msgspec
 
-from messages.units import Count, Finite, Name, NotNegative, Stamp
+from messages.units import Count, Finite, Name, Names, NotNegative, Stamp, Text
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,3 +38,20 @@ class Estimate(msgspec.Struct, frozen=True):
     value: Finite  # unit of the field that holds it
     std: NotNegative  # one standard deviation, same unit
     valid: bool = True
+
+
+# What a pilot has to know now, as a code with numbers: each screen makes a sentence of it.
+
+Numbers = Annotated[dict[Name, Finite], msgspec.Meta(max_length=8)]
+
+
+class Notice(msgspec.Struct, frozen=True, omit_defaults=True):
+    """`messages.events.told` has the English of it."""
+
+    code: Name  # an event of the event table, such as `notice:leak`, or a code of `events.TOLD`
+    numbers: Numbers = {}  # by their names, which say what they are: `events.AMOUNTS`
+    about: Names = ()  # services, or events, that it is about
+    more: Text = ""  # English text of what has no code
+
+
+Notices = Annotated[tuple[Notice, ...], msgspec.Meta(max_length=64)]  # the gravest first

@@ -2,10 +2,11 @@
 
 from typing import Literal
 
+import msgspec
 from msgspec import UNSET, UnsetType
 
 from messages.message import Estimate, Message
-from messages.units import Count, Finite, Name, Names, NotNegative, Quaternion, Stamp
+from messages.units import Count, Finite, Name, Names, NotNegative, Quaternion, Share, Stamp
 
 
 class VehicleState(Message, frozen=True, kw_only=True):
@@ -39,3 +40,64 @@ class VehicleState(Message, frozen=True, kw_only=True):
     # Names the origin of north and east: 0 that of the acoustic positions, else one that was set
     # where the drone then was. Another number: another origin. Absent: no position.
     origin: Count | UnsetType = UNSET
+
+
+# The drone's present state, predicted from delayed telemetry. From `predictor`, topside.
+
+
+class Miss(msgspec.Struct, frozen=True):
+    """Error of a prediction or of the delayed state, rms over the last seconds."""
+
+    depth: NotNegative  # [m]
+    heading: NotNegative  # [rad]
+    place: NotNegative | None = None  # [m] horizontal; None: position is not measured
+
+
+class Prediction(Message, frozen=True, kw_only=True):
+    """The newest state that arrived, propagated to the present with the commands still on the link.
+
+    Its error is known later, when the state of that moment has arrived.
+    """
+
+    state_ns: Stamp  # [ns] sensor sample of the state it starts from
+    ahead_ms: NotNegative  # [ms] from that sample to now
+    depth: Finite  # [m] positive down
+    heading: Finite  # [rad] accumulates past ±π
+    depth_rate: Finite  # [m/s]
+    yaw_rate: Finite  # [rad/s]
+    forward: Finite  # [m] moved ahead since that state
+    starboard: Finite  # [m] moved sideways since that state
+    north: Finite | None = None  # [m] NED, where the drone measures its position
+    east: Finite | None = None  # [m]
+    missed: Miss | None = None  # error of the predictions
+    delayed: Miss | None = None  # error of the delayed state, without a prediction
+
+
+# What the estimator makes of its measurements, one message per measured quantity. From
+# `estimation`, for people and files.
+#
+# Of one sample: the innovation is what was measured minus what was predicted; its variance is what
+# the observer expects of it; the test ratio is its square over that of the largest one allowed, so
+# that a sample beyond 1 is rejected (PX4's EstimatorAidSource has the same).
+
+
+class AidSource(Message, frozen=True, kw_only=True):
+    """All samples since the message before: one, or those of a tenth of a second. `stamp_ns` is the
+    time of the newest."""
+
+    unit: Name  # of value and innovation; its square, of the variance
+    samples: Count
+    value: Finite | None = None  # [unit] newest; None: no sample was compared
+    innovation: Finite | None = None  # [unit] mean
+    spread: NotNegative | None = None  # [unit] standard deviation of the innovations
+    variance: NotNegative | None = None  # [unit²] of one innovation, as expected; mean
+    test_ratio: NotNegative | None = None  # [-] largest; beyond 1 rejected
+    whole_until: NotNegative = 1.0  # [-] test ratio from which a sample has less weight
+    weight: Share = 0.0  # [-] mean over the compared samples; 0 rejected, 1 whole
+    rejected: Share = 0.0  # [-] of all samples
+    reasons: Names = ()  # events that say why samples were rejected
+    # [-] Running means, over a second or 20 samples, of the innovation over its standard deviation
+    # and of that squared: 0 and 1 if the spread is as stated.
+    mean: Finite = 0.0
+    variance_ratio: NotNegative = 1.0
+    verdict: Name | None = None  # event that says why the sensor is not trusted now; None: it is

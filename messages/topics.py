@@ -5,9 +5,7 @@ use one table and one network. Publishers, the tether, the recorder, the visuali
 checks and `docs/topics.md` all read these rows.
 """
 
-from messages.aiding import AidSource
 from messages.control import ThrusterCommand, Wrench
-from messages.film import FilmAnswer, FilmRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import (
@@ -21,7 +19,6 @@ from messages.link import (
     Shown,
 )
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
-from messages.prediction import Prediction
 from messages.reference import Reference
 from messages.sensors import (
     AltitudeSample,
@@ -35,10 +32,17 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.simulator import FaultAnswer, FaultRequest
-from messages.state import VehicleState
+from messages.state import AidSource, Prediction, VehicleState
 from messages.topic import AnyTopic, Direction, Qos, Topic, rows
 from messages.vehicle import Actuation, Truth, VehicleEstimate, VehicleStatus
-from messages.video import CameraChoice, CameraShares, PictureAge, VideoPart
+from messages.video import (
+    CameraChoice,
+    CameraShares,
+    FilmAnswer,
+    FilmRequest,
+    PictureAge,
+    VideoPart,
+)
 
 REALTIME, LIVE, EVENT, BULK = Qos.REALTIME, Qos.LIVE, Qos.EVENT, Qos.BULK
 DOWN, UP, BOTH, STAY = Direction.DOWN, Direction.UP, Direction.BOTH, Direction.STAY

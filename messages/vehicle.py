@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from messages.message import Message
-from messages.notice import Notices
+from messages.message import Message, Notices
 from messages.pilot import FlightMode, StopDistance
 from messages.units import (
     Count,

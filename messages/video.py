@@ -1,13 +1,13 @@
 """The drone's picture as it crosses the link, and how old it is topside. From `camera` and
 `link_monitor`."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
 from messages.link import Stage, Stages
-from messages.message import Message
-from messages.units import Count, Name, NotNegative, Share, Stamp
+from messages.message import Answer, Message, Request
+from messages.units import Count, Name, NotNegative, Share, Stamp, Text
 
 HEADERS = 200  # [B] of one message besides its data: its other fields, and those of the network
 LONGEST_PART = 60_000  # [B] of one message
@@ -146,3 +146,24 @@ class UnitStream:
 def _same(one: VideoPart, other: VideoPart) -> bool:
     """Are both parts of one picture?"""
     return (one.picture, one.stamp_ns, one.parts) == (other.picture, other.stamp_ns, other.parts)
+
+
+# What the pilot films: marks in the recording, which has every picture anyway. From the pilot's
+# page; the recorder on board answers whether it records.
+
+FilmKind = Literal["begin", "end", "snapshot"]
+
+
+class FilmRequest(Request, frozen=True, kw_only=True):
+    """Repeated with the same id until a `FilmAnswer` names that id."""
+
+    kind: FilmKind
+    light_ns: Stamp  # [ns] stamp of the newest picture that the pages had been sent
+    source: Name = ""  # who films
+    camera: Name = ""  # of which camera; empty: there is one only
+
+
+class FilmAnswer(Answer, frozen=True, kw_only=True):
+    """`accepted`: the recorder on board has the request, and the pictures about it."""
+
+    reason: Text = ""  # why it records nothing now

@@ -2,9 +2,7 @@
 units and limits at their fields. docs/topics.md"""
 
 from messages import events, topics
-from messages.aiding import AidSource
 from messages.control import ThrusterCommand, Wrench
-from messages.film import FilmAnswer, FilmKind, FilmRequest
 from messages.health import Health, LogLine
 from messages.identity import SideIdentity
 from messages.link import (
@@ -19,8 +17,7 @@ from messages.link import (
     Shown,
     Stage,
 )
-from messages.message import Answer, Estimate, Message, Request
-from messages.notice import Notice
+from messages.message import Answer, Estimate, Message, Notice, Request
 from messages.pilot import (
     Course,
     FlightMode,
@@ -30,7 +27,6 @@ from messages.pilot import (
     RequestKind,
     StopDistance,
 )
-from messages.prediction import Miss, Prediction
 from messages.reference import Motion, Reference
 from messages.sensors import (
     AltitudeSample,
@@ -44,7 +40,7 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
-from messages.state import VehicleState
+from messages.state import AidSource, Miss, Prediction, VehicleState
 from messages.topic import Direction, Qos, Side, Topic
 from messages.units import Quaternion, Vec3, Vec6
 from messages.vehicle import (
@@ -57,7 +53,15 @@ from messages.vehicle import (
     VehicleEstimate,
     VehicleStatus,
 )
-from messages.video import CameraChoice, CameraShares, PictureAge, VideoPart
+from messages.video import (
+    CameraChoice,
+    CameraShares,
+    FilmAnswer,
+    FilmKind,
+    FilmRequest,
+    PictureAge,
+    VideoPart,
+)
 
 __all__ = [
     "Activity",

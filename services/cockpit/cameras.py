@@ -13,9 +13,8 @@ from dataclasses import dataclass, field
 from math import degrees
 
 from messages.cameras import FIRST
-from messages.film import FilmAnswer, FilmKind, FilmRequest
 from messages.units import Ns
-from messages.video import CameraChoice, CameraShares
+from messages.video import CameraChoice, CameraShares, FilmAnswer, FilmKind, FilmRequest
 from services.cockpit.page_messages import PageWish
 from services.marine.field_of_view import FieldOfView
 

@@ -10,13 +10,12 @@ from msgspec.structs import replace
 
 from messages import events, topics
 from messages.events import Level
-from messages.film import FilmAnswer, FilmRequest
 from messages.health import LogLine
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.sensors import TemperatureSample
 from messages.units import Name, Ns
 from messages.vehicle import VehicleStatus
-from messages.video import CameraChoice, CameraShares
+from messages.video import CameraChoice, CameraShares, FilmAnswer, FilmRequest
 from services.cockpit.cameras import Cameras, Filming
 from services.cockpit.cockpit_pilot import CockpitPilot
 from services.cockpit.page_messages import (

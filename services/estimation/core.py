@@ -5,7 +5,7 @@ One error-state Kalman filter (filter.py). The IMU predicts; pressure (pressure.
 weight, thrust and drag (hull.py), rest (rest.py), the magnetometer (compass.py), and DVL and fixes
 (aids.py) correct. Samples arrive in the sensors' own axes and positions; they are transformed to
 the vehicle's origin and body axes (services/vehicle/mounting.py). What was made of each
-measurement: messages/aiding.py.
+measurement: messages/state.py.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,6 @@ from typing import Any
 from msgspec import UNSET
 
 from messages import events, topics
-from messages.aiding import AidSource
 from messages.events import Outbox
 from messages.message import Estimate
 from messages.sensors import (
@@ -25,7 +24,7 @@ from messages.sensors import (
     PressureSample,
     UsblSample,
 )
-from messages.state import VehicleState
+from messages.state import AidSource, VehicleState
 from messages.topic import AnyTopic
 from messages.units import Vec3
 from messages.vehicle import Actuation

@@ -17,8 +17,8 @@ Tracking and Navigation*, §5.4). `message` shows people where they are not.
 from enum import Enum
 from math import sqrt
 
-from messages.aiding import AidSource
 from messages.events import Event
+from messages.state import AidSource
 from services.estimation.filter import ErrorStateFilter, Floats, Row
 
 GATE, CLIP = 4.5, 2.0  # [σ] tuned on simulated and real dives, range 4 … 6 and 1.5 … 3

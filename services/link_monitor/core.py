@@ -10,7 +10,7 @@ from messages import events
 from messages.events import Outbox
 from messages.health import Health
 from messages.link import Clock, ClockPong, LatencyBudget
-from messages.notice import Notice
+from messages.message import Notice
 from messages.pilot import PilotCommand
 from messages.units import Ns
 from services.link_monitor.clock_sync import ClockSync

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 from messages.control import ThrusterCommand
 from messages.link import DOWN_STAGES, UP_STAGES, LatencyBudget, Shown, Stage
-from messages.notice import Notice
+from messages.message import Notice
 from messages.pilot import PilotCommand
 from messages.reference import Reference
 from messages.state import VehicleState

@@ -14,9 +14,8 @@ from typing import NamedTuple
 
 from messages.message import Estimate
 from messages.pilot import PilotCommand
-from messages.prediction import Miss, Prediction
 from messages.reference import Motion, Reference
-from messages.state import VehicleState
+from messages.state import Miss, Prediction, VehicleState
 from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.attitude import level_velocity, north_offset

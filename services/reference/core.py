@@ -16,7 +16,7 @@ from msgspec import UNSET
 
 from messages import events
 from messages.events import Outbox
-from messages.notice import Notice
+from messages.message import Notice
 from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, StopDistance
 from messages.reference import Reference
 from messages.state import VehicleState

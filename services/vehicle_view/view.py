@@ -10,8 +10,7 @@ from messages import topics
 from messages.control import ThrusterCommand
 from messages.events import UNMOVED
 from messages.link import Clock, LatencyBudget, LinkStatus
-from messages.message import Estimate
-from messages.notice import Notice
+from messages.message import Estimate, Notice
 from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState

@@ -219,7 +219,7 @@ SENSORS = (
         Plot("power", "Temperature [°C]", ("$origin/temperature", "$origin/enclosure")),
         Plot("power/leak", "Leak, 1: wet"),
     ),
-    # What the estimator made of each source of `messages/aiding.py`: within its band, unless it is
+    # What the estimator made of each source of `messages/state.py`: within its band, unless it is
     # rejected.
     (Plot("aiding/pressure", "Innovation: depth [m]"),),
     (

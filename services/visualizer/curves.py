@@ -10,12 +10,10 @@ from math import degrees, sqrt
 from typing import Any, cast
 
 from messages import topics
-from messages.aiding import AidSource
 from messages.events import troubles
 from messages.link import DOWN_STAGES, UP_STAGES, Clock, Stage
 from messages.message import Estimate
-from messages.prediction import Prediction
-from messages.state import VehicleState
+from messages.state import AidSource, Prediction, VehicleState
 from messages.topic import AnyTopic
 from messages.video import PICTURE_STAGES, PictureAge
 from services.marine.vehicle import Vehicle

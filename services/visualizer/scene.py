@@ -7,9 +7,8 @@ Where a simulator tells the truth, the truth is drawn. Else the estimate, at the
 from math import cos, dist, sin
 
 from messages.message import Message
-from messages.prediction import Prediction
 from messages.reference import Reference
-from messages.state import VehicleState
+from messages.state import Prediction, VehicleState
 from messages.units import Quaternion, Vec3
 from messages.vehicle import Actuation, Truth
 from services.marine.summation import plain_sum

@@ -9,19 +9,17 @@ import msgspec
 
 from messages.control import ThrusterCommand
 from messages.events import note
-from messages.film import FilmAnswer, FilmRequest
 from messages.health import LogLine
 from messages.identity import SideIdentity
 from messages.link import Clock, LatencyBudget, LinkAnswer, LinkRequest, LinkStatus
-from messages.message import Message
-from messages.notice import Notice
+from messages.message import Message, Notice
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Reference
 from messages.sensors import BatterySample
 from messages.simulator import FaultAnswer, FaultRequest
 from messages.state import VehicleState
 from messages.vehicle import Actuation, Truth, VehicleStatus
-from messages.video import CameraChoice
+from messages.video import CameraChoice, FilmAnswer, FilmRequest
 from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, believed, vehicle_view
 from services.visualizer.batch import Note

@@ -8,7 +8,7 @@ from messages import events, topics
 from messages.cameras import FIRST, age, called
 from messages.health import Health, LogLine
 from messages.link import Shown
-from messages.notice import Notice
+from messages.message import Notice
 from services.runtime.node.node import Node
 from services.vehicle_view import ages
 from services.vehicle_view.io.ports import LOOK_HZ, VehiclePorts

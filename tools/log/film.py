@@ -16,12 +16,11 @@ from cyclopts import Parameter
 
 from messages import cameras, topics
 from messages.cameras import FIRST
-from messages.film import FilmKind, FilmRequest
 from messages.sensors import TemperatureSample
 from messages.state import VehicleState
 from messages.text import harmless
 from messages.vehicle import VehicleStatus
-from messages.video import Assembler, VideoPart
+from messages.video import Assembler, FilmKind, FilmRequest, VideoPart
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from tools.choices import NewFile

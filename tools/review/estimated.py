@@ -10,10 +10,9 @@ import msgspec
 import numpy as np
 
 from messages import topics
-from messages.aiding import AidSource
 from messages.events import row_of, sentence
 from messages.message import Message
-from messages.state import VehicleState
+from messages.state import AidSource, VehicleState
 from services.runtime.hosts.loop import rare_collections
 from services.runtime.hosts.registry import Registry
 from tools.checks import known_tables

@@ -17,8 +17,8 @@ from pathlib import Path
 import msgspec
 
 from messages import events, topics
-from messages.film import FilmAnswer, FilmRequest
 from messages.link import Clock
+from messages.video import FilmAnswer, FilmRequest
 from services.recorder.core import RecordedRow
 from services.recorder.io.attachments import AttachedFile, attachments
 from services.recorder.io.mcap_file import McapFile

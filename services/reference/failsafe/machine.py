@@ -27,7 +27,7 @@ import msgspec
 from msgspec.structs import replace
 
 from messages.events import DOES, RESUMED_SHORT_LOSS, Outbox, Row, detail
-from messages.notice import Notice
+from messages.message import Notice
 from messages.units import Ns
 from messages.vehicle import Reaction, Returns
 from services.reference.failsafe.table import ACTING, SEVERITY, SHORT_NS, FailsafeRow, Holding

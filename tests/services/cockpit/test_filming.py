@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages.film import FilmAnswer, FilmRequest
+from messages.video import FilmAnswer, FilmRequest
 from services.cockpit.cameras import Filming
 from services.cockpit.page_messages import PageWish
 

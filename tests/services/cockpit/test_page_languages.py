@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("websockets", reason="the extra cockpit is not installed")
 
 from messages import events
-from messages.notice import Notice
+from messages.message import Notice
 from services.cockpit.core import Patience
 from services.cockpit.io.files import PageFiles
 from services.link_monitor.core import LinkAlarm

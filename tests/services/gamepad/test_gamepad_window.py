@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.events import Outbox
-from messages.notice import Notice
+from messages.message import Notice
 from messages.vehicle import VehicleStatus
 from services.gamepad.io import sdl
 from services.gamepad.service import Connected

@@ -15,7 +15,7 @@ from messages.control import ThrusterCommand
 from messages.events import note
 from messages.health import Health
 from messages.link import DOWN_STAGES, Clock, LatencyBudget, Shown
-from messages.notice import Notice
+from messages.message import Notice
 from messages.state import VehicleState
 from services.link_monitor.core import JunkWatch, LinkAlarm
 from services.link_monitor.latency_account import LatencyAccount

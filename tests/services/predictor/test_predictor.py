@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.prediction import Miss
 from messages.reference import Motion
+from messages.state import Miss
 from services.marine.vehicle import Vehicle
 from services.predictor.core import (
     Change,

@@ -4,8 +4,7 @@ from typing import Any
 
 from messages import topics
 from messages.health import Health, LogLine
-from messages.message import Estimate
-from messages.notice import Notice
+from messages.message import Estimate, Notice
 from messages.pilot import PilotCommand
 from messages.sensors import (
     BatterySample,

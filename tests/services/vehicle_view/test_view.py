@@ -9,8 +9,7 @@ from msgspec.structs import replace
 from messages import topics
 from messages.control import ThrusterCommand
 from messages.events import CONDITIONS, short, told
-from messages.message import Estimate
-from messages.notice import Notice
+from messages.message import Estimate, Notice
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus

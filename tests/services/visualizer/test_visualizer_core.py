@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from messages import events, topics
 from messages.message import Estimate, Message
 from messages.pilot import PilotRequest
-from messages.prediction import Miss, Prediction
-from messages.state import VehicleState
+from messages.state import Miss, Prediction, VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle

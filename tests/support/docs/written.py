@@ -11,11 +11,10 @@ import msgspec
 
 from messages import topics
 from messages.link import DirectionReport, Stage
-from messages.message import Estimate
-from messages.notice import Notice
+from messages.message import Estimate, Notice
 from messages.pilot import Course, StopDistance
-from messages.prediction import Miss
 from messages.reference import Motion
+from messages.state import Miss
 from messages.topic import AnyTopic
 from messages.vehicle import PlaceAhead, Reaction
 from services.reference.failsafe.table import SHORT_NS, FailsafeRow, FailsafeStage, table

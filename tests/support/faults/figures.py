@@ -13,7 +13,7 @@ from messages import topics
 from messages.events import note
 from messages.health import LogLine
 from messages.link import LatencyBudget
-from messages.notice import Notice
+from messages.message import Notice
 from messages.pilot import PilotAnswer
 from messages.reference import Motion, Reference
 from messages.vehicle import Actuation, Truth, VehicleStatus

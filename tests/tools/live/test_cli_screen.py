@@ -11,7 +11,7 @@ from rich.text import Text
 
 from messages.events import note, told
 from messages.health import LogLine
-from messages.notice import Notice
+from messages.message import Notice
 from services.vehicle_view import words
 from services.vehicle_view.log_lines import LogEntry, LogLines
 from tools.live.display import drawn_anew

@@ -11,8 +11,7 @@ from messages import topics
 from messages.cameras import age
 from messages.health import Health, LogLine
 from messages.link import DirectionReport, LinkStatus
-from messages.message import Message
-from messages.notice import Notice
+from messages.message import Message, Notice
 from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
 from messages.reference import Motion, Reference
 from messages.vehicle import VehicleStatus

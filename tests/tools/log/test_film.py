@@ -22,8 +22,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import topics
-from messages.film import FilmKind, FilmRequest
 from messages.topic import AnyTopic
+from messages.video import FilmKind, FilmRequest
 from services.runtime.config.errors import LindyError
 from tools.log.film import (
     STEP_NS,

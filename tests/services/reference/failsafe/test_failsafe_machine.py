@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.events import Outbox
-from messages.notice import Notice
+from messages.message import Notice
 from messages.vehicle import Failsafe
 from services.reference.failsafe.machine import FailsafeMachine, Holding
 from services.reference.failsafe.table import ACTING, SEVERITY, table
