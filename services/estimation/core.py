@@ -336,12 +336,14 @@ class Estimator:
         self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
 
     def _look_for_rest(self, at_ns: int) -> None:
-        """Has the vehicle come to rest along down?"""
-        speed = abs(self.filter.velocity[2])
-        if self._went and speed < RESTED:
-            self.filter.rest()
+        """Has the vehicle come to rest along down, as far as that is known?"""
+        f = self.filter
+        speed = abs(f.velocity[2])
+        rests = self._went and speed < RESTED and f.std(DEPTH_RATE) < RESTED
+        if rests:
+            f.rest()
             self._rested_ns = at_ns
-        self._went = speed > WENT or (self._went and speed >= RESTED)
+        self._went = speed > WENT or (self._went and not rests)
 
     def _densities(self, dt: float, noise: list[float]) -> tuple[float, float]:
         """[m²/s³], [rad²/s] of what the IMU does not measure: its noise as stated, or as measured

@@ -89,7 +89,7 @@ def test_the_drone_reports_on_a_dive_whose_pilot_has_another_clock(tmp_path: Pat
         ends,
         "ended cleanly",
         "report.json in",
-        "elsewhere         the topside's restarts",
+        "elsewhere         only the topside knows its restarts",
     ):
         assert line in drone.said
     assert {path.stem for path in (topside.out / "logs").iterdir()} == {

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from services.reference.trajectory.minimum_jerk import Limits, Sample, solve
 from services.reference.trajectory.vector import Pair, VectorRamp
 
-number = st.floats(-2.0, 2.0)
+number = st.floats(-2.0, 2.0, allow_subnormal=False)
 pair = st.tuples(number, number)
 limits = st.builds(Limits, st.floats(0.2, 10.0), st.one_of(st.just(inf), st.floats(0.1, 3.0)))
 many = settings(max_examples=200, deadline=None)
