@@ -294,7 +294,9 @@ def _spectra(found: ImuVibration) -> "Figure":
                 (found.quiet[k], ":", "quiet"),
                 (found.shaken[k], "-", "shaken"),
             ):
-                shown = one.frequency > 0.0
+                shown = (one.frequency > 0.0) & (one.density > 0.0)
+                if not shown.any():  # a constant
+                    continue
                 panel.loglog(
                     one.frequency[shown], np.sqrt(one.density[shown]), style,
                     color=colour, linewidth=1.2, label=f"{name}, {what}",
@@ -304,5 +306,6 @@ def _spectra(found: ImuVibration) -> "Figure":
         panel.set_ylabel(f"[{unit}/√Hz]")
         panel.set_xlabel("frequency [Hz]")
         panel.grid(alpha=0.3)
-        panel.legend(fontsize="x-small")
+        if panel.get_legend_handles_labels()[1]:
+            panel.legend(fontsize="x-small")
     return drawn

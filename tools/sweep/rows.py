@@ -150,6 +150,21 @@ def encoded(rows: Sequence[Row], settings: list[str], suffix: str) -> bytes:
     return text.getvalue().encode()
 
 
+def require_unedited(table: Path, rows: Sequence[Row], settings: list[str]) -> None:
+    """
+    Raises:
+        LindyError: the table has a line that no sweep has written: somebody edited it.
+    """
+    if table.suffix != ".csv" or not table.exists():
+        return
+    ours = set(encoded(rows, settings, table.suffix).splitlines())
+    if not ours.issuperset(table.read_bytes().splitlines()):
+        raise LindyError(
+            f"cannot write {table}: it is not as the sweep wrote it; move it, and the same "
+            "command writes it anew"
+        )
+
+
 def _parquet(rows: Sequence[Row], settings: list[str]) -> bytes:
     """A setting is a number if all its values are."""
     pyarrow: Any = import_module("pyarrow")  # it has no types

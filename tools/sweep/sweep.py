@@ -32,6 +32,7 @@ from tools.sweep.rows import (
     check_table,
     drawn,
     encoded,
+    require_unedited,
     rows_file,
 )
 
@@ -109,6 +110,7 @@ def sweep(
         raise LindyError(f"--workers is {workers}, expected 1 or more")
     about = _checked(wanted)
     with closing(FinishedDives(out, about)) as finished:
+        require_unedited(out, [*finished.rows.values()], list(wanted.axes.settings))
         try:
             stopped = _fly(wanted, finished)
         except LindyError as error:

@@ -56,6 +56,12 @@ def test_a_sweep_writes_a_row_per_dive_and_goes_on_where_it_was_cut(
         }
     assert main(arguments) == 0  # nothing is missing
     assert table_of(out) == again
+    edited = out.read_bytes() + b"my own line\n"
+    out.write_bytes(edited)
+    capsys.readouterr()
+    assert main(arguments) == 1
+    assert "it is not as the sweep wrote it; move it" in capsys.readouterr().err
+    assert out.read_bytes() == edited
 
 
 @pytest.mark.slow
