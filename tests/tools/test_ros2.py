@@ -18,16 +18,22 @@ def going_on(folder: Path, **pids: int) -> Path:
     return folder
 
 
-def test_it_joins_the_hubs_of_that_dive_in_the_name_of_its_drone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    launched: list[Launch] = []
+@pytest.fixture
+def launched(monkeypatch: pytest.MonkeyPatch) -> list[Launch]:
+    """What was started."""
+    found: list[Launch] = []
 
     def run(launch: Launch) -> int:
-        launched.append(launch)
+        found.append(launch)
         return 0
 
     monkeypatch.setattr("tools.ros2.run_services", run)
+    return found
+
+
+def test_it_joins_the_hubs_of_that_dive_in_the_name_of_its_drone(
+    tmp_path: Path, launched: list[Launch]
+) -> None:
     words = ["ros2", "--dive", str(going_on(tmp_path)), "--set", "ros2.sticks=true"]
     assert main(words) == 0
     (launch,) = launched
@@ -39,15 +45,8 @@ def test_it_joins_the_hubs_of_that_dive_in_the_name_of_its_drone(
 
 
 def test_it_has_the_vehicle_file_and_the_settings_of_the_dive(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, launched: list[Launch]
 ) -> None:
-    launched: list[Launch] = []
-
-    def run(launch: Launch) -> int:
-        launched.append(launch)
-        return 0
-
-    monkeypatch.setattr("tools.ros2.run_services", run)
     file = DEPLOY / "vehicles" / "bluerov2_heavy.toml"
     folder = going_on(tmp_path)
     running = msgspec.json.decode((folder / RUNNING).read_bytes(), type=Running)

@@ -136,7 +136,7 @@ STICKS = (69, 70)  # MANUAL_CONTROL, RC_CHANNELS_OVERRIDE: of a flood the newest
 
 
 class HeardMessages(NamedTuple):
-    """Only these messages of a board are decoded: it sends much that nobody asked for."""
+    """Decode only these messages of a board, which sends many that Lindy does not ask for."""
 
     system: int
     messages: Iterable[str]

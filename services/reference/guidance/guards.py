@@ -65,7 +65,7 @@ class Standstill:
 
     A stop ends where its plan says, and the vehicle runs past that point by some millimetres.
     Nobody asked for that very point, only for a stop, so to be pulled back to it is a motion that
-    the pilot did not want. Nor does he want to follow an estimate of the depth that gets better.
+    the pilot did not want. Nor must the vehicle move because its estimate of the depth gets better.
     """
 
     most: float  # position units; furthest that what is held is moved

@@ -121,7 +121,7 @@ def test_nothing_that_passes_the_gate_raises_or_makes_a_state_that_is_not_finite
 
 
 def decodes(state: VehicleState) -> bool:
-    """Whoever hears it lets it in: every number is finite and within its limits."""
+    """A receiver accepts it: every number is finite and within its limits."""
     payload = msgspec.msgpack.encode(state)
     back = msgspec.msgpack.decode(payload, type=VehicleState)
     values = [getattr(back, name) for name in back.__struct_fields__]

@@ -1,4 +1,5 @@
-"""A heading is lost, and comes back: a gyroscope whose bias steps, a turn that nobody measured."""
+"""The heading is lost and found again: after a step of the gyroscope's bias, and after a turn that
+no sensor measured."""
 
 from math import cos, pi, remainder
 

@@ -197,7 +197,7 @@ def test_who_takes_over_a_drone_in_a_failsafe_resumes_with_the_arm_button():
 def test_a_script_resumes_by_itself_once_the_conditions_have_ended_and_not_before():
     pilot = Pilot(Progress(began_ns=0, epoch=1), Outbox(), arms=True, resumes=True)
     pilot.read(StickReading(present=False), "script", 0, 0)
-    assert kinds(pilot.status(in_failsafe(1, resumable=True), 0)) == []  # nobody is there
+    assert kinds(pilot.status(in_failsafe(1, resumable=True), 0)) == []  # the pilot is absent
     pilot.read(StickReading(), "script", 0, 0)
     assert kinds(pilot.status(in_failsafe(1, resumable=False), 0)) == []
     (resume,) = pilot.status(in_failsafe(1, resumable=True), 0).requests

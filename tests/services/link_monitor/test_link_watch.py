@@ -298,7 +298,7 @@ def test_two_clocks_that_disagree_give_no_time_below_zero(error: int, delay: int
         ):  # fmt: skip
             hear(message, now)  # type: ignore[operator]
     report = budget.report(now, 500.0, ())
-    # Whoever hears it opens it again, and there a time below zero is malformed.
+    # The receiver decodes it again, and refuses a time below zero.
     again = msgspec.msgpack.decode(msgspec.msgpack.encode(report), type=LatencyBudget)
     assert again == report
     assert again.stick_to_thruster_ms is not None

@@ -101,7 +101,7 @@ class Drone:
         for _ in range(round(seconds * 1e9 / DT)):
             self.now += DT
             self.generator.conditions.newest = self.measured()
-            command = None if there == "nobody" else self.sticks(**axes)
+            command = None if there == "no pilot" else self.sticks(**axes)
             self.step(None if there == "no state" else self.state(), command)
         return self.flown[-1]
 

@@ -242,7 +242,7 @@ def test_a_path_ends_by_the_limits_of_the_place(vehicle: str, ending: str) -> No
     begun = len(guidance.flown)
     if ending == "stop":
         guidance.ask("stop")
-    guidance.fly(8.0, heave=0.5, there="nobody" if ending == "pilot_lost" else "pilot")
+    guidance.fly(8.0, heave=0.5, there="no pilot" if ending == "pilot_lost" else "pilot")
     limits = s.place.stop if ending == "stop" else s.place.limits
     paces = [r.surge for r in guidance.flown[begun:] if r.surge is not None]
     assert paces[0].velocity > 0.25

@@ -21,7 +21,7 @@ QUICK = FailsafeSettings(
 )
 SETTINGS = Settings(failsafe=QUICK)
 stick = st.sampled_from([-1.0, -0.4, 0.0, 0.3, 1.0])
-there = st.sampled_from(["pilot", "pilot", "nobody", "no state", "leak"])
+there = st.sampled_from(["pilot", "pilot", "no pilot", "no state", "leak"])
 GENERATE = [Phase.explicit, Phase.generate]  # a minute of flight is too long to be shrunk
 
 
@@ -85,7 +85,7 @@ def test_a_path_ends_at_rest_before_the_ascent_begins():
 
 def test_moving_sticks_do_nothing_until_the_pilot_resumes():
     flight = flying()
-    flight.fly(1.0, there="nobody")
+    flight.fly(1.0, there="no pilot")
     still = flight.fly(3.0, heave=1.0, yaw=1.0)
     assert flight.status.reaction == "stop"
     assert (still.depth.velocity, still.heading.velocity) == (0.0, 0.0)
@@ -99,7 +99,7 @@ def test_moving_sticks_do_nothing_until_the_pilot_resumes():
 
 def test_resuming_during_the_ascent_stops_it_smoothly():
     flight = flying()
-    flight.fly(8.0, there="nobody")
+    flight.fly(8.0, there="no pilot")
     assert flight.status.reaction == "ascend"
     assert flight.fly(1.0).depth.velocity == pytest.approx(-QUICK.ascent_speed)
     assert flight.ask("resume") == ""
@@ -110,19 +110,19 @@ def test_resuming_during_the_ascent_stops_it_smoothly():
 
 def test_a_drone_above_the_surface_depth_does_not_go_down_to_it():
     flight = flying(depth=0.2)
-    flight.fly(10.0, there="nobody")
+    flight.fly(10.0, there="no pilot")
     assert flight.status.reaction == "surface"
     assert flight.depth == pytest.approx(0.2)
 
 
 def test_without_a_state_the_ascent_waits_and_a_stop_request_does_not_end_it():
     flight = flying()
-    flight.fly(5.0, there="nobody")
+    flight.fly(5.0, there="no pilot")
     assert flight.fly(3.0, there="no state").depth.velocity == 0.0
     assert flight.status.reaction == "ascend"
-    flight.fly(1.0, there="nobody")
+    flight.fly(1.0, there="no pilot")
     assert flight.ask("stop") == ""
-    flight.fly(40.0, there="nobody")
+    flight.fly(40.0, there="no pilot")
     assert flight.status.reaction == "surface"
     clean(flight, stops=True)
 
@@ -171,7 +171,7 @@ class Lost(Drone):
         self.seen.append(Seen(state is not None, heard, self.status.reaction, epoch))
 
 
-@pytest.mark.parametrize(("what", "seconds"), [("nobody", 0.5), ("no state", 1.9)])
+@pytest.mark.parametrize(("what", "seconds"), [("no pilot", 0.5), ("no state", 1.9)])
 def test_after_a_short_loss_centred_sticks_are_enough(what: str, seconds: float) -> None:
     flight = Lost().armed()
     flight.fly(1.0, heave=0.5)
@@ -190,7 +190,7 @@ def test_after_a_short_loss_centred_sticks_are_enough(what: str, seconds: float)
     assert flight.depth > depth + 0.2
 
 
-@pytest.mark.parametrize("what", ["nobody", "no state"])
+@pytest.mark.parametrize("what", ["no pilot", "no state"])
 def test_a_long_loss_asks_for_resume(what: str) -> None:
     flight = Lost().armed()
     flight.fly(2.1, there=what)
@@ -208,9 +208,9 @@ def test_a_change_of_pilot_is_no_short_loss(back: str, lost_first: bool) -> None
     flight.take("ann")
     ann = flight.epoch
     flight.fly(1.0)
-    flight.fly(0.4 if lost_first else 0.0, there="nobody")
+    flight.fly(0.4 if lost_first else 0.0, there="no pilot")
     flight.take("bob")
-    flight.fly(0.5, there="nobody")
+    flight.fly(0.5, there="no pilot")
     flight.epoch = ann if back == "ann" else flight.epoch  # she may act on for two seconds
     flight.fly(0.9)
     was_bob = not lost_first and back == "ann"  # nothing has changed since she was lost
@@ -223,7 +223,7 @@ def test_a_change_of_pilot_is_no_short_loss(back: str, lost_first: bool) -> None
         st.tuples(
             st.floats(0.02, 2.6),
             st.sampled_from([0.0, 0.0, 0.0, 0.6]),
-            st.sampled_from(["pilot", "pilot", "pilot", "nobody", "no state", "leak"]),
+            st.sampled_from(["pilot", "pilot", "pilot", "no pilot", "no state", "leak"]),
             st.sampled_from(["", "", "", "", "ann", "bob"]),
         ),
         min_size=2,
@@ -270,13 +270,13 @@ def stretches(seen: list[Seen]) -> list[list[Seen]]:
 @given(st.floats(0.1, 1.9))
 def test_one_old_command_that_stays_fresh_gives_nothing_back(seconds: float) -> None:
     flight = Lost().armed()
-    flight.fly(seconds, there="nobody")
+    flight.fly(seconds, there="no pilot")
     for _ in range(5):  # each arrives alone, and is the newest for as long as it may act
         old = flight.sticks()
         for _ in range(CENTRED_NS // DT + 1):
             flight.now += DT
             flight.step(flight.state(), old)
-        flight.fly(0.05, there="nobody")
+        flight.fly(0.05, there="no pilot")
     assert flight.status.reaction == "stop"
 
 

@@ -267,7 +267,7 @@ def test_what_the_drone_does_by_itself_goes_on_at_a_depth_but_a_turn_at_the_heig
         case "turn":
             assert dive.ask("goto", heading=1.0) == ""
         case _:
-            dive.fly(0.5, there="nobody")
+            dive.fly(0.5, there="no pilot")
     assert dive.status.flight_mode == ("altitude_hold" if deed == "turn" else "stabilised")
 
 
