@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-import msgspec
 from msgspec import UNSET, UnsetType
 
 from messages.message import Estimate, Message
@@ -45,19 +44,9 @@ class VehicleState(Message, frozen=True, kw_only=True):
 # The drone's present state, predicted from delayed telemetry. From `predictor`, topside.
 
 
-class Miss(msgspec.Struct, frozen=True):
-    """Error of a prediction or of the delayed state, rms over the last seconds."""
-
-    depth: NotNegative  # [m]
-    heading: NotNegative  # [rad]
-    place: NotNegative | None = None  # [m] horizontal; None: position is not measured
-
-
 class Prediction(Message, frozen=True, kw_only=True):
-    """The newest state that arrived, propagated to the present with the commands still on the link.
-
-    Its error is known later, when the state of that moment has arrived.
-    """
+    """The newest state that arrived, propagated to the present with the commands still on the
+    link."""
 
     state_ns: Stamp  # [ns] sensor sample of the state it starts from
     ahead_ms: NotNegative  # [ms] from that sample to now
@@ -69,8 +58,6 @@ class Prediction(Message, frozen=True, kw_only=True):
     starboard: Finite  # [m] moved sideways since that state
     north: Finite | None = None  # [m] NED, where the drone measures its position
     east: Finite | None = None  # [m]
-    missed: Miss | None = None  # error of the predictions
-    delayed: Miss | None = None  # error of the delayed state, without a prediction
 
 
 # What the estimator makes of its measurements, one message per measured quantity. From

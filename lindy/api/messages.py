@@ -40,7 +40,7 @@ from messages.sensors import (
     UsblSample,
 )
 from messages.simulator import FaultAnswer, FaultKind, FaultRequest
-from messages.state import AidSource, Miss, Prediction, VehicleState
+from messages.state import AidSource, Prediction, VehicleState
 from messages.topic import Direction, Qos, Side, Topic
 from messages.units import Quaternion, Vec3, Vec6
 from messages.vehicle import (
@@ -98,7 +98,6 @@ __all__ = [
     "LogLine",
     "MagnetometerSample",
     "Message",
-    "Miss",
     "Motion",
     "Notice",
     "PictureAge",

@@ -1,7 +1,6 @@
 """Predictor service: from delayed telemetry it publishes the drone's predicted present state."""
 
 from messages import topics
-from services.marine.vehicle import Vehicle
 from services.predictor.core import Predictor
 from services.reference.settings import Settings
 from services.runtime.config.stack import Stack
@@ -9,7 +8,7 @@ from services.runtime.node.node import Node
 
 
 def wire(node: Node, stack: Stack) -> None:
-    predictor = Predictor(stack.section("reference", Settings), stack.section("vehicle", Vehicle))
+    predictor = Predictor(stack.section("reference", Settings))
     predictions = node.publisher(topics.PREDICTION)
 
     def publish(now: int) -> None:

@@ -250,10 +250,6 @@ LINK = (
     Plot("link_loss", "Lost [%]"),
     Plot("link_queue", "Messages on the link"),
     Plot("link_rate", "Carried [kbit/s]"),
-    (
-        Plot("foresight", "Depth prediction error [cm]"),
-        Plot("foresight_heading", "Heading prediction error [°]"),
-    ),
     (Plot("clock", "Clocks: drone minus topside [ms]"), Plot("pings", "Pings sent")),
 )
 PICTURES = (

@@ -13,7 +13,7 @@ from messages import topics
 from messages.events import troubles
 from messages.link import DOWN_STAGES, UP_STAGES, Clock, Stage
 from messages.message import Estimate
-from messages.state import AidSource, Prediction, VehicleState
+from messages.state import AidSource, VehicleState
 from messages.topic import AnyTopic
 from messages.video import PICTURE_STAGES, PictureAge
 from services.marine.vehicle import Vehicle
@@ -168,7 +168,6 @@ def _link() -> list[Curve]:
     """Delays, clocks, the latency budget, the prediction and the age of the picture."""
     clock, budget, ahead = topics.CLOCK, topics.LATENCY, topics.PREDICTION
     age, further = topics.PICTURE_AGE, topics.FURTHER_AGE
-    both, either = ("predicted", "delayed"), (PREDICTED, ESTIMATE)
     stages = (*AXES, STICK)[: len(DOWN_STAGES)]
     total = ("light to picture p50", "p99")
     return [
@@ -193,8 +192,6 @@ def _link() -> list[Curve]:
         _row("shown", topics.SHOWN, (), (), _way("sensor_ns", "stamp_ns")),
         _row("depth/predicted", ahead, "predicted now", PREDICTED, _of("depth")),
         _row("heading/predicted", ahead, "predicted now", PREDICTED, _of("heading", DEG)),
-        _row("foresight/depth", ahead, both, either, _misses("depth", 100.0)),
-        _row("foresight_heading/heading", ahead, both, either, _misses("heading", DEG)),
         _row("picture/stages", age, PICTURE_STAGES, AXES[:3], _picture_stages),
         _row("picture/total", age, total, (UP, TRUTH), _fields("total.p50_ms", "total.p99_ms"), 2),
         _row("picture/now", age, "age now", STICK, _of("age_ms")),
@@ -342,17 +339,6 @@ def _picture_stages(m: PictureAge) -> CurveRow | None:
     known = {stage.name: stage.p50_ms for stage in m.stages or ()}
     whole = known.keys() >= set(PICTURE_STAGES)
     return [known[name] for name in PICTURE_STAGES] if whole else None
-
-
-def _misses(field: str, unit: float) -> Read:
-    """Errors of the prediction and of the delayed state; None until both are known."""
-
-    def read(m: Prediction) -> CurveRow | None:
-        if m.missed is None or m.delayed is None:
-            return None
-        return unit * getattr(m.missed, field), unit * getattr(m.delayed, field)
-
-    return read
 
 
 def _within_band(source: AidSource) -> CurveRow | None:

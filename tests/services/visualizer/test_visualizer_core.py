@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages import events, topics
+from messages.link import LinkStatus
 from messages.message import Estimate, Message
 from messages.pilot import PilotRequest
-from messages.state import Miss, Prediction, VehicleState
+from messages.state import Prediction, VehicleState
 from messages.topic import AnyTopic
 from messages.vehicle import Actuation, Truth
 from services.marine.vehicle import Vehicle
@@ -243,12 +244,13 @@ def test_what_is_not_known_breaks_the_line_once(known: list[bool], cuts: set[int
 
     def draw() -> None:
         for columns in collector.drain(0).columns:
-            if columns.path == "foresight/depth":
+            if columns.path == "link_p99/rtt":
                 values = [row[0] for row in columns.rows]
                 drawn.extend(zip(columns.times, values, strict=True))
 
     for time, is_known in enumerate(known):
-        collector.hear(topics.PREDICTION, "prediction", prediction(time, is_known), time)
+        rtt_ms = 80.0 if is_known else None
+        collector.hear(topics.LINK, "link", example(LinkStatus, time, rtt_ms=rtt_ms), time)
         if time in cuts:
             draw()
     draw()
@@ -259,12 +261,11 @@ def test_what_is_not_known_breaks_the_line_once(known: list[bool], cuts: set[int
     assert gaps == [t for t in range(1, len(known)) if known[t - 1] and not known[t]]
 
 
-def prediction(time: int, judged: bool = False, forward: float = 0.0) -> Prediction:
+def prediction(time: int, forward: float = 0.0) -> Prediction:
     """North and east are the estimate's, which may be away from the truth that is drawn."""
-    miss = Miss(0.01, 0.01) if judged else None
     return example(
         Prediction, time, state_ns=time, heading=0.0, forward=forward, starboard=0.0,
-        north=7.0, east=7.0, missed=miss, delayed=miss,
+        north=7.0, east=7.0,
     )  # fmt: skip
 
 

@@ -14,7 +14,6 @@ from messages.link import DirectionReport, Stage
 from messages.message import Estimate, Notice
 from messages.pilot import Course, StopDistance
 from messages.reference import Motion
-from messages.state import Miss
 from messages.topic import AnyTopic
 from messages.vehicle import PlaceAhead, Reaction
 from services.reference.failsafe.table import SHORT_NS, FailsafeRow, FailsafeStage, table
@@ -112,7 +111,6 @@ def topics_page() -> str:
         Motion,
         DirectionReport,
         Stage,
-        Miss,
         Course,
         StopDistance,
         PlaceAhead,
