@@ -22,7 +22,7 @@ from messages.events import Event
 from messages.message import Estimate
 from messages.reference import Motion
 from messages.units import NotNegativeSetting, Positive
-from services.control.axis.plant import DisturbanceObserver, LastingValue, Plant, clamped
+from services.control.axis.plant import DisturbanceObserver, Plant, clamped
 
 Percent = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
 DragDoubt = Annotated[float, msgspec.Meta(ge=0.0, le=5.0)]
@@ -140,9 +140,7 @@ class Axis:
     count: Callable[[Event], None] = lambda _: None  # called with what limits it, at every step
     fade: float = 0.3  # [s] from one mode to another
     own: bool = True  # it needs a lasting force to rest, as buoyancy does; False: none
-    integral: float = 0.0  # [N] or [N m]
-    _lasting: LastingValue = field(default_factory=LastingValue)  # of the integral, at rest
-    _observer: DisturbanceObserver | None = field(init=False)
+    _observer: DisturbanceObserver = field(init=False)  # its estimate is minus the integral, too
     _blend: GainBlend = field(init=False)
     _feedback: FeedbackGains | None = None  # gains of the previous step
     _late: bool = False  # the rate, at the last step
@@ -159,11 +157,9 @@ class Axis:
 
     def __post_init__(self) -> None:
         g = self.gains
-        self._observer = None
-        if g.observer > 0.0:
-            self._observer = DisturbanceObserver(
-                self.plant, g.observer, g.max_integral, g.drag_speed or inf, g.drag_doubt
-            )
+        self._observer = DisturbanceObserver(
+            self.plant, g.observer, g.max_integral, g.drag_speed or inf, g.drag_doubt
+        )
         self._blend = GainBlend(FeedbackGains(g.kp, g.kd, 0.0), g.static)
 
     # Its modes.
@@ -187,7 +183,7 @@ class Axis:
             damped = rate.value if rate.valid else None
             return self.blind(motion, dt, extra, rate=damped, upright=upright)
         if late and not self._late:
-            self._recall()
+            self._observer.recall()
         self._late = late
         if late:
             self.count(events.LATE(f"state.{self.name}"))
@@ -228,9 +224,9 @@ class Axis:
         vehicle at rest needs no force, as in yaw, it fades to zero.
         """
         if not self._blind and self.own:
-            self._recall()
+            self._observer.recall()
         elif not self._blind:
-            self._forget_learnt()
+            self._observer.forget()
         self._blind, self._late = True, False
         moves = self._see(motion)
         kd = self._blend.step(moves, 0.0, self.period).kd
@@ -281,7 +277,7 @@ class Axis:
         error = reference.position - position
         near = clamped(error, self.gains.max_error)
         feedback = self._blend.step(moves, near, dt)
-        if self._observer is None:
+        if self.gains.observer == 0.0:
             at_limit = self._integrate(near, feedback, moves, dt)
         else:
             at_limit = self._observer.is_limited(reference.velocity)
@@ -325,8 +321,6 @@ class Axis:
     @property
     def standing(self) -> float:
         """[N] or [N m] Compensation of lasting disturbances."""
-        if self._observer is None:
-            return self.integral
         return -self._observer.expected(self._reference_rate + self._soon)
 
     def learn(self, velocity: float | None, force: float, dt: float, *, short: float = 0.0) -> None:
@@ -340,9 +334,7 @@ class Axis:
         Args:
             short: [N] or [N m] effort that could not be had; only less is learnt then.
         """
-        if self._observer is None:
-            return
-        if velocity is None or self._blind:
+        if velocity is None or self._blind or self.gains.observer == 0.0:
             self._observer.pause()
             return
         most = self._slow * dt if abs(velocity) < self._still else inf
@@ -361,55 +353,37 @@ class Axis:
         self._set_standing(clamped(self.standing + force, self.gains.max_integral))
 
     def _set_standing(self, force: float) -> None:
-        if self._observer is None:
-            self.integral = force
-        else:
-            self._observer.estimate = -force - self._observer.drag * (
-                self._reference_rate + self._soon
-            )
-            self._observer.pause()
+        drag = self._observer.drag * (self._reference_rate + self._soon)
+        self._observer.estimate = -force - drag
+        self._observer.pause()
 
     def pause(self, *, stopped: bool = False) -> None:
         """Learn nothing from this step. `stopped`: nor does the next one transfer a force."""
-        if self._observer is not None:
-            self._observer.pause()
+        self._observer.pause()
         if stopped:
             self._mode, self._left = None, 0.0
 
     def forget(self) -> None:
         """Begin anew, as after a disarm."""
         self._blind = self._late = False
-        self._forget_learnt()
+        self._observer.forget()
         self.pause(stopped=True)
-
-    def _recall(self) -> None:
-        """The estimate is late or gone, and may have been wrong for a while: go back to what was
-        learnt before that."""
-        self.integral = self._lasting.trusted
-        if self._observer is not None:
-            self._observer.recall()
-
-    def _forget_learnt(self) -> None:
-        self.integral = 0.0
-        self._lasting.forget()
-        if self._observer is not None:
-            self._observer.forget()
 
     def _integrate(self, error: float, feedback: FeedbackGains, moves: bool, dt: float) -> bool:
         """(5.28) to (5.31). Returns whether the integral is at its limit. Paused while the
         reference moves: the integral is for buoyancy. No integration inside the static zone; the
         feedback lost when the gains blend to rest is added to the integral."""
-        g = self.gains
+        g, learnt = self.gains, self._observer
         before, self._feedback = self._feedback or feedback, feedback
-        if self.integral * error < 0 and abs(error) > g.decay_threshold:
-            self.integral *= DECAY
+        if learnt.estimate * error > 0 and abs(error) > g.decay_threshold:
+            learnt.estimate *= DECAY
             return False
         if moves:
-            self._lasting.move()
+            learnt.lasting.move()
             return False
         given_up = before.spring(error) - feedback.spring(error)
         outside = error - clamped(error, feedback.zone)
-        wanted = self.integral + given_up + g.ki * outside * dt
-        self.integral = clamped(wanted, g.max_integral)
-        self._lasting.add(self.integral, dt)
-        return wanted != self.integral
+        wanted = learnt.estimate - (given_up + g.ki * outside * dt)
+        learnt.estimate = clamped(wanted, g.max_integral)
+        learnt.lasting.add(learnt.estimate, dt)
+        return wanted != learnt.estimate

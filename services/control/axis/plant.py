@@ -203,7 +203,8 @@ class DisturbanceObserver:
         return abs(self.expected(reference)) > NEARLY * self.most(reference)
 
     def recall(self) -> None:
-        """Back to the trusted estimate: what was learnt last may be of a wrong velocity."""
+        """Back to the trusted estimate: what was learnt last may be of a wrong velocity, or one
+        that was late."""
         self.pause()
         self.estimate, self.drag = self.lasting.trusted, 0.0
 

@@ -171,7 +171,7 @@ def test_the_integral_takes_over_what_the_gains_give_up() -> None:
     before = law.step(HELD, -0.05, 0.0, DT)
     after = [law.step(HELD, -0.05, 0.0, DT) for _ in range(100)][-1]
     assert after == pytest.approx(before, abs=1e-9)
-    assert law.integral == pytest.approx(8.0 * 0.05 - 4.0 * 0.045)
+    assert law.standing == pytest.approx(8.0 * 0.05 - 4.0 * 0.045)
 
 
 def test_a_zone_wider_than_its_limit_is_refused() -> None:
