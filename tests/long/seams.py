@@ -41,20 +41,19 @@ SEAMS = (
     ),
     Seam(
         "the link is lost while commands come",
-        FAILSAFE, "seen.command is None and pinged", "pinged", ROWS,
+        FAILSAFE, "None if self.command is not None else self.pinged_ns", "self.pinged_ns", ROWS,
     ),
     Seam(
         "an altimeter warns of no bottom",
-        FAILSAFE, "sounder, battery = newest.altimeter or newest.dvl",
-        "sounder, battery = newest.dvl", ROWS,
+        FAILSAFE, "newest.altimeter or newest.dvl", "newest.dvl", ROWS,
     ),
     Seam(
         "an empty battery gets no worse",
-        FAILSAFE, "Holding(int((critical - left) / WORSE)", "Holding(0", ROWS,
+        FAILSAFE, "level = int(", "level = 0 * int(", ROWS,
     ),
     Seam(
         "it is never too hot",
-        FAILSAFE, ">= seen.settings.hot", ">= 2.0 * seen.settings.hot", ROWS,
+        FAILSAFE, ">= s.hot", ">= 2.0 * s.hot", ROWS,
     ),
     Seam(
         "a pressure jump does not move the bottom",

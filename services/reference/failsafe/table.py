@@ -4,9 +4,9 @@ and what ends it. And what is known of the vehicle and its services, by which th
 `docs/failsafes.md` is written from it (`make docs`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, cast, get_args
+from typing import NamedTuple, get_args
 
 from messages import events
 from messages.control import Wrench
@@ -59,11 +59,6 @@ class Holding(NamedTuple):
     about: tuple[str, ...] = ()  # which sensor, thruster, service …
 
 
-# Whether a condition holds by what its source gives: True, a number with its name, or what it is
-# about.
-Predicate = Callable[[Any, "ConditionWatch"], Holding | dict[str, float] | Sequence[str] | bool]
-
-
 @dataclass(slots=True)
 class ConditionWatch:
     """What the conditions are judged by, at one step."""
@@ -85,10 +80,6 @@ class ConditionWatch:
     _heard: dict[str, tuple[Health, Ns]] = field(default_factory=dict[str, tuple[Health, Ns]])
     _late_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])  # newest late report of each
     _counted_ns: dict[str, Ns] = field(default_factory=dict[str, Ns])  # event → newest count of it
-    _rows: "tuple[FailsafeRow, ...]" = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._rows = table(self.settings)
 
     def ping(self, now: Ns) -> None:
         """Something that is not from the pilot arrived from topside."""
@@ -107,51 +98,83 @@ class ConditionWatch:
         if event and health.counts.get(event.name, 0) > before[0].counts.get(event.name, 0):
             self._counted_ns[event.name] = now
 
-    def holding(self) -> dict[str, Holding]:
-        """The conditions that hold now, by their names, in the order of the table. A row is asked
-        where its source gives something."""
+    def holding(self) -> dict[str, Holding]:  # noqa: C901 - row after row
+        """The conditions that hold now, by their names, in the order of the table."""
+        found = dict[str, Holding]()
+
+        def holds(condition: Condition, *about: str, level: int = 0, **numbers: float) -> None:
+            found[condition.name] = Holding(level, numbers, about)
+
         state, newest, now, s = self.state, self.newest, self.now, self.settings
         running = state if state is not None and state.phase == "running" else None
+        battery, sounder, wrench = newest.battery, newest.altimeter or newest.dvl, newest.wrench
+        left = None if battery is None else battery.charge
         # After a restart in mid-dive it is as if the last command had come just before.
         self._commanded = self._commanded or self.command is not None
         waits = not self._commanded and now - self.started_ns <= TTL_MS * 1e6
         present = self.command is not None and self.command.pilot == "present"
-        sounder, battery = newest.altimeter or newest.dvl, newest.battery
-        silent, late = list[str](), list[str]()
-        for name, (_, at) in self._heard.items():
-            if now - at > HEALTH_PATIENCE_NS:
-                silent.append(name)
-        for name, at in self._late_ns.items():
-            if name not in silent and now - at < RECENT_NS:
-                late.append(name)
-        sources: dict[str, Any] = {
-            "leak": newest.leak,
-            "charge": None if battery is None else battery.charge,
-            "temperature": newest.temperature,
-            "altitude": None if sounder is None or self.above_floor else sounder.altitude,
-            "wrench": newest.wrench if self.armed else None,
-            "no state": True if state is None else None,
-            "state": running,
-            "troubles": None if running is None else running.troubles or None,
-            "no pilot": True if self.armed and not present and not waits else None,
-            "unheld": self.unheld or None,
-            "limited": {"m": s.depth_limit} if self.limited else None,
-            "above floor": {"m": s.floor_distance} if self.above_floor else None,
-            "silent": silent or None,
-            "late": late or None,
-            "counted": self._counted_ns or None,
-        }
-        found = dict[str, Holding]()
-        for row in self._rows:
-            if (given := sources[row.source]) is None:
-                continue
-            said = given if row.holds is None else row.holds(given, self)
-            if isinstance(said, Holding):
-                found[row.name] = said
-            elif isinstance(said, dict):
-                found[row.name] = Holding(numbers=cast(dict[str, float], said))
-            elif said:
-                found[row.name] = Holding(about=() if said is True else tuple(said))
+        no_pilot = self.armed and not present and not waits
+
+        if newest.leak is not None and newest.leak.wet:
+            holds(events.LEAK)
+        if left is not None and left <= s.battery_critical:
+            # More than empty counts as worse, but a driver may say anything: not without end.
+            level = int((s.battery_critical - max(-1.0, left)) / WORSE)
+            holds(events.BATTERY_CRITICAL, level=level, left=round(max(0.0, left), 2))
+        if state is None:
+            holds(events.STATE_LOST)
+        if running is not None and not running.roll.valid:
+            holds(events.IMU_LOST)
+        pinged_ns = None if self.command is not None else self.pinged_ns
+        if no_pilot and pinged_ns is not None and now - pinged_ns > LINK_PATIENCE_NS:
+            holds(events.LINK_LOST)
+        if no_pilot:
+            holds(events.PILOT_LOST)
+        if self.limited:
+            holds(events.DEPTH_LIMIT, m=s.depth_limit)
+        deepest = s.depth_limit + TOO_DEEP
+        if running is not None and running.depth.valid and running.depth.value > deepest:
+            holds(events.TOO_DEEP, m=s.depth_limit)
+        altitude = None if sounder is None else sounder.altitude
+        if self.above_floor:
+            holds(events.FLOOR_LIMIT, m=s.floor_distance)
+        elif altitude is not None and altitude < s.floor_distance:
+            holds(events.NEAR_FLOOR, m=round(altitude, 1))
+        if "depth" in self.unheld:
+            holds(events.DEPTH_LOST)
+        if "heading" in self.unheld:
+            holds(events.HEADING_LOST)
+        # Of sensors for which no other row stands: not of an IMU that is lost, nor of a pressure
+        # sensor without which the depth is lost.
+        if running is not None and running.troubles:
+            of_others = {
+                *(() if running.roll.valid else ("sensor/imu",)),
+                *(() if running.depth.valid else ("sensor/pressure",)),
+            }
+            said = [t for t in running.troubles if t.partition(":")[2] not in of_others]
+            if said:
+                holds(events.SENSOR_TROUBLE, *said)
+        if self.armed and wrench is not None and now - wrench.stamp_ns > CONTROL_PATIENCE_NS:
+            holds(events.CONTROL_SILENT)
+        if self._counted(events.SILENT_BOARD, BOARD_PATIENCE_NS):
+            holds(events.BOARD_SILENT)
+        silent = [n for n, (_, at) in self._heard.items() if now - at > HEALTH_PATIENCE_NS]
+        if needed := [n for n in silent if self.watched[n] in ("motion", "keeper")]:
+            holds(events.SERVICE_SILENT, *needed)
+        if late := [
+            n for n, at in self._late_ns.items() if n not in silent and now - at < RECENT_NS
+        ]:
+            holds(events.SERVICE_LATE, *late)
+        if any(self.watched[name] == "recorder" for name in silent):
+            holds(events.RECORDER_DOWN)
+        if self._counted(events.DISK_ERROR, RECENT_NS):
+            holds(events.DISK_FULL)
+        if self._counted(events.JUMPED_CLOCK, RECENT_NS):
+            holds(events.CLOCK_JUMP)
+        if left is not None and s.battery_critical < left <= s.battery_low:
+            holds(events.BATTERY_LOW, left=round(left, 2))
+        if newest.temperature is not None and newest.temperature.temperature >= s.hot:
+            holds(events.TOO_HOT, celsius=round(newest.temperature.temperature))
         return found
 
     @property
@@ -161,54 +184,8 @@ class ConditionWatch:
         no_leak = (events.LEAK.name,) if leak is None or leak.wet is None else ()
         return no_leak if battery else (*no_leak, events.BATTERY_CRITICAL.name)
 
-    def counted(self, event: events.Row, within: Ns) -> bool:
+    def _counted(self, event: events.Row, within: Ns) -> bool:
         return self.now - self._counted_ns.get(event.name, -within) < within
-
-
-def _link_lost(_: bool, seen: ConditionWatch) -> bool:
-    pinged = seen.pinged_ns
-    return seen.command is None and pinged is not None and seen.now - pinged > LINK_PATIENCE_NS
-
-
-def _battery_critical(charge: float, seen: ConditionWatch) -> Holding | bool:
-    """More than empty counts as worse, but a driver may say anything: not without end."""
-    left, critical = max(-1.0, charge), seen.settings.battery_critical
-    if left > critical:
-        return False
-    return Holding(int((critical - left) / WORSE), {"left": round(max(0.0, left), 2)})
-
-
-def _battery_low(charge: float, seen: ConditionWatch) -> dict[str, float] | bool:
-    low = seen.settings.battery_critical < charge <= seen.settings.battery_low
-    return low and {"left": round(charge, 2)}
-
-
-def _too_deep(state: VehicleState, seen: ConditionWatch) -> dict[str, float] | bool:
-    limit, depth = seen.settings.depth_limit, state.depth
-    return depth.valid and depth.value > limit + TOO_DEEP and {"m": limit}
-
-
-def _sensor_trouble(troubles: Sequence[str], seen: ConditionWatch) -> list[str]:
-    """Of sensors for which no other row stands: not of an IMU that is lost, nor of a pressure
-    sensor without which the depth is lost."""
-    state, said = seen.state, list[str]()
-    for trouble in troubles:
-        sensor = trouble.partition(":")[2]
-        lost = state is not None and (
-            (sensor == "sensor/imu" and not state.roll.valid)
-            or (sensor == "sensor/pressure" and not state.depth.valid)
-        )
-        if not lost:
-            said.append(trouble)
-    return said
-
-
-def _too_hot(sample: TemperatureSample, seen: ConditionWatch) -> dict[str, float] | bool:
-    return sample.temperature >= seen.settings.hot and {"celsius": round(sample.temperature)}
-
-
-def _service_silent(names: Sequence[str], seen: ConditionWatch) -> list[str]:
-    return [n for n in names if seen.watched[n] in ("motion", "keeper")]
 
 
 # The table.
@@ -231,9 +208,7 @@ class FailsafeRow:
     """What one condition makes the drone do."""
 
     condition: Condition
-    measured: str  # when it holds, and where that is measured; for the documentation
-    source: str  # by which it is judged, of `ConditionWatch.holding`
-    holds: Predicate | None = None  # None: whenever the source gives something
+    measured: str  # when it holds (`ConditionWatch.holding`), for the documentation
     stages: tuple[FailsafeStage, ...] = (NOTICE,)
     overrule: bool = False  # `resume` is granted although the condition still holds
     brief: bool = False  # after a short one, centred sticks are enough
@@ -257,149 +232,86 @@ def table(s: FailsafeSettings) -> tuple[FailsafeRow, ...]:
         FailsafeRow(
             events.LEAK,
             "`sensor/leak` is wet",
-            "leak",
-            lambda leak, _: bool(leak.wet),
             (NOTICE, FailsafeStage(s.leak_patience, "ascend")),
             overrule=True,
         ),
         FailsafeRow(
             events.BATTERY_CRITICAL,
             "`sensor/battery`: charge left at most `battery_critical`",
-            "charge",
-            _battery_critical,
             (NOTICE, FailsafeStage(s.battery_patience, "ascend")),
             overrule=True,
         ),
-        FailsafeRow(
-            events.STATE_LOST,
-            "no `state` for 0.1 s",
-            "no state",
-            stages=(STOP,),
-            brief=True,
-        ),
-        FailsafeRow(
-            events.IMU_LOST,
-            "`state`: roll is not valid",
-            "state",
-            lambda state, _: not state.roll.valid,
-            (STOP,),
-            overrule=True,
-        ),
+        FailsafeRow(events.STATE_LOST, "no `state` for 0.1 s", (STOP,), brief=True),
+        FailsafeRow(events.IMU_LOST, "`state`: roll is not valid", (STOP,), overrule=True),
         FailsafeRow(
             events.LINK_LOST,
             "neither sticks nor `clock/ping` for 1 s, after there were pings",
-            "no pilot",
-            _link_lost,
             (STOP, rises_without_pilot),
             brief=True,
         ),
         FailsafeRow(
             events.PILOT_LOST,
             "armed, and the newest `pilot/command` has expired (0.3 s), or its pad is lost",
-            "no pilot",
-            stages=(STOP, rises_without_pilot),
+            (STOP, rises_without_pilot),
             brief=True,
         ),
-        FailsafeRow(
-            events.DEPTH_LIMIT,
-            "the reference comes to rest at `depth_limit`",
-            "limited",
-            stages=(LIMIT,),
-        ),
-        FailsafeRow(
-            events.TOO_DEEP,
-            "`state`: depth more than 0.5 m below `depth_limit`",
-            "state",
-            _too_deep,
-        ),
+        FailsafeRow(events.DEPTH_LIMIT, "the reference comes to rest at `depth_limit`", (LIMIT,)),
+        FailsafeRow(events.TOO_DEEP, "`state`: depth more than 0.5 m below `depth_limit`"),
         FailsafeRow(
             events.FLOOR_LIMIT,
             "the stick points down in a mode that holds the depth, and the reference comes to rest "
             "at `floor_distance`",
-            "above floor",
-            stages=(LIMIT,),
+            (LIMIT,),
         ),
         FailsafeRow(
             events.NEAR_FLOOR,
             "`sensor/dvl` or `sensor/altitude`: altitude less than `floor_distance`",
-            "altitude",
-            lambda altitude, _: altitude < s.floor_distance and {"m": round(altitude, 1)},
         ),
         FailsafeRow(
             events.DEPTH_LOST,
             "the mode holds the depth, and its estimate is not valid for 0.5 s",
-            "unheld",
-            lambda unheld, _: "depth" in unheld,
             told=False,
         ),
         FailsafeRow(
             events.HEADING_LOST,
             "the mode holds the heading, and its estimate is not valid for 0.5 s",
-            "unheld",
-            lambda unheld, _: "heading" in unheld,
             told=False,
         ),
         FailsafeRow(
             events.SENSOR_TROUBLE,
             "`state`: troubles, by estimation (silent, noisy, frozen, inconsistent, disturbed)",
-            "troubles",
-            _sensor_trouble,
             told=False,
         ),
-        FailsafeRow(
-            events.CONTROL_SILENT,
-            "armed, and no `control/wrench` for 0.5 s",
-            "wrench",
-            lambda wrench, seen: seen.now - wrench.stamp_ns > CONTROL_PATIENCE_NS,
-        ),
+        FailsafeRow(events.CONTROL_SILENT, "armed, and no `control/wrench` for 0.5 s"),
         FailsafeRow(
             events.BOARD_SILENT,
             "`health` of a driver such as ardusub: no heartbeat of the board for 3 s",
-            "counted",
-            lambda _, seen: seen.counted(events.SILENT_BOARD, BOARD_PATIENCE_NS),
             told=False,
         ),
         FailsafeRow(
             events.SERVICE_SILENT,
             "no `health` of the vehicle side, estimation, control, a module of yours on board or, "
             "where it is another machine, its supervisor for 3 s, after there was some",
-            "silent",
-            _service_silent,
         ),
         FailsafeRow(
             events.SERVICE_LATE,
             "`health` of the vehicle side, estimation, control or a module of yours on board: 1 % "
             "of its messages of a second handled over 40 ms late, in the last 10 s",
-            "late",
-            lambda names, _: names,
         ),
         FailsafeRow(
-            events.RECORDER_DOWN,
-            "no `health` of the recorder for 3 s, after there was some",
-            "silent",
-            lambda names, seen: any(seen.watched[name] == "recorder" for name in names),
+            events.RECORDER_DOWN, "no `health` of the recorder for 3 s, after there was some"
         ),
         FailsafeRow(
             events.DISK_FULL,
             "`health` of the recorder: a disk error in the last 10 s",
-            "counted",
-            lambda _, seen: seen.counted(events.DISK_ERROR, RECENT_NS),
             told=False,
         ),
         FailsafeRow(
-            events.CLOCK_JUMP,
-            "`health` of the link monitor: a jump in the last 10 s",
-            "counted",
-            lambda _, seen: seen.counted(events.JUMPED_CLOCK, RECENT_NS),
-            told=False,
+            events.CLOCK_JUMP, "`health` of the link monitor: a jump in the last 10 s", told=False
         ),
         FailsafeRow(
             events.BATTERY_LOW,
             "`sensor/battery`: charge left at most `battery_low`, and more than `battery_critical`",
-            "charge",
-            _battery_low,
         ),
-        FailsafeRow(
-            events.TOO_HOT, "`sensor/temperature`: at least `hot`", "temperature", _too_hot
-        ),
+        FailsafeRow(events.TOO_HOT, "`sensor/temperature`: at least `hot`"),
     )

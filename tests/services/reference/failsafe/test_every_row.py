@@ -151,6 +151,18 @@ def test_it_begins_and_ends_where_the_table_says(name: str) -> None:
     assert name not in good.conditions()
 
 
+def test_conditions_are_told_in_the_order_of_the_table() -> None:
+    bad = Now(
+        None, None, unheld=("depth", "heading"), limited=True, above_floor=True, pinged=1.0,
+        newest=newest(leak=LeakSample(stamp_ns=0, wet=True), battery=battery(0.1).battery,
+                      temperature=hot(70.0).temperature, wrench=wrench(1.0).wrench),
+        reports=(*reports("estimation", 1.0, 2.0), *reports("recorder", 1.0)),
+    )  # fmt: skip
+    found = [*bad.conditions()]
+    assert len(found) > 10
+    assert found == sorted(found, key=NAMES.index)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_it_acts_in_its_stages_and_only_while_armed(name: str) -> None:
     row = next(row for row in table(SETTINGS) if row.name == name)
