@@ -1,14 +1,14 @@
 """The piloted axes, and the generator that moves each: a ramp to the velocity or the force of a
 stick, a move to a position, a path (`Ramp.ride`), or a plan to rest that follows the vehicle."""
 
-from dataclasses import dataclass, field
-from typing import Self
+from dataclasses import dataclass
 
 from messages.events import Outbox
 from messages.pilot import PilotCommand
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns
+from services.reference.guidance.bottom import RETURN_S
 from services.reference.guidance.modes import HeldAxes
 from services.reference.guidance.station_keeping import StationKeeping
 from services.reference.settings import Settings, VelocityAxis
@@ -17,38 +17,14 @@ from services.reference.trajectory.own_law import Law, LawRamp, PlannedAxis
 from services.reference.trajectory.position import go, travelled
 from services.reference.trajectory.vector import VectorRamp
 
-LOOK_AHEAD_S = 0.2  # [s] the plan to stop at the depth limit begins so long before it must
-OFF_LIMIT = 0.01  # [m] such a plan is made anew when it would end this far from the limit
 FADE = 1.0  # [m] above the limit in which a downward heave force fades out
 CENTRED = 0.05  # [-] a stick this close to the middle counts as centred
 
 
-@dataclass(slots=True)
 class Axes:
     """Times `t` in seconds, never decreasing."""
 
-    settings: Settings
-    heave: Ramp  # [m] positive down
-    yaw: Ramp  # [rad] accumulated
-    place: StationKeeping  # [m] north and east
-    tilt: Ramp  # [rad]
-    pace: Ramp  # [m] along a path in dead reckoning, and what is left of that speed afterwards
-    force: VectorRamp  # [N] surge and sway, as a "velocity"
-    heave_force: Ramp  # [N] as a "velocity"
-    yaw_moment: Ramp  # [N m] as a "velocity"
-    _tilting: float = 0.0  # [-] newest tilt stick
-    _sinking: float = 0.0  # [m/s] stick velocity of the plan that ends at the depth limit; 0: none
-    _fades: bool = False  # the downward force of the stick, above the depth limit
-    _zone: float = field(init=False)  # [m] further above the limit no stop can reach it
-
-    def __post_init__(self) -> None:
-        heave = self.settings.heave
-        fast, limits = heave.max_velocity, heave.limits
-        there_and_back = (*solve(0.0, 0.0, fast, limits), *solve(fast, 0.0, 0.0, limits))
-        self._zone = 2.0 * travelled(there_and_back) + fast * LOOK_AHEAD_S
-
-    @classmethod
-    def of(cls, settings: Settings, outbox: Outbox, law: Law | None = None) -> Self:
+    def __init__(self, settings: Settings, outbox: Outbox, law: Law | None = None) -> None:
         """
         Args:
             law: of the user's, by which depth and heading go to the velocity of the stick.
@@ -59,17 +35,20 @@ class Axes:
                 return Ramp(to.limits)
             return LawRamp(to.limits, law=PlannedAxis(axis, law, to.max_velocity, to.stop, outbox))
 
-        return cls(
-            settings,
-            held("heave", settings.heave),
-            held("yaw", settings.yaw),
-            StationKeeping(settings.place.limits),
-            Ramp(settings.tilt.limits),
-            Ramp(settings.place.limits),
-            VectorRamp(settings.horizontal.limits),
-            Ramp(settings.heave_force.limits),
-            Ramp(settings.yaw_moment.limits),
-        )
+        self.settings = s = settings
+        self.heave = held("heave", s.heave)  # [m] positive down
+        self.yaw = held("yaw", s.yaw)  # [rad] accumulated
+        self.place = StationKeeping(s.place.limits)  # [m] north and east
+        self.tilt = Ramp(s.tilt.limits)  # [rad]
+        # [m] along a path in dead reckoning, and what is left of that speed afterwards
+        self.pace = Ramp(s.place.limits)
+        self.force = VectorRamp(s.horizontal.limits)  # [N] surge and sway, as a "velocity"
+        self.heave_force = Ramp(s.heave_force.limits)  # [N] as a "velocity"
+        self.yaw_moment = Ramp(s.yaw_moment.limits)  # [N m] as a "velocity"
+        # The stick points down, and the reference comes to rest at the depth limit, or the force of
+        # the stick fades out above it.
+        self.limited = False
+        self._tilting = 0.0  # [-] newest tilt stick
 
     def rest(self, depth: float, heading: float, t: float) -> None:
         """All axes at rest here, no force, no station keeping. The camera tilt is unchanged."""
@@ -95,27 +74,28 @@ class Axes:
         if not held.heading and heading.valid and turning.valid:
             self.yaw.take(Sample(heading.value, turning.value, 0.0, 0.0), t)
 
-    def aim(
-        self,
-        stick: PilotCommand,
-        held: HeldAxes,
-        t: float,
-        share: float = 1.0,
-        sink: float | None = None,
-    ) -> None:
+    def aim(self, stick: PilotCommand, held: HeldAxes, t: float, share: float, sink: float) -> None:
         """Set targets from the sticks: velocities on held axes, forces on the others, of which
-        surge and sway get a `share`, 0 … 1. `sink` [m/s]: of the depth, in the place of the
-        stick's."""
-        s = self.settings
-        sinks = stick.heave * s.heave.max_velocity if sink is None else sink
-        self._aim_depth(sinks if held.depth else 0.0, t)
+        surge and sway get a `share`, 0 … 1. `sink` [m/s]: of the depth, as the stick or a height
+        that is held wants it."""
+        s, heave = self.settings, self.heave
+        here = heave.at(t)
+        room = s.failsafe.depth_limit - here.position
+        self.limited = False
+        if held.depth and sink > 0.0:
+            stops = travelled(solve(here.velocity, here.acceleration, 0.0, heave.limits))
+            most = max(0.0, room - stops) / RETURN_S
+            self.limited = sink > most
+            sink = min(sink, most)
+        if self.limited:
+            heave.take(here, t, sink)
+        else:
+            heave.aim(sink if held.depth else 0.0, t)
         self.yaw.aim(stick.yaw * s.yaw.max_velocity if held.heading else 0.0, t)
-        # A downward force fades out above the depth limit.
-        room = s.failsafe.depth_limit - self.heave.at(t).position
-        self._fades = not held.depth and stick.heave > 0.0 and room < FADE
-        heave = stick.heave * s.heave_force.full
-        heave *= max(0.0, room / FADE) if self._fades else 1.0
-        self.heave_force.aim(0.0 if held.depth else heave, t)
+        force = stick.heave * s.heave_force.full
+        if not held.depth and force > 0.0 and room < FADE:
+            self.limited, force = True, force * max(0.0, room / FADE)
+        self.heave_force.aim(0.0 if held.depth else force, t)
         self.yaw_moment.aim(0.0 if held.heading else stick.yaw * s.yaw_moment.full, t)
         surge, sway = share * stick.surge, share * stick.sway
         if held.place:
@@ -123,41 +103,10 @@ class Axes:
             surge = sway = 0.0
         self.force.aim((surge * s.horizontal.max_surge, sway * s.horizontal.max_sway), t)
 
-    @property
-    def limited(self) -> bool:
-        """The stick points down, and the reference comes to rest at the depth limit, or the force
-        of the stick fades out above it."""
-        return self._sinking > 0.0 or self._fades
-
     def go_to_depth(self, depth: float, t: float, speed: float | None = None) -> None:
         """Go to a depth [m], ending at rest, at most as fast as `speed` [m/s]."""
-        axis, self._sinking = self.settings.heave, 0.0
+        axis, self.limited = self.settings.heave, False
         go(self.heave, depth, axis.limits, speed or axis.max_velocity, t)
-
-    def _aim_depth(self, velocity: float, t: float) -> None:
-        """A velocity [m/s]; downwards, the reference comes to rest at the depth limit."""
-        heave, limits = self.heave, self.heave.limits
-        here = heave.at(t)
-        room = self.settings.failsafe.depth_limit - here.position
-        if velocity <= 0.0 or room > self._zone or not self._reaches(room, velocity, here):
-            if self._sinking > 0.0 and velocity == 0.0:
-                heave.brake(t)  # the plan's target is 0 already
-            self._sinking = 0.0
-            heave.aim(velocity, t)
-        elif self._sinking != velocity or abs(heave.to_go(t) - room) > OFF_LIMIT:
-            self._sinking = velocity
-            if travelled(solve(here.velocity, here.acceleration, 0.0, limits)) < room:
-                go(heave, self.settings.failsafe.depth_limit, limits, velocity, t)
-            else:
-                heave.brake(t)
-
-    def _reaches(self, room: float, velocity: float, here: Sample) -> bool:
-        """Would the reference come to the limit, `room` [m] below, if it were stopped once it has
-        this velocity [m/s]?"""
-        limits = self.heave.limits
-        up_to = solve(here.velocity, here.acceleration, velocity, limits)
-        to_rest = solve(velocity, 0.0, 0.0, limits)
-        return travelled((*up_to, *to_rest)) + velocity * LOOK_AHEAD_S >= room
 
     def turn_camera(self, stick: float, t: float) -> None:
         """Tilt up or down, with a smooth stop at the end of the range."""
@@ -173,7 +122,7 @@ class Axes:
     def brake(self, t: float, *, hard: bool = False) -> None:
         """Bring depth, heading and position to rest; `hard`: within the limits of an emergency
         stop."""
-        s, self._sinking = self.settings, 0.0
+        s, self.limited = self.settings, False
         heave, yaw, place = (
             axis.stop if hard else axis.limits for axis in (s.heave, s.yaw, s.place)
         )

@@ -31,7 +31,7 @@ UNSEEN_S = 2.5  # [s] after the newest altitude the bottom is not taken to fall 
 PATIENCE_S = (topics.DVL.stale_after_ns or 0) / 1e9  # [s] without one that fits it is lost
 BAND = 0.15  # [m] the height may be off by so much before the reference moves
 FLAT = 0.04  # [m/s] a bottom that changes more slowly counts as flat
-RETURN_S = 1.0  # [s] time constant of the return to the height
+RETURN_S = 1.0  # [s] time constant of the return to the height, and of the last way to a limit
 AHEAD_S = 1.5  # [s] so much of the way ahead is added to the least height: nobody measures there
 SAME_VELOCITY = 0.01  # [m/s] a velocity that differs by less is not asked for anew
 

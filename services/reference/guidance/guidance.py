@@ -81,7 +81,7 @@ class Guidance:
 
     def __post_init__(self) -> None:
         s = self.settings
-        self.axes = Axes.of(s, self.outbox, self.law)
+        self.axes = Axes(s, self.outbox, self.law)
         self.standstill = Standstill(s.standstill)
         self.height = HeightHold(s.heave.max_velocity, s.failsafe.floor_distance)
         self._estimates = {"depth": EstimateWatch(), "heading": EstimateWatch()}
@@ -249,9 +249,9 @@ class Guidance:
             self.outbox.tell(events.CLAMPED_HORIZONTAL())
         self.axes.aim(stick, self.held, self.t, share, self._sink(stick.heave))
 
-    def _sink(self, stick: float) -> float | None:
-        """[m/s] The velocity of the depth that holds a height, or that ends above the bottom;
-        None: the stick's."""
+    def _sink(self, stick: float) -> float:
+        """[m/s] The velocity of the depth: the stick's, or one that holds a height, or that ends
+        above the bottom."""
         heave, asked = self.axes.heave, stick * self.settings.heave.max_velocity
         above = heave.at(self.t), heave.limits, self.bottom, self.t
         was_near, self.near_floor = self.near_floor, False
@@ -260,13 +260,13 @@ class Guidance:
             # what it would lead to.
             self.height.forget()
             self.near_floor = was_near and asked > 0.0 and self.held.depth
-            return 0.0 if self.near_floor else None
+            return 0.0 if self.near_floor else asked
         if self.held.height:
             sink = self.height.velocity(asked, *above)
         else:
             self.height.forget()
             if asked <= 0.0 or not self.held.depth or self.height.floor == 0.0:
-                return None
+                return asked
             sink = self.height.sinking(asked, *above)
         self.near_floor = asked > 0.0 and sink < asked
         return sink
