@@ -17,8 +17,15 @@ from msgspec import UNSET
 from messages import events
 from messages.events import Outbox
 from messages.message import Notice
-from messages.pilot import FlightMode, PilotAnswer, PilotCommand, PilotRequest, StopDistance
-from messages.reference import Reference
+from messages.pilot import (
+    MANOEUVRES,
+    FlightMode,
+    PilotAnswer,
+    PilotCommand,
+    PilotRequest,
+    StopDistance,
+)
+from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns, Outputs
 from messages.vehicle import Activity, Failsafe, PlaceAhead, VehicleStatus
@@ -28,7 +35,7 @@ from services.reference.failsafe.machine import FailsafeMachine, Memory
 from services.reference.failsafe.table import ConditionWatch, table
 from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
-from services.reference.guidance.axes import CentredSticks, centred
+from services.reference.guidance.axes import CentredSticks, centred, motion_of
 from services.reference.guidance.ground_motion import Home, HomePlace, whereabouts
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking
@@ -180,10 +187,32 @@ class ReferenceGenerator:
         self.outputs.step(command, now, armed=self.armed, free=free)
         if state is not None and self.armed:
             guidance.wait(state, newest.wrench)
-        return guidance.axes.reference(
-            *(guidance.held, guidance.t, state, command, now),
+        return self._reference(state, command, now)
+
+    def _reference(
+        self, state: VehicleState | None, command: PilotCommand | None, now: Ns
+    ) -> Reference:
+        """All axes at this instant, with the stamps of the state and pilot command behind them."""
+        axes, t, held = self._guidance.axes, self._guidance.t, self._guidance.held
+        pace, place = motion_of(axes.pace, t), axes.place.now if axes.place.held else None
+        surge_force, sway_force = axes.force.at(t)
+        return Reference(
+            stamp_ns=now,
+            sensor_ns=None if state is None else state.sensor_ns,
+            pilot_ns=None if command is None else command.stamp_ns,
+            epoch=self.authority.lease.acting,
+            armed=self.armed,
             armed_ns=self._armed_ns if self.armed else None,
-            epoch=lease.acting,
+            depth=motion_of(axes.heave, t, held=held.depth),
+            heading=motion_of(axes.yaw, t, held=held.heading),
+            surge_force=surge_force.velocity,
+            sway_force=sway_force.velocity,
+            heave_force=None if held.depth else axes.heave_force.at(t).velocity,
+            yaw_moment=None if held.heading else axes.yaw_moment.at(t).velocity,
+            surge=pace if place is None and (axes.pace.rides or pace.velocity != 0.0) else None,
+            north=None if place is None else Motion(*place[0]),
+            east=None if place is None else Motion(*place[1]),
+            tilt=motion_of(axes.tilt, t),
             gripper=self.outputs.gripper,
         )
 
@@ -206,15 +235,7 @@ class ReferenceGenerator:
 
     def answer(self, request: PilotRequest, command: PilotCommand | None, now: Ns) -> PilotAnswer:
         """Grant or refuse a request."""
-        reason = self.authority.refusal(request, now) or requests.refusal(
-            request,
-            command,
-            armed=self.armed,
-            ready=self._running and events.STATE_LOST.name not in self._failsafes.holding,
-            board=events.BOARD_SILENT.name not in self._failsafes.holding,
-            stopping=self.stopping,
-            acting=self._failsafes.acting is not None,
-        )
+        reason = self.authority.refusal(request, now) or self._refusal(request, command)
         reason = reason or self._do(request, now)
         takes = request.kind in ("lease", "force") and not reason
         return PilotAnswer(
@@ -227,6 +248,28 @@ class ReferenceGenerator:
             epoch=self.authority.lease.epoch if takes else None,
             cause_ns=request.stamp_ns,
         )
+
+    def _refusal(self, request: PilotRequest, command: PilotCommand | None) -> str:
+        """Why a request cannot be granted now; empty when it can."""
+        moves, holding = request.kind in MANOEUVRES, self._failsafes.holding
+        if request.kind == "arm" and events.BOARD_SILENT.name in holding:
+            return events.BOARD_SILENT.sentence
+        if request.kind == "arm" and not self.armed:
+            if not self._running or events.STATE_LOST.name in holding:
+                return "the drone does not know its depth and attitude yet"
+            if command is None or command.pilot == "lost":
+                return "no pilot: no fresh stick positions arrive"
+            if not centred(command):
+                return "the sticks are not centred"
+        if moves and not self.armed:
+            return "the drone is not armed"
+        if (moves or request.kind == "mode") and self.armed and self._failsafes.acting is not None:
+            return "a failsafe acts; first resume"
+        if moves and self.stopping:
+            return "the drone is stopping; ask again when it is at rest"
+        if moves and command is not None and not centred(command):
+            return "the sticks are not centred, and they have priority"
+        return ""
 
     def _note(self, request: PilotRequest) -> str:
         """What the pilot should know of a request that is granted."""

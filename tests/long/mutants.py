@@ -48,8 +48,8 @@ LAWS: dict[str, tuple[str, ...]] = {
     ),
     "services/reference/trajectory/vector.py": (f"{REFERENCE}/trajectory/test_vector.py",),
     "services/reference/trajectory/position.py": (f"{REFERENCE}/trajectory/test_position.py",),
-    "services/reference/trajectory/time_scaling.py": (
-        f"{REFERENCE}/trajectory/test_time_scaling.py",
+    "services/reference/guidance/path_following.py": (
+        f"{REFERENCE}/guidance/test_time_scaling.py",
     ),
     "services/reference/guidance/guards.py": (
         f"{REFERENCE}/guidance/test_guards.py",

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from messages.events import Outbox
 from messages.pilot import PilotCommand
-from messages.reference import Motion, Reference
+from messages.reference import Motion
 from messages.state import VehicleState
 from messages.units import Ns
 from services.reference.guidance.bottom import RETURN_S
@@ -136,46 +136,8 @@ class Axes:
         place = self.place.settles() if self.place.held else 0.0
         return max(self.heave.settles(), self.yaw.settles(), place)
 
-    # The message.
 
-    def reference(
-        self,
-        held: HeldAxes,
-        t: float,
-        state: VehicleState | None,
-        command: PilotCommand | None,
-        now: Ns,
-        *,
-        armed_ns: Ns | None,
-        epoch: int,
-        gripper: float = 0.0,
-    ) -> Reference:
-        """All axes at this instant, with the stamps of the state and pilot command behind them.
-        `armed_ns` None: disarmed; `gripper` as it moves now."""
-        pace, place = _motion(self.pace, t), self.place.now if self.place.held else None
-        surge_force, sway_force = self.force.at(t)
-        return Reference(
-            stamp_ns=now,
-            sensor_ns=None if state is None else state.sensor_ns,
-            pilot_ns=None if command is None else command.stamp_ns,
-            epoch=epoch,
-            armed=armed_ns is not None,
-            armed_ns=armed_ns,
-            depth=_motion(self.heave, t, held=held.depth),
-            heading=_motion(self.yaw, t, held=held.heading),
-            surge_force=surge_force.velocity,
-            sway_force=sway_force.velocity,
-            heave_force=None if held.depth else self.heave_force.at(t).velocity,
-            yaw_moment=None if held.heading else self.yaw_moment.at(t).velocity,
-            surge=pace if place is None and (self.pace.rides or pace.velocity != 0.0) else None,
-            north=None if place is None else Motion(*place[0]),
-            east=None if place is None else Motion(*place[1]),
-            tilt=_motion(self.tilt, t),
-            gripper=gripper,
-        )
-
-
-def _motion(ramp: Ramp, t: float, *, held: bool = True) -> Motion:
+def motion_of(ramp: Ramp, t: float, *, held: bool = True) -> Motion:
     """Of an axis; of one that follows the vehicle the jerk is unknown."""
     here = ramp.at(t)
     if not held:

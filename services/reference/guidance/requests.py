@@ -4,11 +4,9 @@ nothing.
 
 from math import tau
 
-from messages import events
-from messages.pilot import MANOEUVRES, Course, FlightMode, PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import Course, FlightMode, PilotAnswer, PilotRequest
 from messages.units import Ns
 from services.marine.attitude import north_offset, whole_turns, wrapped
-from services.reference.guidance.axes import centred
 from services.reference.guidance.ground_motion import Pair
 from services.reference.guidance.guidance import Guidance
 from services.reference.guidance.modes import lacking, safe
@@ -117,46 +115,6 @@ def _prepare(guidance: Guidance, *, hold_place: bool, moves_depth: bool) -> None
     guidance.end_manoeuvre(hold_place=hold_place)
     if moves_depth or not guidance.held.height:
         guidance.flight_mode = safe(guidance.flight_mode)
-
-
-def refusal(
-    request: PilotRequest,
-    command: PilotCommand | None,
-    *,
-    armed: bool,
-    ready: bool,
-    stopping: bool,
-    acting: bool,
-    board: bool = True,
-) -> str:
-    """Why a request cannot be granted now; empty when it can.
-
-    Args:
-        command: the newest fresh stick positions.
-        ready: the drone knows its depth and attitude.
-        stopping: coming to rest, by request.
-        acting: a failsafe acts.
-        board: the vehicle's board answers.
-    """
-    moves = request.kind in MANOEUVRES
-    if request.kind == "arm" and not board:
-        return events.BOARD_SILENT.sentence
-    if request.kind == "arm" and not armed:
-        if not ready:
-            return "the drone does not know its depth and attitude yet"
-        if command is None or command.pilot == "lost":
-            return "no pilot: no fresh stick positions arrive"
-        if not centred(command):
-            return "the sticks are not centred"
-    if moves and not armed:
-        return "the drone is not armed"
-    if (moves or request.kind == "mode") and armed and acting:
-        return "a failsafe acts; first resume"
-    if moves and armed and stopping:
-        return "the drone is stopping; ask again when it is at rest"
-    if moves and command is not None and not centred(command):
-        return "the sticks are not centred, and they have priority"
-    return ""
 
 
 def refused(request: PilotRequest, reason: str, now: Ns) -> PilotAnswer:

@@ -23,7 +23,6 @@ from services.reference.failsafe.table import (
     WatchedMessages,
     table,
 )
-from services.reference.guidance.requests import refusal
 from services.reference.settings import FailsafeSettings
 from tests.support.messages import example
 from tests.support.said import health, state, sticks
@@ -260,6 +259,11 @@ def test_a_service_that_falls_silent_is_said_by_its_role(service: str, silence_n
 
 @pytest.mark.parametrize("armed", [False, True])
 def test_arming_is_refused_while_the_board_does_not_answer(armed: bool) -> None:
-    arm, how = PilotRequest(stamp_ns=0, id="1", kind="arm"), {"armed": armed, "ready": True}
-    for board, words in ((True, ""), (False, "the vehicle's board does not answer")):
-        assert refusal(arm, sticks(), **how, stopping=False, acting=False, board=board) == words
+    generator = ReferenceGenerator(Settings(), Outbox(), watched=WATCHED)
+    for second, silent in enumerate((0, 0, 1)):
+        now = second * S
+        generator.conditions.health(health("ardusub", **{"silent:board": silent}), now)
+        generator.step(state(now, depth=2.0), sticks(now), now)
+        generator.armed = armed
+        words = generator.answer(PilotRequest(stamp_ns=now, id="1", kind="arm"), sticks(now), now)
+        assert words.reason == ("the vehicle's board does not answer" if silent else "")

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.reference.guidance.path_following import WaitingClock, scaled_sample
 from services.reference.trajectory.minimum_jerk import Limits, Sample
-from services.reference.trajectory.time_scaling import WaitingClock, scaled_sample
 
 many = settings(max_examples=80, deadline=None)
 limits = st.builds(Limits, st.floats(0.1, 5.0), st.one_of(st.just(inf), st.floats(0.1, 2.0)))
