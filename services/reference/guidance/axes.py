@@ -13,7 +13,7 @@ from services.reference.guidance.modes import HeldAxes
 from services.reference.guidance.station_keeping import StationKeeping
 from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
-from services.reference.trajectory.own_law import Law, LawRamp, PlannedAxis
+from services.reference.trajectory.own_law import Law, LawRamp
 from services.reference.trajectory.position import go, travelled
 from services.reference.trajectory.vector import VectorRamp
 
@@ -33,7 +33,9 @@ class Axes:
         def held(axis: str, to: VelocityAxis) -> Ramp:
             if law is None:
                 return Ramp(to.limits)
-            return LawRamp(to.limits, law=PlannedAxis(axis, law, to.max_velocity, to.stop, outbox))
+            return LawRamp(
+                to.limits, axis=axis, law=law, full=to.max_velocity, most=to.stop, outbox=outbox
+            )
 
         self.settings = s = settings
         self.heave = held("heave", s.heave)  # [m] positive down

@@ -11,7 +11,7 @@ from examples.library.own_law import low_pass
 from messages import events
 from messages.events import Outbox
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
-from services.reference.trajectory.own_law import AxisPlan, Law, LawRamp, PlannedAxis
+from services.reference.trajectory.own_law import AxisPlan, Law, LawRamp
 
 LIMITS, STOP, FULL = Limits(1.5, 0.5), Limits(4.0, 1.0), 0.5
 STICKS = st.lists(
@@ -21,7 +21,7 @@ STICKS = st.lists(
 
 def ramp_of(law: Law) -> tuple[LawRamp, Outbox]:
     outbox = Outbox()
-    return LawRamp(LIMITS, law=PlannedAxis("heave", law, FULL, STOP, outbox)), outbox
+    return LawRamp(LIMITS, axis="heave", law=law, full=FULL, most=STOP, outbox=outbox), outbox
 
 
 def ours(_: str, here: Sample, velocity: float) -> AxisPlan:
