@@ -19,7 +19,7 @@ from services.runtime.config.settings import (
 from services.tether import delay
 from services.tether.profile import LinkProfile, Named
 
-KINDS = {"pareto": delay.Pareto, "table": delay.Table, "trace": delay.Trace}  # of a delay
+KINDS = ["pareto", "table", "trace"]  # of a delay
 Tree = dict[str, Any]
 
 
@@ -83,21 +83,14 @@ def _checked(tree: Tree, path: Path | None, folder: Path | None = None) -> LinkP
         if not isinstance(leg, dict):
             continue
         spread = cast(Tree, leg).get("delay")
-        if isinstance(spread, dict):
-            _check_kind(cast(Tree, spread), f"{side}.delay", path)
+        kind = cast(Tree, spread).get("kind") if isinstance(spread, dict) else KINDS[0]
+        if kind not in KINDS:
+            before = f"{path}: " if path else ""
+            raise LindyError(
+                f"{before}{side}.delay.kind: unknown kind {kind!r}{nearest(str(kind), KINDS)}"
+            )
         _read_trace(cast(Tree, leg), folder or (path or Path()).parent)
     return convert(tree, LinkProfile, "", path)
-
-
-def _check_kind(table: Tree, where: str, path: Path | None) -> None:
-    """Check a delay alone, so that an error can name the nearest kind or key."""
-    kind = table.get("kind")
-    if not isinstance(kind, str) or kind not in KINDS:
-        before = f"{path}: " if path else ""
-        raise LindyError(
-            f"{before}{where}.kind: unknown kind {kind!r}{nearest(str(kind), list(KINDS))}"
-        )
-    convert(table, KINDS[kind], where, path)
 
 
 def _read_trace(leg: Tree, folder: Path) -> None:
