@@ -7,11 +7,9 @@ uses the same method, thruster biasing. The price is the power of the bias.
 """
 
 from collections.abc import Collection, Sequence
-from itertools import product
 from math import copysign
 
 import numpy as np
-from numpy.typing import NDArray
 
 from services.control.allocation.layout import AXES, Matrix, on_any_processor
 
@@ -77,46 +75,23 @@ class ThrustBias:
 
 
 def biases(effect: Matrix) -> list[Matrix]:
-    """(n,) each: forces without a wrench, one per independent set of thrusters. The smallest part
-    of each is 1 or -1. Thrusters that cannot be balanced are in none.
+    """(n,) each: forces without a wrench, one per independent set of thrusters that have one spare
+    freedom. The smallest part of each is 1 or -1. Thrusters that cannot be balanced are in none.
 
     Args:
         effect: (6, n) wrench per newton.
     """
     counts = np.any(np.abs(effect) > ROUNDING, axis=0)
-    # The projector into the null space.
+    # The projector into the null space. Where a set has one freedom, its columns are all along it.
     null = on_any_processor(np.diag(counts.astype(float)) - np.linalg.pinv(effect) @ effect)
     found: list[Matrix] = []
-    for members in _sets(np.abs(null) > ROUNDING):
-        best = max(
-            (_within(null, members, signs) for signs in product((1.0, -1.0), repeat=len(members))),
-            key=_evenness,
-        )
-        if _evenness(best) >= EVEN:
-            bias = np.zeros(len(counts))
-            bias[members] = best / np.min(np.abs(best))
-            found.append(bias)
-    return found
-
-
-def _within(null: Matrix, members: list[int], signs: Sequence[float]) -> Matrix:
-    return null[np.ix_(members, members)] @ np.array(signs)
-
-
-def _evenness(bias: Matrix) -> float:
-    size = np.abs(bias)
-    return float(size.min() / size.max()) if size.max() > ROUNDING else 0.0
-
-
-def _sets(linked: NDArray[np.bool_]) -> list[list[int]]:
-    """Connected components of the linked thrusters."""
-    left = [index for index in range(len(linked)) if linked[index, index]]
-    found: list[list[int]] = []
+    left = {index for index in range(len(counts)) if null[index, index] > ROUNDING}
     while left:
-        members = [left.pop(0)]
-        for member in members:  # the list grows during the iteration
-            new = [index for index in left if linked[member, index]]
-            members += new
-            left = [index for index in left if index not in new]
-        found.append(sorted(members))
+        column = null[:, min(left)]
+        members = np.flatnonzero(np.abs(column) > ROUNDING)
+        left -= {min(left), *members.tolist()}
+        parts = np.abs(column[members])
+        one = abs(np.trace(null[np.ix_(members, members)]) - 1.0) < ROUNDING
+        if one and parts.min() >= EVEN * parts.max():
+            found.append(np.where(np.abs(column) > ROUNDING, column, 0.0) / parts.min())
     return found
