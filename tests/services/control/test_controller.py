@@ -74,13 +74,6 @@ def test_when_the_reference_dies_the_last_position_is_held_without_surge() -> No
     assert law.step(None, state(depth=1.0), 20_000_000)[0].wanted[2] > 5.0
 
 
-def test_an_invalid_depth_is_not_fed_back() -> None:
-    law = controller()
-    wrench, _ = law.step(reference(depth=9.0), state(valid=False), 0)
-    assert wrench.wanted[2] == 0.0
-    assert "invalid:state.depth" in law.outbox.counts
-
-
 def test_a_result_that_is_not_finite_never_reaches_a_thruster() -> None:
     law = controller()
     _, command = law.step(reference(surge=math.inf), state(), 0)

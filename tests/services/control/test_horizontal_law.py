@@ -220,20 +220,6 @@ def test_with_it_the_law_knows_the_whole_vertical_force(
     assert by_the_law == pytest.approx(system_inertia(vehicle)[2] * faster, abs=1e-8)
 
 
-@given(SPEEDS, RATES, st.floats(-35.0, 35.0))
-def test_a_level_vehicle_without_surge_and_sway_has_none_nor_one_whose_tilt_is_not_known(
-    pioneer: Vehicle, rate: float, turning: float, heave: float
-) -> None:
-    thrust = (0.0, 0.0, heave, 0.0, 0.0, 0.0)
-    for how in (lying(0.0, 0.0, rate, turning), lying(0.3, 0.4, rate, turning, valid=False)):
-        coupling = HeaveCoupling(pioneer, LAG)
-        for _ in range(3):
-            coupling.step(how, (0.0, 0.0), thrust, 0.01)
-            assert coupling.upright == 1.0
-            assert coupling.force == pytest.approx(0.0, abs=1e-9)
-            assert coupling.ahead(rate, thrust) == pytest.approx(0.0, abs=1e-9)
-
-
 @settings(max_examples=20, deadline=None)
 @given(st.floats(5.0, 30.0), st.floats(-20.0, 20.0))
 def test_surge_and_sway_go_where_thrust_and_drag_are_equal(

@@ -145,14 +145,6 @@ def test_first_order_is_the_case_of_one_pole(tau: float, seconds: float) -> None
     assert step_response(general, seconds) == pytest.approx(expected, abs=1e-9)
 
 
-@law
-@given(times, times)
-def test_decay_does_not_care_how_time_is_cut(first: float, second: float) -> None:
-    for mode in modes_of(T200_LAG):
-        parts = decay(mode.pole, first) * decay(mode.pole, second)
-        assert abs(parts - decay(mode.pole, first + second)) < 1e-12
-
-
 @pytest.mark.parametrize(
     ("numerator", "denominator", "words"),
     [

@@ -153,12 +153,6 @@ def test_one_wrong_block_is_noticed(stamp: int, block: int) -> None:
     assert time_stripe.read(luma, stamp) is None
 
 
-@pytest.mark.parametrize("level", [0, 16, 90, 235, 255])
-def test_a_picture_without_a_stripe_has_no_time(level: int) -> None:
-    assert time_stripe.read(np.full((72, 512), level, np.uint8), 0) is None
-    assert time_stripe.read(np.full((10, 20), level, np.uint8), 0) is None
-
-
 @pytest.mark.parametrize("kbit", [60.0, pytest.param(300.0, marks=pytest.mark.slow)])
 def test_it_survives_h264_of_a_low_bitrate(kbit: float) -> None:
     av = pytest.importorskip("av")

@@ -233,19 +233,6 @@ def test_lost_in_an_outage_is_who_is_on_the_way_in_it(
         assert line.is_up(begin + round(ms * MS)) == (not meets(ms, ms))
 
 
-@given(plain(), st.integers(1, 9), st.integers(0, 3))
-def test_a_message_is_small_and_urgent_unless_it_says_otherwise(
-    leg: DirectionProfile, backlog: int, rank: int
-) -> None:
-    line, plainly = line_of(leg), line_of(leg)
-    for each in (line, plainly):
-        for k in range(backlog):
-            each.enter(k, 0, 100, rank)
-    line.enter(-1, MS, 0, 0)
-    plainly.enter(-1, MS)
-    assert (out_of(line), line.carried_bytes) == (out_of(plainly), plainly.carried_bytes)
-
-
 @given(
     plain(),
     st.lists(st.tuples(st.integers(0, 50_000), st.sampled_from("eeecr"), st.integers(0, 500))),

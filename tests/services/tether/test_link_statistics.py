@@ -130,16 +130,6 @@ def test_gilbert_elliott_begins_good_and_has_its_losses_and_its_length_of_bursts
     assert set(losses(Loss(to_bad=0.0, to_good=0.0))) == {None}
 
 
-@pytest.mark.parametrize("to_bad", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("to_good", [0.0, 0.3, 1.0])
-def test_only_a_link_that_would_stay_bad_for_ever_is_refused(to_bad: float, to_good: float) -> None:
-    if to_bad > 0.0 and to_good == 0.0:
-        with pytest.raises(ValueError, match="bad for ever"):
-            Loss(to_bad, to_good)
-    else:
-        assert 0.0 <= Loss(to_bad, to_good).mean < 1.0
-
-
 def passage(
     leg: DirectionProfile, step_ns: int = 10_000_000
 ) -> tuple[LinkDirection[int], list[tuple[int, bool]]]:

@@ -45,14 +45,6 @@ def test_rates_fit_the_budget_or_are_at_their_floors(
         assert LEAST * topic.floor_hz <= rates.get(topic.key, topic.hz) <= topic.hz
 
 
-@given(loads, budgets, st.floats(1.0, 3.0))
-def test_more_room_is_no_lower_rate(offered: dict[str, float], budget: float, more: float) -> None:
-    less, greater = limits(budget, offered), limits(more * budget, offered)
-    for topic in FAST:
-        before, after = (rates.get(topic.key, topic.hz) for rates in (less, greater))
-        assert after >= before * (1.0 - 1e-6) - 1e-6
-
-
 @given(loads, budgets)
 def test_the_state_yields_last_the_truth_first(offered: dict[str, float], budget: float) -> None:
     rates = limits(budget, offered)

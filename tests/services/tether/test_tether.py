@@ -317,16 +317,3 @@ def test_settings_change_single_keys_and_say_what_has_changed() -> None:
     assert after.profile.up.jitter_ms == before.profile.up.jitter_ms
     assert words == "up.delay_ms 1.0 → 80, down.rate_kbit unset → 256"
     assert before.profile.up.delay_ms == 1.0
-
-
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ([], "nothing to set"),
-        (["up.delay_ms"], r"^up\.delay_ms: expected key\.path=value"),
-        (["up.dellay_ms=3"], "did you mean 'delay_ms'"),
-    ],
-)
-def test_a_wrong_setting_of_a_link_is_refused(settings: list[str], says: str) -> None:
-    with pytest.raises(LindyError, match=says):
-        adjusted(named("tether"), settings)

@@ -1,7 +1,5 @@
 """What an ESC is asked for, and what an open-loop thruster is believed to do."""
 
-from math import exp
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -37,26 +35,6 @@ def test_the_share_gives_the_thrust_back_through_the_curve(newtons: float) -> No
 )
 def test_without_a_curve_it_is_a_share_of_the_limit(newtons: float, share: float) -> None:
     assert share_of_voltage(LINEAR, newtons) == pytest.approx(share)
-
-
-@given(COMMANDS)
-def test_what_is_believed_stays_within_the_limits_and_settles_at_the_command(
-    commands: list[tuple[float, float]],
-) -> None:
-    thrust, now = OpenLoopThrust([LINEAR]), 0
-    for later, newtons in commands:
-        now += round(later * S)
-        before = thrust.believed(now)
-        thrust.drive([newtons], now)
-        assert thrust.believed(now) == pytest.approx(before, abs=1e-9)  # no jump
-        assert -20.0 - 1e-9 <= thrust.believed(now)[0] <= 40.0 + 1e-9
-    assert thrust.believed(now + 10 * S)[0] == pytest.approx(driven(LINEAR, commands[-1][1]))
-
-
-def test_it_follows_with_the_thrusters_lag() -> None:
-    thrust = OpenLoopThrust([LINEAR])
-    thrust.drive([20.0], S)
-    assert thrust.believed(S + 80_000_000)[0] == pytest.approx(20.0 * (1 - exp(-1.0)))
 
 
 @given(COMMANDS)

@@ -173,17 +173,6 @@ def test_the_others_take_over_what_a_full_thruster_cannot_give(
     assert done.achieved[0] >= fits * forward - 1e-6
 
 
-def test_redistribution_gives_more_than_scaling(heavy: Vehicle) -> None:
-    """Roll and pitch add up at one corner; scaling would stop all four there."""
-    wanted = (0.0, 0.0, 0.0, 12.0, 6.0, 0.0)
-    done = Allocation(heavy).allocate(wanted)
-    by_scaling = 12.0 / (4 * 0.218) + 6.0 / (4 * 0.12)  # [N] at that corner
-    assert by_scaling > 24.0
-    assert done.achieved == pytest.approx(wanted, abs=1e-9)
-    assert min(done.thrust) == pytest.approx(-24.0)
-    assert done.saturated == ()
-
-
 @given(st.floats(25.0, 200.0), share, share)
 def test_where_a_board_mixes_axes_the_whole_group_is_scaled(
     heavy: Vehicle, size: float, ahead: float, aside: float
@@ -196,14 +185,6 @@ def test_where_a_board_mixes_axes_the_whole_group_is_scaled(
     small = Allocation(vehicle, scaled).allocate((0.01 * wanted[0], 0.01 * wanted[1], 0, 0, 0, 0))
     factor = max(map(abs, full.thrust)) / max(1e-12, *map(abs, small.thrust))
     assert full.thrust == pytest.approx([factor * f for f in small.thrust], abs=1e-6)
-
-
-def test_a_full_vertical_thruster_costs_neither_yaw_nor_surge(pioneer: Vehicle) -> None:
-    done = Allocation(pioneer, EXACT).allocate((30.0, 5.0, 500.0, 0.0, 0.0, 1.0))
-    assert on_axes(done.achieved, frozenset({"surge", "sway", "heave", "yaw"})) == pytest.approx(
-        [30.0, 5.0, 35.0, 1.0], abs=1e-6
-    )
-    assert done.saturated == ("vertical",)
 
 
 @many

@@ -72,21 +72,6 @@ def test_a_thruster_twice_on_the_same_line_counts_once(
     assert len(drivable(effect_matrix(more), strengths(more))) <= rank
 
 
-@some
-@given(st.data())
-def test_a_dead_thruster_is_one_that_is_not_there(
-    layouts: st.SearchStrategy[Vehicle], data: st.DataObject
-) -> None:
-    vehicle = data.draw(layouts)
-    dead = thruster("dead", data.draw(place), data.draw(direction))
-    more = with_thrusters(vehicle, *vehicle.thruster, dead)
-    effect = effect_matrix(more)
-    effect_without = effect.copy()
-    effect_without[:, -1] = 0.0
-    power = [*strengths(vehicle), 0.0]
-    assert set(drivable(effect_without, power)) == set(drivable(effect_without[:, :-1], power[:-1]))
-
-
 def test_a_few_millimetres_of_lever_are_not_an_axis(pioneer: Vehicle) -> None:
     """Two vertical thrusters 4 mm apart have full rank in pitch and no use for it."""
     front = thruster("front", (0.002, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -111,9 +96,3 @@ def test_a_refusal_names_the_axes(pioneer: Vehicle, names: list[str], missing: s
         return
     with pytest.raises(ValueError, match=f"cannot drive {missing} independently"):
         require_pilotable(vehicle)
-
-
-def test_a_direction_without_length_is_refused(pioneer: Vehicle) -> None:
-    for nowhere in ((0.0, 0.0, 0.0), (0.0, -1e-200, 0.0)):
-        with pytest.raises(ValueError, match="port: direction must not be"):
-            msgspec.structs.replace(pioneer.thruster[0], direction=nowhere)

@@ -42,18 +42,6 @@ def test_the_feed_forward_carries_a_sampled_plant_exactly(
     assert left * v + gain * force == pytest.approx(v + a * DT + j * DT * DT / 2, abs=1e-9)
 
 
-@given(st.floats(0.0, 200.0), st.floats(0.0, 200.0), st.floats(-1, 1), st.floats(-2, 2))
-def test_feed_forward_is_affine_in_its_percentages(
-    acceleration: float, drag: float, v: float, a: float
-) -> None:
-    def force(*percent: float) -> float:
-        shares = {"acceleration_percent": percent[0], "drag_percent": percent[1]}
-        return law(**shares).feed_forward(Motion(0.0, v, a, 0.0))
-
-    mixed = acceleration / 100 * force(100.0, 0.0) + drag / 100 * force(0.0, 100.0)
-    assert force(acceleration, drag) == pytest.approx(mixed, abs=1e-9)
-
-
 def test_the_feed_forward_runs_ahead_of_lagging_thrusters() -> None:
     """A lagging thruster follows a changing reference with a tenth of the error."""
     errors: dict[float, float] = {}
@@ -202,17 +190,6 @@ def test_what_the_feed_forward_gives_more_or_less_is_learnt_less_or_more(
     axis = that_learnt(before, observer)
     axis.take_over(force)
     assert axis.standing == pytest.approx(max(-8.0, min(8.0, before + force)))
-
-
-@either
-@given(learnt, st.floats(-1, 1), st.floats(-2, 2), st.floats(-2, 2), st.floats(-5, 5))
-def test_without_an_error_the_feedback_adds_nothing_to_what_a_blind_axis_does(
-    observer: float, force: float, x: float, v: float, a: float, j: float
-) -> None:
-    axis, motion = that_learnt(force, observer), Motion(x, v, a, j)
-    axis._blind = True  # type: ignore[reportPrivateUsage]
-    assert axis.blind(motion, DT) == pytest.approx(axis.step(motion, x, v, DT))
-    assert axis.blind(hold(x), DT) == pytest.approx(force)
 
 
 @given(st.floats(0.001, 0.3), st.floats(0.01, 2.0))

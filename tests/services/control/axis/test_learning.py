@@ -110,21 +110,6 @@ def test_drag_goes_with_the_motion_and_a_constant_stays(
     assert observer.expected(asked) == pytest.approx(constant, abs=1e-2)  # forgotten by then
 
 
-@many
-@given(
-    st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(-1e6, 1e6), speed), max_size=50),
-    speed,
-    st.sampled_from([inf, 0.1]),
-)
-def test_it_never_believes_in_more_than_its_limit(
-    steps: list[tuple[float, float, float]], asked: float, drag_speed: float
-) -> None:
-    observer = DisturbanceObserver(Plant(20.0, 0.4, 25.0), 3.0, 15.0, drag_speed)
-    for velocity, force, at in steps:
-        observer.learn(velocity, force, DT, reference=at)
-        assert abs(observer.expected(asked)) <= 15.0
-
-
 def test_a_collision_teaches_little_and_a_limit_reached_by_drag_shows() -> None:
     """Half a metre per second lost at once is a hundred times the limit's force."""
     observer = DisturbanceObserver(Plant(20.0), 3.0, 15.0)

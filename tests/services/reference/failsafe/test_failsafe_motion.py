@@ -190,17 +190,6 @@ def test_after_a_short_loss_centred_sticks_are_enough(what: str, seconds: float)
     assert flight.depth > depth + 0.2
 
 
-@pytest.mark.parametrize("what", ["no pilot", "no state"])
-def test_a_long_loss_asks_for_resume(what: str) -> None:
-    flight = Lost().armed()
-    flight.fly(2.1, there=what)
-    flight.fly(5.0)
-    assert flight.status.reaction == "stop"
-    assert flight.status.returns == "resume"
-    assert flight.ask("resume") == ""
-    assert flight.status.reaction is None
-
-
 @pytest.mark.parametrize("back", ["ann", "bob"])
 @pytest.mark.parametrize("lost_first", [True, False])
 def test_a_change_of_pilot_is_no_short_loss(back: str, lost_first: bool) -> None:

@@ -325,17 +325,6 @@ def test_where_a_depth_is_held_no_stick_leads_into_the_bottom(
     smooth(dive.flown, dive.settings)
 
 
-@settings(max_examples=15, deadline=None)
-@given(st.floats(-1.0, 1.0), st.floats(0.5, 3.0))
-def test_far_above_the_bottom_it_is_the_stick_alone(heave: float, seconds: float) -> None:
-    ends: list[Reference] = []
-    for altimeter in (False, True):
-        dive = held_at(8.0, altimeter=altimeter)
-        dive.fly(seconds, heave=heave)
-        ends.append(dive.fly(5.0))
-    assert ends[0].depth == ends[1].depth
-
-
 def test_the_pilot_is_told_once_and_up_is_free() -> None:
     dive = held_at(2.0)
     dive.fly(20.0, heave=1.0)

@@ -32,7 +32,6 @@ from services.reference.trajectory.minimum_jerk import Sample
 from tests.services.reference.drone import Drone
 from tests.support.said import state
 
-size = st.floats(0.0, 1e6)
 most = st.floats(1e-3, 1e3)
 
 
@@ -130,16 +129,6 @@ def test_it_waits_for_the_vehicle_to_turn_round(off: float, speed: float, steps:
     assert stop.step(off, speed, at + DT, resting=True) == 0.0
 
 
-@given(error, st.floats(0.001, 0.5), st.sampled_from([-1.0, 1.0]))
-def test_a_vehicle_that_comes_back_already_is_held_at_once(
-    off: float, speed: float, way: float
-) -> None:
-    stop = Standstill(MOST_MOVED)
-    stop.step(off, speed * way, 0.0, resting=False, velocity=speed * way)
-    expected = max(-MOST_MOVED, min(MOST_MOVED, off)) if abs(off) >= WORTH * MOST_MOVED else 0.0
-    assert stop.step(off, -speed * way, DT, resting=True) == expected
-
-
 def test_it_does_not_wait_longer_than_its_patience() -> None:
     rows = [(0.0, 0.02, False), *[(0.03, 0.02, True)] * round(2 * PATIENCE_S / DT)]
     moves = flown(Standstill(MOST_MOVED), rows)
@@ -204,25 +193,6 @@ def test_the_share_makes_no_step_and_once_the_tilt_is_gone_all_is_given_again(
     for _ in range(3000):
         limit.step(after, DT)
     assert limit.share == 1.0
-
-
-@given(st.lists(tilt, max_size=100), tilt, tilt)
-def test_more_tilt_at_the_same_moment_never_gives_more(
-    before: list[float], newest: float, other: float
-) -> None:
-    one, two = TiltLimit(), TiltLimit()
-    for each in before:
-        one.step(each, DT)
-        two.step(each, DT)
-    assert two.step(max(newest, other), DT) <= one.step(min(newest, other), DT)
-
-
-@given(st.lists(st.floats(0.0, MOST), max_size=50), st.floats(0.01, 1.0))
-def test_below_the_limit_a_tilt_that_does_not_grow_takes_nothing(
-    tilts: list[float], dt: float
-) -> None:
-    limit = TiltLimit()
-    assert all(limit.step(each, dt) == 1.0 for each in sorted(tilts, reverse=True))
 
 
 @given(st.floats(0.1, 1.0))

@@ -503,17 +503,6 @@ def test_held_back_the_place_waits_and_let_go_it_gives_in() -> None:
     assert dist((out.north.position, out.east.position), sea.at[:2]) <= most / 10
 
 
-@settings(max_examples=15, deadline=None)
-@given(st.floats(-pi, pi), st.sampled_from([(1.0, 0.0), (-0.5, 1.0), (0.0, -1.0)]))
-def test_sticks_move_the_place_along_the_body_whatever_north_is(
-    offset: float, deflection: tuple[float, float]
-) -> None:
-    sea = armed("station_keeping", offset=offset)
-    sea.sail(3.0, sticks(*deflection))
-    fastest = SETTINGS.place.max_velocity
-    assert dist(sea.v[:2], [x * fastest for x in deflection]) < 1e-6
-
-
 # Paths by measurement.
 
 

@@ -94,21 +94,6 @@ def test_with_a_standing_heading_it_is_the_closed_form_of_the_stick_turned_to_no
     assert dist((north + 1.0, east + 2.0), [s.position for s in seen[-1]]) < 1e-6
 
 
-@settings(max_examples=30, deadline=None)
-@given(moves, angle, st.floats(-1.0, 1.0))
-def test_what_is_taken_over_goes_on_as_it_was(
-    plan: list[tuple[float, float, float, float]], heading: float, offset: float
-) -> None:
-    """From a path, say, whose motion is given in NED while the heading turns."""
-    place, yaw = held(heading, GroundMotion((1.0, 2.0), (0.1, -0.2), offset))
-    t, seen = fly(place, yaw, plan, 0.01)
-    other = StationKeeping(PLACE, offset=place.offset)
-    other.take(*seen[-1], t)
-    for a, b in zip(seen[-1], other.now, strict=True):
-        for name in ("position", "velocity", "acceleration"):
-            assert abs(getattr(a, name) - getattr(b, name)) < 1e-9
-
-
 def test_north_is_corrected_only_while_nothing_moves() -> None:
     place, yaw = held(0.0, GroundMotion((0.0, 0.0), (0.0, 0.0), 0.0))
     place.step(yaw.at(0.1), 0.5, 0.1)

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.marine.attitude import wrapped
 from services.reference.paths.path import Kind, Path
 from services.reference.paths.turn import SmoothTurn
 from tools.generators.route import TwinClothoids
@@ -118,27 +117,6 @@ def test_depth_is_level_at_every_way_point_and_never_overshoots(
         for i in range(11):
             down = path.at(from_s + (to_s - from_s) * i / 10).down
             assert min(a[2], b[2]) - 1e-9 <= down <= max(a[2], b[2]) + 1e-9
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    polylines(), KINDS, st.booleans(), st.sampled_from([1, -1]), st.floats(-3, 3), st.floats(0, 1)
-)
-def test_a_moved_turned_or_mirrored_polyline_gives_the_moved_turned_or_mirrored_path(
-    points: Points, kind: Kind, smooth: bool, mirror: int, turned: float, fraction: float
-) -> None:
-    def image(n: float, e: float) -> tuple[float, float]:
-        e *= mirror
-        return 50.0 + n * cos(turned) - e * sin(turned), n * sin(turned) + e * cos(turned) - 30.0
-
-    path = through(points, 3.0, kind, smooth=smooth)
-    images = [[*image(n, e), d] for n, e, d in points]
-    other = through(images, 3.0, kind, smooth=smooth)
-    a, b = path.at(fraction * path.length), other.at(fraction * other.length)
-    assert path.length == pytest.approx(other.length, abs=1e-7)
-    assert (b.north, b.east) == pytest.approx(image(a.north, a.east), abs=1e-6)
-    assert wrapped(b.course - mirror * a.course - turned) == pytest.approx(0.0, abs=1e-6)
-    assert b.curvature == pytest.approx(mirror * a.curvature, abs=1e-6)
 
 
 PAPERS_PLACES = [  # s, north, east, course, curvature

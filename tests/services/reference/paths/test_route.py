@@ -89,15 +89,6 @@ def test_velocities_and_accelerations_are_derivatives_in_the_world_and_in_the_bo
     assert (surge, sway) == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", MOTIONS)
-def test_a_route_begins_and_ends_at_rest_on_its_ends(name: str) -> None:
-    way = ROUTES[name, "interpolating", False, True]
-    for t, point in ((-1.0, POINTS[0]), (0.0, POINTS[0]), (way.duration + 9, POINTS[-1])):
-        here = way.at(t)
-        assert here[2:5] == pytest.approx(tuple(point), abs=1e-6)
-        assert here.surge_velocity == pytest.approx(0.0, abs=1e-9)
-
-
 def when(way: Route, s: float) -> float:
     """[s] When a route is at `s` [m]."""
     early, late = 0.0, way.duration
@@ -227,21 +218,6 @@ def test_course_and_curvature_are_each_others_integral_and_rate(
         here.curvature_rate, abs=1e-6 / radius / turn.length + 1e-9 * abs(here.curvature_rate)
     )
     assert 0 <= here.curvature <= 1 / radius * (1 + 1e-15)
-
-
-@SHAPES
-@settings(max_examples=60, deadline=None)
-@given(ANGLES, RADII)
-def test_a_turn_begins_and_ends_straight_and_is_sharpest_in_the_middle(
-    shape: type[Turn], angle: float, radius: float
-) -> None:
-    turn = shape(angle, radius)
-    first, middle, last = turn.at(0.0), turn.middle, turn.at(turn.length)
-    assert first[:4] == (0.0, 0.0, 0.0, 0.0)
-    assert middle.curvature == pytest.approx(1 / radius, rel=1e-15)
-    assert middle.course == pytest.approx(angle / 2, rel=1e-15)
-    assert last.course == angle
-    assert last.curvature == 0.0
 
 
 def test_the_curvature_rate_of_a_smooth_turn_vanishes_where_clothoids_jump() -> None:

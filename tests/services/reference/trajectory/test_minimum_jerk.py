@@ -165,24 +165,6 @@ def test_whatever_is_ordered_it_goes_on_from_where_it_is_and_comes_to_what_was_o
 
 
 # Andrén's rule, begun elsewhere: v, a, limits → time and distance to rest, number of segments.
-STOPS = [
-    (0.3, 0.0, Limits(1.0), 1.3416407864998738, 0.20124611797498107, 1),
-    (0.3, 0.0, Limits(1.0, 0.15), 2.2, 0.33, 3),
-    (-1.0, -0.2, Limits(1.5, 0.4), 3.022222222222222, -1.5982222222222224, 4),
-    (1.5, -0.1, Limits(2.0, 0.5), 3.2859236254666553, 2.4292465493110944, 3),
-]
-
-
-@pytest.mark.parametrize(("v", "a", "lim", "time", "distance", "segments"), STOPS)
-def test_a_motion_that_is_taken_over_stops_in_the_time_and_distance_of_the_law(
-    v: float, a: float, lim: Limits, time: float, distance: float, segments: int
-) -> None:
-    ramp = Ramp(Limits(9.0))
-    ramp.take(Sample(7.0, v, a, 0.0), 5.0, limits=lim)
-    assert ramp.settles() == pytest.approx(5.0 + time, abs=1e-9)
-    assert ramp.to_go(5.0) == pytest.approx(distance, abs=1e-9)
-    assert ramp.at(99.0).position == pytest.approx(7.0 + distance, abs=1e-9)
-    assert len(ramp.segments) == segments
 
 
 @many

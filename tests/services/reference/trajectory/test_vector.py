@@ -27,10 +27,6 @@ def norm(ramp: VectorRamp, t: float, what: str = "acceleration") -> float:
     return hypot(*(getattr(axis, what) for axis in ramp.at(t)))
 
 
-def turned(p: Pair, angle: float) -> Pair:
-    return (p[0] * cos(angle) - p[1] * sin(angle), p[0] * sin(angle) + p[1] * cos(angle))
-
-
 @many
 @given(pair, pair, pair, limits, st.floats(0.0, 5.0), st.floats(1e-3, 0.05))
 def test_from_any_state_it_arrives_without_a_step_and_its_norms_keep_their_limits(
@@ -83,17 +79,6 @@ def test_from_rest_the_change_is_straight_and_solving_it_again_does_not_delay_it
     assert gained[0] * e[1] - gained[1] * e[0] == pytest.approx(0.0, abs=1e-9)
     ramp.aim(to, share * total, lim)
     assert ramp.settles() <= total + 1e-4 * (1 + total)
-
-
-@many
-@given(pair, pair, pair, limits, st.floats(0.0, 2 * pi))
-def test_turning_the_frame_changes_nothing(
-    v: Pair, a: Pair, to: Pair, lim: Limits, angle: float
-) -> None:
-    assume(hypot(to[0] - v[0], to[1] - v[1]) > 1e-6)
-    there = turned(v, angle), turned(a, angle), turned(to, angle)
-    expected = begun(v, a, to, lim).settles()
-    assert begun(*there, lim).settles() == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
 @many
