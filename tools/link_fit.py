@@ -7,9 +7,8 @@ import numpy as np
 from messages.pilot import TTL_MS, PilotCommand
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY
-from services.tether.delay import TAIL, Delay, Trace
 from services.tether.io.profile_file import Named, named
-from services.tether.profile import DirectionProfile
+from services.tether.profile import TAIL, Delay, DirectionProfile, Trace
 
 COMMAND = PilotCommand(stamp_ns=10**15, surge=0.0, sway=0.0, heave=0.0, yaw=0.0)  # a short one
 COMMAND_BYTES = len(msgspec.msgpack.encode(COMMAND))

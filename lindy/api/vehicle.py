@@ -1,7 +1,7 @@
 """Vehicle files, and the physics of a rigid body under water that estimation, control and simulator
 share. NED and FRD, SI units."""
 
-from services.control.allocation.allocation import Allocated, Allocation, AllocationSettings
+from services.control.allocation import Allocated, Allocation, AllocationSettings
 from services.marine.attitude import from_euler, to_body, to_euler, to_world, wrapped
 from services.marine.hydrodynamics import coriolis, damping, system_inertia
 from services.marine.vehicle import (

@@ -14,8 +14,7 @@ from messages.pilot import PilotAnswer, PilotRequest
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns, Vec6
-from services.control.allocation.allocation import Allocation
-from services.control.allocation.layout import AXES, require_pilotable
+from services.control.allocation import AXES, Allocation, require_pilotable
 from services.control.laws import Laws
 from services.control.settings import Settings as Settings
 from services.control.stability import require_stable

@@ -13,7 +13,7 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from messages.units import Ns, Vec6
-from services.control.allocation.layout import AXES
+from services.control.allocation import AXES
 from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import REST, ActuatorModel, lags_of, plant_of
 from services.control.heave_coupling import HeaveCoupling

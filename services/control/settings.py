@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 
 from messages.units import NotNegativeSetting
-from services.control.allocation.allocation import AllocationSettings
+from services.control.allocation import AllocationSettings
 from services.control.axis.axis import Gains
 
 

@@ -14,8 +14,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from services.tether.core import Link
 from services.tether.io.profile_file import asked_for, named
-from services.tether.link_model import LinkDirection
-from services.tether.priority_queue import RANK
+from services.tether.link_model import RANK, LinkDirection
 from services.tether.profile import Named
 
 TOPSIDE, DRONE = "topside", "drone"

@@ -58,12 +58,12 @@ LAWS: dict[str, tuple[str, ...]] = {
     "services/reference/failsafe/table.py": (f"{REFERENCE}/failsafe",),
     "services/control/axis/axis.py": (f"{CONTROL}/axis", f"{CONTROL}/test_stability.py"),
     "services/control/axis/plant.py": (f"{CONTROL}/axis",),
-    "services/control/allocation/allocation.py": (f"{CONTROL}/allocation",),
+    "services/control/allocation.py": (f"{CONTROL}/allocation",),
     "services/estimation/filter.py": ("tests/services/estimation",),
     "services/estimation/hull.py": ("tests/services/estimation",),
     "services/estimation/quantity.py": ("tests/services/estimation",),
     "services/tether/link_model.py": ("tests/services/tether",),
-    "services/tether/delay.py": ("tests/services/tether",),
+    "services/tether/profile.py": ("tests/services/tether",),
     "services/runtime/node/gate.py": (
         "tests/services/runtime/node/test_gate.py",
         "tests/services/runtime/node/test_clock_offset.py",
@@ -89,18 +89,18 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "a bisection has no direction"
     ),
     (
-        "services/control/allocation/allocation.py",
+        "services/control/allocation.py",
         "Allocation._at_once: (ax, by",
     ): "a sum has no order",
-    ("services/control/allocation/allocation.py", "Allocation._at_once: yields.append"): (
+    ("services/control/allocation.py", "Allocation._at_once: yields.append"): (
         "one after the other comes to the same as all at once"
     ),
     (
-        "services/tether/delay.py",
+        "services/tether/profile.py",
         "Delays.next_ms: np.minimum(drawn",
     ): "a minimum of two has no order",
     (
-        "services/tether/delay.py",
+        "services/tether/profile.py",
         "Delays.next_ms: np.clip(self._random",
     ): "both are a maximum of two",
 }

@@ -21,10 +21,9 @@ from services.runtime.config.running import Running
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.tether.delay import Delay, Pareto, Table
 from services.tether.io.profile_file import named
 from services.tether.link_model import LinkDirection, fates
-from services.tether.profile import DirectionProfile
+from services.tether.profile import Delay, DirectionProfile, Pareto, Table
 from tools.__main__ import main
 from tools.link import link, require_link
 from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms

@@ -5,8 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-from services.control.allocation.allocation import Allocation
-from services.control.allocation.layout import require_pilotable
+from services.control.allocation import Allocation, require_pilotable
 from services.control.settings import Settings as ControlSettings
 from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle

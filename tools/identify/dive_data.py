@@ -15,7 +15,7 @@ from messages.message import Message
 from messages.sensors import ImuSample, PressureSample
 from messages.state import VehicleState
 from messages.vehicle import Actuation
-from services.control.allocation.layout import effect_matrix
+from services.control.allocation import effect_matrix
 from services.marine.vehicle import GRAVITY, Vehicle
 from services.marine.water import Density, density_of
 from services.runtime.config.errors import LindyError

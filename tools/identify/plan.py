@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple, get_args
 
 from messages.pilot import FlightMode
 from messages.units import Vec6
-from services.control.allocation.allocation import Allocation
+from services.control.allocation import Allocation
 from services.control.axis.plant import Plant, plant_of
 from services.marine.vehicle import Vehicle
 from services.reference.settings import Settings, StickForce

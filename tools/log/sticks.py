@@ -25,7 +25,7 @@ from messages.vehicle import VehicleStatus
 from services.gamepad.stick_log import COLUMNS, QUIET_NS
 from services.piloting.sticks import CENTRED, Sticks
 from services.runtime.config.errors import LindyError
-from services.tether.delay import LONGEST_MS
+from services.tether.profile import LONGEST_MS
 from tools.exit_status import DONE, LOST
 from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.progress import reading

@@ -18,7 +18,7 @@ from messages import topics
 from messages.pilot import FlightMode
 from messages.vehicle import OWN_WAY
 from services.marine.vehicle import GRAVITY
-from services.reference.guidance.modes import HELD_AXES
+from services.reference.guidance.axes import HELD_AXES
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import solve
 from services.reference.trajectory.position import travelled

@@ -26,11 +26,18 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.local_stack import local_stack
 from services.runtime.launch.process_plan import Dive
 from services.tether.core import Link
-from services.tether.delay import Delays, Drawn, Exponential, Pareto, UniformStream
-from services.tether.link_model import LinkDirection
-from services.tether.loss import Loss, Losses
-from services.tether.priority_queue import RANK
-from services.tether.profile import DirectionProfile, Queue
+from services.tether.link_model import RANK, LinkDirection
+from services.tether.profile import (
+    Delays,
+    DirectionProfile,
+    Drawn,
+    Exponential,
+    Loss,
+    Losses,
+    Pareto,
+    Queue,
+    UniformStream,
+)
 
 S, MS = 1_000_000_000, 1_000_000  # [ns]
 GATEWAY = ServiceSpec(sides=["topside", "drone"], gateway=True)

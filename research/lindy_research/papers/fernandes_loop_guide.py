@@ -12,7 +12,7 @@ from lindy.api.messages import Motion, Reference, VehicleState, topics
 from lindy.api.service import Node
 from messages.units import Ns
 from services.marine.attitude import north_offset
-from services.reference.guidance.ground_motion import ground_of
+from services.reference.guidance.station_keeping import ground_of
 from services.reference.paths.path import RoutePoint
 from tools.generators.route import Route
 

@@ -2,20 +2,70 @@
 stick, a move to a position, a path (`Ramp.ride`), or a plan to rest that follows the vehicle."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from messages.events import Outbox
-from messages.pilot import PilotCommand
+from messages.pilot import FlightMode, PilotCommand
 from messages.reference import Motion
 from messages.state import VehicleState
 from messages.units import Ns
 from services.reference.guidance.bottom import RETURN_S
-from services.reference.guidance.modes import HeldAxes
-from services.reference.guidance.station_keeping import StationKeeping
+from services.reference.guidance.station_keeping import StationKeeping, ground_of
 from services.reference.settings import Settings, VelocityAxis
 from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
 from services.reference.trajectory.own_law import Law, LawRamp
 from services.reference.trajectory.position import go, travelled
 from services.reference.trajectory.vector import VectorRamp
+
+# The axes held in each mode, and what each mode requires.
+
+
+class HeldAxes(NamedTuple):
+    """Axes the drone holds: their sticks are velocities, the others' are forces."""
+
+    depth: bool
+    heading: bool
+    place: bool
+    height: bool = False  # above the bottom, by way of the depth
+
+
+HELD_AXES: dict[FlightMode, HeldAxes] = {
+    "manual": HeldAxes(depth=False, heading=False, place=False),
+    "depth_hold": HeldAxes(depth=True, heading=False, place=False),
+    "heading_hold": HeldAxes(depth=False, heading=True, place=False),
+    "stabilised": HeldAxes(depth=True, heading=True, place=False),
+    "station_keeping": HeldAxes(depth=True, heading=True, place=True),
+    "altitude_hold": HeldAxes(depth=True, heading=True, place=False, height=True),
+}
+
+
+def safe(flight_mode: FlightMode) -> FlightMode:
+    """The mode for a drone without a pilot: depth and heading are held, and position if it was
+    held before. The depth is: nobody watches what a height above the bottom leads to."""
+    held = HELD_AXES[flight_mode]
+    return flight_mode if held.depth and held.heading and not held.height else "stabilised"
+
+
+def lacking(
+    flight_mode: FlightMode, state: VehicleState | None, *, armed: bool, bottom: bool
+) -> str:
+    """What the mode requires and the drone lacks; empty when it lacks nothing.
+
+    While disarmed, a mode can be chosen before depth and heading are known, because arming
+    requires them. `bottom`: its depth is known.
+    """
+    held = HELD_AXES[flight_mode]
+    if held.place and (state is None or ground_of(state) is None):
+        return "this drone does not know its position and velocity over the ground"
+    if held.height and not bottom:
+        return "the drone does not measure its height above the bottom"
+    if armed and state is not None:
+        if held.depth and not state.depth.valid:
+            return "the drone does not know its depth"
+        if held.heading and not state.heading.valid:
+            return "the drone does not know its heading"
+    return ""
+
 
 FADE = 1.0  # [m] above the limit in which a downward heave force fades out
 CENTRED = 0.05  # [-] a stick this close to the middle counts as centred

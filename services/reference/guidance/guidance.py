@@ -19,9 +19,8 @@ from messages.message import Estimate
 from messages.pilot import Course, FlightMode, PilotCommand, StopDistance
 from messages.state import VehicleState
 from services.marine.attitude import north_offset
-from services.reference.guidance.axes import Axes
+from services.reference.guidance.axes import HELD_AXES, Axes, HeldAxes, safe
 from services.reference.guidance.bottom import Bottom, HeightHold
-from services.reference.guidance.ground_motion import GroundMotion, Home, Pair, ground_of
 from services.reference.guidance.guards import (
     EstimateWatch,
     ReferenceGovernor,
@@ -30,8 +29,8 @@ from services.reference.guidance.guards import (
     is_released,
     tilt_of,
 )
-from services.reference.guidance.modes import HELD_AXES, HeldAxes, safe
 from services.reference.guidance.path_following import PathFollowing, PlannedPath
+from services.reference.guidance.station_keeping import GroundMotion, Home, Pair, ground_of
 from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp, Sample
 from services.reference.trajectory.own_law import Law

@@ -23,7 +23,7 @@ from messages.pilot import Course
 from messages.state import VehicleState
 from services.marine.attitude import wrapped
 from services.marine.summation import plain_sum
-from services.reference.guidance.ground_motion import GroundMotion, Pair
+from services.reference.guidance.station_keeping import GroundMotion, Pair
 from services.reference.paths.path import Path, RoutePoint, point_on
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, reader, solve
 from services.reference.trajectory.position import pair

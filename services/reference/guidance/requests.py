@@ -7,10 +7,10 @@ from math import tau
 from messages.pilot import Course, FlightMode, PilotAnswer, PilotRequest
 from messages.units import Ns
 from services.marine.attitude import north_offset, whole_turns, wrapped
-from services.reference.guidance.ground_motion import Pair
+from services.reference.guidance.axes import lacking, safe
 from services.reference.guidance.guidance import Guidance
-from services.reference.guidance.modes import lacking, safe
 from services.reference.guidance.path_following import PlannedPath
+from services.reference.guidance.station_keeping import Pair
 
 
 def mode(guidance: Guidance, flight_mode: FlightMode | None, *, armed: bool) -> str:

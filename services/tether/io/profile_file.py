@@ -16,8 +16,7 @@ from services.runtime.config.settings import (
     read_text,
     read_toml,
 )
-from services.tether import delay
-from services.tether.profile import LinkProfile, Named
+from services.tether.profile import LinkProfile, Named, Trace
 
 KINDS = ["pareto", "table", "trace"]  # of a delay
 Tree = dict[str, Any]
@@ -99,7 +98,7 @@ def _read_trace(leg: Tree, folder: Path) -> None:
         trace = cast(Tree, table)
         path = folder / str(trace["file"])
         trace["sent_s"], trace["arrived_s"] = read_trace(path)
-        convert(trace, delay.Trace, "", path)  # so that an error names the trace file
+        convert(trace, Trace, "", path)  # so that an error names the trace file
 
 
 def read_trace(path: Path) -> tuple[list[float], list[float | None]]:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from services.ardusub.mixing import FRAMES, MixedSticks, Mixer, MotorCurves, RcChannel, senses
-from services.control.allocation.allocation import Allocation
+from services.control.allocation import Allocation
 from services.control.settings import Settings as ControlSettings
 from services.marine.vehicle import Vehicle, total_wrench, wrench_per_newton
 from services.runtime.config.stack import Stack

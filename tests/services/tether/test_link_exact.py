@@ -12,10 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages import events
-from services.tether.delay import Table
 from services.tether.link_model import LinkDirection
-from services.tether.loss import Outage, Outages
-from services.tether.profile import DirectionProfile, Late, Queue
+from services.tether.profile import DirectionProfile, Late, Outage, Outages, Queue, Table
 
 US, MS, S = 1_000, 1_000_000, 1_000_000_000  # [ns]
 ENDLESS = Queue(limit_bytes=100_000_000)

@@ -12,11 +12,19 @@ from hypothesis import strategies as st
 from messages import events
 from messages.topic import Qos
 from services.tether.core import Link
-from services.tether.delay import Pareto, Table, Trace
-from services.tether.link_model import LinkDirection
-from services.tether.loss import Loss, Outage, Outages
-from services.tether.priority_queue import RANK
-from services.tether.profile import DirectionProfile, Late, LinkProfile, Queue
+from services.tether.link_model import RANK, LinkDirection
+from services.tether.profile import (
+    DirectionProfile,
+    Late,
+    LinkProfile,
+    Loss,
+    Outage,
+    Outages,
+    Pareto,
+    Queue,
+    Table,
+    Trace,
+)
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS

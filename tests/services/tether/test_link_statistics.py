@@ -11,11 +11,21 @@ from hypothesis import strategies as st
 
 from messages import events
 from messages.events import Row
-from services.tether.delay import Delays, Drawn, Exponential, Floats, Pareto, Table, Trace
-from services.tether.delay import UniformStream as Numbers
 from services.tether.link_model import LinkDirection
-from services.tether.loss import Loss, Losses
-from services.tether.profile import DirectionProfile, Late
+from services.tether.profile import (
+    Delays,
+    DirectionProfile,
+    Drawn,
+    Exponential,
+    Floats,
+    Late,
+    Loss,
+    Losses,
+    Pareto,
+    Table,
+    Trace,
+)
+from services.tether.profile import UniformStream as Numbers
 
 ms = st.floats(0.0, 300.0) | st.floats(0.0, 2.0) | st.just(0.0)
 share = st.floats(1e-9, 1.0 - 1e-9)

@@ -16,7 +16,7 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.tether.core import Link
 from services.tether.io.profile_file import named
-from services.tether.priority_queue import RANK
+from services.tether.link_model import RANK
 from services.tether.telemetry_rate_control import (
     LEAST,
     TelemetryRateControl,

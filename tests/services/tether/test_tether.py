@@ -15,8 +15,8 @@ from services.runtime.config.settings import DEPLOY
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.tether.delay import Trace
 from services.tether.io.profile_file import adjusted, named
+from services.tether.profile import Trace
 from services.tether.service import damaged
 from tests.support.said import sticks
 

@@ -13,15 +13,17 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec6
-from services.control.allocation.allocation import (
+from services.control.allocation import (
+    AXES,
     COMES_ON,
     GOES_OFF,
     PRIORITY,
     Allocation,
     AllocationSettings,
+    Matrix,
+    biases,
+    effect_matrix,
 )
-from services.control.allocation.layout import AXES, Matrix, effect_matrix
-from services.control.allocation.thrust_bias import biases
 from services.marine.vehicle import Vehicle, driven, total_wrench, wrench_per_newton
 
 many = settings(max_examples=150, deadline=None)

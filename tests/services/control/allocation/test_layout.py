@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec3
-from services.control.allocation.layout import AXES, drivable, effect_matrix, require_pilotable
+from services.control.allocation import AXES, drivable, effect_matrix, require_pilotable
 from services.marine.vehicle import Thruster, Vehicle
 
 some = settings(max_examples=80, deadline=None)

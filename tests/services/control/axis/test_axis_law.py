@@ -192,6 +192,17 @@ def test_what_the_feed_forward_gives_more_or_less_is_learnt_less_or_more(
     assert axis.standing == pytest.approx(max(-8.0, min(8.0, before + force)))
 
 
+@either
+@given(learnt, st.floats(-1, 1), st.floats(-2, 2), st.floats(-2, 2), st.floats(-5, 5))
+def test_without_an_error_the_feedback_adds_nothing_to_what_a_blind_axis_does(
+    observer: float, force: float, x: float, v: float, a: float, j: float
+) -> None:
+    axis, motion = that_learnt(force, observer), Motion(x, v, a, j)
+    axis._blind = True  # type: ignore[reportPrivateUsage]
+    assert axis.blind(motion, DT) == pytest.approx(axis.step(motion, x, v, DT))
+    assert axis.blind(hold(x), DT) == pytest.approx(force)
+
+
 @given(st.floats(0.001, 0.3), st.floats(0.01, 2.0))
 def test_gains_for_a_late_rate_are_weaker_and_damp_no_less(error: float, rate: float) -> None:
     """The damping ratio is that of a mass on spring and damper, kd / (2 √(kp m))."""

@@ -18,7 +18,7 @@ from messages.state import VehicleState
 from services.marine.attitude import turned, wrapped
 from services.reference.core import GuidanceCheckpoint, Settings
 from services.reference.failsafe.table import WatchedMessages
-from services.reference.guidance.modes import HELD_AXES
+from services.reference.guidance.axes import HELD_AXES
 from services.reference.settings import StickForce
 from tests.services.reference.drone import Drone
 from tests.support import said

@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.marine.attitude import turned
-from services.reference.guidance.ground_motion import GroundMotion
-from services.reference.guidance.station_keeping import StationKeeping
+from services.reference.guidance.station_keeping import GroundMotion, StationKeeping
 from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample
 
 PLACE, YAW = Limits(1.0, 0.4), Limits(4.0, 1.5)

@@ -12,7 +12,7 @@ from messages.sensors import AltitudeSample, DvlSample
 from services.marine.attitude import from_euler, to_body, whole_turns, wrapped
 from services.reference.core import ReferenceGenerator, Settings
 from services.reference.guidance.bottom import Bottom
-from services.reference.guidance.ground_motion import (
+from services.reference.guidance.station_keeping import (
     MOST_GAP_S,
     Home,
     HomePlace,

@@ -8,23 +8,188 @@ keeps its direction, and the other thrusters replace a saturated one as far as t
 (redistributed pseudo-inverse: Virnig & Bodden 1994, doi 10.2514/6.1994-3550).
 """
 
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from math import copysign
+from typing import Literal, get_args
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from messages.units import Vec6
-from services.control.allocation.layout import (
-    AXES,
-    AxisName,
-    drivable,
-    effect_matrix,
-    independent,
-    on_any_processor,
-)
-from services.control.allocation.thrust_bias import ThrustBias
-from services.marine.vehicle import Vehicle, total_wrench
+from services.marine.vehicle import Vehicle, total_wrench, wrench_per_newton
+
+# The axes that a layout of thrusters can drive, each independently of the others. The test is
+# stricter than rank: an axis counts as driven when it costs at most `MOST_COST` newtons of thrust
+# per newton of force with all other driven axes at zero. Two thrusters on the same line count once;
+# a lever arm of a few millimetres does not count.
+
+
+Matrix = NDArray[np.float64]
+AxisName = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
+AXES: tuple[AxisName, ...] = get_args(AxisName)  # rows of a wrench
+PREFERRED = ("heave", "yaw", "surge", "sway", "roll", "pitch")  # order, if not all are possible
+PILOTING = ("surge", "heave", "yaw")  # axes that a pilot needs
+MOST_COST = 10.0  # [-] newtons of thrust per newton, or per newton metre over the longest arm
+SHORTEST_ARM = 0.01  # [m] a layout without any longer one turns nothing
+DIGITS = 12  # after the point, of parts of a newton or a newton metre
+SINGULAR = 0.01  # [-] a singular value this small costs far more than that
+
+
+def effect_matrix(vehicle: Vehicle) -> Matrix:
+    """(6, n) wrench about the origin per newton of each thruster (Fossen 2011, §12.3)."""
+    return np.array([wrench_per_newton(thruster) for thruster in vehicle.thruster]).T
+
+
+def drivable(effect: Matrix, strength: Sequence[float]) -> tuple[str, ...]:
+    """Axes that these thrusters can drive independently, in the order of `AXES`.
+
+    Args:
+        effect: (6, n) from `effect_matrix`.
+        strength: (n,) [N] thrust limit in the weaker direction; 0 when dead.
+    """
+    chosen = list[str]()
+    for axis in PREFERRED:
+        if independent(effect, strength, [*chosen, axis]):
+            chosen.append(axis)
+    return tuple(axis for axis in AXES if axis in chosen)
+
+
+def independent(effect: Matrix, strength: Sequence[float], axes: Iterable[str]) -> bool:
+    """Whether these axes can be driven independently; arguments as of `drivable`.
+
+    Column i of the pseudo-inverse is the least thrust for one unit of axis i and none of the
+    others.
+    """
+    rows = _comparable(effect, strength)[[AXES.index(axis) for axis in axes]]
+    if np.linalg.matrix_rank(rows, tol=SINGULAR) < len(rows):
+        return False
+    return bool(np.all(np.linalg.norm(np.linalg.pinv(rows), axis=0) <= MOST_COST))
+
+
+def on_any_processor(solved: Matrix) -> Matrix:
+    """What a library has solved, without the last digits, which differ between processors."""
+    return solved.round(DIGITS) + 0.0  # which makes 0.0 of -0.0
+
+
+def require_pilotable(vehicle: Vehicle) -> None:
+    """
+    Raises:
+        ValueError: the thrusters cannot drive the axes that a pilot needs.
+    """
+    strength = [min(-t.limits[0], t.limits[1]) for t in vehicle.thruster]
+    driven = drivable(effect_matrix(vehicle), strength)
+    missing = [axis for axis in PILOTING if axis not in driven]
+    if missing:
+        raise ValueError(
+            f"vehicle.thruster: these {len(strength)} thrusters cannot drive "
+            f"{' and '.join(missing)} independently of the other axes, only "
+            f"{', '.join(driven) or 'none'}"
+        )
+
+
+def _comparable(effect: Matrix, strength: Sequence[float]) -> Matrix:
+    """Rows in comparable units: columns relative to the strongest thruster, moments as forces at
+    the longest arm of the layout."""
+    strongest = max(strength, default=0.0)
+    if not strongest > 0:
+        return np.zeros_like(effect)
+    arm = max(SHORTEST_ARM, float(np.linalg.norm(effect[3:], axis=0).max()))
+    scale = np.array([1.0, 1.0, 1.0, *[1.0 / arm] * 3])
+    return scale[:, None] * effect * (np.array(strength) / strongest)
+
+
+# Thrust bias: thrusters run against each other, so that none of them is in its dead-band.
+# With more thrusters than axes, forces without any wrench can be added: vectors b with T b = 0. With
+# a large enough b every thruster of a set turns all the time, and small forces are as exact as large
+# ones: a drone with little drag holds its heading without a limit cycle. Dynamic positioning of
+# ships uses the same method, thruster biasing. The price is the power of the bias.
+
+
+LEAST_PART = 1e-6  # [-] smaller parts are rounding
+EVEN = 0.5  # [-] least ratio of smallest to largest part of a bias; below, it costs too much
+Bias = list[tuple[int, float]]  # thruster, part of a newton
+LARGEST_BIAS = 2.0  # [-] of the dead-band; a stronger bias is not worth its power
+JUST_OUT = 1.001  # [-] of the dead-band; a margin for rounding
+WELL_OUT = 1.25  # [-] of the dead-band; beyond it no bias is needed
+
+
+class ThrustBias:
+    """Sets of thrusters that can push against each other, and whether each set is biased now."""
+
+    def __init__(self, effect: Matrix, dead_bands: Sequence[float], axes: Collection[str]) -> None:
+        """
+        Args:
+            effect: (6, n) wrench per newton; a column of zeros excludes a thruster.
+            dead_bands: (n,) [N]
+            axes: thrusters that act on any of these are biased.
+        """
+        self._dead_bands = dead_bands
+        rows = [AXES.index(axis) for axis in axes]
+        acting = np.any(np.abs(effect[rows]) > LEAST_PART, axis=0)
+        self.sets: list[Bias] = [
+            [(index, float(bias[index])) for index in np.flatnonzero(bias).tolist()]
+            for bias in (biases(effect) if axes else [])
+            if np.any(acting & (bias != 0.0))
+        ]
+        self._on = [False] * len(self.sets)
+
+    def added(self, forces: list[float], limits: Sequence[tuple[float, float]]) -> list[float]:
+        """Forces [N] of the same wrench outside the dead-bands, where that is possible.
+
+        Args:
+            forces: (n,) [N]
+            limits: (n,) [N] lowest and highest of each thruster.
+        """
+        result = list(forces)
+        for number, bias in enumerate(self.sets):
+            enough = WELL_OUT if self._on[number] else 1.0
+            self._on[number] = any(
+                abs(forces[index]) < enough * self._dead_bands[index] for index, _ in bias
+            )
+            if self._on[number]:
+                self._push_apart(result, bias, limits)
+        return result
+
+    def _push_apart(
+        self, forces: list[float], bias: Bias, limits: Sequence[tuple[float, float]]
+    ) -> None:
+        """Add the weakest bias that takes every thruster of the set out of its dead-band."""
+        strength = max(
+            (copysign(JUST_OUT * self._dead_bands[index], part) - forces[index]) / part
+            for index, part in bias
+        )
+        if strength > LARGEST_BIAS * max(self._dead_bands[index] for index, _ in bias):
+            return
+        pushed = [(index, forces[index] + strength * part) for index, part in bias]
+        if all(limits[index][0] <= force <= limits[index][1] for index, force in pushed):
+            for index, force in pushed:
+                forces[index] = force
+
+
+def biases(effect: Matrix) -> list[Matrix]:
+    """(n,) each: forces without a wrench, one per independent set of thrusters that have one spare
+    freedom. The smallest part of each is 1 or -1. Thrusters that cannot be balanced are in none.
+
+    Args:
+        effect: (6, n) wrench per newton.
+    """
+    counts = np.any(np.abs(effect) > LEAST_PART, axis=0)
+    # The projector into the null space. Where a set has one freedom, its columns are all along it.
+    null = on_any_processor(np.diag(counts.astype(float)) - np.linalg.pinv(effect) @ effect)
+    found: list[Matrix] = []
+    left = {index for index in range(len(counts)) if null[index, index] > LEAST_PART}
+    while left:
+        column = null[:, min(left)]
+        members = np.flatnonzero(np.abs(column) > LEAST_PART)
+        left -= {min(left), *members.tolist()}
+        parts = np.abs(column[members])
+        one = abs(np.trace(null[np.ix_(members, members)]) - 1.0) < LEAST_PART
+        if one and parts.min() >= EVEN * parts.max():
+            found.append(np.where(np.abs(column) > LEAST_PART, column, 0.0) / parts.min())
+    return found
+
 
 PRIORITY = (("roll", "pitch"), ("heave",), ("yaw",), ("surge", "sway"))
 ROUNDING = 1e-9  # [N] a smaller share of a demand counts as none
