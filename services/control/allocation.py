@@ -100,9 +100,9 @@ def _comparable(effect: Matrix, strength: Sequence[float]) -> Matrix:
     return scale[:, None] * effect * (np.array(strength) / strongest)
 
 
-# Thrust bias: thrusters run against each other, so that none of them is in its dead-band.
-# With more thrusters than axes, forces without any wrench can be added: vectors b with T b = 0. With
-# a large enough b every thruster of a set turns all the time, and small forces are as exact as large
+# Thrust bias: thrusters run against each other, so that none of them is in its dead-band. With
+# more thrusters than axes, forces without any wrench can be added: vectors b with T b = 0. With a
+# large enough b every thruster of a set turns all the time, and small forces are as exact as large
 # ones: a drone with little drag holds its heading without a limit cycle. Dynamic positioning of
 # ships uses the same method, thruster biasing. The price is the power of the bias.
 
