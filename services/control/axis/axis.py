@@ -383,7 +383,7 @@ class Axis:
             return False
         given_up = before.spring(error) - feedback.spring(error)
         outside = error - clamped(error, feedback.zone)
-        wanted = learnt.estimate - (given_up + g.ki * outside * dt)
+        wanted = learnt.estimate - given_up - g.ki * outside * dt
         learnt.estimate = clamped(wanted, g.max_integral)
         learnt.lasting.add(learnt.estimate, dt)
         return wanted != learnt.estimate
