@@ -72,6 +72,7 @@ GONE_OPTIONS = {
     "log film --overlay": "the film's subtitles say the same",
     "pad --profile": "`lindy pad PROFILE`",
     "pad --seconds": "end it with Ctrl-C",
+    "pad --write": "copy deploy/pads/default.toml, and change it by what `lindy pad` shows",
     "profile --accel-time": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
     "profile --cruise": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
     "profile --decel-time": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
@@ -107,7 +108,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "fly": Verb("fleet.fly:fly", "Start the topside for one of several drones."),
         "ask": Verb("ask:ask", "Send a request to a running dive, and print the answer."),
         "ros2": Verb("ros2:ros2", "Show a running dive in ROS 2, and have it flown from there."),
-        "pad": Verb("pad.command:pad", "Show what a pad sends, and write a profile for it."),
+        "pad": Verb("pad.command:pad", "Show what a pad sends, and what a profile makes of it."),
     },
     "Drones and links": {
         "drones": Verb("fleet.drones:drones", "List the drones that can be reached."),
