@@ -382,6 +382,8 @@ def _mistyped(error: Any) -> str:
         said = f"`{verb}` takes no {' '.join(error.unused_tokens or ())}."
     elif isinstance(error, CoercionError) and error.target_type is float and error.token:
         said = f"{error.token.keyword} is {error.token.value!r}, expected a number."
+    elif isinstance(error, CoercionError) and error.msg and error.token:
+        said = f"{error.token.keyword}: {error.msg}."
     return f"{said} `{verb} --help` says more"
 
 

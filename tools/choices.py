@@ -132,5 +132,15 @@ class NamedChoices(Choices):
     name: DroneName = None
 
 
-DEFAULT = Choices()
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ScriptedChoices(Choices):
+    """Options of a dive on virtual time, which nobody's hands fly."""
+
+    pilot: Annotated[
+        str | None, Parameter(help="script:FILE, a CSV stick log; default: script:first_dive")
+    ] = None
+
+
+SCRIPTED = ScriptedChoices()
 NAMED = NamedChoices()

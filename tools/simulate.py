@@ -16,7 +16,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.vehicle_view.log_lines import when
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
-from tools.choices import DEFAULT, Choices, named
+from tools.choices import SCRIPTED, Choices, ScriptedChoices, named
 from tools.exit_status import DONE
 from tools.live.cockpit import runnable, with_further_cameras
 from tools.live.display import LineDisplay
@@ -42,7 +42,7 @@ class Simulated(NamedTuple):
 
 def simulate(
     *,
-    choices: Choices = DEFAULT,
+    choices: ScriptedChoices = SCRIPTED,
     files: Annotated[
         bool,
         Parameter(

@@ -124,7 +124,7 @@ def fly_planned(dive: Dive, pilot: PilotChoice) -> int:
             point_latest(dive.stack.out_dir)
             piloted = PilotedDive(local, pilot, stop, shown)
             outcome.exit = piloted.fly()
-            left = piloted.left
+            outcome.stopped, left = stop.asked, piloted.left
         if left:  # once the screen is gone
             print(left, flush=True)
         if dive.side is not None and RECORDER not in dive.services:
@@ -148,6 +148,7 @@ def keep_on_board(dive: Dive) -> int:
         with outcome.of_the_dive(), local_stack(dive) as local, followed_by(outcome, local):
             point_latest(dive.stack.out_dir)
             outcome.exit = DroneSide(local, stop).keep()
+            outcome.stopped = stop.asked
             with suppress(OSError):  # it ends anyway
                 mark_ended(local.plan.checkpoints)
         if RECORDER in dive.services:

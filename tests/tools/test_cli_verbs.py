@@ -116,6 +116,8 @@ def test_an_unknown_verb_is_met_with_the_nearest_one(capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
+        (["dive", "--out"], "--out needs a value. `lindy dive --help` says more"),
+        (["dive", "--out="], "--out: it is empty; name one"),
         (["run", "contrl"], "did you mean 'control'?"),
         (["run", "control"], "add --connect drone="),
         (["run", "control", "--connect", "tcp/127.0.0.1:7447"], "expected SIDE=ENDPOINT"),

@@ -15,7 +15,7 @@ from messages.link import LatencyBudget
 from messages.text import harmless
 from messages.vehicle import VehicleStatus
 from services.recorder.io.parts import parts_in
-from services.runtime.config.errors import LindyError, NeedsRealTimeError
+from services.runtime.config.errors import EndedByUserError, LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from tools.analysis.dive import RecordedDive, read_dive
@@ -41,6 +41,7 @@ class Outcome:
 
     def __init__(self, stack: Stack) -> None:
         self.exit = "clean"  # or why it ended otherwise
+        self.stopped = False  # the user ended it
         self.restarts: Callable[[], dict[str, int]] = dict
         self.hung: Callable[[], dict[str, int]] = dict  # times each did not answer
         self.shared: dict[str, str] = {}  # service → OS process, where it shares one
@@ -104,9 +105,9 @@ class Outcome:
             LindyError: nothing was recorded, and why.
         """
         if not parts_in(folder := self._stack.out_dir):
-            raise self._error or LindyError(
-                f"the dive ended before anything was recorded in {folder}"
-            )
+            kind = EndedByUserError if self.stopped else LindyError
+            why = f"the dive ended before anything was recorded in {folder}"
+            raise self._error or kind(why)
 
     def require_dive(self, dive: RecordedDive) -> None:
         """
