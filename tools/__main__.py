@@ -105,7 +105,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
         "dive": Verb("dive:dive", "Fly a dive on this machine: every service, record and report."),
         "simulate": Verb("simulate:simulate", "Fly a dive on virtual time, as fast as possible."),
         "up": Verb("up:up", "Start one SIDE of a dive, topside or drone, on this machine."),
-        "fly": Verb("fleet.fly:fly", "Start the topside for one of several drones."),
+        "fly": Verb("up:fly", "Start the topside for one of several drones."),
         "ask": Verb("ask:ask", "Send a request to a running dive, and print the answer."),
         "ros2": Verb("ros2:ros2", "Show a running dive in ROS 2, and have it flown from there."),
         "pad": Verb("pad.command:pad", "Show what a pad sends, and what a profile makes of it."),

@@ -6,7 +6,7 @@ one is run by `keep_on_board`.
 """
 
 from collections.abc import Callable, Collection
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from socket import gethostname
 from typing import Any
 
@@ -18,7 +18,7 @@ from services.runtime.launch.local_stack import local_stack
 from services.runtime.launch.process_plan import Dive
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices
-from tools.fleet.meeting import others_named, own_name
+from tools.fleet.network import own_name
 from tools.live.cockpit import runnable, with_further_cameras, with_picture
 from tools.live.display import display
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
@@ -119,7 +119,6 @@ def fly_planned(dive: Dive, pilot: PilotChoice) -> int:
             outcome.of_the_dive(),
             local_stack(dive) as local,
             followed_by(outcome, local),
-            others_named(local) if dive.side else nullcontext(),
         ):
             point_latest(dive.stack.out_dir)
             piloted = PilotedDive(local, pilot, stop, shown)

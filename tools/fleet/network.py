@@ -1,28 +1,141 @@
-"""Where drone and topside meet, and by which name: what is settled before a side starts; and a
-topside that hears nothing because its drone has another name is told so."""
+"""The network as it is seen from outside: who is there, at a drone's hub or a router, from the
+liveliness tokens of hubs and three rows of each drone; and where drone and topside meet, and by
+which name."""
 
 import re
 import time
 from collections import deque
-from collections.abc import Generator, Iterable, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from socket import gethostname
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from messages import events
+import msgspec
+
+from messages import topics
+from messages.identity import SideIdentity
+from messages.payload import UNDECODABLE
+from messages.sensors import BatterySample
+from messages.topic import AnyTopic
+from messages.vehicle import VehicleStatus
+from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.key_files import Credentials, KeyFiles
-from services.runtime.bus.spaces import EVERY_SPACE, LONGEST, checked_name, here_key
+from services.runtime.bus.spaces import (
+    EVERY_SPACE,
+    LONGEST,
+    checked_name,
+    here_key,
+    here_of,
+    name_in,
+    namespace,
+)
 from services.runtime.bus.zenoh_bus import NobodyThereError, open_network
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.launch.local_stack import LocalStack
-from services.runtime.launch.process_plan import HOME
-from tools.fleet.look import Roster, who_is_there
 from tools.keys.credentials import credentials, is_local
 
+LOOK_S = 1.6  # [s] who is there says so once a second
+STEP_S = 0.01  # [s] between two looks at what has arrived
+PATIENCE_S = 1.0  # [s] for the endpoint to answer
+ROWS: tuple[AnyTopic, ...] = (topics.IDENTITY.of("drone"), topics.STATUS, topics.BATTERY)
 AGAIN_S = 0.5  # [s] between two questions who is there
 GONE_S = 3.0  # [s] in which an earlier start of this drone, cut off, is forgotten by the network
+SHOWN = 8  # names in one sentence
+
+
+@dataclass(slots=True)
+class Drone:
+    """What is known of a drone. A name alone anybody can announce."""
+
+    name: str
+    starts: set[str] = field(default_factory=set[str])  # instances of its hub; two: two drones
+    identity: SideIdentity | None = None
+    status: VehicleStatus | None = None
+    battery: BatterySample | None = None
+
+    @property
+    def complete(self) -> bool:
+        return None not in (self.identity, self.status, self.battery)
+
+
+class Roster:
+    """Tokens and rows, in any order. Pure."""
+
+    def __init__(self) -> None:
+        self.drones: dict[str, Drone] = {}
+        self._decoders: dict[str, Any] = {
+            topic.key: msgspec.msgpack.Decoder(topic.message) for topic in ROWS
+        }
+
+    def token(self, key: str) -> None:
+        """A drone's hub is there; names that no drone may have mean nothing."""
+        here = here_of(key)
+        if here is not None and here.side == "drone":
+            self.drones.setdefault(here.name, Drone(here.name)).starts.add(here.instance)
+
+    def row(self, key: str, payload: bytes) -> None:
+        """One of `ROWS` of a drone. Of one that is not announced it means nothing."""
+        decoder = self._decoders.get(key.removeprefix(f"{namespace(name := name_in(key))}/"))
+        drone = self.drones.get(name)
+        if drone is None or decoder is None:
+            return
+        try:
+            message = decoder.decode(payload)
+        except UNDECODABLE:  # also a field that is out of its range
+            return
+        if isinstance(message, SideIdentity):
+            drone.identity = message
+        elif isinstance(message, VehicleStatus):
+            drone.status = message
+        else:
+            drone.battery = message
+
+    @property
+    def complete(self) -> bool:
+        """Has everybody who is announced said what there is to know?"""
+        return bool(self.drones) and all(drone.complete for drone in self.drones.values())
+
+    @property
+    def names(self) -> list[str]:
+        return sorted(self.drones)
+
+
+def who_is_there(endpoint: str, keys: KeyFiles | None = None) -> list[str]:
+    """Names of the drones that are announced now.
+
+    Raises:
+        LindyError: nobody answers there, or nobody who lets us in.
+    """
+    with open_network(endpoint, PATIENCE_S, keys=keys) as network:
+        roster = Roster()
+        for key in network.tokens(here_key(EVERY_SPACE, "drone")):
+            roster.token(key)
+        return roster.names
+
+
+def look(endpoint: str, keys: KeyFiles | None = None, longest_s: float = LOOK_S) -> Roster:
+    """Everything that is to be known of the drones that are there. Returns as soon as all of them
+    have spoken, at the latest after `longest_s`.
+
+    Raises:
+        LindyError: nobody answers there, or nobody who lets us in.
+    """
+    roster = Roster()
+    heard: deque[Envelope] = deque(maxlen=10_000)  # filled on Zenoh's thread
+    with open_network(endpoint, PATIENCE_S, keys=keys) as network:
+        for topic in ROWS:
+            network.hear(f"{EVERY_SPACE}/{topic.key}", heard.append)
+        for key in network.tokens(here_key(EVERY_SPACE, "drone")):
+            roster.token(key)
+        deadline = time.monotonic() + longest_s
+        while not roster.complete and time.monotonic() < deadline:
+            time.sleep(STEP_S)  # messages come on Zenoh's thread
+            while heard:
+                envelope = heard.popleft()
+                roster.row(envelope.key, envelope.payload)
+    return roster
 
 
 class Meeting(NamedTuple):
@@ -88,21 +201,28 @@ def require_only(name: str, router: str, keys: KeyFiles | None) -> None:
     try:
         while name in who_is_there(router, keys):
             if time.monotonic() > deadline:
-                raise TakenNameError(
-                    f"a drone called {name} is on the network of {router} already, and goes on; "
-                    f"give this one another --name"
-                )
+                break
             time.sleep(AGAIN_S)  # an earlier start of this drone may not be forgotten yet
+        else:
+            return
     except NobodyThereError:
         print(f"no router answers at {router} yet: {name} joins when one does", flush=True)
-    except TakenNameError:
-        raise
+        return
     except LindyError as error:
         print(f"{error}; {name} goes on without, and tries again and again", flush=True)
+        return
+    raise LindyError(
+        f"a drone called {name} is on the network of {router} already, and goes on; give this one "
+        f"another --name"
+    )
 
 
-class TakenNameError(LindyError):
-    """Another drone has this name."""
+def wanted_at(endpoint: str, wanted: str, keys: KeyFiles | None) -> str:
+    """A drone's name as a pilot gave it. That only others are there now is printed: it may come."""
+    with suppress(LindyError):  # nobody answers yet, or none who lets us in
+        if (there := who_is_there(endpoint, keys)) and wanted not in there:
+            print(f"{missing(wanted, there, endpoint)}; waits for {wanted}", flush=True)
+    return wanted
 
 
 def drone_at(endpoint: str, own: str, keys: KeyFiles | None) -> str:
@@ -140,12 +260,6 @@ def drone_at(endpoint: str, own: str, keys: KeyFiles | None) -> str:
         time.sleep(AGAIN_S)
 
 
-SHOWN = 8  # names in one sentence
-LOOK_HZ = 1.0  # [1/s]
-PATIENCE_S = 2.0  # [s] for this side's own hub
-WAIT_NS = 3_000_000_000  # [ns] in which the wanted drone may be announced behind others
-
-
 def own_name(vehicle: str, host: str) -> str:
     """Of a drone that was given none: its type and its computer, such as `pioneer-boat`.
 
@@ -167,60 +281,3 @@ def missing(wanted: str, there: Sequence[str], endpoint: str) -> str:
     """Why a pilot who wants a drone of this name cannot have it."""
     who = f"there are {in_words(there)}" if there else "nobody is there"
     return f"no drone is called {wanted} at {endpoint}; {who}"
-
-
-def other_drone(wanted: str, there: Sequence[str], *, was_there: bool = False) -> str:
-    """What a topside that waits for a drone is to be told; empty: nothing is wrong. One that had
-    its drone must go on waiting: it may be armed, and comes back by itself."""
-    if wanted in there or not there:
-        return ""
-    if was_there:
-        return f"{wanted} has left the network, where {in_words(there)} can be reached: waiting \
-for it"
-    other = sorted(there)[0]
-    return (
-        f"this is the topside of {wanted}, and only {in_words(there)} can be reached: end it, and "
-        f"start it with --name {other}"
-    )
-
-
-class Others:
-    """Which drones are there besides the wanted one. Pure."""
-
-    def __init__(self, wanted: str, now: int) -> None:
-        self._wanted, self._since = wanted, now
-        self._was_there = False
-        self.roster = Roster()
-
-    def words(self, now: int) -> str:
-        """What the pilot is to be told; empty: nothing."""
-        wanted = self.roster.drones.get(self._wanted)
-        if wanted is not None and len(wanted.starts) > 1:
-            return f"two drones call themselves {self._wanted}: give one of them another --name"
-        self._was_there = self._was_there or wanted is not None
-        wrong = other_drone(self._wanted, self.roster.names, was_there=self._was_there)
-        if not wrong:
-            self._since = now
-        return wrong if now - self._since >= WAIT_NS else ""
-
-
-@contextmanager
-def others_named(local: LocalStack) -> Generator[None]:
-    """Watch who is there by way of this side's own hub, for as long as the dive goes on."""
-    tokens: deque[tuple[str, bool]] = deque(maxlen=4096)  # filled on Zenoh's thread
-    others, said = Others(local.stack.drone_name, time.monotonic_ns()), ""
-
-    def look(now: int) -> None:
-        nonlocal said
-        while tokens:
-            others.roster.token(*tokens.popleft())
-        was, said = said, others.words(now)
-        if said and said != was:
-            local.node.tell(events.ALARM_OTHER_DRONE(detail=said))
-
-    with open_network(local.plan.endpoints[HOME], PATIENCE_S) as network:
-        network.watch(
-            lambda key, there: tokens.append((key, there)), here_key(EVERY_SPACE, "drone")
-        )
-        local.node.every(LOOK_HZ, look)
-        yield
