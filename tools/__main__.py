@@ -116,7 +116,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
             "keys.command:keys",
             "Make and revoke the keys by which drone and pilot know each other.",
         ),
-        "top": Verb("topic.top:top", "Show what each service costs, and how late it is."),
+        "top": Verb("topic.command:top", "Show what each service costs, and how late it is."),
         "topic": Verb(
             "topic.command:topic", "List the streams of a dive; show, time and weigh them."
         ),

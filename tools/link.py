@@ -83,8 +83,7 @@ def set_(*settings: str, dive: RunningDive = None) -> int:
 
 
 def _ask(request: LinkRequest, dive: Path | None) -> int:
-    from tools.ask import dive_in
-    from tools.live.asking import answer_to, at_once
+    from tools.ask import answer_to, at_once, dive_in
 
     running = dive_in(dive)
     require_link(running)

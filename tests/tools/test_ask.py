@@ -23,8 +23,16 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.patience import PATIENCE_S, until
-from tools.ask import ask, dive_in, dives_here, for_the_pilot, in_json, in_words, wanted_of
-from tools.live.asking import OneRequest
+from tools.ask import (
+    OneRequest,
+    ask,
+    dive_in,
+    dives_here,
+    for_the_pilot,
+    in_json,
+    in_words,
+    wanted_of,
+)
 
 S = 1_000_000_000  # [ns]
 GIVEN: dict[str, Any] = dict.fromkeys(("name", "depth", "heading", "force"))
