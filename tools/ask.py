@@ -198,25 +198,6 @@ def _written(file: Path) -> float:
     return 0.0
 
 
-def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:
-    """Send a request in the name of this side's pilot, as soon as one of its commands is heard. A
-    stop is sent at once. Without a pilot on this side, a request about control is not sent, and any
-    other one is sent in nobody's name."""
-    if wanted.kind == "stop":
-        return at_once(node, wanted, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
-    asking = OneRequest(node, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
-
-    def in_its_name(command: PilotCommand, now: int) -> None:
-        named = msgspec.structs.replace(wanted, source=command.source, epoch=command.epoch)
-        asking.ask(named, now)
-
-    if HOME in node.sides:
-        node.each(topics.PILOT_COMMAND, in_its_name, onlooker=True)
-    if wanted.kind not in ABOUT_CONTROL:
-        node.alarm(lambda now: asking.ask(wanted, now)).set(node.now() + NO_PILOT_NS)
-    return asking
-
-
 class OneRequest(Generic[Q, A]):
     """A request, and its answer. `asked`: it was sent."""
 
@@ -281,6 +262,25 @@ def answer_to(ask: Callable[[Node], OneRequest[Q, A]], running: Running, who: st
     if asking.answer is None:
         raise LindyError(f"the {who} does not answer")
     return asking.answer
+
+
+def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:
+    """Send a request in the name of this side's pilot, as soon as one of its commands is heard. A
+    stop is sent at once. Without a pilot on this side, a request about control is not sent, and any
+    other one is sent in nobody's name."""
+    if wanted.kind == "stop":
+        return at_once(node, wanted, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
+    asking = OneRequest(node, topics.PILOT_REQUEST, topics.PILOT_ANSWER)
+
+    def in_its_name(command: PilotCommand, now: int) -> None:
+        named = msgspec.structs.replace(wanted, source=command.source, epoch=command.epoch)
+        asking.ask(named, now)
+
+    if HOME in node.sides:
+        node.each(topics.PILOT_COMMAND, in_its_name, onlooker=True)
+    if wanted.kind not in ABOUT_CONTROL:
+        node.alarm(lambda now: asking.ask(wanted, now)).set(node.now() + NO_PILOT_NS)
+    return asking
 
 
 def in_words(kind: str, answer: PilotAnswer) -> str:
