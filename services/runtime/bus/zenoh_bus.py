@@ -276,9 +276,21 @@ class ZenohBus:
         # `indirect=False`: store on Zenoh's own thread; it only appends and wakes. A queue with
         # a thread behind it fills up, and one full queue blocks reception for the whole session.
         def on_sample(sample: zenoh.Sample) -> None:
-            keep_thread_state()
+            if not hasattr(_kept, "state"):
+                keep_thread_state()
             if sample.kind == zenoh.SampleKind.PUT:
-                store(envelope_of(sample))
+                attachment = sample.attachment
+                store(
+                    Envelope(
+                        key=str(sample.key_expr),
+                        payload=sample.payload.to_bytes(),
+                        encoding=str(sample.encoding),
+                        attachment=None if attachment is None else attachment.to_bytes(),
+                        travelled=ZenohQos(
+                            sample.priority, sample.congestion_control, sample.express
+                        ),
+                    )
+                )
 
         handler = zenoh.handlers.Callback(on_sample, indirect=False)
         self._keep.append(
@@ -289,18 +301,13 @@ class ZenohBus:
 
     def say(self, topic: AnyTopic) -> Say:
         qos = QOS_PROFILES[topic.qos]
-        publisher = self._session.declare_publisher(
+        return self._session.declare_publisher(
             topic.key,
             encoding=topic.encoding,
             priority=qos.priority,
             congestion_control=qos.congestion_control,
             express=qos.express,
-        )
-
-        def put(payload: bytes) -> None:
-            publisher.put(payload)
-
-        return put
+        ).put
 
     def forward(self, envelope: Envelope) -> None:
         qos = envelope.travelled
@@ -343,18 +350,6 @@ def open_bus(endpoint: str, name: str, keys: KeyFiles | None = None) -> Generato
     """A client's bus. Always closed: a session left open hangs the process at exit."""
     with connected(endpoint, namespace(name), keys=keys) as session:
         yield ZenohBus(session)
-
-
-def envelope_of(sample: zenoh.Sample) -> Envelope:
-    """What has arrived, not yet decoded."""
-    attachment = sample.attachment
-    return Envelope(
-        key=str(sample.key_expr),
-        payload=sample.payload.to_bytes(),
-        encoding=str(sample.encoding),
-        attachment=None if attachment is None else attachment.to_bytes(),
-        travelled=ZenohQos(sample.priority, sample.congestion_control, sample.express),
-    )
 
 
 @dataclass(frozen=True, slots=True)
