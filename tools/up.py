@@ -2,6 +2,7 @@
 another machine."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -20,19 +21,16 @@ from services.runtime.launch.process_plan import Dive
 from services.runtime.os import system
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import (
+    FLEET,
     HERE,
     NAMED,
     Choices,
-    DiveFolder,
+    FleetChoices,
     Grouped,
     Insecure,
     KeysFolder,
     NamedChoices,
-    Overrides,
-    PilotName,
     Router,
-    StackName,
-    VehicleName,
 )
 from tools.fleet.network import (
     Meeting,
@@ -132,11 +130,7 @@ def fly(
     grouped: Grouped = False,
     keys: KeysFolder = None,
     insecure: Insecure = False,
-    pilot: PilotName = None,
-    vehicle: VehicleName = "pioneer",
-    stack: StackName = "simulated",
-    out: DiveFolder = None,
-    set_: Overrides = (),
+    choices: FleetChoices = FLEET,
 ) -> int:
     """Start the topside for one of several drones.
 
@@ -151,11 +145,12 @@ def fly(
     own_keys = None if way is None else way.keys
     if drone not in (there := who_is_there(router, own_keys)):
         raise LindyError(missing(drone, there, router))
-    choices = Choices(pilot=pilot, vehicle=vehicle, name=drone, stack=stack, out=out, set_=set_)
-    plan, pilot_choice = topside(choices, router, way, grouped=grouped, insecure=insecure)
+    plan, pilot = topside(
+        replace(choices, name=drone), router, way, grouped=grouped, insecure=insecure
+    )
     if COCKPIT in plan.services:
         announce(plan.stack, browser=False)
-    return fly_planned(plan, pilot_choice)
+    return fly_planned(plan, pilot)
 
 
 def drone(
