@@ -5,8 +5,7 @@ activity, alarm, depth, heading, flight mode, battery, sticks and link, then the
 the last warnings among them. The services get the rows that are left; those that are gone or were
 restarted are shown before the others.
 
-On a terminal of 24 rows or more every alarm has rows of its own and is wrapped, because its end
-says what the pilot has to do. On a lower one they share rows, and the ends may be cut.
+Every alarm has rows of its own and is wrapped, because its end says what the pilot has to do.
 """
 
 from collections.abc import Sequence
@@ -32,7 +31,6 @@ TABLE_HEADING = 1  # row
 COLUMNS = 80  # of the narrowest terminal
 ALARM_ROWS = 3  # of each alarm at most
 INDENT = " " * 10  # of a log line's second row
-ROOMY = 23  # [rows] from here on every alarm has rows of its own
 LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
 
 
@@ -68,10 +66,8 @@ def render(view: View, height: int | None = None, width: int = COLUMNS) -> Rende
     Args:
         height, width: rows and columns there are; None: as many rows as are needed.
     """
-    roomy = height is None or height >= ROOMY
-    alarms = _alarms(view, width) if roomy else _alarms_in_short(view)
-    note = "; ".join(words.notes(view))
-    if roomy and len(_state(view, note)) > width:
+    alarms, note = _alarms(view, width), "; ".join(words.notes(view))
+    if len(_state(view, note)) > width:
         state = [_state(view, ""), *_wrapped("NOTE", note, "yellow", width)]
     else:
         state = [_state(view, note)]
@@ -153,16 +149,6 @@ def _wrapped(name: str, text: str, style: str, width: int) -> list[Text]:
     """In as many rows as it needs, up to `ALARM_ROWS`."""
     rows = wrap(text, width - 7, max_lines=ALARM_ROWS, placeholder=" …")
     return [_row(f"{'' if n else name:<6} {row}", style) for n, row in enumerate(rows)]
-
-
-def _alarms_in_short(view: View) -> list[Text]:
-    """At most two rows; their ends may be cut."""
-    alarms = [f"SILENT {_silent(view)}"] if view.silent else []
-    alarms += [f"LINK   {words.alarm(view)}"] if view.alarms else []
-    alarms += [f"CAMERA {view.picture}"] if view.picture else []
-    rows = [f"DRONE  {acting}"] if (acting := words.acting(view)) else []
-    rows += ["  ".join(alarms)] if alarms else []
-    return [_row(row, "bold red") for row in rows]
 
 
 def _row(text: str, style: str) -> Text:

@@ -20,8 +20,6 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any, Literal
 
 import zenoh
@@ -135,8 +133,6 @@ def listening(
     except OSError as error:
         raise LindyError(f"cannot listen on {endpoint}: {reason(error)}") from None
     except zenoh.ZError as error:
-        if endpoint.startswith(UNIX):
-            _require_writable(Path(endpoint.removeprefix(UNIX)).parent)
         taken = "in use" in str(error)
         said = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
         said = said.removeprefix('Json5Err(Message { msg: "')
@@ -145,19 +141,6 @@ def listening(
         raise LindyError(
             f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:{free}"
         ) from None
-
-
-def _require_writable(folder: Path) -> None:
-    """
-    Raises:
-        LindyError: it is not, so no socket can be made in it.
-    """
-    try:
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        where = f"cannot write into {folder}, where the hub's socket is"
-        raise LindyError(f"{where}: {reason(error)}") from None
 
 
 def connected(
