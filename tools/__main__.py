@@ -102,7 +102,7 @@ class Verb(NamedTuple):
 
 GROUPS: dict[str, dict[str, Verb]] = {
     "Fly": {
-        "dive": Verb("dive:dive", "Fly a dive on this machine: every service, record and report."),
+        "dive": Verb("start:dive", "Fly a dive on this machine: every service, record and report."),
         "simulate": Verb("simulate:simulate", "Fly a dive on virtual time, as fast as possible."),
         "up": Verb("up:up", "Start one SIDE of a dive, topside or drone, on this machine."),
         "fly": Verb("up:fly", "Start the topside for one of several drones."),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from services.runtime.bus.key_files import KeyFiles
+from services.runtime.bus.access_control import KeyFiles
 from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
@@ -16,8 +16,7 @@ from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from tools.checks import pilot_of
 from tools.choices import SERVICE, ServiceChoices, named
-from tools.keys.credentials import credentials, is_local
-from tools.keys.roles import Role
+from tools.keys.credentials import Role, credentials, is_local
 from tools.live.cockpit import VIEWER, with_further_cameras
 from tools.live.dive_folder import dive_files
 from tools.replay.play import one_bus

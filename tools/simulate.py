@@ -19,10 +19,10 @@ from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
 from tools.choices import SCRIPTED, Choices, ScriptedChoices, named
 from tools.exit_status import DONE
 from tools.live.cockpit import runnable, with_further_cameras
-from tools.live.display import LineDisplay
 from tools.live.dive_folder import dive_files, point_latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import Outcome, title
+from tools.live.screen import LineDisplay
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import Advance, MemoryRecorder, fly, without_files
 from tools.recordings.recording import log_hash

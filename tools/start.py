@@ -1,29 +1,41 @@
-"""The one start of everything that flies: what is checked, in which order, and how it is run.
+"""The one start of everything that flies: what is checked, in which order, and how it is run; and
+`lindy dive`, the whole stack as processes on this machine.
 
 `dive`, both sides of `up`, `fly`, `simulate` and `run` choose services and a pilot, and have them
 `settled`. A `Dive` with a pilot on this machine is then flown by `fly_planned`; the drone's side of
 one is run by `keep_on_board`.
 """
 
+import os
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from socket import gethostname
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
+from cyclopts import Parameter
 
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import local_stack
 from services.runtime.launch.process_plan import Dive
 from tools.checks import PilotChoice, checked
-from tools.choices import Choices
+from tools.choices import NAMED, Choices, Grouped, Insecure, KeysFolder, NamedChoices
 from tools.fleet.network import own_name
-from tools.live.cockpit import runnable, with_further_cameras, with_picture
-from tools.live.display import display
+from tools.keys.credentials import credentials
+from tools.live.cockpit import (
+    COCKPIT,
+    announce,
+    runnable,
+    with_cockpit,
+    with_further_cameras,
+    with_picture,
+)
 from tools.live.dive_folder import out_folder, point_latest, require_room_for_recording
-from tools.live.outcome import RECORDER, Outcome
+from tools.live.outcome import RECORDER, Outcome, title
+from tools.live.pilots import tell_who_flies, who_flies
 from tools.live.resume import mark_ended
+from tools.live.screen import display
 from tools.live.session import DroneSide, PilotedDive, followed_by
 from tools.live.stop_signals import StopSignals
 from tools.packages import require_packages
@@ -157,3 +169,51 @@ def keep_on_board(dive: Dive) -> int:
             lambda: outcome.sum_up_unrecorded("drone", "topside"),
             "the recording is on the topside's side",
         )
+
+
+def dive(
+    *,
+    choices: NamedChoices = NAMED,
+    headless: Annotated[
+        bool, Parameter(help="no live viewer, even where there is a display")
+    ] = False,
+    listen: Annotated[
+        str | None,
+        Parameter(help="endpoint for other programs on the topside, e.g. tcp/127.0.0.1:7447"),
+    ] = None,
+    cockpit: Annotated[
+        bool,
+        Parameter(
+            help="fly in a browser: prints the page's address, and opens it where there is a "
+            "display; with --pilot it is beside that pilot",
+        ),
+    ] = False,
+    grouped: Grouped = False,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+) -> int:
+    """Fly a dive on this machine: every service, record and report.
+
+    Exit status 3: data was lost, or a service did not work for a while.
+
+    Example: lindy dive --pilot script:first_dive --link remote --out dives/first
+             lindy dive --stack real --set driver.port=/dev/ttyACM0
+    """
+    way_in = None
+    if listen is not None:  # to other programs this machine is the drone
+        way_in = credentials(listen, "--listen", ("drone",), keys, insecure=insecure)
+    every = Registry.read(choices.stack)
+    if cockpit:
+        every = with_cockpit(every, choices.pilot)
+    here = as_it_can_run(every, choices, grouped=grouped)
+    pilot = who_flies(choices, here)
+    here.require_whole()
+    viewer = not headless and bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
+    insecure = insecure and listen is not None
+    stack = settled(choices, pilot, here, viewer=viewer, insecure=insecure)
+    plan = Dive(stack, here, listen=() if listen is None else (listen,), credentials=way_in)
+    tell_who_flies(choices, pilot)
+    print(f"{title(stack)} → {stack.out_dir}", flush=True)
+    if COCKPIT in here:
+        announce(stack, browser=viewer and cockpit)
+    return fly_planned(plan, pilot)

@@ -9,7 +9,7 @@ from typing import Annotated
 import msgspec
 from cyclopts import Parameter
 
-from services.runtime.bus.key_files import Credentials
+from services.runtime.bus.access_control import Credentials
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest

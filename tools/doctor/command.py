@@ -22,8 +22,7 @@ from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices, Json, Overrides, VehicleName
-from tools.doctor.board_checks import of_board
-from tools.doctor.file_checks import VehicleFinding, as_json, as_lines, fit, of_file
+from tools.doctor.board_checks import VehicleFinding, as_json, as_lines, fit, of_board, of_file
 from tools.doctor.instrument_checks import STACK, of_instruments, wanted
 from tools.doctor.visit import BoardVisit
 from tools.packages import lacking

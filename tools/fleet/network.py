@@ -20,8 +20,8 @@ from messages.payload import UNDECODABLE
 from messages.sensors import BatterySample
 from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
+from services.runtime.bus.access_control import Credentials, KeyFiles
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.key_files import Credentials, KeyFiles
 from services.runtime.bus.spaces import (
     EVERY_SPACE,
     LONGEST,

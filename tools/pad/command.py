@@ -12,8 +12,7 @@ from rich.text import Text
 from services.gamepad.core import PadProfile, sticks_of
 from services.gamepad.io import sdl
 from services.runtime.config.settings import deploy_file, read
-from tools.live.display import drawn_anew
-from tools.live.screen import bar
+from tools.live.screen import bar, drawn_anew
 
 READ_S = 0.02  # [s]
 SCREEN_S, LINES_S = 0.1, 1.0  # [s] between two pictures on a terminal, elsewhere

@@ -27,9 +27,8 @@ from zenoh import CongestionControl, Priority
 
 from messages.payload import LONGEST
 from messages.topic import AnyTopic, Qos
-from services.runtime.bus.access_control import HubSide, access_control
+from services.runtime.bus.access_control import HubSide, KeyFiles, access_control, tls_settings
 from services.runtime.bus.envelope import Envelope, Say, Store
-from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.spaces import namespace
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError

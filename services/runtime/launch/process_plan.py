@@ -14,8 +14,7 @@ import msgspec
 
 import services
 from messages.topic import Side
-from services.runtime.bus.access_control import HubSide
-from services.runtime.bus.key_files import Credentials
+from services.runtime.bus.access_control import Credentials, HubSide
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import UNIX
 from services.runtime.config.disk import fresh_folder, reason

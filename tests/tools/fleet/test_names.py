@@ -22,7 +22,7 @@ from services.runtime.config.stack import Stack
 from tools.__main__ import main
 from tools.fleet.network import Meeting, drones_credentials, drones_name, own_name
 from tools.keys.authority import KeyAuthority
-from tools.keys.roles import parse
+from tools.keys.credentials import parse
 
 LETTERS = "[A-Za-z0-9_.-]"
 NAME = st.from_regex(rf"{LETTERS}{{0,27}}[A-Za-z0-9]{LETTERS}{{0,27}}", fullmatch=True)

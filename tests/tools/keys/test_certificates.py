@@ -29,7 +29,7 @@ from tools.keys.certificates import (
     read,
     read_key,
 )
-from tools.keys.roles import ROLES, parse
+from tools.keys.credentials import ROLES, parse
 
 NOW = datetime(2026, 6, 1, tzinfo=UTC)
 SIGNER, OTHER, KEY = (ec.generate_private_key(ec.SECP256R1()) for _ in range(3))

@@ -14,8 +14,7 @@ from messages.health import LogLine
 from messages.message import Notice
 from services.vehicle_view import words
 from services.vehicle_view.log_lines import LogEntry, LogLines
-from tools.live.display import drawn_anew
-from tools.live.screen import LINES, ServiceView, View, plain, render
+from tools.live.screen import LINES, ServiceView, View, drawn_anew, plain, render
 
 NAMES = ["simulator", "estimation", "reference", "control", "tether", "gamepad", "recorder"]
 WIDTHS = pytest.mark.parametrize("width", [80, 120])
