@@ -224,10 +224,7 @@ def _printable() -> None:
 
 
 def _run(words: Sequence[str]) -> int | None:
-    """
-    Raises:
-        LindyError, CycloptsError: a mistake of the user.
-    """
+    """Raises LindyError, CycloptsError: a mistake of the user."""
     with _interrupted_at_once():
         verb = _verb_of(words)
         program = command_line(listed=not verb, helps=not {*HELP}.isdisjoint(words))

@@ -125,10 +125,7 @@ def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
 
 
 def wanted_of(kind: str, **given: Any) -> PilotRequest:
-    """
-    Raises:
-        LindyError: an unknown kind, or options that make no sense with it.
-    """
+    """Raises LindyError: an unknown kind, or options that make no sense with it."""
     _check_options(kind, given)
     known = cast(
         RequestKind, kind if kind != "take" else "force" if given.get("force") else "lease"
@@ -322,10 +319,7 @@ def in_json(kind: str, answer: PilotAnswer) -> str:
 
 
 def _check_options(kind: str, given: dict[str, Any]) -> None:
-    """
-    Raises:
-        LindyError: an unknown kind, or an option that this kind does not take.
-    """
+    """Raises LindyError: an unknown kind, or an option that this kind does not take."""
     if kind not in OPTIONS:
         raise LindyError(f"unknown request {kind!r}{nearest(kind, list(OPTIONS))}")
     for name in given:
@@ -341,10 +335,7 @@ def _wanted(kind: RequestKind, **more: Any) -> PilotRequest:
 
 
 def _place(given: dict[str, Any]) -> PilotRequest:
-    """
-    Raises:
-        LindyError: only one coordinate, a heading as well, or not a number.
-    """
+    """Raises LindyError: only one coordinate, a heading as well, or not a number."""
     place = (given.get("north"), given.get("east"))
     if None in place or given["heading"] is not None:
         raise LindyError("goto a place needs --north and --east, and takes no --heading")

@@ -99,10 +99,7 @@ def _ask(request: LinkRequest, dive: Path | None) -> int:
 
 
 def require_link(running: Running) -> None:
-    """
-    Raises:
-        LindyError: there is no emulated link among the processes of a dive.
-    """
+    """Raises LindyError: there is no emulated link among the processes of a dive."""
     from services.runtime.launch.process_plan import HOME
 
     if "tether" in running.pids:

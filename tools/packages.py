@@ -33,10 +33,7 @@ def require_package(package: str, extra: str, what: str) -> None:
 
 
 def require_packages(services: Collection[str], pilot: str = "") -> None:
-    """
-    Raises:
-        LindyError: one of these services or the pilot cannot run here.
-    """
+    """Raises LindyError: one of these services or the pilot cannot run here."""
     if (why := lacking(services, pilot)) is not None:
         raise LindyError(why)
 

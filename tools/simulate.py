@@ -110,10 +110,7 @@ def simulated(choices: Choices, *, files: bool = True, running: Collection[str] 
 
 
 def scripted(choices: Choices) -> PilotChoice:
-    """
-    Raises:
-        LindyError: there is no such script, or the pilot is a person.
-    """
+    """Raises LindyError: there is no such script, or the pilot is a person."""
     pilot = pilot_of(choices.pilot or DEFAULT_PILOT)
     if pilot.script_s is None:
         raise LindyError(f"--pilot {pilot.name} needs real time; simulate flies script:FILE only")

@@ -110,10 +110,7 @@ def foreign(services: Registry) -> list[str]:
 
 
 def require_room(stack: Stack, here: Registry) -> None:
-    """
-    Raises:
-        LindyError: the recorder of this machine could not begin in the dive's folder.
-    """
+    """Raises LindyError: the recorder of this machine could not begin in the dive's folder."""
     if RECORDER in here or RECORDER_HERE in here:
         require_room_for_recording(stack.out_dir)
 

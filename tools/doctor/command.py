@@ -91,10 +91,7 @@ def _other_stack(stack: str, *, asked: bool) -> VehicleFinding:
 
 
 def _of_board(stack: Stack, vehicle: Vehicle, seconds: float) -> list[VehicleFinding]:
-    """
-    Raises:
-        LindyError: the port cannot be opened, or no pymavlink is installed.
-    """
+    """Raises LindyError: the port cannot be opened, or no pymavlink is installed."""
     settings, motors = stack.section("ardusub", Settings), len(vehicle.thruster)
     visit = BoardVisit(settings, motors, seconds, servos_of(vehicle.output))
     links = Links([settings.url], "ardusub.url", ONE_BOARD, visit.lost)

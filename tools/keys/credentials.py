@@ -38,10 +38,7 @@ class Identity(NamedTuple):
 
 
 def parse(text: str) -> Identity:
-    """
-    Raises:
-        ValueError: not `role:name`, no such role, or not a name.
-    """
+    """Raises ValueError: not `role:name`, no such role, or not a name."""
     role, colon, name = text.partition(":")
     if not colon:
         raise ValueError(f"{text!r} is not ROLE:NAME, such as pilot:ann")

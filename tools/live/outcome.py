@@ -100,10 +100,7 @@ class Outcome:
         return _status(lost=lost)
 
     def require_recording(self) -> None:
-        """
-        Raises:
-            LindyError: nothing was recorded, and why.
-        """
+        """Raises LindyError: nothing was recorded, and why."""
         if not parts_in(folder := self._stack.out_dir):
             kind = EndedByUserError if self.stopped else LindyError
             why = f"the dive ended before anything was recorded in {folder}"
@@ -199,10 +196,7 @@ class Outcome:
         return Counter({events.HUNG(name).name: times for name, times in self.hung().items()})
 
     def complain(self) -> None:
-        """
-        Raises:
-            LindyError: why the dive was aborted, if it was.
-        """
+        """Raises LindyError: why the dive was aborted, if it was."""
         if self.exit != "clean":
             raise self._error or LindyError(self.exit)
 

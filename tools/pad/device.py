@@ -21,10 +21,7 @@ class Device:
     """The first pad that SDL knows."""
 
     def __init__(self) -> None:
-        """
-        Raises:
-            LindyError: there is none.
-        """
+        """Raises LindyError: there is none."""
         sdl.start_events()
         pygame.joystick.init()
         controller.init()

@@ -141,10 +141,7 @@ class _Reader:
         return None
 
     def complain(self) -> None:
-        """
-        Raises:
-            LindyError: some could not be read.
-        """
+        """Raises LindyError: some could not be read."""
         each = [f"{count} messages on {key}" for key, count in self._unread.most_common(5)]
         if each:
             raise LindyError(f"{harmless(', '.join(each))} could not be read")

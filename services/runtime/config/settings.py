@@ -200,10 +200,7 @@ def read(path: Path, kind: type[S]) -> S:
 
 
 def _value(text: str) -> Any:
-    """
-    Raises:
-        ValueError: neither TOML nor a bare word.
-    """
+    """Raises ValueError: neither TOML nor a bare word."""
     try:
         return tomllib.loads(f"v = {text}")["v"]
     except RecursionError:

@@ -103,10 +103,7 @@ def place(file: Path, name: str, key: str = "") -> str:
 
 
 def check(specs: Specs, file: Path) -> None:
-    """
-    Raises:
-        LindyError: a service cannot be as the file has it, beside the others.
-    """
+    """Raises LindyError: a service cannot be as the file has it, beside the others."""
     for name, key, words in _wrong(specs):
         raise LindyError(f"{place(file, name, key)}: {words}")
 
