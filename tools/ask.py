@@ -148,7 +148,7 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
         case "mode":
             return _wanted(known, flight_mode=_flight_mode(given["name"]))
         case "offer":
-            return _wanted(known, to=_pilot_name(given.get("name") or ""))
+            return _wanted(known, to=_named("offer", given.get("name") or ""))
         case _:
             return _wanted(known)
 
@@ -357,10 +357,6 @@ def _output(name: str | None, setting: str | None) -> PilotRequest:
     """Which outputs there are, only the drone knows."""
     if not name or setting is None:
         raise LindyError("output needs its name and on, off or a number: output lasers on")
-    if len(name) > LONGEST_NAME:
-        raise LindyError(
-            f"output: the name has {len(name)} letters, expected at most {LONGEST_NAME}"
-        )
     try:
         value = {"on": 1.0, "off": 0.0}.get(setting)
         value = float(setting) if value is None else value
@@ -370,13 +366,13 @@ def _output(name: str | None, setting: str | None) -> PilotRequest:
         raise LindyError(
             f"output {name}: expected on, off or a number from 0 to 1, found {setting!r}"
         )
-    return _wanted("output", output=name, value=value)
+    return _wanted("output", output=_named("output", name), value=value)
 
 
-def _pilot_name(name: str) -> str:
+def _named(kind: str, name: str) -> str:
     if len(name) > LONGEST_NAME:
         raise LindyError(
-            f"offer: the name has {len(name)} letters, expected at most {LONGEST_NAME}"
+            f"{kind}: the name has {len(name)} letters, expected at most {LONGEST_NAME}"
         )
     return name
 

@@ -135,13 +135,7 @@ def fly_planned(dive: Dive, pilot: PilotChoice) -> int:
             outcome.stopped, left = stop.asked, piloted.left
         if left:  # once the screen is gone
             print(left, flush=True)
-        if dive.side is not None and RECORDER not in dive.services:
-            return stop.report(
-                lambda: outcome.sum_up_unrecorded("topside", "drone"),
-                "the report is on the drone's side",
-            )
-        other = None if dive.side is None else Elsewhere("drone", dive.elsewhere)
-        return stop.report(lambda: outcome.sum_up(other))
+        return _sum_up(dive, outcome, stop, "the report is on the drone's side")
 
 
 def keep_on_board(dive: Dive) -> int:
@@ -159,13 +153,17 @@ def keep_on_board(dive: Dive) -> int:
             outcome.stopped = stop.asked
             with suppress(OSError):  # it ends anyway
                 mark_ended(local.plan.checkpoints)
-        if RECORDER in dive.services:
-            topside = Elsewhere("topside", dive.elsewhere)
-            return stop.report(lambda: outcome.sum_up(topside))
-        return stop.report(
-            lambda: outcome.sum_up_unrecorded("drone", "topside"),
-            "the recording is on the topside's side",
-        )
+        return _sum_up(dive, outcome, stop, "the recording is on the topside's side")
+
+
+def _sum_up(dive: Dive, outcome: Outcome, stop: StopSignals, elsewhere: str) -> int:
+    """`elsewhere`: what is left on the other side if this one records nothing and is broken off."""
+    if dive.side is None:
+        return stop.report(outcome.sum_up)
+    other = "drone" if dive.side == "topside" else "topside"
+    if RECORDER in dive.services:
+        return stop.report(lambda: outcome.sum_up(Elsewhere(other, dive.elsewhere)))
+    return stop.report(lambda: outcome.sum_up_unrecorded(str(dive.side), other), elsewhere)
 
 
 def dive(
