@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import msgspec
 from cyclopts import Parameter
 
+from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.launch.local_stack import local_stack
@@ -38,7 +39,7 @@ from tools.live.resume import mark_ended
 from tools.live.screen import display
 from tools.live.session import DroneSide, PilotedDive, followed_by
 from tools.live.stop_signals import StopSignals
-from tools.packages import require_packages
+from tools.packages import lacking
 from tools.report.summary import Elsewhere
 
 RECORDER_HERE = f"{RECORDER}_topside"  # records what the topside hears
@@ -94,7 +95,8 @@ def settled(
     if names := foreign(services):  # said before anything of it is imported
         print(f"{services.file} runs code that is not Lindy's own: {', '.join(names)}", flush=True)
     stack = checked(choices, pilot, services, here)
-    require_packages(services if here is None else here, pilot.name)
+    if (why := lacking(services if here is None else here, pilot.name)) is not None:
+        raise LindyError(why)
     stack = msgspec.structs.replace(stack, **settings)
     stack = msgspec.structs.replace(stack, name=name(stack))
     if "out" not in settings:

@@ -283,13 +283,14 @@ class ZenohBus:
 
     def say(self, topic: AnyTopic) -> Say:
         qos = QOS_PROFILES[topic.qos]
-        return self._session.declare_publisher(
+        publisher: Any = self._session.declare_publisher(  # its stub does not say of what
             topic.key,
             encoding=topic.encoding,
             priority=qos.priority,
             congestion_control=qos.congestion_control,
             express=qos.express,
-        ).put
+        )
+        return publisher.put
 
     def forward(self, envelope: Envelope) -> None:
         qos = envelope.travelled
