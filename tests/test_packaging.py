@@ -13,8 +13,7 @@ import pytest
 
 from messages.version import VERSION
 from services.runtime.config.extras import how_to_install
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.stack_file import wire_of
+from services.runtime.hosts.registry import Registry, wire_of
 from tools.__main__ import main
 
 ROOT = Path(__file__).parents[1]

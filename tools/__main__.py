@@ -72,6 +72,7 @@ GONE_OPTIONS = {
     "log film --overlay": "the film's subtitles say the same",
     "pad --profile": "`lindy pad PROFILE`",
     "pad --seconds": "end it with Ctrl-C",
+    "pad --write": "copy deploy/pads/default.toml, and change it by what `lindy pad` shows",
     "profile --accel-time": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
     "profile --cruise": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
     "profile --decel-time": "`lindy profile LENGTH CRUISE ACCEL_TIME DECEL_TIME`",
@@ -101,13 +102,13 @@ class Verb(NamedTuple):
 
 GROUPS: dict[str, dict[str, Verb]] = {
     "Fly": {
-        "dive": Verb("dive:dive", "Fly a dive on this machine: every service, record and report."),
+        "dive": Verb("start:dive", "Fly a dive on this machine: every service, record and report."),
         "simulate": Verb("simulate:simulate", "Fly a dive on virtual time, as fast as possible."),
         "up": Verb("up:up", "Start one SIDE of a dive, topside or drone, on this machine."),
-        "fly": Verb("fleet.fly:fly", "Start the topside for one of several drones."),
+        "fly": Verb("up:fly", "Start the topside for one of several drones."),
         "ask": Verb("ask:ask", "Send a request to a running dive, and print the answer."),
         "ros2": Verb("ros2:ros2", "Show a running dive in ROS 2, and have it flown from there."),
-        "pad": Verb("pad.command:pad", "Show what a pad sends, and write a profile for it."),
+        "pad": Verb("pad.command:pad", "Show what a pad sends, and what a profile makes of it."),
     },
     "Drones and links": {
         "drones": Verb("fleet.drones:drones", "List the drones that can be reached."),
@@ -115,7 +116,7 @@ GROUPS: dict[str, dict[str, Verb]] = {
             "keys.command:keys",
             "Make and revoke the keys by which drone and pilot know each other.",
         ),
-        "top": Verb("topic.top:top", "Show what each service costs, and how late it is."),
+        "top": Verb("topic.command:top", "Show what each service costs, and how late it is."),
         "topic": Verb(
             "topic.command:topic", "List the streams of a dive; show, time and weigh them."
         ),
@@ -223,10 +224,7 @@ def _printable() -> None:
 
 
 def _run(words: Sequence[str]) -> int | None:
-    """
-    Raises:
-        LindyError, CycloptsError: a mistake of the user.
-    """
+    """Raises LindyError, CycloptsError: a mistake of the user."""
     with _interrupted_at_once():
         verb = _verb_of(words)
         program = command_line(listed=not verb, helps=not {*HELP}.isdisjoint(words))
@@ -381,6 +379,8 @@ def _mistyped(error: Any) -> str:
         said = f"`{verb}` takes no {' '.join(error.unused_tokens or ())}."
     elif isinstance(error, CoercionError) and error.target_type is float and error.token:
         said = f"{error.token.keyword} is {error.token.value!r}, expected a number."
+    elif isinstance(error, CoercionError) and error.msg and error.token:
+        said = f"{error.token.keyword}: {error.msg}."
     return f"{said} `{verb} --help` says more"
 
 

@@ -1,10 +1,15 @@
-"""`lindy ask`: sends one request to a running dive, and prints the drone's answer."""
+"""`lindy ask`: sends one request to a running dive, and prints the drone's answer. Other verbs ask
+through it."""
 
 import json
 import math
+import os
+import threading
+import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any, cast, get_args
+from typing import Annotated, Any, Generic, cast, get_args
 
 import msgspec
 from cyclopts import Parameter
@@ -19,16 +24,19 @@ from messages.pilot import (
     PilotRequest,
     RequestKind,
 )
+from messages.topic import Topic
 from services.gamepad.io.path_file import course_of
 from services.piloting.pilot_intents import FARTHEST, goto
 from services.reference.guidance.path_following import PlannedPath
+from services.runtime.bus.zenoh_bus import open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.config.settings import deploy_file, nearest
 from services.runtime.launch.process_plan import HOME
+from services.runtime.node.checkpoint import VolatileCheckpoint
 from services.runtime.node.node import Node
+from services.runtime.node.requests import GIVE_UP_NS, A, Q
 from tools.choices import Json, RunningDive
-from tools.live.asking import OneRequest, answer_to, at_once
 
 OPTIONS: dict[str, tuple[str, ...]] = {
     "arm": (),
@@ -49,6 +57,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
 FLIGHT_MODES: tuple[str, ...] = get_args(FlightMode)
 LONGEST_NAME = 128  # [letters] of a `Name`
 ABOUT_CONTROL: tuple[RequestKind, ...] = ("lease", "force", "offer", "release")
+NO_PILOT = "nobody flies from this side now, so control cannot change hands"
 NO_PILOT_NS = 1_000_000_000  # [ns] without a command: there is no pilot on this side
 
 
@@ -116,10 +125,7 @@ def _asked(wanted: PilotRequest, running: Running, as_json: bool) -> int:
 
 
 def wanted_of(kind: str, **given: Any) -> PilotRequest:
-    """
-    Raises:
-        LindyError: an unknown kind, or options that make no sense with it.
-    """
+    """Raises LindyError: an unknown kind, or options that make no sense with it."""
     _check_options(kind, given)
     known = cast(
         RequestKind, kind if kind != "take" else "force" if given.get("force") else "lease"
@@ -142,7 +148,7 @@ def wanted_of(kind: str, **given: Any) -> PilotRequest:
         case "mode":
             return _wanted(known, flight_mode=_flight_mode(given["name"]))
         case "offer":
-            return _wanted(known, to=_pilot_name(given.get("name") or ""))
+            return _wanted(known, to=_named("offer", given.get("name") or ""))
         case _:
             return _wanted(known)
 
@@ -187,6 +193,72 @@ def _written(file: Path) -> float:
     with suppress(OSError):
         return file.stat().st_mtime
     return 0.0
+
+
+class OneRequest(Generic[Q, A]):
+    """A request, and its answer. `asked`: it was sent."""
+
+    def __init__(self, node: Node, asks: Topic[Q], answers: Topic[A]) -> None:
+        self.answer: A | None = None
+        self.given_up = False
+        self.asked = False
+        self._asking = node.request(
+            asks,
+            answers,
+            on_answer=self._keep,
+            on_given_up=self._give_up,
+            who=f"{node.name}-{os.getpid()}",
+        )
+        node.every(1e9 / GIVE_UP_NS, self._look)
+
+    def ask(self, request: Q, now: int) -> None:
+        """Send the request; later calls do nothing, because it is repeated automatically."""
+        if not self.asked:
+            self.asked = True
+            self._asking.ask(request, now)
+
+    def _keep(self, _request: Q, answer: A, _now: int) -> None:
+        self.answer = answer
+
+    def _look(self, _: int) -> None:
+        """Give up if the request could not be sent at all."""
+        self.given_up = self.given_up or not self.asked
+
+    def _give_up(self, _request: Q, _now: int) -> None:
+        self.given_up = True
+
+
+def at_once(node: Node, request: Q, asks: Topic[Q], answers: Topic[A]) -> OneRequest[Q, A]:
+    """Ask as soon as the node runs."""
+    asking = OneRequest(node, asks, answers)
+    node.alarm(lambda now: asking.ask(request, now)).set(0)
+    return asking
+
+
+def answer_to(ask: Callable[[Node], OneRequest[Q, A]], running: Running, who: str) -> A:
+    """
+    Args:
+        ask: asks something through the node it is given.
+        who: answers, for the error message.
+
+    Raises:
+        LindyError: nobody answers.
+    """
+    side = HOME if HOME in running.endpoints else next(iter(running.endpoints))
+    woken = threading.Event()
+    with open_bus(running.endpoints[side], running.vehicle) as bus:
+        node = Node("ask", {side: bus}, time.monotonic_ns, VolatileCheckpoint(), visitor=True)
+        node.wake = woken.set
+        asking = ask(node)
+        while asking.answer is None and not asking.given_up:
+            woken.wait(max(0.0, (node.deadline() - time.monotonic_ns()) / 1e9))
+            woken.clear()
+            node.step()
+    if not asking.asked:
+        raise LindyError(f"{NO_PILOT}: open the page, or connect a pad, and ask again")
+    if asking.answer is None:
+        raise LindyError(f"the {who} does not answer")
+    return asking.answer
 
 
 def for_the_pilot(node: Node, wanted: PilotRequest) -> OneRequest[PilotRequest, PilotAnswer]:
@@ -247,10 +319,7 @@ def in_json(kind: str, answer: PilotAnswer) -> str:
 
 
 def _check_options(kind: str, given: dict[str, Any]) -> None:
-    """
-    Raises:
-        LindyError: an unknown kind, or an option that this kind does not take.
-    """
+    """Raises LindyError: an unknown kind, or an option that this kind does not take."""
     if kind not in OPTIONS:
         raise LindyError(f"unknown request {kind!r}{nearest(kind, list(OPTIONS))}")
     for name in given:
@@ -266,10 +335,7 @@ def _wanted(kind: RequestKind, **more: Any) -> PilotRequest:
 
 
 def _place(given: dict[str, Any]) -> PilotRequest:
-    """
-    Raises:
-        LindyError: only one coordinate, a heading as well, or not a number.
-    """
+    """Raises LindyError: only one coordinate, a heading as well, or not a number."""
     place = (given.get("north"), given.get("east"))
     if None in place or given["heading"] is not None:
         raise LindyError("goto a place needs --north and --east, and takes no --heading")
@@ -291,10 +357,6 @@ def _output(name: str | None, setting: str | None) -> PilotRequest:
     """Which outputs there are, only the drone knows."""
     if not name or setting is None:
         raise LindyError("output needs its name and on, off or a number: output lasers on")
-    if len(name) > LONGEST_NAME:
-        raise LindyError(
-            f"output: the name has {len(name)} letters, expected at most {LONGEST_NAME}"
-        )
     try:
         value = {"on": 1.0, "off": 0.0}.get(setting)
         value = float(setting) if value is None else value
@@ -304,13 +366,13 @@ def _output(name: str | None, setting: str | None) -> PilotRequest:
         raise LindyError(
             f"output {name}: expected on, off or a number from 0 to 1, found {setting!r}"
         )
-    return _wanted("output", output=name, value=value)
+    return _wanted("output", output=_named("output", name), value=value)
 
 
-def _pilot_name(name: str) -> str:
+def _named(kind: str, name: str) -> str:
     if len(name) > LONGEST_NAME:
         raise LindyError(
-            f"offer: the name has {len(name)} letters, expected at most {LONGEST_NAME}"
+            f"{kind}: the name has {len(name)} letters, expected at most {LONGEST_NAME}"
         )
     return name
 

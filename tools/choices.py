@@ -132,5 +132,35 @@ class NamedChoices(Choices):
     name: DroneName = None
 
 
-DEFAULT = Choices()
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ServiceChoices(NamedChoices):
+    """Options of one service, which ends with whoever started it."""
+
+    seconds: Annotated[float | None, Parameter(parse=False)] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class FleetChoices(Choices):
+    """Options of a topside for a drone of a network, which emulates no link and draws nothing."""
+
+    link: Annotated[str, Parameter(parse=False)] = "tether"
+    seconds: Annotated[float | None, Parameter(parse=False)] = None
+    seed: Annotated[int, Parameter(parse=False)] = 0
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ScriptedChoices(Choices):
+    """Options of a dive on virtual time, which nobody's hands fly."""
+
+    pilot: Annotated[
+        str | None, Parameter(help="script:FILE, a CSV stick log; default: script:first_dive")
+    ] = None
+
+
+SCRIPTED = ScriptedChoices()
 NAMED = NamedChoices()
+FLEET = FleetChoices()
+SERVICE = ServiceChoices()

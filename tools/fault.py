@@ -9,9 +9,8 @@ from messages.simulator import FaultKind, FaultRequest
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
 from services.runtime.hosts.registry import Registry
-from tools.ask import dive_in
+from tools.ask import answer_to, at_once, dive_in
 from tools.choices import RunningDive
-from tools.live.asking import answer_to, at_once
 
 SIMULATOR, DRONE = "simulator", "drone"
 MOST_VALUE = 1e9  # as in a message

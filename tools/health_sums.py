@@ -1,8 +1,8 @@
 """What a report needs of the `Health` messages of each service, in a memory that does not grow.
 
 Health counts since the start of a process. Another instance, or a smaller `sent`, is a restart:
-what was counted before is added. Anybody who may report health can invent counts and names: no sum
-exceeds what a single count may be, and no more names are kept than one message may have.
+what was counted before is added. Anybody who may report health can invent names and instances: no
+more are kept than fit.
 """
 
 from collections import Counter
@@ -13,9 +13,8 @@ import msgspec
 from messages import events
 from messages.health import Health
 from messages.payload import MEMBERS
-from messages.units import MOST_COUNTED
 
-MOST = 2000  # values that are kept for a median: each second of the first half hour
+MOST = 2000  # instances of a service
 LATE_NS = 5_000_000_000  # [ns] a message that is older than the one before it was overtaken
 MOST_NAMES = 1000  # counts by name, of one service
 OTHERS = "others"  # services beyond those that a port takes
@@ -28,26 +27,8 @@ def summed(each: Iterable[Mapping[str, int]]) -> Counter[str]:
     for counts in each:
         for name, count in counts.items():
             kept = name if name in total or len(total) < MOST_NAMES else UNCOUNTED
-            total[kept] = min(MOST_COUNTED, total[kept] + count)
+            total[kept] += count
     return total
-
-
-class Thinned(msgspec.Struct):
-    """Values for a median: all of them, and from `MOST` on every second, every fourth …"""
-
-    values: list[float] = []
-    every: int = 1  # one of so many is kept
-    seen: int = 0
-
-    def add(self, value: float | None) -> None:
-        if value is None:
-            return
-        if self.seen % self.every == 0:
-            self.values.append(value)
-        self.seen += 1
-        if len(self.values) > MOST:
-            self.values = self.values[::2]
-            self.every *= 2
 
 
 class OneProcess(msgspec.Struct):
@@ -72,8 +53,8 @@ class HealthSums(msgspec.Struct):
     living: dict[int, OneProcess] = {}  # by `Health.instance`
     said: int = 0  # messages
     ended: int = 0  # processes that ended, and began again with the same instance
-    lateness_p50_ms: Thinned = msgspec.field(default_factory=Thinned)  # [ms] of each second
-    lateness_p99_ms: Thinned = msgspec.field(default_factory=Thinned)  # [ms] of each second
+    lateness_p50_ms: list[float] = []  # [ms] of each second
+    lateness_p99_ms: list[float] = []  # [ms] of each second
     cpu_percent: float = 0.0  # [%] of one core, sum over its messages
     cpu_times: int = 0  # messages in that sum
     rss_mb: float | None = None  # [MB] most
@@ -96,7 +77,7 @@ class HealthSums(msgspec.Struct):
             return
         if health.sent < life.last.sent:
             self.ended += 1
-            self.sent_before = min(MOST_COUNTED, self.sent_before + life.last.sent)
+            self.sent_before += life.last.sent
             self.counts_before = dict(summed([self.counts_before, life.counts]))
             life.counted_before = {}
         life.last = health
@@ -121,8 +102,7 @@ class HealthSums(msgspec.Struct):
     @property
     def sent(self) -> int:
         """Messages."""
-        sent = self.sent_before + sum(life.last.sent for life in self.living.values())
-        return min(MOST_COUNTED, sent)
+        return self.sent_before + sum(life.last.sent for life in self.living.values())
 
     @property
     def counts(self) -> Counter[str]:
@@ -135,8 +115,12 @@ class HealthSums(msgspec.Struct):
         return self.cpu_percent / self.cpu_times if self.cpu_times else None
 
     def _of_the_second(self, health: Health) -> None:
-        self.lateness_p50_ms.add(health.lateness_p50_ms)
-        self.lateness_p99_ms.add(health.lateness_p99_ms)
+        for kept, late_ms in (
+            (self.lateness_p50_ms, health.lateness_p50_ms),
+            (self.lateness_p99_ms, health.lateness_p99_ms),
+        ):
+            if late_ms is not None:
+                kept.append(late_ms)
         if health.cpu_percent is not None:
             self.cpu_percent += health.cpu_percent
             self.cpu_times += 1

@@ -83,8 +83,7 @@ def set_(*settings: str, dive: RunningDive = None) -> int:
 
 
 def _ask(request: LinkRequest, dive: Path | None) -> int:
-    from tools.ask import dive_in
-    from tools.live.asking import answer_to, at_once
+    from tools.ask import answer_to, at_once, dive_in
 
     running = dive_in(dive)
     require_link(running)
@@ -100,10 +99,7 @@ def _ask(request: LinkRequest, dive: Path | None) -> int:
 
 
 def require_link(running: Running) -> None:
-    """
-    Raises:
-        LindyError: there is no emulated link among the processes of a dive.
-    """
+    """Raises LindyError: there is no emulated link among the processes of a dive."""
     from services.runtime.launch.process_plan import HOME
 
     if "tether" in running.pids:

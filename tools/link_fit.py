@@ -49,10 +49,7 @@ def why_not_flown(link: Named) -> str | None:
 
 
 def check_can_be_flown(link: Named) -> None:
-    """
-    Raises:
-        LindyError: no command can arrive in time over this link.
-    """
+    """Raises LindyError: no command can arrive in time over this link."""
     if why := why_not_flown(link):
         raise LindyError(f"--link {why}")
 

@@ -32,15 +32,6 @@ def require_package(package: str, extra: str, what: str) -> None:
         raise LindyError(f"{what} needs {package}, which is not installed; {how_to_install(extra)}")
 
 
-def require_packages(services: Collection[str], pilot: str = "") -> None:
-    """
-    Raises:
-        LindyError: one of these services or the pilot cannot run here.
-    """
-    if (why := lacking(services, pilot)) is not None:
-        raise LindyError(why)
-
-
 def lacking(services: Collection[str], pilot: str = "") -> str | None:
     """Why these services with this pilot cannot run here; None: they can."""
     for service in services:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from services.runtime.bus.key_files import KeyFiles
+from services.runtime.bus.access_control import KeyFiles
 from services.runtime.bus.spaces import checked_endpoint
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
@@ -15,20 +15,8 @@ from services.runtime.hosts.process_host import HubLaunch, Launch, run_hub, run_
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from tools.checks import pilot_of
-from tools.choices import (
-    Choices,
-    DiveFolder,
-    DroneName,
-    LinkName,
-    Overrides,
-    PilotName,
-    Seed,
-    StackName,
-    VehicleName,
-    named,
-)
-from tools.keys.credentials import credentials, is_local
-from tools.keys.roles import Role
+from tools.choices import SERVICE, ServiceChoices, named
+from tools.keys.credentials import Role, credentials, is_local
 from tools.live.cockpit import VIEWER, with_further_cameras
 from tools.live.dive_folder import dive_files
 from tools.replay.play import one_bus
@@ -57,29 +45,12 @@ def run(
         bool,
         Parameter(help="visualizer: show what `lindy replay --listen` plays, and no vehicle"),
     ] = False,
-    pilot: PilotName = None,
-    vehicle: VehicleName = "pioneer",
-    name: DroneName = None,
-    stack: StackName = "simulated",
-    link: LinkName = "tether",
-    out: DiveFolder = None,
-    seed: Seed = 0,
-    set_: Overrides = (),
+    choices: ServiceChoices = SERVICE,
 ) -> int:
     """Run one service in the foreground, on running hubs.
 
     Example: lindy run control --connect drone=tcp/127.0.0.1:7448
     """
-    choices = Choices(
-        pilot=pilot,
-        vehicle=vehicle,
-        name=name,
-        stack=stack,
-        link=link,
-        out=out,
-        seed=seed,
-        set_=set_,
-    )
     services = with_further_cameras(Registry.read(choices.stack), choices)
     if service not in services:
         raise LindyError(f"unknown service {service!r}{nearest(service, sorted(services))}")
@@ -87,13 +58,12 @@ def run(
     if replay:
         spec = of_a_replay(service, spec)
     endpoints = endpoints_of(service, spec, connect)
-    folder = (out or Path()).resolve()
+    folder = (choices.out or Path()).resolve()
     if (kind := FILE.get(service)) and (earlier := dive_files(folder, kind)):
         raise LindyError(f"{earlier[0]} is there already; choose another --out for the {service}")
     here = services.only({service: spec})
-    settings = settled(
-        choices, pilot_of(pilot or "gamepad"), services, here, out=str(folder), replay=replay
-    )
+    pilot = pilot_of(choices.pilot or "gamepad")
+    settings = settled(choices, pilot, services, here, out=str(folder), replay=replay)
     with tempfile.TemporaryDirectory(prefix="lindy-") as checkpoint:
         return run_services(
             Launch(

@@ -16,13 +16,13 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.vehicle_view.log_lines import when
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
-from tools.choices import DEFAULT, Choices, named
+from tools.choices import SCRIPTED, Choices, ScriptedChoices, named
 from tools.exit_status import DONE
 from tools.live.cockpit import runnable, with_further_cameras
-from tools.live.display import LineDisplay
 from tools.live.dive_folder import dive_files, point_latest
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import Outcome, title
+from tools.live.screen import LineDisplay
 from tools.live.stop_signals import StopSignals
 from tools.live.virtual_dive import Advance, MemoryRecorder, fly, without_files
 from tools.recordings.recording import log_hash
@@ -42,7 +42,7 @@ class Simulated(NamedTuple):
 
 def simulate(
     *,
-    choices: Choices = DEFAULT,
+    choices: ScriptedChoices = SCRIPTED,
     files: Annotated[
         bool,
         Parameter(
@@ -110,10 +110,7 @@ def simulated(choices: Choices, *, files: bool = True, running: Collection[str] 
 
 
 def scripted(choices: Choices) -> PilotChoice:
-    """
-    Raises:
-        LindyError: there is no such script, or the pilot is a person.
-    """
+    """Raises LindyError: there is no such script, or the pilot is a person."""
     pilot = pilot_of(choices.pilot or DEFAULT_PILOT)
     if pilot.script_s is None:
         raise LindyError(f"--pilot {pilot.name} needs real time; simulate flies script:FILE only")

@@ -1,24 +1,49 @@
-"""`lindy up`: one side of a dive on this machine, while the other side runs on another machine."""
+"""`lindy up` and `lindy fly`: one side of a dive on this machine, while the other side runs on
+another machine."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
 from cyclopts import Parameter
 
-from services.runtime.bus.key_files import Credentials
+from services.runtime.bus.access_control import Credentials
+from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import nearest
+from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.local_stack import require_free
 from services.runtime.launch.process_plan import Dive
 from services.runtime.os import system
 from tools.checks import DEFAULT_PILOT, PilotChoice, pilot_of
-from tools.choices import HERE, NAMED, Choices, Grouped, Insecure, KeysFolder, NamedChoices
-from tools.fleet.meeting import Meeting, drone_at, drones_credentials, drones_name, require_only
+from tools.choices import (
+    FLEET,
+    HERE,
+    NAMED,
+    Choices,
+    FleetChoices,
+    Grouped,
+    Insecure,
+    KeysFolder,
+    NamedChoices,
+    Router,
+)
+from tools.fleet.network import (
+    Meeting,
+    drone_at,
+    drones_credentials,
+    drones_name,
+    missing,
+    require_only,
+    wanted_at,
+    who_is_there,
+)
 from tools.keys.credentials import credentials
+from tools.live.cockpit import COCKPIT, announce
 from tools.live.outcome import RECORDER
 from tools.live.pilots import tell_who_flies, who_flies
 from tools.live.resume import begin_with
@@ -97,6 +122,37 @@ def up(
     )
 
 
+def fly(
+    drone: str,
+    /,
+    *,
+    router: Router = HERE,
+    grouped: Grouped = False,
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    choices: FleetChoices = FLEET,
+) -> int:
+    """Start the topside for one of several drones.
+
+    `lindy drones` lists the names. `lindy up topside --router ENDPOINT --name DRONE` does the same,
+    and also waits for the drone. Exit status 3: data was lost, or a service did not work for a
+    while.
+
+    Example: lindy fly rov2 --router tls/192.168.2.1:7447
+    """
+    checked_name(drone, "fly")
+    way = credentials(router, "--router", ("pilot",), keys, insecure=insecure)
+    own_keys = None if way is None else way.keys
+    if drone not in (there := who_is_there(router, own_keys)):
+        raise LindyError(missing(drone, there, router))
+    plan, pilot = topside(
+        replace(choices, name=drone), router, way, grouped=grouped, insecure=insecure
+    )
+    if COCKPIT in plan.services:
+        announce(plan.stack, browser=False)
+    return fly_planned(plan, pilot)
+
+
 def drone(
     choices: Choices,
     meeting: Meeting,
@@ -164,12 +220,18 @@ def topside(
     here = as_it_can_run(here, choices, every, grouped=grouped)
     pilot = who_flies(choices, here, elsewhere=True)
     keys = None if way_out is None else way_out.keys
+
+    def name(stack: Stack) -> str:
+        if stack.name:
+            return wanted_at(connect, stack.name, keys)
+        return drone_at(connect, own(stack), keys)
+
     stack = settled(
         choices,
         pilot,
         every,
         here,
-        name=lambda stack: stack.name or drone_at(connect, own(stack), keys),
+        name=name,
         apart=True,
         insecure=insecure,
     )

@@ -46,7 +46,7 @@ from tools.checks import PilotChoice, checked, pilot_of
 from tools.choices import Choices
 from tools.importing.map_file import read_map
 from tools.keys import certificates
-from tools.keys.roles import parse_list
+from tools.keys.credentials import parse_list
 from tools.recordings.dive_file import flown_dive
 from tools.recordings.mcap_records import records
 from tools.recordings.recording import log_hash, open_recording

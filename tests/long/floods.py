@@ -26,7 +26,7 @@ from services.runtime.hosts.process_host import HubLaunch
 from services.runtime.launch.process_plan import PYTHON
 from tests.support.patience import PATIENCE_S
 from tools.keys.authority import KeyAuthority, own_keys
-from tools.keys.roles import parse
+from tools.keys.credentials import parse
 
 SECONDS, TURNS = 15, 3
 PILOT_HZ = 50.0  # [1/s] as commands are sent

@@ -11,8 +11,7 @@ import zenoh
 
 from messages import topics
 from messages.topic import AnyTopic
-from services.runtime.bus.access_control import LOCAL, NETWORK
-from services.runtime.bus.key_files import Credentials, tls_settings
+from services.runtime.bus.access_control import LOCAL, NETWORK, Credentials, tls_settings
 
 CROSS = [topic for topic in topics.ALL if topic not in topics.WITHIN_ONE_MACHINE]
 

@@ -21,7 +21,7 @@ from services.reference.settings import Settings
 from services.reference.trajectory.minimum_jerk import Ramp
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.stack_file import wire_of
+from services.runtime.hosts.registry import wire_of
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
 from services.runtime.node.gate import Gate
 from services.runtime.node.node import Node

@@ -19,7 +19,7 @@ from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
 from tests.support.started import Started
 from tools.__main__ import main
-from tools.fleet.meeting import own_name
+from tools.fleet.network import own_name
 from tools.recordings.recording import is_whole, open_recording
 
 pytestmark = pytest.mark.system

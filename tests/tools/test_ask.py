@@ -7,7 +7,6 @@ import subprocess
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
 
@@ -23,8 +22,16 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running, running_in
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.patience import PATIENCE_S, until
-from tools.ask import ask, dive_in, dives_here, for_the_pilot, in_json, in_words, wanted_of
-from tools.live.asking import OneRequest
+from tools.ask import (
+    OneRequest,
+    ask,
+    dive_in,
+    dives_here,
+    for_the_pilot,
+    in_json,
+    in_words,
+    wanted_of,
+)
 
 S = 1_000_000_000  # [ns]
 GIVEN: dict[str, Any] = dict.fromkeys(("name", "depth", "heading", "force"))
@@ -258,34 +265,6 @@ class Drone:
         self._answer.put(PilotAnswer(stamp_ns=now, id="somebody-else", accepted=False))
         if len(self.heard) >= self._from:
             self._answer.put(PilotAnswer(stamp_ns=now, id=request.id, accepted=True))
-
-
-@pytest.mark.parametrize("lost", [0, 1, 7])
-def test_a_request_is_repeated_with_its_id_until_its_own_answer_comes(lost: int):
-    host = VirtualHost()
-    drone = Drone(host, lost + 1)
-    request = wanted("goto", depth=2.0, heading=-1.0)
-    asking = asking_for(host, request)
-    host.run(10 * S, lambda: asking.answer is not None)
-    assert asking.answer is not None
-    assert asking.answer.accepted
-    host.run(20 * S)
-    assert not asking.given_up
-    assert len(drone.heard) == lost + 1
-    heard = {(r.id, r.kind, r.depth, r.heading) for r in drone.heard}
-    assert heard == {(asking.answer.id, "goto", 2.0, -1.0)}
-    assert {b.stamp_ns - a.stamp_ns for a, b in pairwise(drone.heard)} <= {S // 5}
-
-
-def test_after_five_seconds_without_a_word_it_gives_up():
-    host = VirtualHost()
-    drone = Drone(host, 10**6)
-    asking = asking_for(host, wanted("stop"))
-    host.run(20 * S, lambda: asking.given_up)
-    assert asking.given_up
-    assert host.now == drone.heard[0].stamp_ns + 5 * S
-    host.run(host.now + 5 * S)
-    assert len(drone.heard) == 25
 
 
 @pytest.mark.parametrize("kind", ["arm", "light", "disarm", "lease", "offer"])

@@ -14,8 +14,7 @@ import pytest
 from messages.health import LogLine
 from tools import completion
 from tools.__main__ import LOG, VERBS, main
-from tools.live.display import LineDisplay
-from tools.live.screen import View
+from tools.live.screen import LineDisplay, View
 
 ROOT = Path(__file__).parents[2]
 # As the installed `lindy` begins; it then loads one module for ever.

@@ -25,9 +25,9 @@ from services.tether.io.profile_file import named
 from services.tether.link_model import LinkDirection, fates
 from services.tether.profile import Delay, DirectionProfile, Pareto, Table
 from tools.__main__ import main
+from tools.ask import OneRequest, at_once
 from tools.link import link, require_link
 from tools.link_fit import COMMAND_BYTES, flyable, profiles, shortest_ms
-from tools.live.asking import OneRequest, at_once
 from tools.log.sticks import trace_of
 
 S = 1_000_000_000  # [ns]

@@ -22,8 +22,7 @@ from services.runtime.config.stack import BODY, Stack
 from services.runtime.hosts.registry import Registry
 from tools.checks import PilotChoice, checked
 from tools.choices import Choices, Json, Overrides, VehicleName
-from tools.doctor.board_checks import of_board
-from tools.doctor.file_checks import VehicleFinding, as_json, as_lines, fit, of_file
+from tools.doctor.board_checks import VehicleFinding, as_json, as_lines, fit, of_board, of_file
 from tools.doctor.instrument_checks import STACK, of_instruments, wanted
 from tools.doctor.visit import BoardVisit
 from tools.packages import lacking
@@ -92,10 +91,7 @@ def _other_stack(stack: str, *, asked: bool) -> VehicleFinding:
 
 
 def _of_board(stack: Stack, vehicle: Vehicle, seconds: float) -> list[VehicleFinding]:
-    """
-    Raises:
-        LindyError: the port cannot be opened, or no pymavlink is installed.
-    """
+    """Raises LindyError: the port cannot be opened, or no pymavlink is installed."""
     settings, motors = stack.section("ardusub", Settings), len(vehicle.thruster)
     visit = BoardVisit(settings, motors, seconds, servos_of(vehicle.output))
     links = Links([settings.url], "ardusub.url", ONE_BOARD, visit.lost)

@@ -15,7 +15,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from services.ugps import service as ugps
 from services.waterlinked import service as waterlinked
-from tools.doctor.file_checks import VehicleFinding
+from tools.doctor.board_checks import VehicleFinding
 
 INSTRUMENTS: dict[str, Callable[[Stack, str, Outbox], Instrument[Any] | None]] = {
     "waterlinked": waterlinked.opened,

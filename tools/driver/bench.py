@@ -190,10 +190,7 @@ def on_virtual_time(host: VirtualHost, node: Node, say: Say, stack: Stack) -> Be
 
 
 def virtual_bench(stack: str, vehicle: str, folder: Path) -> Bench:
-    """
-    Raises:
-        NeedsRealTimeError: the driver cannot run on virtual time.
-    """
+    """Raises NeedsRealTimeError: the driver cannot run on virtual time."""
     services, made = alone(stack, vehicle, folder, virtual=True)
     host = VirtualHost()
     node = host.node("contract", ["drone"])

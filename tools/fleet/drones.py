@@ -18,9 +18,8 @@ from services.vehicle_view import words
 from services.vehicle_view.view import Newest, VehicleView, vehicle_view
 from tools.ask import dives_here
 from tools.choices import HERE, Insecure, Json, KeysFolder, Router
-from tools.fleet.look import Drone, Roster, look
-from tools.keys.credentials import credentials
-from tools.keys.roles import Role
+from tools.fleet.network import Drone, Roster, look
+from tools.keys.credentials import Role, credentials
 from tools.live.stop_signals import StopSignals
 from tools.text_table import aligned
 

@@ -14,14 +14,14 @@ from typing import TypeVar
 
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from services.runtime.bus.key_files import Credentials, KeyFiles
+from services.runtime.bus.access_control import Credentials, KeyFiles
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
 from services.runtime.node.checkpoint import write_safely
 from services.runtime.os import system
 from tools.keys import certificates
 from tools.keys.certificates import Certificate
-from tools.keys.roles import LETS_IN, ROLES, Identity, Role, parse_list, with_one, without
+from tools.keys.credentials import LETS_IN, ROLES, Identity, Role, parse_list, with_one, without
 
 LONGEST_DAYS = 730  # for which a certificate is valid, at most
 CA, CA_KEY, SIGNED, REVOKED = "ca.pem", "ca.key", "signed.txt", "revoked.txt"

@@ -21,7 +21,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from tools.keys.roles import Identity, Role, parse
+from tools.keys.credentials import Identity, Role, parse
 
 AUTHORITY_DAYS = 3650
 EARLIER = timedelta(days=1)  # valid from a day before: no two clocks are equal

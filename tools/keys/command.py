@@ -8,8 +8,7 @@ from cyclopts import App, Parameter
 
 from services.runtime.config.errors import LindyError
 from tools.choices import Whole, named
-from tools.keys.credentials import CRYPTOGRAPHY, DEFAULT
-from tools.keys.roles import Identity, parse
+from tools.keys.credentials import CRYPTOGRAPHY, DEFAULT, Identity, parse
 from tools.packages import require_package
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from messages.link import LatencyBudget
 from messages.text import harmless
 from messages.vehicle import VehicleStatus
 from services.recorder.io.parts import parts_in
-from services.runtime.config.errors import LindyError, NeedsRealTimeError
+from services.runtime.config.errors import EndedByUserError, LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 from tools.analysis.dive import RecordedDive, read_dive
@@ -41,6 +41,7 @@ class Outcome:
 
     def __init__(self, stack: Stack) -> None:
         self.exit = "clean"  # or why it ended otherwise
+        self.stopped = False  # the user ended it
         self.restarts: Callable[[], dict[str, int]] = dict
         self.hung: Callable[[], dict[str, int]] = dict  # times each did not answer
         self.shared: dict[str, str] = {}  # service → OS process, where it shares one
@@ -99,14 +100,11 @@ class Outcome:
         return _status(lost=lost)
 
     def require_recording(self) -> None:
-        """
-        Raises:
-            LindyError: nothing was recorded, and why.
-        """
+        """Raises LindyError: nothing was recorded, and why."""
         if not parts_in(folder := self._stack.out_dir):
-            raise self._error or LindyError(
-                f"the dive ended before anything was recorded in {folder}"
-            )
+            kind = EndedByUserError if self.stopped else LindyError
+            why = f"the dive ended before anything was recorded in {folder}"
+            raise self._error or kind(why)
 
     def require_dive(self, dive: RecordedDive) -> None:
         """
@@ -198,10 +196,7 @@ class Outcome:
         return Counter({events.HUNG(name).name: times for name, times in self.hung().items()})
 
     def complain(self) -> None:
-        """
-        Raises:
-            LindyError: why the dive was aborted, if it was.
-        """
+        """Raises LindyError: why the dive was aborted, if it was."""
         if self.exit != "clean":
             raise self._error or LindyError(self.exit)
 

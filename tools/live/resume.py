@@ -11,7 +11,7 @@ and the vehicle may have been moved: then a person decides (`lindy up drone --re
 
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
@@ -25,6 +25,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.launch.process_plan import CHECKPOINTS
 from services.runtime.node.checkpoint import write_safely
 
+S = TypeVar("S")
 ESTIMATION = "estimation"
 NOTE = "this-start"  # a file beside the checkpoints; no service has a name with a hyphen
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # Linux only
@@ -140,7 +141,7 @@ def broken_off(dives: Path, boot: str, vehicle: str, now: int) -> BrokenOff | No
         now: [ns] of the clock that began with the computer.
     """
     found = [
-        (path.parent, start, _learnt(path.parent))
+        (path.parent, start, _decoded(path.with_name(f"{ESTIMATION}.json"), EstimationCheckpoint))
         for path in dives.glob(f"*/{CHECKPOINTS}*/{NOTE}.json")
         if (start := read(path)) is not None and (start.boot_id, start.vehicle) == (boot, vehicle)
     ]
@@ -162,15 +163,6 @@ def _alive_ns(start: StartNote, learnt: EstimationCheckpoint | None) -> int:
     return start.began_ns if learnt is None else max(start.began_ns, learnt.stamp_ns)
 
 
-def _learnt(checkpoints: Path) -> EstimationCheckpoint | None:
-    """By the estimator; None: nothing, or it cannot be read."""
-    try:
-        data = (checkpoints / f"{ESTIMATION}.json").read_bytes()
-        return msgspec.json.decode(data, type=EstimationCheckpoint)
-    except (OSError, *UNDECODABLE):
-        return None
-
-
 def boot_id() -> str | None:
     """Of this start of the computer; None: not Linux."""
     try:
@@ -181,8 +173,12 @@ def boot_id() -> str | None:
 
 def read(path: Path) -> StartNote | None:
     """None: there is no such note, or not a whole one."""
+    return _decoded(path, StartNote)
+
+
+def _decoded(path: Path, kind: type[S]) -> S | None:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=StartNote)
+        return msgspec.json.decode(path.read_bytes(), type=kind)
     except (OSError, *UNDECODABLE):
         return None
 

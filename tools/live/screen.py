@@ -1,24 +1,30 @@
-"""What the pilot reads in the terminal during a dive. Pure: a view in, something printable out.
+"""What the pilot reads in the terminal during a dive: a screen on a terminal, otherwise a line
+every few seconds. `render` and `plain` are pure: a view in, something printable out.
 
 The screen fits the terminal's height. What a pilot needs comes first and is never left out: armed,
 activity, alarm, depth, heading, flight mode, battery, sticks and link, then the newest log lines,
 the last warnings among them. The services get the rows that are left; those that are gone or were
 restarted are shown before the others.
 
-On a terminal of 24 rows or more every alarm has rows of its own and is wrapped, because its end
-says what the pilot has to do. On a lower one they share rows, and the ends may be cut.
+Every alarm has rows of its own and is wrapped, because its end says what the pilot has to do.
 """
 
-from collections.abc import Sequence
+import sys
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from textwrap import wrap
+from typing import Protocol
 
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleDimensions, Group, RenderableType
+from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from messages.health import LogLine
 from services.vehicle_view import words
-from services.vehicle_view.log_lines import LogEntry, brief, newest
+from services.vehicle_view.log_lines import LogEntry, LogLines, brief, full, newest
 from services.vehicle_view.view import VehicleView
 from services.vehicle_view.words import known, number
 
@@ -32,7 +38,6 @@ TABLE_HEADING = 1  # row
 COLUMNS = 80  # of the narrowest terminal
 ALARM_ROWS = 3  # of each alarm at most
 INDENT = " " * 10  # of a log line's second row
-ROOMY = 23  # [rows] from here on every alarm has rows of its own
 LEVELS = {"info": "", "warning": "yellow", "error": "bold red"}
 
 
@@ -68,10 +73,8 @@ def render(view: View, height: int | None = None, width: int = COLUMNS) -> Rende
     Args:
         height, width: rows and columns there are; None: as many rows as are needed.
     """
-    roomy = height is None or height >= ROOMY
-    alarms = _alarms(view, width) if roomy else _alarms_in_short(view)
-    note = "; ".join(words.notes(view))
-    if roomy and len(_state(view, note)) > width:
+    alarms, note = _alarms(view, width), "; ".join(words.notes(view))
+    if len(_state(view, note)) > width:
         state = [_state(view, ""), *_wrapped("NOTE", note, "yellow", width)]
     else:
         state = [_state(view, note)]
@@ -153,16 +156,6 @@ def _wrapped(name: str, text: str, style: str, width: int) -> list[Text]:
     """In as many rows as it needs, up to `ALARM_ROWS`."""
     rows = wrap(text, width - 7, max_lines=ALARM_ROWS, placeholder=" …")
     return [_row(f"{'' if n else name:<6} {row}", style) for n, row in enumerate(rows)]
-
-
-def _alarms_in_short(view: View) -> list[Text]:
-    """At most two rows; their ends may be cut."""
-    alarms = [f"SILENT {_silent(view)}"] if view.silent else []
-    alarms += [f"LINK   {words.alarm(view)}"] if view.alarms else []
-    alarms += [f"CAMERA {view.picture}"] if view.picture else []
-    rows = [f"DRONE  {acting}"] if (acting := words.acting(view)) else []
-    rows += ["  ".join(alarms)] if alarms else []
-    return [_row(row, "bold red") for row in rows]
 
 
 def _row(text: str, style: str) -> Text:
@@ -284,3 +277,107 @@ def _clock(seconds: float | None) -> str:
     if seconds is None:
         return "--:--"
     return f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"
+
+
+SCREEN_S = 0.25  # [s] between two screens
+LINE_S = 5.0  # [s] between two lines
+Make = Callable[[ConsoleDimensions], RenderableType]  # for a terminal of this size
+
+
+class Display(Protocol):
+    def show(self, look: Callable[[], View]) -> None:
+        """Show the view that `look` makes, if the next one is due."""
+        ...
+
+    def line(self, line: LogLine, at_s: float | None) -> None:
+        """A log line has arrived, `at_s` [s] after arming; the screen gets it with its view."""
+        ...
+
+
+class ScreenDisplay:
+    def __init__(self, draw: Callable[[Make], None]) -> None:
+        self._draw = draw
+        self._next_s = 0.0
+
+    def show(self, look: Callable[[], View]) -> None:
+        if (now := time.monotonic()) >= self._next_s:
+            self._next_s = now + SCREEN_S
+            self._draw(lambda size: render(look(), size.height - 1, max(COLUMNS, size.width)))
+
+    def line(self, line: LogLine, at_s: float | None) -> None:
+        pass
+
+
+class PrintedLines:
+    """Log lines on stdout. One that is repeated is printed the first, tenth, hundredth … time, and
+    a warning or an error also when it comes back after a while."""
+
+    def __init__(self) -> None:
+        self._lines = LogLines()
+
+    def line(self, line: LogLine, at_s: float | None) -> None:
+        """A log line has arrived, `at_s` [s] after arming."""
+        if (entry := self._lines.add(line, at_s)) is not None:
+            _print(entry)
+
+    def finish(self) -> None:
+        """Print the lines that were repeated since they were printed last."""
+        for entry in self._lines.unprinted():
+            _print(entry)
+
+
+def _print(entry: LogEntry) -> None:
+    with suppress(OSError):  # whoever read it may be gone, and the dive goes on
+        print(full(entry), flush=True)
+
+
+class LineDisplay(PrintedLines):
+    def __init__(self) -> None:
+        super().__init__()
+        self._next_s = 0.0
+
+    def show(self, look: Callable[[], View]) -> None:
+        if (now := time.monotonic()) >= self._next_s:
+            self._next_s = now + LINE_S
+            line = plain(look())
+            with suppress(OSError):  # whoever read it may be gone, and the dive goes on
+                print(line, flush=True)
+
+
+@contextmanager
+def display() -> Generator[Display]:
+    """A screen if stdout is a terminal, otherwise lines."""
+    if not sys.stdout.isatty():
+        shown = LineDisplay()
+        try:
+            yield shown
+        finally:
+            shown.finish()
+        return
+    with drawn_anew() as draw:
+        yield ScreenDisplay(draw)
+
+
+@contextmanager
+def drawn_anew(console: Console | None = None) -> Generator[Callable[[Make], None]]:
+    """Yields a function that draws; what it drew before goes. The cursor stands in the row below:
+    a terminal scrolls when its last row is full.
+
+    Args:
+        console: default: the standard output.
+    """
+    # No refresh thread: the screen must not compete with the bus for the processor.
+    with Live(console=console or Console(), auto_refresh=False, transient=True) as live:
+        before = live.console.size
+
+        def draw(make: Make) -> None:
+            nonlocal before
+            size = live.console.size
+            if size != before:  # the terminal has wrapped the rows anew, nobody knows where
+                live.stop()
+                live.console.clear()
+                live.start()
+                before = size
+            live.update(make(size), refresh=True)
+
+        yield draw

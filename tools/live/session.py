@@ -14,10 +14,9 @@ from services.runtime.launch.local_stack import LocalStack
 from services.runtime.node.node import Node
 from tools.checks import PilotChoice
 from tools.keys.credentials import OPEN
-from tools.live.display import Display, PrintedLines
 from tools.live.dive_timeline import DiveTimeline
 from tools.live.outcome import Outcome, title
-from tools.live.screen import View
+from tools.live.screen import Display, PrintedLines, View
 from tools.live.stop_signals import StopSignals
 from tools.live.watch import Watch
 from tools.report.summary import restarted

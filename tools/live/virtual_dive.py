@@ -90,7 +90,6 @@ def fly(
         node.each(topics.STATUS, timeline.see)
         outcome.listen(node)
         host.add_all(services, stack, {} if memory is None else {RECORDER: memory.wire})
-        services.require_published({name: host.nodes[name].published for name in services})
         begun()
         host.show(lambda line: None if line.level == "info" else show(line))
         began = time.perf_counter()

@@ -21,10 +21,7 @@ class Device:
     """The first pad that SDL knows."""
 
     def __init__(self) -> None:
-        """
-        Raises:
-            LindyError: there is none.
-        """
+        """Raises LindyError: there is none."""
         sdl.start_events()
         pygame.joystick.init()
         controller.init()
@@ -46,7 +43,7 @@ class Device:
         while self._changes and self._changes[0] < now_s - SECOND:
             self._changes.popleft()
         if not self._pad.attached():
-            raise LindyError(f"the pad {self.name} was unplugged; nothing was written")
+            raise LindyError(f"the pad {self.name} was unplugged")
         return controls_of(self._pad)
 
     @property

@@ -263,8 +263,8 @@ def _service(sums: HealthSums, name: str, extras: Extras, topsides: int) -> Serv
     cpu_percent = sums.mean_cpu_percent
     return Service(
         sent=sums.sent,
-        lateness_p50_ms=_median(sums.lateness_p50_ms.values),
-        lateness_p99_ms=_median(sums.lateness_p99_ms.values),
+        lateness_p50_ms=_median(sums.lateness_p50_ms),
+        lateness_p99_ms=_median(sums.lateness_p99_ms),
         cpu_percent=None if cpu_percent is None else round(cpu_percent, 1),
         rss_mb=sums.rss_mb,
         restarts=max(extras.restarts.get(name, 0), known),

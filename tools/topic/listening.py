@@ -19,7 +19,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.running import Running
 from services.runtime.config.settings import nearest
 from services.runtime.launch.process_plan import HOME
-from tools.live.display import drawn_anew
+from tools.live.screen import drawn_anew
 from tools.live.stop_signals import StopSignals
 
 STEP_S = 0.05  # [s] between two looks at what has arrived
@@ -141,10 +141,7 @@ class _Reader:
         return None
 
     def complain(self) -> None:
-        """
-        Raises:
-            LindyError: some could not be read.
-        """
+        """Raises LindyError: some could not be read."""
         each = [f"{count} messages on {key}" for key, count in self._unread.most_common(5)]
         if each:
             raise LindyError(f"{harmless(', '.join(each))} could not be read")

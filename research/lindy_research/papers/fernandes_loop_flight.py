@@ -34,7 +34,7 @@ from messages.topic import M
 from services.reference.paths.path import Path
 from services.reference.trajectory.minimum_jerk import MotionProfile
 from services.runtime.bus.envelope import Envelope
-from services.runtime.hosts.stack_file import Wire, wire_of
+from services.runtime.hosts.registry import Wire, wire_of
 from services.simulator.core import Settings, at_the_surface
 from tools.generators.route import Route, sequence, stretch
 

@@ -13,6 +13,7 @@ import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar, cast
 from urllib.parse import parse_qs
 
@@ -307,6 +308,9 @@ class CountedConnection(ServerConnection):
 def _tls(settings: Settings) -> ssl.SSLContext | None:
     if not settings.certificate:
         return None
+    for name, file in (("certificate", settings.certificate), ("key", settings.key)):
+        if not Path(file).is_file():
+            raise LindyError(f"cockpit.{name} {file!r}: there is no such file; expected a PEM file")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
         context.load_cert_chain(settings.certificate, settings.key)

@@ -1,5 +1,5 @@
 """Who may say and hear what at a hub or a router: the one place that turns the topic table into
-Zenoh's access control.
+Zenoh's access control; and the certificate files of this machine.
 
 Services connect to their hub over a private socket, the other machine over the network; the hub
 tells them apart by the protocol, and other machines by the common names of their certificates.
@@ -13,9 +13,44 @@ from typing import Any, NamedTuple
 
 from messages import topics
 from messages.topic import Direction, Side
-from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, name_in
 from services.runtime.os import system
+
+
+class KeyFiles(NamedTuple):
+    """Paths of PEM files."""
+
+    authority: str  # certificate of the authority that signed everybody's certificate
+    certificate: str  # this machine's
+    key: str  # its private key
+
+
+class Credentials(NamedTuple):
+    """How this machine proves who it is, and whom it lets in."""
+
+    keys: KeyFiles
+    admitted: tuple[str, ...]  # common names of certificates, `role:name`
+    name: str = ""  # of this machine's own certificate, without its role
+
+
+def tls_settings(keys: KeyFiles) -> dict[str, Any]:
+    """Zenoh's `transport/link/tls`: both ends prove who they are.
+
+    A certificate names a role and no address, so addresses are not compared; that only a drone's
+    certificate can answer and only a pilot's or observer's can call is in its extended key usage.
+    A certificate that expires during a dive does not end the dive.
+    """
+    return {
+        "root_ca_certificate": keys.authority,
+        "listen_certificate": keys.certificate,
+        "listen_private_key": keys.key,
+        "connect_certificate": keys.certificate,
+        "connect_private_key": keys.key,
+        "enable_mtls": True,
+        "verify_name_on_connect": False,
+        "close_link_on_expiration": False,
+    }
+
 
 LOCAL, NETWORK = system.LOCAL, ("tcp", "tls", "quic", "udp")
 WITH_KEYS = "tls"

@@ -59,10 +59,7 @@ def name_in(key: str) -> str:
 
 
 def checked_name(name: str, option: str) -> str:
-    """
-    Raises:
-        LindyError: a drone cannot be called this.
-    """
+    """Raises LindyError: a drone cannot be called this."""
     if NAME.fullmatch(name) is None:
         raise LindyError(
             f"{option} {name[: 2 * LONGEST]!r}: a drone's name is a part of every key, so it may "
@@ -82,10 +79,7 @@ ENDPOINT = re.compile(
 
 
 def checked_endpoint(text: str, option: str) -> str:
-    """
-    Raises:
-        LindyError: this is no endpoint, or there is no such port.
-    """
+    """Raises LindyError: this is no endpoint, or there is no such port."""
     found = ENDPOINT.fullmatch(text)
     if found is None:
         raise LindyError(

@@ -20,8 +20,6 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any, Literal
 
 import zenoh
@@ -29,9 +27,8 @@ from zenoh import CongestionControl, Priority
 
 from messages.payload import LONGEST
 from messages.topic import AnyTopic, Qos
-from services.runtime.bus.access_control import HubSide, access_control
+from services.runtime.bus.access_control import HubSide, KeyFiles, access_control, tls_settings
 from services.runtime.bus.envelope import Envelope, Say, Store
-from services.runtime.bus.key_files import KeyFiles, tls_settings
 from services.runtime.bus.spaces import namespace
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
@@ -135,8 +132,6 @@ def listening(
     except OSError as error:
         raise LindyError(f"cannot listen on {endpoint}: {reason(error)}") from None
     except zenoh.ZError as error:
-        if endpoint.startswith(UNIX):
-            _require_writable(Path(endpoint.removeprefix(UNIX)).parent)
         taken = "in use" in str(error)
         said = str(error).split(" at /")[0]  # what follows is Zenoh's own source line
         said = said.removeprefix('Json5Err(Message { msg: "')
@@ -145,19 +140,6 @@ def listening(
         raise LindyError(
             f"endpoint {endpoint} {why}; choose another, for example tcp/127.0.0.1:{free}"
         ) from None
-
-
-def _require_writable(folder: Path) -> None:
-    """
-    Raises:
-        LindyError: it is not, so no socket can be made in it.
-    """
-    try:
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        where = f"cannot write into {folder}, where the hub's socket is"
-        raise LindyError(f"{where}: {reason(error)}") from None
 
 
 def connected(
@@ -276,9 +258,21 @@ class ZenohBus:
         # `indirect=False`: store on Zenoh's own thread; it only appends and wakes. A queue with
         # a thread behind it fills up, and one full queue blocks reception for the whole session.
         def on_sample(sample: zenoh.Sample) -> None:
-            keep_thread_state()
+            if not hasattr(_kept, "state"):
+                keep_thread_state()
             if sample.kind == zenoh.SampleKind.PUT:
-                store(envelope_of(sample))
+                attachment = sample.attachment
+                store(
+                    Envelope(
+                        key=str(sample.key_expr),
+                        payload=sample.payload.to_bytes(),
+                        encoding=str(sample.encoding),
+                        attachment=None if attachment is None else attachment.to_bytes(),
+                        travelled=ZenohQos(
+                            sample.priority, sample.congestion_control, sample.express
+                        ),
+                    )
+                )
 
         handler = zenoh.handlers.Callback(on_sample, indirect=False)
         self._keep.append(
@@ -289,18 +283,14 @@ class ZenohBus:
 
     def say(self, topic: AnyTopic) -> Say:
         qos = QOS_PROFILES[topic.qos]
-        publisher = self._session.declare_publisher(
+        publisher: Any = self._session.declare_publisher(  # its stub does not say of what
             topic.key,
             encoding=topic.encoding,
             priority=qos.priority,
             congestion_control=qos.congestion_control,
             express=qos.express,
         )
-
-        def put(payload: bytes) -> None:
-            publisher.put(payload)
-
-        return put
+        return publisher.put
 
     def forward(self, envelope: Envelope) -> None:
         qos = envelope.travelled
@@ -343,18 +333,6 @@ def open_bus(endpoint: str, name: str, keys: KeyFiles | None = None) -> Generato
     """A client's bus. Always closed: a session left open hangs the process at exit."""
     with connected(endpoint, namespace(name), keys=keys) as session:
         yield ZenohBus(session)
-
-
-def envelope_of(sample: zenoh.Sample) -> Envelope:
-    """What has arrived, not yet decoded."""
-    attachment = sample.attachment
-    return Envelope(
-        key=str(sample.key_expr),
-        payload=sample.payload.to_bytes(),
-        encoding=str(sample.encoding),
-        attachment=None if attachment is None else attachment.to_bytes(),
-        travelled=ZenohQos(sample.priority, sample.congestion_control, sample.express),
-    )
 
 
 @dataclass(frozen=True, slots=True)

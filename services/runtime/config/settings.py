@@ -3,12 +3,13 @@ is allowed, and the nearest known key."""
 
 import copy
 import difflib
+import inspect
 import os
 import re
 import tomllib
 from collections import Counter
 from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -199,10 +200,7 @@ def read(path: Path, kind: type[S]) -> S:
 
 
 def _value(text: str) -> Any:
-    """
-    Raises:
-        ValueError: neither TOML nor a bare word.
-    """
+    """Raises ValueError: neither TOML nor a bare word."""
     try:
         return tomllib.loads(f"v = {text}")["v"]
     except RecursionError:
@@ -242,6 +240,8 @@ def _explain(error: str, tree: Any, kind: type, where: str, path: Path | None) -
     else:
         what, got, kind_found = what.partition(", got ")
         text.append(_plainly(what[0].lower() + what[1:]))
+        if re.search(r"` [<>]=? \S+$", what):  # a limit, which a number alone does not tell
+            text.append(_unit(kind, list(parts)))
         if not isinstance(found, dict | list):
             text.append(f", found {found!r}")
         elif got:
@@ -349,23 +349,41 @@ def _at(tree: Any, parts: list[Any]) -> Any:
 
 def _fields(kind: Any, parts: list[Any]) -> list[str]:
     """Names a Struct knows at the end of a path of keys."""
+    node = _node(kind, parts)
+    known = node.fields if isinstance(node, msgspec.inspect.StructType) else ()
+    return sorted(field.encode_name for field in known)
+
+
+def _unit(kind: Any, parts: list[Any]) -> str:
+    """` m/s²` of a field, from the comment at it; empty: it has none, or no source is here."""
+    while parts and not isinstance(parts[-1], str):
+        parts = parts[:-1]
+    node = _node(kind, parts[:-1])
+    if not parts or not isinstance(node, msgspec.inspect.StructType):
+        return ""
+    for owner in node.cls.__mro__:
+        with suppress(OSError, TypeError):
+            source = inspect.getsource(owner)
+            comments = r"((?:^ +#.*\n)*)"
+            field = re.search(rf"{comments}^    {parts[-1]}:(.*(?:\n    [ )\]].*)*)", source, re.M)
+            if field is not None:
+                unit = re.search(r"# \[([^\]]+)\]", f"{field[2]}\n{field[1]}")
+                return f" {unit[1]}" if unit is not None and unit[1] != "-" else ""
+    return ""
+
+
+def _node(kind: Any, parts: list[Any]) -> msgspec.inspect.Type:
+    """What is expected at the end of a path of keys."""
     node = _table(msgspec.inspect.type_info(kind))
     for part in parts:
         if isinstance(node, msgspec.inspect.StructType):
             node = next((f.type for f in node.fields if f.encode_name == part), node)
         elif isinstance(node, msgspec.inspect.DictType):
             node = node.value_type
-        elif isinstance(
-            node,
-            msgspec.inspect.ListType | msgspec.inspect.VarTupleType,
-        ):
+        elif isinstance(node, msgspec.inspect.ListType | msgspec.inspect.VarTupleType):
             node = node.item_type
         node = _table(node)
-    return (
-        sorted(f.encode_name for f in node.fields)
-        if isinstance(node, msgspec.inspect.StructType)
-        else []
-    )
+    return node
 
 
 def _table(node: msgspec.inspect.Type) -> msgspec.inspect.Type:

@@ -253,10 +253,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
 
 def read_part(path: Path) -> SensorPart:
-    """
-    Raises:
-        LindyError: it cannot be read, or is no part file.
-    """
+    """Raises LindyError: it cannot be read, or is no part file."""
     return convert(read_toml(path), SensorPart, "", path)
 
 

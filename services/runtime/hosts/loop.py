@@ -111,11 +111,12 @@ class Loop:
             self._run(k, self._nodes[k].step)
         return count
 
-    def _run(self, k: int, what: Callable[[], None]) -> None:
+    def _run(self, k: int, what: Callable[[], object]) -> None:
         node, alone = self._nodes[k], len(self._nodes) == 1
         self.running = node.name
         began = 0 if alone else self._clock()
-        what()
+        if what():  # it has more to do
+            self._arrivals.add(k)
         self._due[k] = node.deadline()
         if not alone:
             took = self._clock() - began
@@ -132,7 +133,9 @@ class Loop:
             if not self._lock.acquire(blocking=False):
                 return
             try:
-                self._handle_arrivals()
+                for each in sorted(self._arrivals.copy()):  # messages, but no timers
+                    self._arrivals.discard(each)
+                    self._run(each, self._nodes[each].handle_arrivals)
                 if min(self._due) < self._wakes_at:
                     self._woken.set()  # a handler has set a timer
             except BaseException as failure:  # Zenoh would log it and go on
@@ -140,14 +143,6 @@ class Loop:
                 self._woken.set()
             finally:
                 self._lock.release()
-
-    def _handle_arrivals(self) -> None:
-        """One round of messages that arrived, but no timers."""
-        for k in sorted(self._arrivals.copy()):
-            self._arrivals.discard(k)
-            self._run(k, self._nodes[k].handle_arrivals)
-            if self._nodes[k].has_arrivals:
-                self._arrivals.add(k)
 
     def _share(self, k: int, of_process: Callable[[], Usage]) -> Usage:
         """What the process has used since the last account is divided as the time of the steps: to

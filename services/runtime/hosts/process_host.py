@@ -21,9 +21,8 @@ from threading import Thread
 import msgspec
 
 from messages.health import LogLine
-from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.access_control import HubSide, KeyFiles
 from services.runtime.bus.envelope import Bus
-from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
 from services.runtime.bus.zenoh_bus import (
     announce_here,

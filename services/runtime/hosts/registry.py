@@ -1,12 +1,19 @@
-"""The services of a stack: what is asked of them as a whole.
+"""The services of a stack: what is asked of them as a whole, and where their code is found.
 
-The stack file is read and checked in `stack_file`, and the code of a service is found in
-`service_module`.
+One of Lindy's own services is `services.<name>`: its `wire` is in `.service`, its `Settings`, if it
+has any, in `.core`. Any other service is the module that its table in the stack file names, with
+`wire` and `Settings` in that module itself. Such a module is looked for among the installed
+packages and then in the folder of the stack file.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+import importlib
+import sys
+import traceback
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import msgspec
 
@@ -14,23 +21,19 @@ from messages import topics
 from messages.topic import AnyTopic
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file
-from services.runtime.config.stack import Role
+from services.runtime.config.stack import Role, Stack
 from services.runtime.hosts.stack_file import (
-    ONE_EACH,
-    ServiceModule,
+    HERE,
     ServiceSpec,
-    Wire,
+    check,
     code_of,
-    module_of,
     own_services,
-    own_settings,
     place,
     read_specs,
-    require_one_of_a_kind,
-    require_possible,
-    require_processes,
 )
+from services.runtime.node.node import Node
 
+Wire = Callable[[Node, Stack], None]
 DEFAULT = "simulated"  # the stack of a dive without --stack
 SHARED = {"topside": "topside", "drone": "onboard"}  # process of each side with --grouped
 # What somebody must publish in a dive, and which of Lindy's own services does.
@@ -40,7 +43,6 @@ NEEDED: dict[str, AnyTopic] = {
     "reference": topics.REFERENCE,
     "control": topics.THRUSTERS,
 }
-OF_ONE = (topics.ACTUATION, *(NEEDED[own] for own in ONE_EACH))
 ROLES: dict[str, Role] = {"recorder": "recorder", "link_monitor": "clock"}
 INSTEAD = {"gamepad": ("mavlink", "cockpit", "ros2")}  # which others publish the same
 PILOTS = ("gamepad", *INSTEAD["gamepad"])  # of Lindy's own services, those that command
@@ -63,15 +65,12 @@ class Registry(Mapping[str, ServiceSpec]):
             LindyError: no such file, or a mistake in it.
         """
         file = deploy_file("stacks", stack)
-        specs = read_specs(file)
-        registry = cls(file.resolve(), specs)
-        require_possible(specs, registry.file)
-        require_processes(specs, registry.file)
+        registry = cls(file.resolve(), read_specs(file))
+        check(registry.specs, registry.file)
         if not registry.vehicle_side:
             raise LindyError(
                 f"{file}: no service is the vehicle; one of them must have vehicle_side = true"
             )
-        require_one_of_a_kind(specs, registry.file)
         return registry
 
     def __getitem__(self, name: str) -> ServiceSpec:
@@ -86,7 +85,7 @@ class Registry(Mapping[str, ServiceSpec]):
     @property
     def vehicle_side(self) -> dict[str, str]:
         """Names of the services that are the vehicle, with the module each is found in."""
-        return {n: self._module(n).name for n, spec in self.specs.items() if spec.vehicle_side}
+        return {n: self._module(n) for n, spec in self.specs.items() if spec.vehicle_side}
 
     def only(self, specs: Mapping[str, ServiceSpec]) -> "Registry":
         """The same stack file with only these services."""
@@ -140,40 +139,17 @@ class Registry(Mapping[str, ServiceSpec]):
         missing = [own for own in NEEDED if not {own, *INSTEAD.get(own, ())} & there]
         others = [s for n, s in self.specs.items() if s.module is not None and n not in NEEDED]
         if len(missing) > sum(not spec.vehicle_side for spec in others):
-            raise self._unpublished(missing)
+            keys = " and ".join(NEEDED[own].key for own in missing)
+            tables = " and ".join(f"[services.{own}]" for own in missing)
+            raise LindyError(
+                f"{self.file}: services: nobody publishes {keys}, without which no dive begins; "
+                f"allowed: {tables}, or a module of your own that publishes it"
+            )
         if not any(spec.gateway for spec in self.specs.values()):
             raise LindyError(
                 f"{self.file}: services: none connects the topside with the drone; one must have "
                 f"gateway = true, such as Lindy's own tether"
             )
-
-    def require_published(self, published: Mapping[str, Collection[AnyTopic]]) -> None:
-        """Check it again where it is known what each service publishes.
-
-        Args:
-            published: topics by service.
-
-        Raises:
-            LindyError: names what nobody publishes, or two of which there may be one only.
-        """
-        everything = {topic for own in published.values() for topic in own}
-        if missing := [own for own, topic in NEEDED.items() if topic not in everything]:
-            raise self._unpublished(missing)
-        for topic in OF_ONE:
-            names = [name for name, own in published.items() if topic in own]
-            if len(names) > 1:
-                raise LindyError(
-                    f"{place(self.file, names[1])}: it publishes {topic.key}, and so does "
-                    f"{names[0]}; allowed is one"
-                )
-
-    def _unpublished(self, missing: Collection[str]) -> LindyError:
-        keys = " and ".join(NEEDED[own].key for own in missing)
-        tables = " and ".join(f"[services.{own}]" for own in missing)
-        return LindyError(
-            f"{self.file}: services: nobody publishes {keys}, without which no dive begins; "
-            f"allowed: {tables}, or a module of your own that publishes it"
-        )
 
     def grouped(self) -> "Registry":
         """The same stack with few processes: services that have none of their own share one for
@@ -186,7 +162,7 @@ class Registry(Mapping[str, ServiceSpec]):
             name: msgspec.structs.replace(spec, process=spec.process or SHARED[spec.sides[0]])
             for name, spec in self.specs.items()
         }
-        require_processes(grouped, self.file)
+        check(grouped, self.file)
         return self.only(grouped)
 
     @property
@@ -214,12 +190,31 @@ class Registry(Mapping[str, ServiceSpec]):
         Raises:
             LindyError: there is no such module or function.
         """
-        return self._module(name).wire()
+        module = self._module(name)
+        wire = wire_of(self._code(name)) if self[name].module is None else self._users_wire(name)
+
+        def wired(node: Node, stack: Stack) -> None:
+            try:
+                wire(node, stack)
+            except LindyError:
+                raise
+            except (Exception, SystemExit) as error:
+                raise LindyError(f"module {module}: {_in_words(error)}") from error
+
+        return wired
 
     def failure(self, name: str, error: BaseException) -> LindyError:
         """What a handler of a service raised in mid-dive, in one sentence: which service, which
         module, which line."""
-        return self._module(name).failure(error)
+        if isinstance(error, MemoryError):  # of the computer, or of a limit: nobody's mistake
+            return LindyError(f"{name} has no memory left")
+        module = self._module(name)
+        line = _line_in(sys.modules.get(module), error)
+        whose = f"{name} (module {module})"
+        if self[name].module is None:
+            whose = f"an error in Lindy itself: {whose}"
+        what = "ended itself" if isinstance(error, SystemExit) else "failed"
+        return LindyError(f"{whose} {what} at {line.filename}:{line.lineno}: {_in_words(error)}")
 
     def tables(
         self, here: Collection[str] | None = None, named: Collection[str] | None = None
@@ -246,8 +241,80 @@ class Registry(Mapping[str, ServiceSpec]):
         for name, spec in self.specs.items():
             if spec.module is not None:
                 at_home = here is None or name in here
-                found[name] = self._module(name).settings_of_users() if at_home else dict
+                found[name] = self._users_settings(name) if at_home else dict
         return found
 
-    def _module(self, name: str) -> ServiceModule:
-        return module_of(name, self.specs[name], self.file)
+    def _code(self, name: str) -> str:
+        return code_of(name, self[name])
+
+    def _module(self, name: str) -> str:
+        return self[name].module or f"{HERE}.{self._code(name)}"
+
+    def _users_settings(self, name: str) -> type | None:
+        """The settings that a user's module reads from a vehicle file.
+
+        Raises:
+            LindyError: the module cannot be used.
+        """
+        self._users_wire(name)  # a module without one is no service
+        settings: Any = getattr(self._imported(name), "Settings", None)
+        config = getattr(settings, "__struct_config__", None)
+        if settings is None or (config is not None and config.forbid_unknown_fields):
+            return settings
+        raise LindyError(
+            f"{self._at(name)}: Settings of module {self._module(name)!r} must be a class of the "
+            f"kind (msgspec.Struct, frozen=True, forbid_unknown_fields=True)"
+        )
+
+    def _users_wire(self, name: str) -> Wire:
+        module = self._imported(name)
+        wire: Wire | None = getattr(module, "wire", None)
+        if not callable(wire):
+            raise LindyError(
+                f"{self._at(name)}: module {module.__name__!r} ({module.__file__}) has no function "
+                f"wire(node, stack)"
+            )
+        return wire
+
+    def _imported(self, name: str) -> ModuleType:
+        """Import a module that is not Lindy's own."""
+        folder, module = str(self.file.parent), self._module(name)
+        if folder not in sys.path:
+            sys.path.append(folder)  # at the end: nothing there can replace an installed module
+        try:
+            return importlib.import_module(module)
+        except (Exception, SystemExit) as error:
+            missing = error.name if isinstance(error, ModuleNotFoundError) else None
+            why = f"module {module!r} cannot be imported: {_in_words(error)}"
+            if missing and f"{module}.".startswith(f"{missing}."):  # itself, or its package
+                why = (
+                    f"there is no module {module!r}; allowed: an installed module, or a file "
+                    f"beside the stack file"
+                )
+            raise LindyError(f"{self._at(name)}: {why}") from error
+
+    def _at(self, name: str) -> str:
+        return place(self.file, name, "module")
+
+
+def own_settings(name: str) -> type | None:
+    """The settings that one of Lindy's own services reads from a vehicle file."""
+    return getattr(importlib.import_module(f"{HERE}.{name}.core"), "Settings", None)
+
+
+def wire_of(name: str) -> Wire:
+    """`wire` of one of Lindy's own services."""
+    return importlib.import_module(f"{HERE}.{name}.service").wire
+
+
+def _line_in(module: ModuleType | None, error: BaseException) -> traceback.FrameSummary:
+    """Where an error came from: the innermost line of the module or of a file beside it, because
+    what it called there is seldom at fault; else the innermost line of all."""
+    frames = traceback.extract_tb(error.__traceback__)
+    file = getattr(module, "__file__", None)
+    own = [f for f in frames if file is not None and Path(f.filename).parent == Path(file).parent]
+    return (own or frames)[-1]
+
+
+def _in_words(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

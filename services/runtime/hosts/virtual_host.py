@@ -17,8 +17,8 @@ from messages.health import LogLine
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.stack_file import ServiceSpec, Wire, wire_of
+from services.runtime.hosts.registry import Registry, Wire, wire_of
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.node.checkpoint import CheckpointStore, VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node

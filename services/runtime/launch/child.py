@@ -73,10 +73,7 @@ class OsChild:
     """
 
     def __init__(self, task: Task) -> None:
-        """
-        Raises:
-            OSError: it cannot be started now.
-        """
+        """Raises OSError: it cannot be started now."""
         self.unlogged, self._last = "", b""
         self._path = task.log
         self._file: IO[bytes] | None = None

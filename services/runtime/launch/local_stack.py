@@ -1,6 +1,12 @@
-"""A whole stack as processes on this machine: a hub for each side and every service."""
+"""A whole stack as processes on this machine: a hub for each side and every service; and what
+systemd is told of it (Type=notify): that it is ready, works, or ends. The protocol is that of
+sd_notify(3): a datagram of text to a unix socket. Without systemd there is no `NOTIFY_SOCKET`, and
+nobody is told.
+"""
 
 import os
+import socket
+import sys
 import threading
 import time
 import traceback
@@ -14,8 +20,7 @@ from typing import Literal
 import msgspec
 
 from messages import events
-from services.runtime.bus.access_control import HubSide
-from services.runtime.bus.key_files import Credentials
+from services.runtime.bus.access_control import Credentials, HubSide
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
@@ -26,11 +31,52 @@ from services.runtime.hosts.process_host import instance, usage
 from services.runtime.launch.child import is_stuck
 from services.runtime.launch.process_plan import LAST, Dive, ProcessPlan, runtime_folder
 from services.runtime.launch.supervisor import HangDetector, Supervisor
-from services.runtime.launch.systemd import Systemd
 from services.runtime.node.checkpoint import CheckpointFile, VolatileCheckpoint
 from services.runtime.node.clock_offset import ClockOffset
 from services.runtime.node.node import Node
 from services.runtime.os import system
+
+SOCKET, PERIOD, PROCESS = "NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"
+
+
+class Systemd:
+    """Nothing here raises or waits, whatever has become of systemd."""
+
+    def __init__(self, environment: Mapping[str, str], pid: int) -> None:
+        """
+        Args:
+            pid: of this process; the watchdog may be meant for another one.
+        """
+        address = environment.get(SOCKET, "")
+        self._address = f"\0{address[1:]}" if address.startswith("@") else address
+        period_us = environment.get(PERIOD, "")
+        watched = period_us.isdecimal() and environment.get(PROCESS, str(pid)) == str(pid)
+        # Twice as often as it must be, as sd_watchdog_enabled(3) recommends; None: no watchdog.
+        self._every_ns = int(period_us) * 1000 // 2 if watched else None
+        self._due = 0  # [ns] next sign of life
+
+    def ready(self) -> None:
+        """Everything has started."""
+        self._send("READY=1")
+
+    def stopping(self) -> None:
+        """The end was asked for."""
+        self._send("STOPPING=1")
+
+    def works(self, now: int) -> None:
+        """Every process answers at `now` [ns]. Call it often. If it is not called for the time of
+        the watchdog, systemd ends the whole side and starts it again."""
+        if self._every_ns is not None and now >= self._due:
+            self._due = now + self._every_ns
+            self._send("WATCHDOG=1")
+
+    def _send(self, text: str) -> None:
+        if not self._address or sys.platform == "win32":
+            return
+        with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+            sender.setblocking(False)
+            sender.sendto(text.encode(), self._address)
+
 
 SLOW = ("visualizer",)  # started when the others are alive: its libraries take a second to load
 WATCH_NS = 100_000_000  # [ns] between two looks at the heartbeats

@@ -14,8 +14,7 @@ import msgspec
 
 import services
 from messages.topic import Side
-from services.runtime.bus.access_control import HubSide
-from services.runtime.bus.key_files import Credentials
+from services.runtime.bus.access_control import Credentials, HubSide
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.bus.zenoh_bus import UNIX
 from services.runtime.config.disk import fresh_folder, reason
@@ -131,22 +130,18 @@ class ProcessPlan:
 
     def _hub(self, side: str) -> Task:
         name, space = f"hub_{side}", namespace(self.stack.space)
+        border = self._border.get(side)
+        own = (*self.services, f"hub_{border}", self.dive.supervisor)
         launch = HubLaunch(
-            listen=[self.endpoints[side]],
+            listen=[self.endpoints[side], *(self.dive.listen if border else ())],
+            connect=[*self.dive.connect] if border else [],
+            hub_side=HubSide(border, space, self.dive.credentials, own) if border else None,
+            here=here_key(space, self.dive.side or "drone", self._start)
+            if side == self.home
+            else "",
             heartbeat=str(self.heartbeat(name)),
             supervised=True,
         )
-        if side == self.home:
-            what = self.dive.side or "drone"
-            launch = msgspec.structs.replace(launch, here=here_key(space, what, self._start))
-        if (border := self._border.get(side)) is not None:
-            own = (*self.services, f"hub_{border}", self.dive.supervisor)
-            launch = msgspec.structs.replace(
-                launch,
-                listen=[*launch.listen, *self.dive.listen],
-                connect=list(self.dive.connect),
-                hub_side=HubSide(border, space, self.dive.credentials, own),
-            )
         command = [*PYTHON, "hub", msgspec.json.encode(launch).decode()]
         return Task(name, command, self._log(name), stop_order=2)
 

@@ -275,35 +275,24 @@ class HangDetector:
         self._looked = now
         changes: list[SilenceChange] = []
         for name, life in lives.items():
-            beat = beats.get(name)
-            if self.silent.get(name, life.lives) != life.lives:
-                self._forget(name)  # it was started again meanwhile
-            if life.phase != "running" or beat is None or beat < life.at:
-                self._forget(name)  # it has ended, or has not begun
-                continue
-            silence_s = (now - max(beat, self._since)) / 1e9
+            newest = beats.get(name)
+            beat = -1 if newest is None else newest
+            known = self.silent.get(name) == life.lives  # else it was started again meanwhile
+            begun = life.phase == "running" and beat >= life.at
+            silence_s = (now - max(beat, self._since)) / 1e9 if begun else 0.0
             is_stuck = punctual and silence_s > STUCK_S and stuck(name)
-            changes += self._judge(name, life.lives, silence_s, stuck=is_stuck)
+            if not is_stuck and silence_s <= (STUCK_S if known else SILENT_S):
+                changes += [SilenceChange(name, "again")] if known and begun else []
+                self.silent.pop(name, None)
+                self._hopeless.discard(name)
+                continue
+            if not known:
+                self.silent[name] = life.lives
+                self.times[name] += 1
+                self._hopeless.discard(name)
+                changes.append(SilenceChange(name, "silent"))
+            patience_s = self.patience_s.get(name, SILENT_S)
+            if name not in self._hopeless and (is_stuck or silence_s > patience_s):
+                self._hopeless.add(name)
+                changes.append(SilenceChange(name, "hopeless"))
         return changes
-
-    def _judge(
-        self, name: str, lives: int, silence_s: float, *, stuck: bool
-    ) -> list[SilenceChange]:
-        if silence_s <= (STUCK_S if name in self.silent else SILENT_S) and not stuck:
-            was_silent = name in self.silent
-            self._forget(name)
-            return [SilenceChange(name, "again")] if was_silent else []
-        changes: list[SilenceChange] = []
-        if name not in self.silent:
-            self.silent[name] = lives
-            self.times[name] += 1
-            changes.append(SilenceChange(name, "silent"))
-        hopeless = stuck or silence_s > self.patience_s.get(name, SILENT_S)
-        if hopeless and name not in self._hopeless:
-            self._hopeless.add(name)
-            changes.append(SilenceChange(name, "hopeless"))
-        return changes
-
-    def _forget(self, name: str) -> None:
-        self.silent.pop(name, None)
-        self._hopeless.discard(name)

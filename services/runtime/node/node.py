@@ -412,16 +412,13 @@ class Node:
         if self._pending:
             self.wake()
 
-    def handle_arrivals(self) -> None:
+    def handle_arrivals(self) -> bool:
         """Handle messages that arrived, but no timers. Bounded, so that a flood of messages cannot
-        starve the timers."""
+        starve the timers: is anything left?"""
         for _ in range(min(len(self._pending), EVENTS)):
             self._pending.popleft()()
-        self._say()
-
-    @property
-    def has_arrivals(self) -> bool:
-        """Did anything arrive that wakes the service and is not handled yet?"""
+        if self.outbox.said:
+            self._say()
         return bool(self._pending)
 
     @property

@@ -13,6 +13,7 @@ from messages.units import Ns
 RECENT_NS = 3_000_000_000  # [ns] everybody speaks once a second
 PATIENCE_NS = 3_000_000_000  # [ns] in which the other side says who it is
 MOST = 8  # other sides that are told apart
+NO_TOPSIDE = "no topside answers: start one on the pilot's computer, with `lindy up topside`"
 
 
 @dataclass(slots=True)
@@ -33,7 +34,7 @@ class Peers:
         self._others: dict[int, tuple[SideIdentity, Ns]] = {}  # by instance
         self._voices: dict[str, dict[int, Voice]] = {}  # by service and instance; the oldest first
         self._expected_ns: Ns | None = None
-        self._met = False
+        self._heard = self._met = False
 
     def expect(self, now: Ns) -> None:
         """The other side is another machine, and was heard: it must say who it is."""
@@ -48,6 +49,7 @@ class Peers:
         self._forget(now)
 
     def health(self, health: Health, now: Ns) -> None:
+        self._heard |= health.side not in ("", self._ours.side)
         if health.side == "drone" and health.instance:
             self.speaks(health.service, health.instance, health.pid, now)
 
@@ -71,6 +73,8 @@ class Peers:
         if self._met or self._expected_ns is None or now < self._expected_ns + PATIENCE_NS:
             return ""
         other = "drone" if self._ours.side == "topside" else "topside"
+        if other == "topside" and not self._heard:
+            return NO_TOPSIDE
         return f"the {other} does not say which Lindy it runs: install the same on both machines"
 
     def _doubles(self, now: Ns) -> str:

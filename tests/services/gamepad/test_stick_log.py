@@ -381,7 +381,7 @@ def test_every_key_reaches_its_own_field_and_what_a_file_leaves_out_is_the_cours
         (LONG_WAY + "cruse = 0.3\n", "way.toml:2: cruse: unknown key; did you mean 'cruise'"),
         (
             LONG_WAY + "cruise = -0.3\n",
-            "way.toml:2: cruise: expected a number >= 1e-06, found -0.3",
+            "way.toml:2: cruise: expected a number >= 1e-06 m/s, found -0.3",
         ),
         (LONG_WAY + 'kind = "round"\n', "kind: invalid enum value 'round'"),
         (LONG_WAY + 'model = "fernandes"\n', "only a path with model = 'mjvr' can be followed"),

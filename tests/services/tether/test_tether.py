@@ -241,7 +241,7 @@ def write(folder: Path, text: str) -> str:
     [
         (
             "[up]\ndelay_ms = -1.0",
-            r"mine\.toml:2: up\.delay_ms: expected a number >= 0.0, found -1",
+            r"mine\.toml:2: up\.delay_ms: expected a number >= 0.0 ms, found -1",
         ),
         ("[up]\nloss = { los_good = 0.1 }", "did you mean 'loss_good'"),
         ("[up]\ndelay = { kind = 'paretto', mean_ms = 1.0 }", "did you mean 'pareto'"),

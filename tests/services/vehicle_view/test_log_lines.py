@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from messages.health import LogLine
 from services.vehicle_view.log_lines import KEPT, MOST, LogLines, brief, full
-from tools.live.display import LineDisplay
+from tools.live.screen import LineDisplay
 
 
 def said(text: str, service: str = "reference") -> LogLine:

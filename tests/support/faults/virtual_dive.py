@@ -20,8 +20,8 @@ from messages.pilot import PilotCommand, PilotRequest
 from messages.simulator import FaultKind, FaultRequest
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
-from services.runtime.hosts.registry import Registry
-from services.runtime.hosts.stack_file import ServiceSpec, wire_of
+from services.runtime.hosts.registry import Registry, wire_of
+from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.launch.child import Task
 from services.runtime.launch.supervisor import HangDetector, Supervisor
 from services.runtime.node.loop_stats import Instance

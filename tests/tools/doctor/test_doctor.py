@@ -26,9 +26,8 @@ from tests.support.ardusub_double.memory import MemoryLink
 from tests.support.cli import complaint
 from tests.support.doors import free_port
 from tools.__main__ import main
-from tools.doctor.board_checks import of_board
+from tools.doctor.board_checks import VehicleFinding, fit, of_board
 from tools.doctor.command import go_through
-from tools.doctor.file_checks import VehicleFinding, fit
 from tools.doctor.visit import NO_BOARD_NS, BoardVisit, S
 
 BOTH = pytest.mark.parametrize("version", ["4.5", "4.8"])

@@ -27,7 +27,7 @@ from tests.support.instruments.ports import TcpInstrument
 from tests.support.instruments.truth import SeenMotion
 from tests.support.patience import until
 from tools.__main__ import main
-from tools.doctor.file_checks import VehicleFinding
+from tools.doctor.board_checks import VehicleFinding
 from tools.doctor.instrument_checks import HeardInstrument, finding, listen
 
 S = 1_000_000_000

@@ -28,17 +28,16 @@ from services.runtime.config.identity import messages_hash
 from tests.support.doors import free_endpoint
 from tests.support.patience import PATIENCE_S, until
 from tools.__main__ import main
-from tools.fleet import drones, meeting
-from tools.fleet import look as looking
-from tools.fleet.look import look, who_is_there
-from tools.fleet.meeting import drone_at, require_only
+from tools.fleet import drones
+from tools.fleet import network as seen
+from tools.fleet.network import drone_at, look, require_only, wanted_at, who_is_there
 
 TALK_S = 0.05  # [s] between two words of a drone here; a real one says them once a second
 
 
 @pytest.fixture
 def network(monkeypatch: pytest.MonkeyPatch) -> Generator["Drones"]:
-    monkeypatch.setattr(looking, "PATIENCE_S", PATIENCE_S)  # a busy computer's router answers late
+    monkeypatch.setattr(seen, "PATIENCE_S", PATIENCE_S)  # a busy computer's router answers late
     monkeypatch.setattr(zenoh_bus, "QUERY_S", PATIENCE_S)
     with ExitStack() as exits:
         yield Drones(exits)
@@ -123,6 +122,19 @@ def test_a_drone_that_is_not_there_is_not_flown(
     assert complaint.count("\n") == 1
 
 
+def test_a_topside_of_a_drone_that_is_not_there_is_told_who_is(
+    network: Drones, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert wanted_at(network.endpoint, "rov2", None) == "rov2"
+    assert capsys.readouterr().out == ""
+    network.announce(["rov1"])
+    assert wanted_at(network.endpoint, "rov1", None) == "rov1"
+    assert capsys.readouterr().out == ""
+    assert wanted_at(network.endpoint, "rov2", None) == "rov2"
+    said = f"no drone is called rov2 at {network.endpoint}; there are rov1; waits for rov2\n"
+    assert capsys.readouterr().out == said
+
+
 def test_the_one_drone_that_is_there_is_taken_and_of_several_one_must_be_named(
     network: Drones,
 ) -> None:
@@ -137,8 +149,8 @@ def test_the_one_drone_that_is_there_is_taken_and_of_several_one_must_be_named(
 def test_a_second_drone_of_a_name_does_not_start_and_the_first_stays(
     network: Drones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(meeting, "GONE_S", 0.1)
-    monkeypatch.setattr(meeting, "AGAIN_S", 0.05)
+    monkeypatch.setattr(seen, "GONE_S", 0.1)
+    monkeypatch.setattr(seen, "AGAIN_S", 0.05)
     require_only("rov1", network.endpoint, None)
     network.announce(["rov1"])
     with pytest.raises(
@@ -152,7 +164,7 @@ def test_a_second_drone_of_a_name_does_not_start_and_the_first_stays(
 def test_a_router_that_is_away_or_is_none_keeps_no_drone_from_its_start(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(looking, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(seen, "PATIENCE_S", 0.1)
     away = free_endpoint()
     require_only("rov1", away, None)
     assert f"no router answers at {away} yet: rov1 joins when one does" in capsys.readouterr().out

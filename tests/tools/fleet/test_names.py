@@ -20,9 +20,9 @@ from services.runtime.bus.spaces import (
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.__main__ import main
-from tools.fleet.meeting import Meeting, drones_credentials, drones_name, other_drone, own_name
+from tools.fleet.network import Meeting, drones_credentials, drones_name, own_name
 from tools.keys.authority import KeyAuthority
-from tools.keys.roles import parse
+from tools.keys.credentials import parse
 
 LETTERS = "[A-Za-z0-9_.-]"
 NAME = st.from_regex(rf"{LETTERS}{{0,27}}[A-Za-z0-9]{LETTERS}{{0,27}}", fullmatch=True)
@@ -72,15 +72,6 @@ def test_a_drone_is_named_by_its_type_and_the_computers_own_name() -> None:
     assert own_name("pioneer", "boat.example.org") == "pioneer-boat"
     assert own_name("pioneer", "Käpt'n's rov") == "pioneer-K-pt-n-s-rov"
     assert own_name("pioneer", "") == "pioneer"
-
-
-def test_a_topside_that_had_its_drone_is_told_to_wait_and_not_to_leave_it():
-    for there in (["rov1"], ["rov1", "rov3"]):
-        assert "end it" in other_drone("rov2", there)
-        waits = other_drone("rov2", there, was_there=True)
-        assert waits.startswith("rov2 has left the network")
-        assert "end it" not in waits
-    assert other_drone("rov2", ["rov1", "rov2"], was_there=True) == ""
 
 
 NOW = datetime.now(UTC)

@@ -1,7 +1,6 @@
 """Who is there: whatever strangers say, the list stays small, true and readable."""
 
 import json
-from typing import Any
 
 import msgspec
 import pytest
@@ -16,8 +15,7 @@ from messages.topic import AnyTopic
 from messages.vehicle import VehicleStatus
 from services.runtime.bus.spaces import here_key, namespace
 from tools.fleet.drones import as_row, table
-from tools.fleet.look import ROWS, Roster
-from tools.fleet.meeting import WAIT_NS, Others
+from tools.fleet.network import ROWS, Roster
 
 IDENTITY = topics.IDENTITY.of("drone")
 NAME = st.sampled_from(["a", "b", "c"])
@@ -119,31 +117,3 @@ def test_what_cannot_be_read_changes_nothing(payload: bytes) -> None:
     before = table(roster, "E", "same")
     roster.row(f"{namespace('rov1')}/{topics.STATUS.key}", payload)
     assert table(roster, "E", "same") == before
-
-
-@given(st.lists(st.tuples(TOKEN, st.booleans()), max_size=30))
-def test_who_came_and_has_not_gone_is_there(events: list[tuple[Any, bool]]) -> None:
-    roster, there = Roster(), set[tuple[str, str]]()
-    for who, comes in events:
-        roster.token(token(*who), comes)
-        (there.add if comes else there.discard)(who)
-    assert roster.names == sorted({name for name, _ in there})
-
-
-def test_a_topside_is_told_once_that_only_others_are_there_and_after_a_while() -> None:
-    others = Others("a", 0)
-    others.roster.token(token("b"))
-    assert others.words(WAIT_NS - 1) == ""
-    assert "only b can be reached" in others.words(WAIT_NS)
-    others.roster.token(token("a"))
-    assert others.words(WAIT_NS) == ""
-    others.roster.token(token("a"), False)
-    assert others.words(WAIT_NS + 1) == ""
-    assert others.words(2 * WAIT_NS) != ""
-
-
-def test_a_topside_is_told_that_two_drones_have_its_name() -> None:
-    others = Others("a", 0)
-    for instance in "12":
-        others.roster.token(token("a", instance))
-    assert others.words(0) == "two drones call themselves a: give one of them another --name"

@@ -15,8 +15,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.node.checkpoint import write_safely
 from tools.__main__ import main
 from tools.keys.authority import KeyAuthority, own_keys
-from tools.keys.credentials import is_local, needs_keys
-from tools.keys.roles import parse
+from tools.keys.credentials import is_local, needs_keys, parse
 
 NOW = datetime.now(UTC)
 ADMITTED = "admitted.txt"

@@ -11,7 +11,7 @@ from services.runtime.bus.spaces import NAME as NAME_RULE
 from services.runtime.bus.spaces import checked_name
 from services.runtime.config.errors import LindyError
 from tools.keys.certificates import issue, read
-from tools.keys.roles import (
+from tools.keys.credentials import (
     LETS_IN,
     ROLES,
     Identity,

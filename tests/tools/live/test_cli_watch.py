@@ -170,20 +170,6 @@ def drone(host: VirtualHost, deaf_for: int, heard: list[PilotRequest]) -> Node:
     return node
 
 
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 5))
-def test_disarming_is_asked_for_with_one_id_until_it_is_answered(deaf_for: int):
-    host, heard = VirtualHost(), list[PilotRequest]()
-    pilot = host.node("supervisor", ["topside"])
-    disarming = Disarming(pilot, OwnPilot(pilot))
-    pilot.every(50.0, disarming.ask)
-    drone(host, deaf_for, heard)
-    host.run(2 * SECOND, lambda: disarming.done)
-    assert disarming.done
-    assert len(heard) == deaf_for + 1
-    assert {(request.id, request.kind) for request in heard} == {(heard[0].id, "disarm")}
-
-
 def test_the_end_of_a_dive_is_asked_in_the_name_of_this_sides_pilot():
     host, heard = VirtualHost(), list[PilotRequest]()
     node = host.node("supervisor", ["topside"])

@@ -13,7 +13,7 @@ from messages.link import LatencyBudget
 from messages.vehicle import Actuation, VehicleStatus
 from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile
-from services.runtime.config.errors import LindyError
+from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.config.stack import Stack
 from tools.live.outcome import Outcome, was_deaf
 from tools.recordings.recording import open_recording
@@ -60,6 +60,9 @@ def test_a_folder_that_was_removed_meanwhile_is_one_sentence(tmp_path: Path):
     with pytest.raises(LindyError, match=r"before anything was recorded in .*gone"):
         outcome.sum_up()
     assert outcome.sum_up_unrecorded("drone", "topside") == 0
+    outcome.stopped = True  # Ctrl-C while the services start ends as any Ctrl-C does
+    with pytest.raises(EndedByUserError):
+        outcome.sum_up()
 
 
 @pytest.mark.parametrize("step", ["merge_parts", "read_dive", "report_on", "summary"])

@@ -22,9 +22,8 @@ from services.runtime.bus.zenoh_bus import ZenohBus, connected, listening
 from services.runtime.config.errors import LindyError
 from services.runtime.config.running import RUNNING, Running
 from tools.__main__ import main
-from tools.topic.figures import HeardStream
+from tools.topic.command import SILENT_NS, HeardStream, table
 from tools.topic.listening import named, side_of
-from tools.topic.top import SILENT_NS, table
 
 S = 1_000_000_000  # [ns]
 BOTH_SIDES = Running("rov1", {"topside": "a", "drone": "b"}, 1, {})

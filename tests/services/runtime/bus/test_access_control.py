@@ -15,10 +15,11 @@ from services.runtime.bus.access_control import (
     ALL_MESSAGES,
     LOCAL,
     NETWORK,
+    Credentials,
     HubSide,
+    KeyFiles,
     access_control,
 )
-from services.runtime.bus.key_files import Credentials, KeyFiles
 from services.runtime.bus.spaces import here_key, namespace
 from services.runtime.config.stack import REPLAY
 

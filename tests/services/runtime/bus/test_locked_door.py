@@ -17,9 +17,8 @@ import zenoh
 
 from messages import topics
 from messages.topic import AnyTopic, Direction
-from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.access_control import HubSide, KeyFiles
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.key_files import KeyFiles
 from services.runtime.bus.spaces import namespace
 from services.runtime.bus.zenoh_bus import ZenohBus, config, connected, listening, watch_callers
 from services.runtime.config.errors import LindyError
@@ -27,7 +26,7 @@ from services.runtime.config.stack import REPLAY
 from tests.support.doors import CROSS, free_endpoint, one, say
 from tests.support.patience import PATIENCE_S, until
 from tools.keys.authority import CA, CERTIFICATE, KEY, KeyAuthority, own_keys
-from tools.keys.roles import parse
+from tools.keys.credentials import parse
 
 REFUSED_S = 0.2  # [s] attempts of a caller who is to be refused
 SPACE = namespace("pioneer")

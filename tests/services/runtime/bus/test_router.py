@@ -20,10 +20,9 @@ from messages import topics
 from messages.pilot import PilotAnswer, PilotRequest
 from messages.topic import Direction, Side
 from services.reference.service import wire
-from services.runtime.bus.access_control import HubSide
+from services.runtime.bus.access_control import Credentials, HubSide
 from services.runtime.bus.access_control import keys as keys_of
 from services.runtime.bus.envelope import Envelope
-from services.runtime.bus.key_files import Credentials
 from services.runtime.bus.spaces import EVERY_SPACE, here_key, namespace
 from services.runtime.bus.zenoh_bus import (
     ZenohBus,
@@ -40,7 +39,7 @@ from services.runtime.node.node import Node
 from tests.support.doors import CROSS, FILE, free_endpoint, one, router_tree, say
 from tests.support.patience import PATIENCE_S, until
 from tools.keys.authority import KeyAuthority, own_keys
-from tools.keys.roles import Role, parse
+from tools.keys.credentials import Role, parse
 
 NOW = datetime.now(UTC)
 AWAY_S = 0.2  # [s] a router that is back within 0.05 s is not found again by all (docs/fleet.md)

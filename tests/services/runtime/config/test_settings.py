@@ -29,6 +29,12 @@ from tools.checks import known_tables
 class Depth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     kp: Annotated[float, msgspec.Meta(gt=0.0)] = 1.0
     kd: float = 0.0
+    # [m/s] what stands above the field counts as well
+    speed: Annotated[
+        float,
+        msgspec.Meta(le=5.0),
+    ] = 1.0
+    rest: Annotated[float, msgspec.Meta(ge=0.5)] = 1.0  # [s] at the bottom
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,6 +66,8 @@ def file(folder: Path, text: str) -> Path:
     ("text", "sentence"),
     [
         ("[depth]\nkp = 2.0\nkpp = 1.0", r"some.toml:3: depth.kpp: unknown key; did you mean 'kp'"),
+        ("depth.speed = 9", "depth.speed: expected a number <= 5.0 m/s, found 9"),
+        ("depth.rest = 0.1", "depth.rest: expected a number >= 0.5 s, found 0.1"),
         ("[depth]\nkp = -2.0", r"some.toml:2: depth.kp: expected a number > 0.0, found -2.0"),
         ("name = 3", r"some.toml:1: name: expected text, found 3"),
         ("[depth\nkp = 1", r"some.toml: not valid TOML: .*line 1"),

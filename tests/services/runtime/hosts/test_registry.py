@@ -229,17 +229,6 @@ def test_a_service_that_only_looks_on_may_be_left_out(tmp_path: Path) -> None:
         without(tmp_path, *names.split()).require_whole()
 
 
-def test_what_is_published_is_checked_where_it_is_known(tmp_path: Path) -> None:
-    services = without(tmp_path, "control", more=OWN)
-    published = {own: [topic] for own, topic in NEEDED.items()} | {"simulator": [topics.ACTUATION]}
-    services.require_published({**published, "control": [], "mine": [topics.THRUSTERS]})
-    with pytest.raises(LindyError, match=r"nobody publishes control/thrusters, "):
-        services.require_published({**published, "control": [], "mine": [topics.WRENCH]})
-    for twice in (topics.ACTUATION, topics.STATE, topics.REFERENCE, topics.THRUSTERS):
-        with pytest.raises(LindyError, match=rf"services.mine: it publishes {twice.key}, and so d"):
-            services.require_published({**published, "mine": [twice]})
-
-
 def test_what_must_be_one_is_not_there_twice(tmp_path: Path) -> None:
     for name in ("estimation", "reference", "control"):
         with pytest.raises(LindyError, match=rf"services.second: it runs the code of {name}, and"):

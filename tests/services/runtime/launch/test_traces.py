@@ -21,9 +21,8 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.loop import Heartbeat, last_beat
 from services.runtime.hosts.process_host import CallerLog
 from services.runtime.hosts.registry import Registry
-from services.runtime.launch.local_stack import RETRY_NS, RunNote
+from services.runtime.launch.local_stack import RETRY_NS, RunNote, Systemd
 from services.runtime.launch.process_plan import PREFIX, Dive, ProcessPlan, runtime_folder
-from services.runtime.launch.systemd import Systemd
 from tests.support.patience import until
 
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from messages import topics
 from messages.events import note
+from messages.health import Health
 from messages.identity import SideIdentity, difference
 from messages.message import Message
 from messages.payload import PayloadDecoder
@@ -15,7 +16,7 @@ from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.loop_stats import Instance
-from services.runtime.node.peers import PATIENCE_NS, RECENT_NS, Peers
+from services.runtime.node.peers import NO_TOPSIDE, PATIENCE_NS, RECENT_NS, Peers
 from tests.support.dive import Person
 from tests.support.hindered_host import take_name
 
@@ -137,6 +138,18 @@ def test_it_forgets_the_other_side_after_a_while_and_misses_it_before() -> None:
     peers.identity(msgspec.structs.replace(TOPSIDE, version="8"), PATIENCE_NS)  # another pilot
     assert "Lindy 9" in peers.wrong(PATIENCE_NS)
     assert peers.wrong(PATIENCE_NS + RECENT_NS + 1) == ""
+
+
+def test_a_drone_that_hears_no_topside_says_how_to_start_one() -> None:
+    peers, host = Peers(DRONE), VirtualHost()
+    peers.expect(0)
+    assert peers.wrong(PATIENCE_NS) == NO_TOPSIDE
+    said = list[Health]()
+    host.node("ear", ["topside"]).each(topics.HEALTH, lambda health, _: said.append(health))
+    host.node("gamepad", ["topside"])
+    host.run(2 * S)
+    peers.health(said[0], PATIENCE_NS)
+    assert "does not say which Lindy" in peers.wrong(PATIENCE_NS)
 
 
 # In the stack.
