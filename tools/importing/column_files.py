@@ -15,6 +15,7 @@ from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import (
     EARLIEST_NS,
+    EMPTY,
     LATEST_NS,
     PARQUET,
     ULOG,
@@ -28,16 +29,17 @@ from tools.importing.log_file import (
     listed,
 )
 from tools.importing.map_file import STAMP_UNITS, TakenMessage, remedy
-from tools.importing.table_text import ZEROS, TableText
+from tools.importing.table_text import TableText
 
+PAGE = 4096  # [B] a last message may end with less than this of zeros
 MOST_AGAIN = 100_000  # reads of what was read; it looks for the next message byte by byte
 
 
-class ForwardFile(io.BufferedReader):
+class ForwardFile(io.BytesIO):
     """Where the end of a log is damaged, pyulog reads the same bytes for ever."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(io.FileIO(path))
+    def __init__(self, content: bytes) -> None:
+        super().__init__(content)
         self._farthest = self._again = 0
 
     def read(self, size: int | None = -1, /) -> bytes:
@@ -63,10 +65,16 @@ class UlogFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        own = self.own_part(ULOG, "a log of PX4")
+        self.require_kind(ULOG, "a log of PX4")
+        data = path.read_bytes()  # pyulog keeps all of it in memory as well
+        content = data.rstrip(EMPTY)
+        if (space := len(data) - len(content)) > PAGE:
+            self.say(f"{space} bytes of empty space behind its end are left out")
+        else:
+            content = data
         pyulog = library("pyulog", "logs of PX4")
         try:
-            with ForwardFile(own) as file, redirect_stdout(io.StringIO()):  # it prints
+            with ForwardFile(content) as file, redirect_stdout(io.StringIO()):  # it prints
                 self._log: Any = pyulog.ULog(file)
         except Exception as error:  # of whatever kind: where bytes are wrong, pyulog does not say
             raise LindyError(f"{path} is damaged: {error or 'a message cannot be read'}") from None
@@ -127,17 +135,18 @@ class TableFile(LogFile):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         if path.suffix.lower() == ".parquet":
-            own = self.own_part(PARQUET, "a Parquet table")
+            self.require_kind(PARQUET, "a Parquet table")
             pa, parquet = library("pyarrow", "tables"), library("pyarrow.parquet", "tables")
             try:
-                self._table = parquet.read_table(own)
+                self._table = parquet.read_table(path)
             except (pa.ArrowException, OSError) as error:
                 # Behind a second colon are the bytes that it could not read.
                 why = ":".join(str(error).partition("\n")[0].split(":")[:2]).rstrip(".")
                 raise LindyError(f"{path} is damaged or no table: {why}") from None
             self._column: Callable[[str], Any] = self._table.__getitem__
         else:
-            text = TableText(self.own_part(b"", "a table", zeros=ZEROS), self.say)
+            self.require_kind(b"", "a table")
+            text = TableText(path, self.say)
             self._table, self._column = text.words, text.column
         if not self._table.num_rows:
             raise LindyError(f"{path} has no rows below its names of columns")

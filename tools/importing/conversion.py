@@ -89,10 +89,9 @@ class Conversion:
         }
         clock = LoggerClock(began_ns, changed_ns)
         for number, row in enumerate(rows):
-            arrival = clock.arrival(row.arrival_ns, row.boot_ns)
+            arrival = clock.arrival(row.arrival_ns)
             for stream in by_source[row.source]:
                 stream.hear(number, row.fields, arrival, clock.shifts)
-        set_ahead = clock.settle()
         for at_s, size in clock.set_at:
             way = "ahead" if size > 0.0 else "back"
             what = f"the logger's clock stepped {way} [s]; what follows was moved"
@@ -101,7 +100,7 @@ class Conversion:
         self.remarks = clock.remarks
         self._streams = [stream for several in by_source.values() for stream in several]
         for stream in self._streams:
-            stream.move(clock.moved_ns, set_ahead)
+            stream.move(clock.moved_ns)
         self._first_ns = (clock.first_ns or 0) + clock.moved_ns
         with np.errstate(over="ignore", invalid="ignore"):  # of numbers that cannot be
             sensors = SensorsHeard(self._streams, mounted)

@@ -85,9 +85,8 @@ class RosbagFile(TopicsLog):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._own = (
-            self.own_part(ROSBAG, "a bag of ROS 1", zeros=8) if path.suffix == ".bag" else path
-        )
+        if path.suffix == ".bag":
+            self.require_kind(ROSBAG, "a bag of ROS 1")
 
     def sources(self) -> dict[str, LogSource]:
         with self._opened() as reader:
@@ -120,7 +119,7 @@ class RosbagFile(TopicsLog):
         """
         version = "rosbag1" if self.path.suffix == ".bag" else "rosbag2"
         try:
-            with library(f"rosbags.{version}", "bags").Reader(self._own) as reader:
+            with library(f"rosbags.{version}", "bags").Reader(self.path) as reader:
                 yield reader
         except LindyError:
             raise
@@ -137,14 +136,14 @@ class McapLog(TopicsLog):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._own = self.own_part(MCAP, "an MCAP file")
+        self.require_kind(MCAP, "an MCAP file")
 
     def sources(self) -> dict[str, LogSource]:
         counts: Counter[int] = Counter()
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         damage = Damage()
-        for found in records(self._own, damage=damage):
+        for found in records(self.path, damage=damage):
             match found:
                 case Raw():
                     counts[found.channel_id] += 1
@@ -168,7 +167,7 @@ class McapLog(TopicsLog):
             if topic.name in wanted and topic in self._decoders
         }
         self.damaged.clear()
-        for found in records(self._own):
+        for found in records(self.path):
             if isinstance(found, Raw) and found.channel_id in taken:
                 yield from self._decoded(taken[found.channel_id], found.data, found.log_ns)
 
