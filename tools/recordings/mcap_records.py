@@ -12,7 +12,6 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
 from io import BytesIO
 from math import inf
 from mmap import ACCESS_READ, mmap
@@ -86,22 +85,15 @@ class FileIndex:
     ended: bool = False  # the file has an end, with or without a summary
     damaged_at: int | None = None  # [bytes] where the summary begins that cannot be read
     messages: int | None = None  # that the file says it has
-    opcodes: dict[int, int] = field(default_factory=dict[int, int])  # of records, by position
+    chunks: list[int] = field(default_factory=list[int])  # [bytes] where they begin …
+    data_end: int = 0  # [bytes] … and where the summary's part of the file does
     described: list[Schema | Channel] = field(default_factory=list[Schema | Channel])
-
-    @cached_property
-    def starts(self) -> list[int]:
-        """[bytes] Where the known records begin."""
-        return sorted(self.opcodes)
-
-    @cached_property
-    def has_chunks(self) -> bool:
-        return Opcode.CHUNK in self.opcodes.values()
 
     def following(self, position: int) -> int | None:
         """[bytes] Where the next known record begins."""
-        place = bisect_right(self.starts, position)
-        return self.starts[place] if place < len(self.starts) else None
+        place = bisect_right(self.chunks, position)
+        following = [*self.chunks[place : place + 1], self.data_end]
+        return next((at for at in following if at > position), None)
 
 
 class Damage:
@@ -221,7 +213,7 @@ class _RecordReader:
 
     def __post_init__(self) -> None:
         self.index = self.damage.index = index_of(self.stream, self.size)
-        self.chunked = self.index.has_chunks  # then there is no message outside a chunk
+        self.chunked = bool(self.index.chunks)  # then there is no message outside a chunk
 
     def read(self, position: int) -> tuple[int, list[Raw | Described], int | None]:
         """(opcode, what is in it, where it ends). It ends nowhere where it is a chunk whose writer
@@ -234,19 +226,14 @@ class _RecordReader:
         head = self.stream.read(RECORD_HEAD.size)
         opcode, length = RECORD_HEAD.unpack(head)
         after = position + RECORD_HEAD.size + length
-        following = self.index.following(position)
-        if self.index.opcodes.get(position, opcode) != opcode or opcode == 0:
-            raise ValueError("another record is here")
-        if after > (following or self.size):
-            raise ValueError("it ends behind the beginning of the next one")
+        if opcode == 0 or after > (self.index.following(position) or self.size):
+            raise ValueError("another record is here, or it ends behind where the next one begins")
         if opcode == Opcode.CHUNK:
             self.chunked = True
-            # Behind it is an index of its messages, which nobody needs.
-            after = following if self.index.has_chunks else after
             if not self.open_chunks:
                 return opcode, [], after
             found, whole = self._chunk(self.stream.read(length))
-            return opcode, found, after if whole or self.index.has_chunks else None
+            return opcode, found, after if whole or self.index.chunks else None
         if opcode == MESSAGE and self.chunked:
             raise ValueError("a message outside a chunk")
         if opcode != MESSAGE and opcode not in READ:
@@ -268,7 +255,7 @@ class _RecordReader:
         """[bytes] Where the record behind a damaged one begins; None: there is no more."""
         self.stream.seek(position)
         head = self.stream.read(RECORD_HEAD.size)
-        known = self.index.following(position) if self.index.starts else self._next_chunk(position)
+        known = self.index.following(position) or self._next_chunk(position)
         if len(head) == RECORD_HEAD.size and head[0]:  # no record begins with zero
             after = position + RECORD_HEAD.size + RECORD_HEAD.unpack(head)[1]
             if after <= (known or self.size):
@@ -294,7 +281,7 @@ class _RecordReader:
         """What is in it, and whether it is whole."""
         first, last = CHUNK_TIMES.unpack_from(content)
         begin, end = self.within
-        if self.index.has_chunks and (last < begin or first >= end):
+        if self.index.chunks and (last < begin or first >= end):
             self.damage.passed_over = True
             return [], True
         data, whole = _uncompressed(content)
@@ -401,7 +388,7 @@ def _summary(summary: bytes, start: int) -> FileIndex:
     Raises:
         DAMAGE: it makes no sense.
     """
-    found = FileIndex(ended=True, opcodes={start - DATA_END: Opcode.DATA_END})
+    found = FileIndex(ended=True, data_end=start - DATA_END)
     at = 0
     while at < len(summary):
         opcode, length = RECORD_HEAD.unpack_from(summary, at)
@@ -409,11 +396,7 @@ def _summary(summary: bytes, start: int) -> FileIndex:
         stream = ReadDataStream(BytesIO(summary[at : at + length]))
         match opcode:
             case Opcode.CHUNK_INDEX:
-                found.opcodes[WHERE.unpack_from(summary, at + CHUNK_TIMES.size)[0]] = Opcode.CHUNK
-            case Opcode.METADATA_INDEX:
-                found.opcodes[WHERE.unpack_from(summary, at)[0]] = Opcode.METADATA
-            case Opcode.ATTACHMENT_INDEX:
-                found.opcodes[WHERE.unpack_from(summary, at)[0]] = Opcode.ATTACHMENT
+                found.chunks += WHERE.unpack_from(summary, at + CHUNK_TIMES.size)
             case Opcode.STATISTICS:
                 (found.messages,) = WHERE.unpack_from(summary, at)
             case Opcode.SCHEMA:
@@ -423,6 +406,7 @@ def _summary(summary: bytes, start: int) -> FileIndex:
             case _:
                 pass
         at += length
-    if at != len(summary) or any(not len(MAGIC) <= each < start for each in found.opcodes):
+    found.chunks.sort()
+    if at != len(summary) or not all(len(MAGIC) <= each < start for each in found.chunks):
         raise ValueError("a damaged summary")
     return found
