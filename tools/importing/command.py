@@ -33,6 +33,7 @@ from tools.importing.map_file import read_map
 from tools.importing.rosbag_file import McapLog, RosbagFile, is_rosbag
 from tools.importing.several_files import SeveralFiles
 from tools.live.dive_folder import DIVES, out_folder, point_latest
+from tools.text_table import counted
 
 FLUSHED = 5_000  # messages between two flushes
 BEFORE_NS = 10_000_000_000  # [ns] by the clock of the stamps at the first message
@@ -274,7 +275,8 @@ def as_text(report: ImportReport, folder: Path) -> str:
     lines = [f"{report.file}, {report.seconds:.1f} s, as {report.vehicle}, by {report.map}:"]
     for key, count in report.messages.items():
         rate = f"{count / report.seconds:.1f} a second" if report.seconds > 0.0 else "at once"
-        lines.append(f"  {key}: {count} messages, {rate}, from {', '.join(report.sources[key])}")
+        of = f"{counted(count, 'message')}, {rate}, from {', '.join(report.sources[key])}"
+        lines.append(f"  {key}: {of}")
     lines += [f"odd: {odd.in_words}" for odd in report.oddities]
     if report.missing:
         said = f"not taken by this map: {', '.join(report.missing)}"

@@ -24,6 +24,7 @@ from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import HASH, MENDED_BY
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+from tools.text_table import counted
 
 Topics = Annotated[
     tuple[str, ...],
@@ -185,10 +186,8 @@ def cut(
             raise LindyError(f"{option} is {value:g}, expected seconds from 0")
     if not from_ < to:
         raise LindyError(f"--from is {from_:g} s and --to {to:g} s; expected from before to")
-    messages = cut_out(opened, out, WantedPart(from_, to, topics))
-    print(
-        harmless("\n".join([f"{messages} messages written to {out}", *opened.damage])), flush=True
-    )
+    messages = counted(cut_out(opened, out, WantedPart(from_, to, topics)), "message")
+    print(harmless("\n".join([f"{messages} written to {out}", *opened.damage])), flush=True)
     return LOST if opened.damage else DONE
 
 
@@ -246,9 +245,10 @@ def recover(recording: Path, /, *, out: NewFile) -> int:
     """
     refuse_existing(out)
     found = recovered(recording, out)
-    files = f" and {found.attachments} attached files" if found.attachments else ""
+    files = f" and {counted(found.attachments, 'attached file')}" if found.attachments else ""
     wrong = "; ".join(found.wrong) or "nothing was missing"
-    print(harmless(f"{found.messages} messages{files} written to {out}: {wrong}"), flush=True)
+    messages = counted(found.messages, "message")
+    print(harmless(f"{messages}{files} written to {out}: {wrong}"), flush=True)
     return 0
 
 
@@ -265,7 +265,8 @@ def recovered(path: Path, out: Path) -> Recovered:
         if copy.is_empty and not copy.attachments:
             raise LindyError(f"nothing can be recovered from {path}: no message in it is whole")
         if copy.orphans:
-            wrong.append(f"{copy.orphans} messages of unknown topics are left out")
+            are = "is" if copy.orphans == 1 else "are"
+            wrong.append(f"{counted(copy.orphans, 'message')} of unknown topics {are} left out")
         about = {file.name: str(file.stat().st_size) for file in recording.files}
         copy.metadata(Metadata("recovered", about | {"found": "; ".join(wrong)}))
     return Recovered(copy.messages, copy.attachments, wrong)

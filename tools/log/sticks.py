@@ -30,6 +30,7 @@ from tools.exit_status import DONE, LOST
 from tools.fresh import refuse_existing, write_fresh
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+from tools.text_table import counted
 
 ONE_CLOCK_NS = 1_000_000  # [ns] clocks that differ by less, or by less than the error, count as one
 MOST_MISSING = 1000  # a larger gap in the count is another publisher, not a loss
@@ -62,7 +63,8 @@ def write_trace(recording: Path, out: Path) -> int:
     heading = "".join(f"# {line}\n" for line in found.remarks)
     write_fresh(out, (heading + "sent_s,arrived_s\n" + "".join(lines)).encode())
     lost = sum(at is None for _, at in found.rows)
-    print(f"{out}: {len(found.rows)} messages, {lost} lost; {found.remarks[0]}", flush=True)
+    messages = counted(len(found.rows), "message")
+    print(f"{out}: {messages}, {lost} lost; {found.remarks[0]}", flush=True)
     return 0
 
 
@@ -221,7 +223,8 @@ def write_sticks(recording: Path, out: Path) -> int:
     write_fresh(out, as_csv(found, f"the sticks of {found.source}, from {recording}").encode())
     seconds = found.rows[-1].at_ns / 1e9
     files = ", ".join([str(out), *found.paths])
-    print(f"{len(found.rows)} rows, {seconds:.1f} s, written to {files}", flush=True)
+    rows = counted(len(found.rows), "row")
+    print(f"{rows}, {seconds:.1f} s, written to {files}", flush=True)
     for remark in [*found.remarks, *opened.damage]:
         print(harmless(remark), flush=True)
     print(f"to fly them: lindy simulate --pilot script:{out}", flush=True)

@@ -23,8 +23,9 @@ from lz4.frame import LZ4FrameDecompressor  # pyright: ignore[reportMissingTypeS
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema, Statistics
 
+from services.recorder.foxglove.channel import is_view
 from services.recorder.io.mcap_file import CHUNK_HEAD, MAGIC
 
 DIVE, HASH, LOSSES, MERGED = "dive", "hash", "losses", "merged"  # metadata of Lindy's files
@@ -43,7 +44,7 @@ LARGEST_CHUNK = 100_000_000  # [bytes] uncompressed; what others write has a few
 FOOTER = struct.Struct("<BQQQI")  # opcode, length, starts of the summary and its offsets, checksum
 CHECKSUM = struct.Struct("<I")
 DATA_END = RECORD_HEAD.size + CHECKSUM.size  # [bytes]; it is directly before the summary
-WHERE = struct.Struct("<Q")  # a position or a number, with which these entries of a summary begin
+WHERE = struct.Struct("<Q")  # where a chunk begins, in its entry of a summary
 At = Callable[[int], None]
 Span = tuple[float, float]  # [ns] UTC from, inclusive, and to, exclusive
 ALWAYS = (-inf, inf)
@@ -84,7 +85,7 @@ class FileIndex:
 
     ended: bool = False  # the file has an end, with or without a summary
     damaged_at: int | None = None  # [bytes] where the summary begins that cannot be read
-    messages: int | None = None  # that the file says it has
+    messages: int | None = None  # that the file says it has, without views
     chunks: list[int] = field(default_factory=list[int])  # [bytes] where they begin …
     data_end: int = 0  # [bytes] … and where the summary's part of the file does
     described: list[Schema | Channel] = field(default_factory=list[Schema | Channel])
@@ -102,7 +103,7 @@ class Damage:
     def __init__(self) -> None:
         self.places: list[int] = []  # [bytes] where a record begins that cannot be read
         self.cut_off = False  # the file ends in the middle of a record, or before its end
-        self.messages = 0  # that were read, or passed over in a sound chunk
+        self.messages = 0  # that were read, or passed over in a sound chunk, without views
         self.passed_over = False  # chunks were: what is in them is not known
         self.written = False  # somebody wrote it meanwhile
         self.metadata: set[str] = set()  # names of those that were read
@@ -209,7 +210,8 @@ class _RecordReader:
     within: Span
     open_chunks: bool
     keys: dict[int, str] = field(default_factory=dict[int, str])  # of the channels …
-    passed_over: set[int] = field(default_factory=set[int])  # … and those that are not wanted
+    passed_over: set[int] = field(default_factory=set[int])  # … those that are not wanted …
+    views: set[int] = field(default_factory=set[int])  # … and those that are drawn for Foxglove
 
     def __post_init__(self) -> None:
         self.index = self.damage.index = index_of(self.stream, self.size)
@@ -291,9 +293,13 @@ class _RecordReader:
         """Before the first message of its channel."""
         if isinstance(record, Channel):
             self.keys[record.id] = record.topic
-            self.passed_over.discard(record.id)
-            if not self.wants(record.topic):
-                self.passed_over.add(record.id)
+            for known, is_one in (
+                (self.passed_over, not self.wants(record.topic)),
+                (self.views, is_view(record.topic)),
+            ):
+                known.discard(record.id)
+                if is_one:
+                    known.add(record.id)
 
     def _split(self, data: bytes) -> list[Raw | Described]:
         """
@@ -302,7 +308,8 @@ class _RecordReader:
         """
         found: list[Raw | Described] = []
         at, end, messages = 0, len(data), 0
-        keys, passed_over, unpack = self.keys, self.passed_over, MESSAGE_HEAD.unpack_from
+        keys, passed_over, views = self.keys, self.passed_over, self.views
+        unpack = MESSAGE_HEAD.unpack_from
         while at < end:
             if data[at] != MESSAGE:
                 opcode, length = RECORD_HEAD.unpack_from(data, at)
@@ -315,7 +322,7 @@ class _RecordReader:
             _, length, channel, sequence, log_ns, publish_ns = unpack(data, at)
             begin = at + MESSAGE_HEAD.size
             at += RECORD_HEAD.size + length
-            messages += 1
+            messages += channel not in views
             if channel not in passed_over:
                 key, content = keys.get(channel, ""), data[begin:at]
                 found.append(Raw(key, content, log_ns, publish_ns, sequence, channel))
@@ -389,7 +396,7 @@ def _summary(summary: bytes, start: int) -> FileIndex:
         DAMAGE: it makes no sense.
     """
     found = FileIndex(ended=True, data_end=start - DATA_END)
-    at = 0
+    at, counts, views = 0, dict[int, int](), set[int]()
     while at < len(summary):
         opcode, length = RECORD_HEAD.unpack_from(summary, at)
         at += RECORD_HEAD.size
@@ -398,15 +405,20 @@ def _summary(summary: bytes, start: int) -> FileIndex:
             case Opcode.CHUNK_INDEX:
                 found.chunks += WHERE.unpack_from(summary, at + CHUNK_TIMES.size)
             case Opcode.STATISTICS:
-                (found.messages,) = WHERE.unpack_from(summary, at)
+                statistics = Statistics.read(stream)
+                counts, found.messages = statistics.channel_message_counts, statistics.message_count
             case Opcode.SCHEMA:
                 found.described.append(Schema.read(stream))
             case Opcode.CHANNEL:
-                found.described.append(Channel.read(stream))
+                found.described.append(channel := Channel.read(stream))
+                if is_view(channel.topic):
+                    views.add(channel.id)
             case _:
                 pass
         at += length
     found.chunks.sort()
+    if found.messages is not None:
+        found.messages -= sum(counts.get(channel, 0) for channel in views)
     if at != len(summary) or not all(len(MAGIC) <= each < start for each in found.chunks):
         raise ValueError("a damaged summary")
     return found

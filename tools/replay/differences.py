@@ -1,7 +1,8 @@
 """Compares what was recorded with what today's code publishes, field by field, and says which
 differences are none. Pure."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from math import isclose
@@ -136,6 +137,23 @@ def by_cause(recorded: Sequence[Told], today: Sequence[Told], apart_ns: int) -> 
 
 def _distance(a: Told, b: Told) -> int:
     return abs(a.stamp_ns - b.stamp_ns)
+
+
+def require_fields(tolerances: Sequence[Tolerance], messages: Iterable[Told]) -> None:
+    """
+    Raises:
+        LindyError: one of them is for no field of these messages.
+    """
+    for told in messages:
+        if not tolerances:
+            return
+        with suppress(*UNDECODABLE):
+            names = [f"{told.key}.{name}" for name, _ in fields(msgspec.json.decode(told.data))]
+            tolerances = [each for each in tolerances if not any(map(each.covers, names))]
+    if tolerances:
+        raise LindyError(
+            f"--tolerance {tolerances[0].pattern}: no message that is compared has such a field"
+        )
 
 
 class FieldComparison:

@@ -36,6 +36,7 @@ from tools.log.cut import is_chosen
 from tools.recordings.dive_file import flown_stack
 from tools.recordings.recording import Raw, Recording
 from tools.replay.source import ReplaySource
+from tools.text_table import counted
 
 LOOK_S = 0.05  # [s] between two looks at signals
 END_S = 5.0  # [s] in which the viewer ends when asked to
@@ -127,8 +128,8 @@ class Replay:
             print(flush=True)
         behind = f"; it was too slow {self._behind} times" if self._behind else ""
         unread = sum(self._source.recording.unreadable.values())
-        lost = f"; {unread} messages could not be read" if unread else ""
-        sent = f"{self._out.sent} messages of {len(self._out.keys)} topics"
+        lost = f"; {counted(unread, 'message')} could not be read" if unread else ""
+        sent = f"{counted(self._out.sent, 'message')} of {counted(len(self._out.keys), 'topic')}"
         print(harmless(f"{sent}{lost}{behind}"), flush=True)
         return 0
 

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import NamedTuple
 
 from messages import topics
@@ -24,10 +25,12 @@ from tools.replay.differences import (
     Tolerance,
     by_cause,
     by_seq,
+    require_fields,
     stood_in,
 )
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
+from tools.text_table import counted
 
 CANNOT = (
     "simulator, gamepad, mavlink, ardusub, tether, recorder and visualizer cannot, because a "
@@ -94,6 +97,8 @@ def through(
     until = end if restart is None else restart + offset - 1
     # Of its last instant a recording that was cut off may have what was published and not why.
     window = Window(max(first, begin) - offset, min(last - 1, until) - offset)
+    today = (told for key in replay.outputs.keys for told in replay.outputs.of(key))
+    require_fields(tolerances, chain(replay.recorded, today))
     found = _compared(replay, names, source, window, tolerances)
     if missing := _beginning(replay, source):
         found.remarks.append(missing)
@@ -142,7 +147,7 @@ def _compared(
             f"messages a service received or could not read is not compared"
         )
     if unread := sum(source.recording.unreadable.values()):
-        remarks.append(f"{unread} messages could not be read")
+        remarks.append(f"{counted(unread, 'message')} could not be read")
     comparison = FieldComparison((*tolerances, *declared), common_only=bool(source.other_messages))
     compared: dict[str, int] = {}
     inside: defaultdict[str, list[Told]] = defaultdict(list)

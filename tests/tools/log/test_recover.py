@@ -288,7 +288,10 @@ def test_every_verb_says_that_a_chunk_is_damaged(
     begin = chunks_of(whole)[-1]
     path = flipped(whole, tmp_path / "broken.mcap", begin + IN_CHUNK)
     assert main(arguments(verb, path, tmp_path)) == 3
-    assert f"broken.mcap is damaged at byte {begin}" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"broken.mcap is damaged at byte {begin}" in said
+    there, left = (sum(1 for _ in open_recording(each).raw()) for each in (whole, path))
+    assert f": {there - left} of its {there} messages cannot be read" in said  # without views
 
 
 @pytest.mark.parametrize("verb", ["info", "check", "export --as csv", "cut"])
