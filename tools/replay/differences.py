@@ -107,13 +107,6 @@ def by_seq(
             yield Pair(None, told)
 
 
-def stood_in(recorded: Sequence[Told], today: Sequence[Told]) -> Iterator[Pair]:
-    """Pair the messages of a key that a service publishes in the place of another one: only what it
-    publishes today must have been recorded, whoever said it then."""
-    then = {told.stamp_ns: told for told in recorded}
-    yield from (Pair(then.get(told.stamp_ns), told) for told in today)
-
-
 def by_cause(recorded: Sequence[Told], today: Sequence[Told], apart_ns: int) -> Iterator[Pair]:
     """Pair the messages of one key where a real clock decided when a timer rang: by the sensor
     sample behind them, else by their stamps, at most `apart_ns` apart. In order of their stamps."""

@@ -26,7 +26,6 @@ from tools.replay.differences import (
     by_cause,
     by_seq,
     require_fields,
-    stood_in,
 )
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
@@ -40,7 +39,8 @@ CANNOT = (
 )
 POSSIBLE = ("estimation", "reference", "control")
 APART_NS = 20_000_000  # [ns] between two stamps of one message, where a real clock decided
-IN_PLACE_OF = {topics.PILOT_ANSWER.key: "reference"}  # control answers where reference is silent
+# Not compared without it: control answers where it is silent.
+MOSTLY_OF = {topics.PILOT_ANSWER.key: "reference"}
 
 
 class Window(NamedTuple):
@@ -155,10 +155,11 @@ def _compared(
         if window.begin_ns <= told.stamp_ns <= window.end_ns:
             inside[told.key].append(told)
     for key in sorted({*inside, *replay.outputs.keys}):
+        if MOSTLY_OF.get(key, names[0]) not in names:
+            continue
         before = comparison.compared
         today = [told for told in replay.outputs.of(key) if told.stamp_ns <= window.end_ns]
-        stands_in = IN_PLACE_OF.get(key, names[0]) not in names
-        for pair in _pairs(inside[key], today, source, window, stands_in=stands_in):
+        for pair in _pairs(inside[key], today, source, window):
             comparison.compare(pair)
         compared[key] = comparison.compared - before
     seconds = max(0, window.end_ns - window.begin_ns) / 1e9
@@ -179,11 +180,7 @@ def _pairs(
     today: list[Told],
     source: ReplaySource,
     window: Window,
-    *,
-    stands_in: bool,
 ) -> Iterator[Pair]:
-    if stands_in:
-        return stood_in(recorded, [told for told in today if told.stamp_ns >= window.begin_ns])
     if source.virtual:
         return by_seq(recorded, today) if source.thinned else by_seq(recorded, today, *window)
     topic = topics.find(recorded[0].key) if recorded else None
