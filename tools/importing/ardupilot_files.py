@@ -6,7 +6,7 @@ import mmap
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from heapq import merge
 from itertools import chain, pairwise, repeat
 from pathlib import Path
@@ -44,6 +44,22 @@ FROM_OTHERS = ("MANUAL_CONTROL", "RC_CHANNELS_OVERRIDE")  # what a ground statio
 LATEST_US = 4_102_444_800_000_000  # [µs] UTC of a stamp; a packet has one before it
 
 
+def in_time(rows: Iterator[LogRow], say: Callable[[str], None]) -> Iterator[LogRow]:
+    """One whose time is beyond those of the two beside it has that of the one before."""
+    before: LogRow | None = None
+    wrong = 0
+    for row, after in pairwise(chain(rows, [None])):
+        assert row is not None
+        if before is not None and after is not None:
+            least, most = sorted((before.arrival_ns, after.arrival_ns))
+            if not least - APART_NS <= row.arrival_ns <= most + APART_NS:
+                row, wrong = row._replace(arrival_ns=before.arrival_ns), wrong + 1
+        yield row
+        before = row
+    if wrong:
+        say(f"{wrong} of its times are damaged: those of the messages before them count")
+
+
 class DataflashFile(LogFile):
     """One log. A message of one of several sensors is called as `BARO[1]`."""
 
@@ -68,20 +84,7 @@ class DataflashFile(LogFile):
         return {name: LogSource(name, len(at)) for name, (_, at) in self._places.items()}
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
-        """A message whose time is beyond those of the two beside it has a damaged one."""
-        before: LogRow | None = None
-        left_out = Counter[str]()
-        for row, after in pairwise(chain(self._all(wanted), [None])):
-            assert row is not None
-            if before is not None and after is not None:
-                least, most = sorted((before.arrival_ns, after.arrival_ns))
-                if not least - APART_NS <= row.arrival_ns <= most + APART_NS:
-                    left_out[row.source] += 1
-                    continue
-            yield row
-            before = row
-        self.damaged.clear()  # it may be read again
-        self.damaged.update(left_out)
+        return in_time(self._all(wanted), self.say)
 
     def _all(self, wanted: Wanted) -> Iterator[LogRow]:
         named = [
@@ -225,24 +228,13 @@ class TlogFile(LogFile):
         return sources
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
-        for found in self._in_time(self._packets(Counter())):
+        return in_time(self._all(wanted), self.say)
+
+    def _all(self, wanted: Wanted) -> Iterator[LogRow]:
+        for found in self._packets(Counter()):
             if found.name in wanted and self._is_taken(found.system, found.name):
                 fields = self._codec.decode(bytearray(found.data))
                 yield LogRow(found.name, fields, found.at_us * 1000)
-
-    def _in_time(self, packets: Iterator[LoggedPacket]) -> Iterator[LoggedPacket]:
-        """One whose time is beyond those of the two beside it has that of the one before."""
-        before_us, wrong = None, 0
-        for found, after in pairwise(chain(packets, [None])):
-            assert found is not None
-            if before_us is not None and after is not None:
-                least, most = sorted((before_us, after.at_us))
-                if not least - APART_NS // 1000 <= found.at_us <= most + APART_NS // 1000:
-                    found, wrong = found._replace(at_us=before_us), wrong + 1
-            yield found
-            before_us = found.at_us
-        if wrong:
-            self.say(f"{wrong} of its times are damaged: those of the messages before them count")
 
     def _is_taken(self, system: int, name: str) -> bool:
         return (system == self._vehicle) != (name in FROM_OTHERS)
