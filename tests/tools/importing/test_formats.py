@@ -65,16 +65,6 @@ def test_a_dataflash_log_has_everything_in_si(tmp_path: Path) -> None:
     assert "without a GPS" in remarks(out)
 
 
-def test_when_it_began_is_as_the_map_says(tmp_path: Path) -> None:
-    own = tmp_path / "own.toml"
-    own.write_text(
-        "began = 2023-11-14T22:13:20Z\n" + Path("deploy/imports/ardusub.toml").read_text()
-    )
-    out = imported(dataflash(tmp_path / "1.BIN"), tmp_path / "dive", "--map", str(own))
-    assert messages(out, "vehicle/status")[0].publish_ns == BEGAN_NS
-    assert report(out)["remarks"] == []
-
-
 def test_a_board_that_starts_again_goes_on_in_time(tmp_path: Path) -> None:
     out = imported(dataflash(tmp_path / "1.bin", restart=True), tmp_path / "dive")
     samples = messages(out, "sensor/imu")

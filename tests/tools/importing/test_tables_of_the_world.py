@@ -222,17 +222,6 @@ def test_a_condition_takes_a_cell_that_means_it(
     assert len(messages(imported(log, tmp_path / "dive", *options), "sensor/pressure")) == 10
 
 
-def test_a_condition_that_leaves_nothing_is_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    log = tmp_path / "a.csv"
-    rows = [f"{second(k)},,{pascal(k)}" for k in range(30)]
-    log.write_text("\n".join(["time,kind,pressure", *rows]) + "\n")
-    options = pressure_map(tmp_path, only='only = { kind = "BI" }')
-    said = complaint(capsys, "import", str(log), *options, "--out", str(tmp_path / "dive"))
-    assert "`only` in the map leaves out every row" in said
-
-
 def test_a_row_that_has_nothing_in_a_column_of_a_condition_is_left_out(tmp_path: Path) -> None:
     """Also where it is the first one."""
     log = tmp_path / "a.csv"

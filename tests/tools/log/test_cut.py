@@ -101,12 +101,6 @@ def test_messages_are_counted_as_every_other_verb_counts_them(
     assert sum(1 for _ in open_recording(str(out))) == len(every) - drawn
 
 
-def test_from_beginning_to_end_is_everything(dive: ShortDive, tmp_path: Path) -> None:
-    out = tmp_path / "part.mcap"
-    cut_out(open_recording(dive.folder), out, WantedPart(0.0, inf))
-    assert messages(out) == messages(dive.folder)
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
