@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import (
-    DATAFLASH,
     EMPTY,
     LogFile,
     LogRow,
@@ -67,7 +66,6 @@ class DataflashFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.require_kind(DATAFLASH, "a DataFlash log")
         self._pymavlink = library("pymavlink.DFReader", "logs of ArduSub")
         with path.open("rb") as file:
             self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -201,7 +199,6 @@ class TlogFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.require_kind(b"", "a telemetry log")
         self._mavlink = library("pymavlink.dialects.v20.ardupilotmega", "telemetry logs")
         self._codec: Any = self._mavlink.MAVLink(None)
         kinds: dict[int, Any] = self._mavlink.mavlink_map

@@ -17,8 +17,6 @@ from tools.importing.log_file import (
     EARLIEST_NS,
     EMPTY,
     LATEST_NS,
-    PARQUET,
-    ULOG,
     LogFile,
     LogRow,
     LogSource,
@@ -65,7 +63,6 @@ class UlogFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.require_kind(ULOG, "a log of PX4")
         data = path.read_bytes()  # pyulog keeps all of it in memory as well
         content = data.rstrip(EMPTY)
         if (space := len(data) - len(content)) > PAGE:
@@ -119,6 +116,7 @@ class UlogFile(LogFile):
                 yield (int(utc[k]) - int(columns["timestamp"][k])) * 1000
 
 
+PARQUET = b"PAR1"  # how it begins
 NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow calls them
 BACK_NS = 1_000_000_000  # [ns] a row further back than this is not by the jitter of its logger
 MOST_BACK = 5  # rows: a clock that was set, or a logger that was started again
@@ -134,8 +132,9 @@ class TableFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        if path.suffix.lower() == ".parquet":
-            self.require_kind(PARQUET, "a Parquet table")
+        with path.open("rb") as file:
+            is_parquet = file.read(len(PARQUET)) == PARQUET
+        if is_parquet:
             pa, parquet = library("pyarrow", "tables"), library("pyarrow.parquet", "tables")
             try:
                 self._table = parquet.read_table(path)
@@ -145,7 +144,6 @@ class TableFile(LogFile):
                 raise LindyError(f"{path} is damaged or no table: {why}") from None
             self._column: Callable[[str], Any] = self._table.__getitem__
         else:
-            self.require_kind(b"", "a table")
             text = TableText(path, self.say)
             self._table, self._column = text.words, text.column
         if not self._table.num_rows:

@@ -17,16 +17,6 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.importing.map_file import TARGETS, ImportMap, TakenMessage
 
-MCAP, ROSBAG, ULOG = b"\x89MCAP0\r\n", b"#ROSBAG V2.0", b"ULog\x01\x12\x35"
-DATAFLASH, PARQUET = b"\xa3\x95\x80", b"PAR1"
-KINDS = {  # how a file begins: what it is, and how its name ends
-    MCAP: ("an MCAP recording", ".mcap"),
-    ROSBAG: ("a bag of ROS 1", ".bag"),
-    ULOG: ("a log of PX4", ".ulg"),
-    DATAFLASH: ("a log of ArduSub", ".bin"),
-    PARQUET: ("a Parquet table", ".parquet"),
-}
-LONGEST_MAGIC = max(map(len, KINDS))  # [B]
 EMPTY = b"\0\xff"  # of a file that was made longer, and of flash memory
 SUBMARINE = 12  # MAV_TYPE
 CHUNK = 10_000  # rows of columns that are Python's numbers at a time
@@ -137,22 +127,6 @@ class LogFile(ABC):
             LindyError: the log is damaged.
         """
 
-    def require_kind(self, magic: bytes, kind: str) -> None:
-        """
-        Args:
-            magic: how it begins.
-            kind: of file, for the error.
-
-        Raises:
-            LindyError: it is empty, or begins in another way.
-        """
-        with self.path.open("rb") as file:
-            beginning = file.read(LONGEST_MAGIC)
-        if beginning and beginning.startswith(magic) and not (why := other_kind(beginning, magic)):
-            return
-        why = other_kind(beginning, magic) or f"it begins with {beginning[: len(magic)]!r}"
-        raise LindyError(f"{self.path} is not {kind}: {why if beginning else 'it is empty'}")
-
     def require_submarine(self, kind: int) -> None:
         """
         Args:
@@ -193,18 +167,6 @@ def library(module: str, what: str) -> Any:
         raise LindyError(
             f"{what} need {package}, which is missing: {how_to_install('import')}"
         ) from None
-
-
-def other_kind(beginning: bytes, but: bytes) -> str:
-    """What a file is that begins so, where its name says something else; empty: not known.
-
-    Args:
-        but: how the kind begins that its name says.
-    """
-    for magic, (kind, ending) in KINDS.items():
-        if beginning.startswith(magic) and magic != but:
-            return f"it begins as {kind} does; if it is one, name it so ({ending})"
-    return ""
 
 
 def column_rows(
