@@ -140,14 +140,6 @@ def armed_spans(recording: Recording) -> list[ArmedSpan]:
 CUT = "cut"  # name of metadata
 
 
-class WantedPart(NamedTuple):
-    """Which messages to keep."""
-
-    from_s: float = 0.0  # [s] since the dive began, inclusive
-    to_s: float = inf  # [s] exclusive
-    topics: tuple[str, ...] = ()  # keys or patterns such as sensor/*; empty: all
-
-
 def cut(
     recording: Path,
     /,
@@ -186,13 +178,20 @@ def cut(
             raise LindyError(f"{option} is {value:g}, expected seconds from 0")
     if not from_ < to:
         raise LindyError(f"--from is {from_:g} s and --to {to:g} s; expected from before to")
-    messages = counted(cut_out(opened, out, WantedPart(from_, to, topics)), "message")
+    messages = counted(cut_out(opened, out, from_, to, topics), "message")
     print(harmless("\n".join([f"{messages} written to {out}", *opened.damage])), flush=True)
     return LOST if opened.damage else DONE
 
 
-def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
+def cut_out(
+    recording: Recording, out: Path, from_s: float, to_s: float, topics: Sequence[str] = ()
+) -> int:
     """Returns the number of messages.
+
+    Args:
+        from_s: [s] since the dive began, inclusive.
+        to_s: [s] exclusive.
+        topics: keys or patterns such as sensor/*; empty: all.
 
     Raises:
         LindyError: nothing is in that part, or the file cannot be written.
@@ -201,28 +200,28 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     if origin is None:
         raise recording.empty(recording.files[0])
     begin, end = (  # whole [ns], as the times of messages are, unless it is beyond all of them
-        origin + (round(ns) if ns < inf else ns) for ns in (1e9 * wanted.from_s, 1e9 * wanted.to_s)
+        origin + (round(ns) if ns < inf else ns) for ns in (1e9 * from_s, 1e9 * to_s)
     )
     keys = set[str]()
 
     def wants(key: str) -> bool:
         keys.add(key)
-        return is_chosen(key, wanted.topics)
+        return is_chosen(key, topics)
 
     with reading("cutting", recording.size) as recording.advance, new_mcap(out) as copy:
         for file in recording.files:
             recording.copy(file, copy, but=(HASH, CUT), wants=wants, within=(begin, end))
-        require_known(wanted.topics, keys, recording.files[0])
+        require_known(topics, keys, recording.files[0])
         if copy.is_empty:
-            until = "its end" if wanted.to_s == inf else f"{wanted.to_s:g} s"
+            until = "its end" if to_s == inf else f"{to_s:g} s"
             raise LindyError(
-                f"{recording.files[0]} holds no such message from {wanted.from_s:g} s to {until}"
+                f"{recording.files[0]} holds no such message from {from_s:g} s to {until}"
             )
         about = {
             "origin_ns": str(origin),
-            "from_s": repr(float(wanted.from_s)),
-            "to_s": repr(float(wanted.to_s)),
-            "topics": " ".join(wanted.topics),
+            "from_s": repr(float(from_s)),
+            "to_s": repr(float(to_s)),
+            "topics": " ".join(topics),
         }
         copy.metadata(Metadata(CUT, about))
     return copy.messages

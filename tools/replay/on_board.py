@@ -56,13 +56,6 @@ HEAD = msgspec.json.Decoder(Head)
 Hear = Callable[[str, Message], None]  # by key
 
 
-class Waiting(NamedTuple):
-    """A recorded message that was not given to the services yet."""
-
-    at_ns: int  # [ns] by the services' clock
-    raw: Raw
-
-
 class ServiceStart(NamedTuple):
     """When a service was started by the clock on board."""
 
@@ -151,13 +144,13 @@ class OnBoard:
         self._own: set[str] = set()  # keys that a service publishes …
         self._publishers = 0  # … of so many
         self._first: dict[str, int] = {}  # key: number of the first message in the recording
-        self._waiting: list[Waiting] = []
+        self._waiting: list[Raw] = []  # recorded messages that were not given to the services yet
         self._settled_ns = -1  # [ns] newest instant at which the services were stepped
 
     def run(self, until_ns: int) -> None:
         """Replay up to `until_ns` [ns UTC], which is included."""
         for raw in self._source.raw(until_ns=until_ns):
-            at = raw.log_ns - self._source.utc_offset_ns
+            at = self._at(raw)
             self._first.setdefault(raw.key, raw.sequence)
             self._start(at)
             if self._is_own(raw.key):
@@ -166,7 +159,7 @@ class OnBoard:
                         self.recorded.append(told)
                     self._reach(told, at if self._source.virtual else told.stamp_ns)
             elif self._is_wanted(raw.key):
-                self._hold(Waiting(at, raw))
+                self._hold(raw)
         self._give(self._waiting)
         self._waiting = []
 
@@ -212,14 +205,18 @@ class OnBoard:
             message = msgspec.structs.replace(message, **today)
         return Envelope(raw.key, self._encode(message), topic.encoding)
 
-    def _hold(self, new: Waiting) -> None:
+    def _at(self, raw: Raw) -> int:
+        """[ns] When it arrived, by the services' clock."""
+        return raw.log_ns - self._source.utc_offset_ns
+
+    def _hold(self, new: Raw) -> None:
         """Keep a message until it is known when the services were stepped."""
         if self._source.virtual:
-            if self._waiting and self._waiting[-1].at_ns < new.at_ns:
+            if self._waiting and self._waiting[-1].log_ns < new.log_ns:
                 self._give(self._waiting)
                 self._waiting = []
         else:
-            late = [one for one in self._waiting if one.at_ns < new.at_ns - HELD_NS]
+            late = [one for one in self._waiting if one.log_ns < new.log_ns - HELD_NS]
             self._give(late)
             self._waiting = self._waiting[len(late) :]
         self._waiting.append(new)
@@ -230,13 +227,13 @@ class OnBoard:
         if virtual and not self._waiting and at <= self._settled_ns:
             return
         since = at if virtual else at - HELD_NS
-        early = [one for one in self._waiting if one.at_ns < since]
+        early = [one for one in self._waiting if self._at(one) < since]
         held, self._waiting = self._waiting[len(early) :], []
         self._give(early)
         if virtual:
             self._settle(at, held)
         elif told.sensor_ns is None:
-            now = sum(one.at_ns <= at for one in held)
+            now = sum(self._at(one) <= at for one in held)
             self._settle(at, held[:now])
             self._waiting = held[now:]
         else:
@@ -245,25 +242,25 @@ class OnBoard:
                 self._settle(at, [held.pop(0)])
             self._waiting = held
 
-    def _give(self, waiting: list[Waiting]) -> None:
+    def _give(self, waiting: list[Raw]) -> None:
         """Hand over messages, each at its own time."""
         k = 0
         while k < len(waiting):
-            at = waiting[k].at_ns
+            at = self._at(waiting[k])
             end = k
-            while end < len(waiting) and waiting[end].at_ns <= at:
+            while end < len(waiting) and self._at(waiting[end]) <= at:
                 end += 1
             self._settle(at, waiting[k:end])
             k = end
 
-    def _settle(self, at: int, messages: list[Waiting]) -> None:
+    def _settle(self, at: int, messages: list[Raw]) -> None:
         """Advance to `at`, hand over these messages and step the services."""
         host = self._host
         if at > host.now:
             host.run(at - 1)
             host.now = at
-        for one in messages:
-            if (envelope := self._envelope(one.raw)) is not None:
+        for raw in messages:
+            if (envelope := self._envelope(raw)) is not None:
                 self._port.forward(envelope)
         host.settle()
         self._settled_ns = host.now

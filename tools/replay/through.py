@@ -4,7 +4,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import NamedTuple
 
 from messages import topics
 from services.runtime.config.errors import LindyError
@@ -43,11 +42,7 @@ APART_NS = 20_000_000  # [ns] between two stamps of one message, where a real cl
 MOSTLY_OF = {topics.PILOT_ANSWER.key: "reference"}
 
 
-class Window(NamedTuple):
-    """What is compared: stamps by the services' clock, both ends included."""
-
-    begin_ns: int
-    end_ns: int
+Window = tuple[int, int]  # [ns] what is compared: stamps by the services' clock, ends included
 
 
 @dataclass
@@ -96,7 +91,7 @@ def through(
     offset, restart = source.utc_offset_ns, _first_restart(replay.recorded)
     until = end if restart is None else restart + offset - 1
     # Of its last instant a recording that was cut off may have what was published and not why.
-    window = Window(max(first, begin) - offset, min(last - 1, until) - offset)
+    window = max(first, begin) - offset, min(last - 1, until) - offset
     today = (told for key in replay.outputs.keys for told in replay.outputs.of(key))
     require_fields(tolerances, chain(replay.recorded, today))
     found = _compared(replay, names, source, window, tolerances)
@@ -151,18 +146,19 @@ def _compared(
     comparison = FieldComparison((*tolerances, *declared), common_only=bool(source.other_messages))
     compared: dict[str, int] = {}
     inside: defaultdict[str, list[Told]] = defaultdict(list)
+    begin_ns, end_ns = window
     for told in replay.recorded:
-        if window.begin_ns <= told.stamp_ns <= window.end_ns:
+        if begin_ns <= told.stamp_ns <= end_ns:
             inside[told.key].append(told)
     for key in sorted({*inside, *replay.outputs.keys}):
         if MOSTLY_OF.get(key, names[0]) not in names:
             continue
         before = comparison.compared
-        today = [told for told in replay.outputs.of(key) if told.stamp_ns <= window.end_ns]
+        today = [told for told in replay.outputs.of(key) if told.stamp_ns <= end_ns]
         for pair in _pairs(inside[key], today, source, window):
             comparison.compare(pair)
         compared[key] = comparison.compared - before
-    seconds = max(0, window.end_ns - window.begin_ns) / 1e9
+    seconds = max(0, end_ns - begin_ns) / 1e9
     found = comparison.differences
     if not source.virtual:
         found = [one for one in found if one.count > max(A_FEW, RARELY * compared[one.key])]
@@ -171,8 +167,8 @@ def _compared(
                 f"{rare} fields differ in at most {RARELY:.0%} of their messages or in {A_FEW}: on "
                 f"a real clock, what arrives together may be handled in another order"
             )
-    begin_ns = source.origin_ns - source.utc_offset_ns
-    return ThroughResult(found, compared, begin_ns, seconds, remarks)
+    origin_ns = source.origin_ns - source.utc_offset_ns
+    return ThroughResult(found, compared, origin_ns, seconds, remarks)
 
 
 def _pairs(
