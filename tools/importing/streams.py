@@ -2,7 +2,6 @@
 logger's, which never goes backwards in a recording, and a board's against it. Pure."""
 
 from array import array
-from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from math import asin, atan2, nan
@@ -35,6 +34,7 @@ SHORTEST_NS = S // 2  # [ns] a clock that went on for less is a damaged time
 BIN_NS = 5 * S  # [ns] of the least delays, one is kept
 PACE_NS = S  # [ns] shorter logs tell none
 SET = "its clock was set while it was written: all times are by the clock that is latest"
+Floats = NDArray[np.float64]
 RESTART_NS = S  # [ns] a stamp that goes back by more is of a board that started again
 
 
@@ -126,7 +126,11 @@ def by_logger(stamps: Sequence[Ns], arrivals: Sequence[Ns]) -> list[Ns]:
             if before is None or arrival - stamp < before[1]:
                 least[stamp // BIN_NS] = (stamp, arrival - stamp)
         hull = _lower_hull(sorted(least.values()))
-        found += [stamp + _at(hull, stamp) for stamp in stamps[piece]]
+        first, low = hull[0]
+        corners = np.array(hull, np.int64) - hull[0]
+        since = np.array(stamps[piece], np.int64) - first
+        offsets: Floats = np.interp(since, corners[:, 0], corners[:, 1])
+        found += (first + low + since + np.rint(offsets).astype(np.int64)).tolist()
     return found
 
 
@@ -171,20 +175,10 @@ def _lower_hull(points: list[tuple[Ns, Ns]]) -> list[tuple[Ns, Ns]]:
     return hull
 
 
-def _at(hull: list[tuple[Ns, Ns]], stamp: Ns) -> Ns:
-    """[ns] Offset between two corners; before the first and after the last that of the corner."""
-    above = bisect_right(hull, stamp, key=lambda corner: corner[0])
-    if above == 0 or above == len(hull):
-        return hull[min(above, len(hull) - 1)][1]
-    (t0, low), (t1, high) = hull[above - 1], hull[above]
-    return low + round((high - low) * (stamp - t0) / (t1 - t0))
-
-
 LONGEST_WORD = 30  # letters of it that are shown where a number was expected
 OTHER_CLOCK_NS = 10_000_000_000  # [ns] between stamp and arrival: they are not by one clock
 UNREADABLE = (AttributeError, IndexError, TypeError, ValueError, OverflowError)
 
-Floats = NDArray[np.float64]
 Take = Callable[[str], Callable[[Any], Any]]  # by the name of a field: what takes it out of a row's
 
 

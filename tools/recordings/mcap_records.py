@@ -1,7 +1,7 @@
 """The records of an MCAP file, in order, and where it is cut off or damaged. https://mcap.dev/spec
 
-At a record that cannot be read the summary says where the next one begins; in a file without one
-the next chunk is looked for. The mcap library reads all records but messages, for which it makes
+Behind a record that cannot be read the next one follows by its length, or, where that is damaged,
+the next chunk of the summary. The mcap library reads all records but messages, for which it makes
 ten calls each where this makes one.
 """
 
@@ -14,7 +14,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from math import inf
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -26,7 +25,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema, Statistics
 
 from services.recorder.foxglove.channel import is_view
-from services.recorder.io.mcap_file import CHUNK_HEAD, MAGIC
+from services.recorder.io.mcap_file import MAGIC
 
 DIVE, HASH, LOSSES, MERGED = "dive", "hash", "losses", "merged"  # metadata of Lindy's files
 MENDED_BY = "lindy log recover makes a whole file of the rest"
@@ -39,7 +38,6 @@ RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 MESSAGE = int(Opcode.MESSAGE)
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time
 CHUNK_TIMES = struct.Struct("<QQ")  # first and last log time, how a chunk and its index begin
-ZSTD, ZSTD_AT = b"\x04\x00\x00\x00zstd", 37  # in the head of a chunk, [bytes] behind its beginning
 LARGEST_CHUNK = 100_000_000  # [bytes] uncompressed; what others write has a few million
 FOOTER = struct.Struct("<BQQQI")  # opcode, length, starts of the summary and its offsets, checksum
 CHECKSUM = struct.Struct("<I")
@@ -257,27 +255,12 @@ class _RecordReader:
         """[bytes] Where the record behind a damaged one begins; None: there is no more."""
         self.stream.seek(position)
         head = self.stream.read(RECORD_HEAD.size)
-        known = self.index.following(position) or self._next_chunk(position)
+        known = self.index.following(position)
         if len(head) == RECORD_HEAD.size and head[0]:  # no record begins with zero
             after = position + RECORD_HEAD.size + RECORD_HEAD.unpack(head)[1]
             if after <= (known or self.size):
                 return after
         return known
-
-    def _next_chunk(self, position: int) -> int | None:
-        """[bytes] Where the next chunk begins as Lindy writes them, known by its head."""
-        if position + CHUNK_HEAD.size > self.size:
-            return None
-        with mmap(self.stream.fileno(), 0, access=ACCESS_READ) as whole:
-            at = whole.find(ZSTD, position + 1 + ZSTD_AT)
-            while at >= 0:
-                head = whole[at - ZSTD_AT : at - ZSTD_AT + CHUNK_HEAD.size]
-                if len(head) == CHUNK_HEAD.size:
-                    opcode, length, *_, size = CHUNK_HEAD.unpack(head)
-                    if opcode == Opcode.CHUNK and length == len(head) + size - RECORD_HEAD.size:
-                        return at - ZSTD_AT
-                at = whole.find(ZSTD, at + 1)
-        return None
 
     def _chunk(self, content: bytes) -> tuple[list[Raw | Described], bool]:
         """What is in it, and whether it is whole."""

@@ -307,19 +307,6 @@ def test_what_follows_a_chunk_with_a_damaged_length_is_recovered(tmp_path: Path,
     assert foreign(out) == recorded()[:PER_CHUNK] + recorded()[2 * PER_CHUNK :]
 
 
-@pytest.mark.parametrize("byte", range(2, 9))  # 1: less than what ends the frame
-def test_a_chunk_with_a_damaged_length_in_a_file_without_an_end(tmp_path: Path, byte: int) -> None:
-    path, out = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
-    write(path)
-    begin = chunks_of(path)
-    path.write_bytes(path.read_bytes()[: begin[2] + 40])
-    flipped(path, tmp_path / "broken.mcap", begin[0] + byte)
-    assert CHUNKS == 3
-    # Its channel was described in the first chunk, and there is no summary.
-    wrong = recovered(tmp_path / "broken.mcap", out).wrong
-    assert any("40 messages of unknown topics" in said for said in wrong)
-
-
 @pytest.mark.parametrize("at", range(9, 17))
 def test_a_damaged_length_of_the_header_costs_no_message(tmp_path: Path, at: int) -> None:
     path, out = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
