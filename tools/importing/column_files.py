@@ -117,6 +117,7 @@ class UlogFile(LogFile):
 
 
 PARQUET = b"PAR1"  # how it begins
+NUMBERED = ("ns", "us", "ms", "s")  # units of a time that is a number
 NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow calls them
 BACK_NS = 1_000_000_000  # [ns] a row further back than this is not by the jitter of its logger
 MOST_BACK = 5  # rows: a clock that was set, or a logger that was started again
@@ -196,33 +197,27 @@ class TableFile(LogFile):
             )
         column: Any = self._column(taken.stamp)
         kind = str(column.type)
-        is_date = kind.startswith("timestamp")
-        if not is_date and not kind.startswith(NUMBERS) and kind != "null":
+        is_date, is_number = kind.startswith("timestamp"), kind.startswith(NUMBERS)
+        if not is_date and not is_number:
             raise LindyError(
                 f"{self.path}: {taken.stamp}, the time at {taken.where} in the map, is {column[0]} "
                 f"in its first row, which is neither a number nor a date and time such as "
                 f"2024-05-01T09:30:00.123"
             )
-        if is_date != (taken.stamp_unit == "date"):
-            what = 'dates; write stamp_unit = "date"' if is_date else "no dates; write its unit"
+        if is_date != (taken.stamp_unit == "date") or taken.stamp_unit == "ros":
+            units = ", ".join(f'"{unit}"' for unit in NUMBERED)
+            how = '"date"' if is_date else f"one of {units}"
+            what = f"{'dates' if is_date else 'no dates'}; write stamp_unit = {how}"
             raise LindyError(f"{self.path}: {taken.stamp} has {what} at {taken.where} in the map")
         whole = np.asarray(column.is_valid())
         if is_date:
             if column.type.tz is None:
                 self.say(f"the times of {self.path.name} have no zone: taken as UTC")
             return np.asarray(column.cast("timestamp[ns]").cast("int64").fill_null(0)), whole
-        if not kind.startswith(NUMBERS) or taken.stamp_unit == "ros":
-            raise LindyError(
-                f"{self.path}: {taken.stamp} is {column[0]} in its first row with the stamp_unit "
-                f"{taken.stamp_unit!r}; write at {taken.where} in the map ns, us, ms, s, or date "
-                f"for times as 2024-05-01T09:30:00.123"
-            )
         scale, values = STAMP_UNITS[taken.stamp_unit], np.asarray(column.fill_null(0))
         middle = float(np.nanmedian(values[whole])) if np.any(whole) else 0.0
         fitting = [
-            unit
-            for unit in ("ns", "us", "ms", "s")
-            if EARLIEST_NS <= middle * STAMP_UNITS[unit] < LATEST_NS
+            unit for unit in NUMBERED if EARLIEST_NS <= middle * STAMP_UNITS[unit] < LATEST_NS
         ]
         if (fitting and taken.stamp_unit not in fitting) or middle * scale >= LATEST_NS:
             how = remedy("stamp_unit", fitting, "another column")

@@ -130,7 +130,7 @@ def test_rows_without_a_time_are_counted(tmp_path: Path) -> None:
         ("when,x\n1,2,3\n", {}, "a.csv is damaged or no table"),
         (None, {"stamp": "time"}, "has no column 'time' for the time; write at table as"),
         (None, {"unit": "s"}, 'when has dates; write stamp_unit = "date" at'),
-        (None, {"stamp": "seconds"}, "seconds has no dates; write its unit at"),
+        (None, {"stamp": "seconds"}, "seconds has no dates; write stamp_unit = one of"),
         (None, {"pressure": "Pa"}, "write zero = -101325 where it counts from the surface or unit"),
         (
             f"when,press.abs [mbar],water\n{BEGAN:%Y-%m-%d %H:%M:%SZ},deep,12\n",
