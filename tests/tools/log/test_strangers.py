@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.writer import Writer
 
 from tests.support.recorded import Alter, ShortDive, rewritten
 from tools.__main__ import GROUPS, LOG, main
@@ -180,6 +181,28 @@ def test_metadata_of_no_sense_is_no_error_of_lindy(
     path = forged(source, tmp_path / "forged.mcap", metadata=metadata)
     for verb in ("info", "check"):
         assert main(["log", verb, str(path)]) in (0, 3)
+        assert "in Lindy itself" not in capsys.readouterr().err
+
+
+def test_what_is_nested_without_end_is_one_message_left_out(
+    clean_dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, path = clean_dive.folder / "dive.mcap", tmp_path / "deep.mcap"
+    deep = b'{"a":' * 100_000 + b"1" + b"}" * 100_000
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("VehicleStatus", "jsonschema", b"{}")
+        channel = writer.register_channel("vehicle/status", "json", schema)
+        writer.add_message(channel, 1, deep, 1, 0)
+        for record in records(source):
+            if isinstance(record, Metadata):
+                writer.add_metadata(record.name, record.metadata)
+        writer.add_attachment(0, 0, "dive.json", "application/json", b"[" * 100_000)
+        writer.finish()
+    for verb in ("info", "check", "export --as csv", "export --as sticks", "compare"):
+        words = [str(path), str(path)] if verb == "compare" else [str(path)]
+        assert main(["log", *verb.split(), *words]) in (0, 1, 3)
         assert "in Lindy itself" not in capsys.readouterr().err
 
 
