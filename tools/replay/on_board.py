@@ -39,7 +39,6 @@ RECORDER = "recorder"
 HELD_NS = 5_000_000
 NAMES_ITS_START = "reference"  # in the epochs it grants
 SLOW_START_NS = 5_000_000_000  # [ns] between its wiring and its first tick, at most
-SAID_AGAIN = ("health/", "identity/")
 OURS = ("version", "commit", "messages", "vehicle_hash")  # what an identity says of the code
 NOT_RECORDED = Process(SIDE, 0, 0, 0)
 
@@ -143,7 +142,6 @@ class OnBoard:
         self._wanted: dict[str, bool] = {}  # key: does a service subscribe to it?
         self._own: set[str] = set()  # keys that a service publishes …
         self._publishers = 0  # … of so many
-        self._first: dict[str, int] = {}  # key: number of the first message in the recording
         self._waiting: list[Raw] = []  # recorded messages that were not given to the services yet
         self._settled_ns = -1  # [ns] newest instant at which the services were stepped
 
@@ -151,7 +149,6 @@ class OnBoard:
         """Replay up to `until_ns` [ns UTC], which is included."""
         for raw in self._source.raw(until_ns=until_ns):
             at = self._at(raw)
-            self._first.setdefault(raw.key, raw.sequence)
             self._start(at)
             if self._is_own(raw.key):
                 if (told := self._told(raw)) is not None:
@@ -162,20 +159,6 @@ class OnBoard:
                 self._hold(raw)
         self._give(self._waiting)
         self._waiting = []
-
-    @property
-    def begins_after(self) -> dict[str, int]:
-        """How many messages of its inputs were published before the first that is recorded, by
-        key; only of those that are not recorded from their first message on. Of health and
-        identity, which are said again every second, hardly any recording has the first."""
-        return {
-            key: before
-            for key, before in sorted(self._first.items())
-            if before > 0
-            and not key.startswith(SAID_AGAIN)
-            and self._is_wanted(key)
-            and not self._is_own(key)
-        }
 
     def _told(self, raw: Raw) -> Told | None:
         """A recorded message; its stamp by the clock on board. None: it is none, which is

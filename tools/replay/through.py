@@ -95,24 +95,17 @@ def through(
     today = (told for key in replay.outputs.keys for told in replay.outputs.of(key))
     require_fields(tolerances, chain(replay.recorded, today))
     found = _compared(replay, names, source, window, tolerances)
-    if missing := _beginning(replay, source):
-        found.remarks.append(missing)
+    if source.cut:
+        found.remarks.append(
+            "it is a part of a recording: what was said before is not in it, from which "
+            "differences may come"
+        )
     if source.imported:
         found.remarks.append(_published(replay, end - offset))
     if restart is not None:
         at = (restart - found.begin_ns) / 1e9
         found.remarks.append(f"it was started again at {at:.1f} s: compared up to there")
     return found
-
-
-def _beginning(replay: OnBoard, source: ReplaySource) -> str:
-    """Whether the services had heard something before the recording began; empty: they had not. On
-    virtual time what is not at the beginning of a whole one was lost on the link, and they did not
-    hear it."""
-    missing = ", ".join(f"{count} of {key}" for key, count in replay.begins_after.items())
-    if not missing or (source.virtual and not source.cut):
-        return ""
-    return f"the recording begins after some messages: {missing}; differences may come from that"
 
 
 def _published(replay: OnBoard, until_ns: int) -> str:
