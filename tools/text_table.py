@@ -1,4 +1,4 @@
-"""Rows of text as a table."""
+"""Rows of text as a table, and numbers of things in words."""
 
 from collections.abc import Sequence
 
@@ -14,3 +14,8 @@ def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
         ).rstrip()
         for row in rows
     ]
+
+
+def counted(count: int, what: str) -> str:
+    """`1 message`, `2 messages`."""
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"

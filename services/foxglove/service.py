@@ -6,13 +6,12 @@ import msgspec
 from messages import events
 from messages.message import Message
 from messages.topic import AnyTopic
-from services.foxglove.core import LOOPBACK, Settings, parameters
+from services.foxglove.core import LOOPBACK, Settings
 from services.marine.vehicle import Vehicle
 from services.recorder.foxglove.channel import schema_of
 from services.recorder.foxglove.views import Views
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.extras import how_to_install
-from services.runtime.config.settings import override, read_toml
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -30,9 +29,7 @@ def wire(node: Node, stack: Stack) -> None:
             f"foxglove needs the foxglove-sdk, which is not installed; {how_to_install('foxglove')}"
         ) from None
     settings = stack.section("foxglove", Settings)
-    tree = read_toml(stack.vehicle_path)
-    override(tree, stack.overrides)
-    server = FoxgloveServer(settings, f"lindy {stack.vehicle_name}", parameters(tree))
+    server = FoxgloveServer(settings.host, settings.port, f"lindy {stack.vehicle_name}")
     node.on_close(server.close)
     node.log("info", f"Foxglove connects to ws://{settings.host}:{settings.port}")
     if settings.host not in LOOPBACK:

@@ -51,10 +51,6 @@ class CheckedMessage(NamedTuple):
     publish_ns: int  # [ns] UTC of the message's own stamp, or of arrival: see `Intake`
 
 
-def _unchanged(_: AnyTopic, stamp_ns: int) -> int | None:
-    return stamp_ns
-
-
 class Intake:
     """Checks, converts and hashes every envelope of a vehicle.
 
@@ -70,7 +66,7 @@ class Intake:
         self,
         outbox: Outbox,
         wall_offset_ns: int = 0,
-        local_ns: Callable[[AnyTopic, int], int | None] = _unchanged,
+        local_ns: Callable[[AnyTopic, int], int | None] = lambda _, stamp_ns: stamp_ns,
         views: Views | None = None,
     ) -> None:
         self._outbox, self._views = outbox, views

@@ -12,7 +12,6 @@ from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
 FLUSH_HZ = 5.0  # [1/s] at most 0.2 s of a dive is lost when the process is killed
-DRONE = "drone"
 DEPTH = 20_000  # envelopes held while the disk is slow: some ten seconds of a dive
 
 
@@ -29,7 +28,9 @@ def wire(node: Node, stack: Stack) -> None:
             for row in intake.rows(envelope.key, found):
                 session.write(row)
 
-    if DRONE in node.sides:  # a second recorder, topside, has no say in whether a film is recorded
+    if (
+        "drone" in node.sides
+    ):  # a second recorder, topside, has no say in whether a film is recorded
         node.answers(topics.FILM_REQUEST, topics.FILM_ANSWER, session.films)
     node.collect(home, "**", record, depth=DEPTH)
     node.every(FLUSH_HZ, session.flush)

@@ -6,7 +6,7 @@ import mmap
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from heapq import merge
 from itertools import chain, pairwise, repeat
 from pathlib import Path
@@ -16,8 +16,6 @@ from typing import Any, NamedTuple
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import (
-    DATAFLASH,
-    EARLIEST_NS,
     EMPTY,
     LogFile,
     LogRow,
@@ -33,7 +31,6 @@ WEEK_S = 604_800
 FIRMWARE = "ArduSub"
 OTHERS = ("ArduCopter", "ArduPlane", "ArduRover", "Copter", "Plane", "Rover", "Blimp")
 APART_NS = 1_000_000_000  # [ns] messages are out of order by less
-LONGEST_MESSAGE = 255  # [bytes]
 SLACK = 528  # [bytes] some boards write whole pages: so much at the end may be nothing
 
 STAMP = 8  # [bytes] big-endian, before each packet
@@ -41,11 +38,25 @@ V1, V2 = 0xFE, 0xFD  # first byte of a packet
 MAGIC = re.compile(b"[\xfd\xfe]")
 HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE = 6, 10, 2, 13  # [bytes]
 SIGNED = 0x01
-MOST_WAITING = 1000  # messages
 ARDUPILOT = 3  # of a heartbeat
-AUTOPILOT = 1  # component, whose messages all say the time since it began
 FROM_OTHERS = ("MANUAL_CONTROL", "RC_CHANNELS_OVERRIDE")  # what a ground station sends
 LATEST_US = 4_102_444_800_000_000  # [µs] UTC of a stamp; a packet has one before it
+
+
+def in_time(rows: Iterator[LogRow], say: Callable[[str], None]) -> Iterator[LogRow]:
+    """One whose time is beyond those of the two beside it has that of the one before."""
+    before: LogRow | None = None
+    wrong = 0
+    for row, after in pairwise(chain(rows, [None])):
+        assert row is not None
+        if before is not None and after is not None:
+            least, most = sorted((before.arrival_ns, after.arrival_ns))
+            if not least - APART_NS <= row.arrival_ns <= most + APART_NS:
+                row, wrong = row._replace(arrival_ns=before.arrival_ns), wrong + 1
+        yield row
+        before = row
+    if wrong:
+        say(f"{wrong} of its times are damaged: those of the messages before them count")
 
 
 class DataflashFile(LogFile):
@@ -55,9 +66,8 @@ class DataflashFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        own = self.own_part(DATAFLASH, "a DataFlash log", zeros=LONGEST_MESSAGE)
         self._pymavlink = library("pymavlink.DFReader", "logs of ArduSub")
-        with own.open("rb") as file:
+        with path.open("rb") as file:
             self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         self._formats: dict[int, Any] = {FMT[0]: self._pymavlink.DFFormat(*FMT)}
         self._at_bytes: dict[int, array[int]] = {}  # places of messages, by number of the format
@@ -72,20 +82,7 @@ class DataflashFile(LogFile):
         return {name: LogSource(name, len(at)) for name, (_, at) in self._places.items()}
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
-        """A message whose time is beyond those of the two beside it has a damaged one."""
-        before: LogRow | None = None
-        left_out = Counter[str]()
-        for row, after in pairwise(chain(self._all(wanted), [None])):
-            assert row is not None
-            if before is not None and after is not None:
-                least, most = sorted((before.arrival_ns, after.arrival_ns))
-                if not least - APART_NS <= row.arrival_ns <= most + APART_NS:
-                    left_out[row.source] += 1
-                    continue
-            yield row
-            before = row
-        self.damaged.clear()  # it may be read again
-        self.damaged.update(left_out)
+        return in_time(self._all(wanted), self.say)
 
     def _all(self, wanted: Wanted) -> Iterator[LogRow]:
         named = [
@@ -187,26 +184,10 @@ class DataflashFile(LogFile):
                     yield utc_ns - int(fields.TimeUS) * 1000
 
 
-def _since_boot(fields: Any) -> Ns | None:
-    """[ns] None: it does not say."""
-    if (ms := getattr(fields, "time_boot_ms", None)) is not None:
-        return int(ms) * 10**6
-    since_ns = int(getattr(fields, "time_usec", 0)) * 1000
-    return since_ns if 0 < since_ns < EARLIEST_NS else None  # else it is UTC
-
-
-def _dated(row: LogRow, at_ns: Ns, boot_ns: Ns | None) -> LogRow:
-    """With the time since boot, which a message said at `at_ns`, right behind it."""
-    if boot_ns is None or abs(at_ns - row.arrival_ns) > APART_NS:
-        return row
-    return row._replace(boot_ns=boot_ns - (at_ns - row.arrival_ns))
-
-
 class LoggedPacket(NamedTuple):
     at_us: int  # [µs] UTC
     name: str  # of the kind of message
     system: int
-    component: int
     data: bytes
 
 
@@ -218,7 +199,6 @@ class TlogFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._own = self.own_part(b"", "a telemetry log", zeros=LONGEST_MESSAGE)
         self._mavlink = library("pymavlink.dialects.v20.ardupilotmega", "telemetry logs")
         self._codec: Any = self._mavlink.MAVLink(None)
         kinds: dict[int, Any] = self._mavlink.mavlink_map
@@ -245,31 +225,13 @@ class TlogFile(LogFile):
         return sources
 
     def rows(self, wanted: Wanted) -> Iterator[LogRow]:
-        waiting: list[LogRow] = []  # for a message that says how long the board runs
-        for found in self._in_time(self._packets(Counter())):
+        return in_time(self._all(wanted), self.say)
+
+    def _all(self, wanted: Wanted) -> Iterator[LogRow]:
+        for found in self._packets(Counter()):
             if found.name in wanted and self._is_taken(found.system, found.name):
                 fields = self._codec.decode(bytearray(found.data))
-                row = LogRow(found.name, fields, found.at_us * 1000)
-                waiting.append(row)
-                boot_ns = _since_boot(fields) if found.component == AUTOPILOT else None
-                if boot_ns is not None or len(waiting) > MOST_WAITING:
-                    yield from (_dated(each, row.arrival_ns, boot_ns) for each in waiting)
-                    waiting = []
-        yield from waiting
-
-    def _in_time(self, packets: Iterator[LoggedPacket]) -> Iterator[LoggedPacket]:
-        """One whose time is beyond those of the two beside it has that of the one before."""
-        before_us, wrong = None, 0
-        for found, after in pairwise(chain(packets, [None])):
-            assert found is not None
-            if before_us is not None and after is not None:
-                least, most = sorted((before_us, after.at_us))
-                if not least - APART_NS // 1000 <= found.at_us <= most + APART_NS // 1000:
-                    found, wrong = found._replace(at_us=before_us), wrong + 1
-            yield found
-            before_us = found.at_us
-        if wrong:
-            self.say(f"{wrong} of its times are damaged: those of the messages before them count")
+                yield LogRow(found.name, fields, found.at_us * 1000)
 
     def _is_taken(self, system: int, name: str) -> bool:
         return (system == self._vehicle) != (name in FROM_OTHERS)
@@ -300,7 +262,7 @@ class TlogFile(LogFile):
         Args:
             damaged: told how many of each name are not, and by "" how many bytes are no packet.
         """
-        with self._own.open("rb") as file:
+        with self.path.open("rb") as file:
             data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         size = len(data)
         at, end = STAMP, 0  # [bytes] where a packet may begin, and where the last one ended
@@ -308,10 +270,10 @@ class TlogFile(LogFile):
             at = found.start()
             head = data[at : at + HEAD_V2].ljust(HEAD_V2, b"\0")
             if head[0] == V2:
-                number, (system, component) = int.from_bytes(head[7:10], "little"), head[5:7]
+                number, system = int.from_bytes(head[7:10], "little"), head[5]
                 signature = SIGNATURE if head[2] & SIGNED else 0
             else:
-                number, system, component, signature = head[5], head[3], head[4], 0
+                number, system, signature = head[5], head[3], 0
             after = at + (HEAD_V2 if head[0] == V2 else HEAD_V1) + head[1] + CHECKSUM + signature
             packet = data[at:after]
             name, extra = self._kinds.get(number, (f"message {number}", None))
@@ -325,7 +287,7 @@ class TlogFile(LogFile):
             stamp_us = int.from_bytes(data[at - STAMP : at], "big")
             damaged[""] += at - STAMP - end
             if is_right and stamp_us <= LATEST_US:
-                yield LoggedPacket(stamp_us, name, system, component, packet)
+                yield LoggedPacket(stamp_us, name, system, packet)
             else:
                 damaged[name] += 1
             at, end = after + STAMP, after

@@ -15,9 +15,8 @@ from messages.units import Ns
 from services.runtime.config.errors import LindyError
 from tools.importing.log_file import (
     EARLIEST_NS,
+    EMPTY,
     LATEST_NS,
-    PARQUET,
-    ULOG,
     LogFile,
     LogRow,
     LogSource,
@@ -28,16 +27,17 @@ from tools.importing.log_file import (
     listed,
 )
 from tools.importing.map_file import STAMP_UNITS, TakenMessage, remedy
-from tools.importing.table_text import ZEROS, TableText
+from tools.importing.table_text import TableText
 
+PAGE = 4096  # [B] a last message may end with less than this of zeros
 MOST_AGAIN = 100_000  # reads of what was read; it looks for the next message byte by byte
 
 
-class ForwardFile(io.BufferedReader):
+class ForwardFile(io.BytesIO):
     """Where the end of a log is damaged, pyulog reads the same bytes for ever."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(io.FileIO(path))
+    def __init__(self, content: bytes) -> None:
+        super().__init__(content)
         self._farthest = self._again = 0
 
     def read(self, size: int | None = -1, /) -> bytes:
@@ -63,10 +63,15 @@ class UlogFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        own = self.own_part(ULOG, "a log of PX4")
+        data = path.read_bytes()  # pyulog keeps all of it in memory as well
+        content = data.rstrip(EMPTY)
+        if (space := len(data) - len(content)) > PAGE:
+            self.say(f"{space} bytes of empty space behind its end are left out")
+        else:
+            content = data
         pyulog = library("pyulog", "logs of PX4")
         try:
-            with ForwardFile(own) as file, redirect_stdout(io.StringIO()):  # it prints
+            with ForwardFile(content) as file, redirect_stdout(io.StringIO()):  # it prints
                 self._log: Any = pyulog.ULog(file)
         except Exception as error:  # of whatever kind: where bytes are wrong, pyulog does not say
             raise LindyError(f"{path} is damaged: {error or 'a message cannot be read'}") from None
@@ -111,6 +116,8 @@ class UlogFile(LogFile):
                 yield (int(utc[k]) - int(columns["timestamp"][k])) * 1000
 
 
+PARQUET = b"PAR1"  # how it begins
+NUMBERED = ("ns", "us", "ms", "s")  # units of a time that is a number
 NUMBERS = ("int", "uint", "float", "double", "halffloat")  # types as pyarrow calls them
 BACK_NS = 1_000_000_000  # [ns] a row further back than this is not by the jitter of its logger
 MOST_BACK = 5  # rows: a clock that was set, or a logger that was started again
@@ -126,18 +133,19 @@ class TableFile(LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        if path.suffix.lower() == ".parquet":
-            own = self.own_part(PARQUET, "a Parquet table")
+        with path.open("rb") as file:
+            is_parquet = file.read(len(PARQUET)) == PARQUET
+        if is_parquet:
             pa, parquet = library("pyarrow", "tables"), library("pyarrow.parquet", "tables")
             try:
-                self._table = parquet.read_table(own)
+                self._table = parquet.read_table(path)
             except (pa.ArrowException, OSError) as error:
                 # Behind a second colon are the bytes that it could not read.
                 why = ":".join(str(error).partition("\n")[0].split(":")[:2]).rstrip(".")
                 raise LindyError(f"{path} is damaged or no table: {why}") from None
             self._column: Callable[[str], Any] = self._table.__getitem__
         else:
-            text = TableText(self.own_part(b"", "a table", zeros=ZEROS), self.say)
+            text = TableText(path, self.say)
             self._table, self._column = text.words, text.column
         if not self._table.num_rows:
             raise LindyError(f"{path} has no rows below its names of columns")
@@ -189,33 +197,27 @@ class TableFile(LogFile):
             )
         column: Any = self._column(taken.stamp)
         kind = str(column.type)
-        is_date = kind.startswith("timestamp")
-        if not is_date and not kind.startswith(NUMBERS) and kind != "null":
+        is_date, is_number = kind.startswith("timestamp"), kind.startswith(NUMBERS)
+        if not is_date and not is_number:
             raise LindyError(
                 f"{self.path}: {taken.stamp}, the time at {taken.where} in the map, is {column[0]} "
                 f"in its first row, which is neither a number nor a date and time such as "
                 f"2024-05-01T09:30:00.123"
             )
-        if is_date != (taken.stamp_unit == "date"):
-            what = 'dates; write stamp_unit = "date"' if is_date else "no dates; write its unit"
+        if is_date != (taken.stamp_unit == "date") or taken.stamp_unit == "ros":
+            units = ", ".join(f'"{unit}"' for unit in NUMBERED)
+            how = '"date"' if is_date else f"one of {units}"
+            what = f"{'dates' if is_date else 'no dates'}; write stamp_unit = {how}"
             raise LindyError(f"{self.path}: {taken.stamp} has {what} at {taken.where} in the map")
         whole = np.asarray(column.is_valid())
         if is_date:
             if column.type.tz is None:
                 self.say(f"the times of {self.path.name} have no zone: taken as UTC")
             return np.asarray(column.cast("timestamp[ns]").cast("int64").fill_null(0)), whole
-        if not kind.startswith(NUMBERS) or taken.stamp_unit == "ros":
-            raise LindyError(
-                f"{self.path}: {taken.stamp} is {column[0]} in its first row with the stamp_unit "
-                f"{taken.stamp_unit!r}; write at {taken.where} in the map ns, us, ms, s, or date "
-                f"for times as 2024-05-01T09:30:00.123"
-            )
         scale, values = STAMP_UNITS[taken.stamp_unit], np.asarray(column.fill_null(0))
         middle = float(np.nanmedian(values[whole])) if np.any(whole) else 0.0
         fitting = [
-            unit
-            for unit in ("ns", "us", "ms", "s")
-            if EARLIEST_NS <= middle * STAMP_UNITS[unit] < LATEST_NS
+            unit for unit in NUMBERED if EARLIEST_NS <= middle * STAMP_UNITS[unit] < LATEST_NS
         ]
         if (fitting and taken.stamp_unit not in fitting) or middle * scale >= LATEST_NS:
             how = remedy("stamp_unit", fitting, "another column")

@@ -25,7 +25,7 @@ from services.runtime.hosts.virtual_host import VirtualHost
 from tools.choices import named
 from tools.fresh import write_fresh
 from tools.importing.ardupilot_files import DataflashFile, TlogFile
-from tools.importing.column_files import TableFile, UlogFile
+from tools.importing.column_files import PARQUET, TableFile, UlogFile
 from tools.importing.contradictions import Oddity
 from tools.importing.conversion import Conversion, Imported
 from tools.importing.log_file import BY_FILE, LogFile, chosen, listed, missing, unfit, untaken
@@ -33,6 +33,7 @@ from tools.importing.map_file import read_map
 from tools.importing.rosbag_file import McapLog, RosbagFile, is_rosbag
 from tools.importing.several_files import SeveralFiles
 from tools.live.dive_folder import DIVES, out_folder, point_latest
+from tools.text_table import counted
 
 FLUSHED = 5_000  # messages between two flushes
 BEFORE_NS = 10_000_000_000  # [ns] by the clock of the stamps at the first message
@@ -117,13 +118,17 @@ TAKES = (
     "(.csv, .tsv, .txt, .parquet)"
 )
 
-FORMATS: dict[str, Callable[[Path], LogFile]] = {  # by how the file's name ends
+Format = Callable[[Path], LogFile]
+BEGINNINGS: dict[bytes, Format] = {  # how a file begins
+    b"\x89MCAP0\r\n": McapLog,
+    b"#ROSBAG V2.0": RosbagFile,
+    b"ULog\x01\x12\x35": UlogFile,
+    b"\xa3\x95\x80": DataflashFile,
+    PARQUET: TableFile,
+}
+ENDINGS: dict[str, Format] = {  # how the name of another one ends
     ".tlog": TlogFile,
-    ".bin": DataflashFile,
-    ".mcap": McapLog,
-    ".ulg": UlogFile,
     **dict.fromkeys((".csv", ".tsv", ".txt"), TableFile),  # Excel writes its Unicode text as .txt
-    ".parquet": TableFile,
 }
 
 
@@ -256,16 +261,26 @@ def opened_all(files: Sequence[Path]) -> LogFile:
 
 
 def opened(path: Path) -> LogFile:
-    """The log, by its name.
+    """The log, by how it begins; a table and a log of a ground station by its name.
 
     Raises:
         LindyError: there is none, or it is of no format that is read.
     """
     if not path.exists():
         raise LindyError(f"there is no file {path}")
-    kind = RosbagFile if is_rosbag(path) else FORMATS.get(path.suffix.lower())
+    if is_rosbag(path):
+        return RosbagFile(path)
+    beginning = b""
+    if path.is_file():
+        with path.open("rb") as file:
+            beginning = file.read(max(map(len, BEGINNINGS)))
+        if not beginning:
+            raise LindyError(f"{path} is empty")
+    kinds = (kind for magic, kind in BEGINNINGS.items() if beginning.startswith(magic))
+    kind = next(kinds, ENDINGS.get(path.suffix.lower()))
     if kind is None:
-        raise LindyError(f"{path}: this is not read; expected {TAKES}")
+        begins = f" and begins with {beginning[:8]!r}" if beginning else ""
+        raise LindyError(f"{path} is no log that is read{begins}; expected {TAKES}")
     return kind(path)
 
 
@@ -274,7 +289,8 @@ def as_text(report: ImportReport, folder: Path) -> str:
     lines = [f"{report.file}, {report.seconds:.1f} s, as {report.vehicle}, by {report.map}:"]
     for key, count in report.messages.items():
         rate = f"{count / report.seconds:.1f} a second" if report.seconds > 0.0 else "at once"
-        lines.append(f"  {key}: {count} messages, {rate}, from {', '.join(report.sources[key])}")
+        of = f"{counted(count, 'message')}, {rate}, from {', '.join(report.sources[key])}"
+        lines.append(f"  {key}: {of}")
     lines += [f"odd: {odd.in_words}" for odd in report.oddities]
     if report.missing:
         said = f"not taken by this map: {', '.join(report.missing)}"

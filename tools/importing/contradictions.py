@@ -3,7 +3,6 @@ say of each other and of gravity, where a map's wrong axes and units show: pure.
 
 from collections.abc import Sequence
 from math import cos, sqrt
-from statistics import median
 
 import msgspec
 import numpy as np
@@ -69,24 +68,14 @@ class Oddities:
         return sorted(self._found.values(), key=lambda odd: (odd.stream, odd.what))
 
 
-class GapWatch:
-    """Pauses of one stream that are much longer than its usual period."""
-
-    def __init__(self) -> None:
-        self._last: Ns | None = None
-        self._periods: list[float] = []  # [s] until the usual one is known
-        self._usual = 0.0  # [s]
-
-    def pause(self, at: Ns) -> float | None:
-        """[s] since the sample before, where that is a gap; None: it is not."""
-        last, self._last = self._last, at
-        if last is None:
-            return None
-        seconds = (at - last) / 1e9
-        if len(self._periods) < LEARNT:
-            self._periods.append(seconds)
-            self._usual = median(self._periods)
-        return seconds if seconds > max(SHORTEST_GAP_S, GAP_PERIODS * self._usual) else None
+def gaps(stamps: Sequence[Ns]) -> tuple[NDArray[np.int64], Floats]:
+    """Places in a stream behind pauses that are much longer than its usual period, and their [s]:
+    of the first samples, until that period is known, than those so far."""
+    periods = np.diff(np.asarray(stamps, np.int64)) / 1e9
+    so_far = [float(np.median(periods[: k + 1])) for k in range(min(LEARNT, len(periods)))]
+    usual = np.array([*so_far, *so_far[-1:] * (len(periods) - len(so_far))])
+    places = np.flatnonzero(periods > np.maximum(SHORTEST_GAP_S, GAP_PERIODS * usual))
+    return places + 1, periods[places]
 
 
 WINDOW_NS = 500_000_000  # [ns] of which means are compared

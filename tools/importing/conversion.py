@@ -1,6 +1,7 @@
 """A log becomes messages, by a map: pure. It is read once, into columns; these are judged; then
 messages are made of them in the order of the log."""
 
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from heapq import merge
 from math import isnan, nan
@@ -17,7 +18,7 @@ from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.mounting import ALONG, Rotation
 from services.runtime.config.errors import LindyError
-from tools.importing.contradictions import GapWatch, Oddities, SensorsHeard, unbelieved
+from tools.importing.contradictions import Oddities, SensorsHeard, gaps, unbelieved
 from tools.importing.log_file import CHUNK, LogRow, Wanted, getter
 from tools.importing.map_file import QUANTITIES, TakenMessage, remedy
 from tools.importing.streams import Floats, LoggerClock, LogStream, Take
@@ -89,10 +90,9 @@ class Conversion:
         }
         clock = LoggerClock(began_ns, changed_ns)
         for number, row in enumerate(rows):
-            arrival = clock.arrival(row.arrival_ns, row.boot_ns)
+            arrival = clock.arrival(row.arrival_ns)
             for stream in by_source[row.source]:
                 stream.hear(number, row.fields, arrival, clock.shifts)
-        set_ahead = clock.settle()
         for at_s, size in clock.set_at:
             way = "ahead" if size > 0.0 else "back"
             what = f"the logger's clock stepped {way} [s]; what follows was moved"
@@ -101,7 +101,7 @@ class Conversion:
         self.remarks = clock.remarks
         self._streams = [stream for several in by_source.values() for stream in several]
         for stream in self._streams:
-            stream.move(clock.moved_ns, set_ahead)
+            stream.move(clock.moved_ns)
         self._first_ns = (clock.first_ns or 0) + clock.moved_ns
         with np.errstate(over="ignore", invalid="ignore"):  # of numbers that cannot be
             sensors = SensorsHeard(self._streams, mounted)
@@ -210,7 +210,8 @@ class Conversion:
 
     def _samples(self, stream: LogStream, columns: Sequence[JudgedColumn]) -> Iterator[LogSample]:
         """Measurements of their own, each after the one before. What is odd is counted."""
-        key, gaps = stream.topic.key, GapWatch()
+        key = stream.topic.key
+        kept, arrivals = array("q"), array("q")  # [ns] of those that are given
         newest, before = -(2**63), Values()
         used_wh, used_ns = 0.0, 0
 
@@ -233,14 +234,18 @@ class Conversion:
                     continue
                 odd("the same values again")
             newest, before = stamp, values
-            if stream.topic.hz and (pause := gaps.pause(stamp)) is not None:
-                odd("gap [s]", pause)
+            kept.append(stamp)
+            arrivals.append(arrival)
             given = _message_fields(stream, values, stamp, odd)
             if key == topics.BATTERY.key and "used_wh" not in given:
                 seconds = min(LONGEST_SUM_S, (arrival - (used_ns or arrival)) / 1e9)
                 used_wh += max(0.0, given["voltage"] * given["current"]) * seconds / 3600
                 used_ns, given["used_wh"] = arrival, used_wh
             yield LogSample(row, stream, stamp, arrival, given)
+        if stream.topic.hz:
+            places, pauses = gaps(kept)
+            at_s = self._seconds(arrivals)[places]
+            self.oddities.tell(key, "gap [s]", at_s, pauses)
 
 
 def _rows(columns: Sequence[JudgedColumn]) -> Iterator[Values]:

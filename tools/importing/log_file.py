@@ -1,6 +1,5 @@
 """What a format's reader gives of a log, rows and kinds of them; and which of these a map takes."""
 
-import mmap
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -8,10 +7,7 @@ from fnmatch import fnmatchcase
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
-from shutil import copyfileobj, rmtree
-from tempfile import mkdtemp
 from typing import Any, NamedTuple
-from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,19 +17,7 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.importing.map_file import TARGETS, ImportMap, TakenMessage
 
-MCAP, ROSBAG, ULOG = b"\x89MCAP0\r\n", b"#ROSBAG V2.0", b"ULog\x01\x12\x35"
-DATAFLASH, PARQUET = b"\xa3\x95\x80", b"PAR1"
-KINDS = {  # how a file begins: what it is, and how its name ends
-    MCAP: ("an MCAP recording", ".mcap"),
-    ROSBAG: ("a bag of ROS 1", ".bag"),
-    ULOG: ("a log of PX4", ".ulg"),
-    DATAFLASH: ("a log of ArduSub", ".bin"),
-    PARQUET: ("a Parquet table", ".parquet"),
-}
-LONGEST_MAGIC = max(map(len, KINDS))  # [B]
 EMPTY = b"\0\xff"  # of a file that was made longer, and of flash memory
-PAGE = 4096  # [B] more of these behind the end are space that nothing was written to
-BLOCK = 1 << 20  # [B] that are looked at at once
 SUBMARINE = 12  # MAV_TYPE
 CHUNK = 10_000  # rows of columns that are Python's numbers at a time
 EARLIEST_NS = (
@@ -58,7 +42,6 @@ class LogRow(NamedTuple):
     source: str  # topic of a bag, name of a message elsewhere
     fields: Any  # fields are attributes, of which some may have attributes or items
     arrival_ns: Ns  # [ns] UTC when the logger wrote it
-    boot_ns: Ns | None = None  # [ns] since the board began, where the message says it
 
 
 class LogSource(NamedTuple):
@@ -144,47 +127,6 @@ class LogFile(ABC):
             LindyError: the log is damaged.
         """
 
-    def own_part(self, magic: bytes, kind: str, zeros: int = 0) -> Path:
-        """The file; where something else is before its beginning or only empty space is behind its
-        end, a copy without them.
-
-        Args:
-            magic: how it begins.
-            kind: of file, for the error.
-            zeros: [B] of empty space with which a message may end.
-
-        Raises:
-            LindyError: it is empty, or there is no beginning of this kind in it.
-        """
-        size = self.path.stat().st_size
-        if not size:
-            raise LindyError(f"{self.path} is not {kind}: it is empty")
-        with self.path.open("rb") as file:
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                beginning = bytes(data[:LONGEST_MAGIC])
-                other = other_kind(beginning, but=magic)
-                begin = -1 if other else data.find(magic)
-                end, last = content_end(data), data[-1]
-            if begin < 0:
-                why = other or f"it begins with {beginning[: len(magic)]!r}"
-                raise LindyError(f"{self.path} is not {kind}: {why}")
-            if begin == 0 and size - end <= PAGE:
-                return self.path
-            if begin:
-                self.say(f"{begin} bytes before its beginning are left out")
-            if size - end > PAGE:
-                what = "0xFF" if last else "zeros"
-                self.say(f"{size - end} bytes of {what} behind its end are left out")
-            folder = mkdtemp(prefix="lindy-")
-            finalize(self, rmtree, folder, ignore_errors=True)
-            copy = Path(folder) / self.path.name
-            with copy.open("wb") as part:
-                file.seek(begin)
-                copyfileobj(file, part)
-                if size - end > PAGE:
-                    part.truncate(end + zeros - begin)
-            return copy
-
     def require_submarine(self, kind: int) -> None:
         """
         Args:
@@ -213,17 +155,6 @@ class LogFile(ABC):
         return max(EARLIEST_NS, self.changed_ns - last_ns)
 
 
-def content_end(data: Any) -> int:
-    """[B] Where the bytes end behind which there is only empty space."""
-    end = len(data)
-    while end:
-        begin = max(0, end - BLOCK)
-        if rest := data[begin:end].rstrip(EMPTY):
-            return begin + len(rest)
-        end = begin
-    return 0
-
-
 def library(module: str, what: str) -> Any:
     """
     Raises:
@@ -236,18 +167,6 @@ def library(module: str, what: str) -> Any:
         raise LindyError(
             f"{what} need {package}, which is missing: {how_to_install('import')}"
         ) from None
-
-
-def other_kind(beginning: bytes, but: bytes) -> str:
-    """What a file is that begins so, where its name says something else; empty: not known.
-
-    Args:
-        but: how the kind begins that its name says.
-    """
-    for magic, (kind, ending) in KINDS.items():
-        if beginning.startswith(magic) and magic != but:
-            return f"it begins as {kind} does; if it is one, name it so ({ending})"
-    return ""
 
 
 def column_rows(

@@ -16,7 +16,7 @@ from mcap.records import Channel, Metadata, Schema
 
 from messages.units import Ns
 from services.runtime.config.errors import LindyError
-from tools.importing.log_file import MCAP, ROSBAG, LogFile, LogRow, LogSource, Wanted, library
+from tools.importing.log_file import LogFile, LogRow, LogSource, Wanted, library
 from tools.importing.streams import STEP_NS
 from tools.recordings.mcap_records import DIVE, Damage, Raw, records
 
@@ -40,8 +40,8 @@ class TypedTopic(NamedTuple):
 
 
 def is_rosbag(path: Path) -> bool:
-    """By its name; what is in it is read later."""
-    return path.suffix in (".bag", ".db3") or (path / METADATA).is_file()
+    """Is it a bag of ROS 2?"""
+    return path.suffix == ".db3" or (path / METADATA).is_file()
 
 
 class TopicsLog(LogFile):
@@ -83,12 +83,6 @@ class TopicsLog(LogFile):
 class RosbagFile(TopicsLog):
     """One bag."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._own = (
-            self.own_part(ROSBAG, "a bag of ROS 1", zeros=8) if path.suffix == ".bag" else path
-        )
-
     def sources(self) -> dict[str, LogSource]:
         with self._opened() as reader:
             return self._known((_topic(each), each.msgcount) for each in reader.connections)
@@ -118,9 +112,9 @@ class RosbagFile(TopicsLog):
         Raises:
             LindyError: rosbags is not installed, or the bag is damaged.
         """
-        version = "rosbag1" if self.path.suffix == ".bag" else "rosbag2"
+        version = "rosbag2" if is_rosbag(self.path) else "rosbag1"
         try:
-            with library(f"rosbags.{version}", "bags").Reader(self._own) as reader:
+            with library(f"rosbags.{version}", "bags").Reader(self.path) as reader:
                 yield reader
         except LindyError:
             raise
@@ -135,16 +129,12 @@ class RosbagFile(TopicsLog):
 class McapLog(TopicsLog):
     """One recording."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._own = self.own_part(MCAP, "an MCAP file")
-
     def sources(self) -> dict[str, LogSource]:
         counts: Counter[int] = Counter()
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         damage = Damage()
-        for found in records(self._own, damage=damage):
+        for found in records(self.path, damage=damage):
             match found:
                 case Raw():
                     counts[found.channel_id] += 1
@@ -168,14 +158,14 @@ class McapLog(TopicsLog):
             if topic.name in wanted and topic in self._decoders
         }
         self.damaged.clear()
-        for found in records(self._own):
+        for found in records(self.path):
             if isinstance(found, Raw) and found.channel_id in taken:
                 yield from self._decoded(taken[found.channel_id], found.data, found.log_ns)
 
 
 def _cure(path: Path) -> str:
     """What helps with a damaged bag."""
-    if path.suffix == ".bag":
+    if not is_rosbag(path):
         return "`rosbag reindex` mends what can be read"
     if path.suffix == ".db3":
         return f"`sqlite3 {path.name} .recover | sqlite3 new.db3` saves what can be read"

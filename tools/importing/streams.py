@@ -2,7 +2,6 @@
 logger's, which never goes backwards in a recording, and a board's against it. Pure."""
 
 from array import array
-from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from math import asin, atan2, nan
@@ -31,20 +30,18 @@ from tools.importing.map_file import (
 S = 1_000_000_000  # [ns]
 STEP_NS = S  # [ns] of the logger's clock backwards; less is the order in which it wrote
 LONGEST_PAUSE_NS = 86_400 * S  # [ns] a longer one is a clock that was set in mid-log
-SET_NS = 60 * S  # [ns] by which it differs from the time since a board began: it was set
 SHORTEST_NS = S // 2  # [ns] a clock that went on for less is a damaged time
 BIN_NS = 5 * S  # [ns] of the least delays, one is kept
 PACE_NS = S  # [ns] shorter logs tell none
 SET = "its clock was set while it was written: all times are by the clock that is latest"
-AHEAD_NS = S // 2  # [ns] by which a clock is set ahead; less is as late as a link is
-NEAR = 2_000  # rows of which the least delay is that of a time
+Floats = NDArray[np.float64]
 RESTART_NS = S  # [ns] a stamp that goes back by more is of a board that started again
 
 
 class LoggerClock:
     """Arrivals as the recording has them: never backwards. Where the logger's clock is set, back or
-    ahead, everything after it is moved, so that time goes on as the clock of a board does, or else
-    at once. The date is by the clock that is latest."""
+    ahead by more than a day, everything after it is moved, so that time goes on at once. The date
+    is by the clock that is latest."""
 
     def __init__(self, began_ns: Ns | None = None, changed_ns: Ns = 0) -> None:
         """
@@ -57,69 +54,29 @@ class LoggerClock:
         self.shifts: list[Ns] = [0]  # [ns] what was added, since each time that the clock was set
         self.set_at: list[tuple[float, float]] = []  # [s] when, and how far
         self._spans: list[list[Ns]] = []  # [ns] arrivals at each of them, the first and the last
-        self._boot: tuple[Ns, Ns] | None = None  # [ns] of a board, and arrival
-        self._boots, self._arrivals = array("q"), array("q")  # [ns] all of these
         self._period: Ns = 0  # [ns] between rows; longer than a step, it does not tell
-        self._ahead: Ns = 0  # [ns] as `settle` found
         self._began, self._changed = began_ns, changed_ns
 
-    def arrival(self, said: Ns, boot_ns: Ns | None = None) -> Ns:
+    def arrival(self, said: Ns) -> Ns:
         """[ns] Of a row, by its first clock; with `moved_ns`, known at the end, it is UTC.
 
         Args:
             said: [ns] by the logger.
-            boot_ns: [ns] since the board began that sent it, if it says so.
         """
         at = said + self.shifts[-1]
         if self.first_ns is None:
             self.first_ns = self.last_ns = at
             self._spans.append([at, at])
         later = at - self.last_ns
-        by_board: Ns | None = None  # [ns] how much later it is
-        if boot_ns is not None and self._boot is not None and boot_ns >= self._boot[0]:
-            by_board = self._boot[1] + boot_ns - self._boot[0] - self.last_ns
-        if not -STEP_NS <= later <= LONGEST_PAUSE_NS or (
-            by_board is not None and abs(later - by_board) > SET_NS
-        ):
-            goes_on = self._period if by_board is None else max(0, by_board)
-            self.set_at.append((self.elapsed_s, (later - goes_on) / 1e9))
-            at = self.last_ns + goes_on
+        if not -STEP_NS <= later <= LONGEST_PAUSE_NS:
+            self.set_at.append((self.elapsed_s, (later - self._period) / 1e9))
+            at = self.last_ns + self._period
             self.shifts.append(at - said)
             self._spans.append([at, at])
         elif 0 < later < STEP_NS:
             self._period = later
         self.last_ns = self._spans[-1][1] = max(self.last_ns, at)
-        if boot_ns is not None:
-            self._boot = boot_ns, self.last_ns
-            self._boots.append(boot_ns)
-            self._arrivals.append(self.last_ns)
         return self.last_ns
-
-    def settle(self) -> list[tuple[Ns, Ns]]:
-        """At the end: where the clock was set ahead by less than a pause may last. By the board's
-        clock nothing after that comes as early as before; after a delay of the link it does.
-
-        Returns:
-            From which arrival on, and how far [ns]; `moved` takes it back.
-        """
-        boots, arrivals = (np.frombuffer(each, np.int64) for each in (self._boots, self._arrivals))
-        found: list[tuple[Ns, Ns]] = []
-        if not len(boots):
-            return found
-        for piece in np.split(np.arange(len(boots)), np.flatnonzero(np.diff(boots) < 0) + 1):
-            late, at = arrivals[piece] - boots[piece], arrivals[piece]
-            ever = np.minimum.accumulate(late[::-1])[::-1]  # the least from here on
-            begin = 0
-            for k in np.flatnonzero(np.diff(late) > AHEAD_NS) + 1:
-                before = late[max(begin, k - NEAR) : k].min()
-                if ever[k] - before > AHEAD_NS and at[-1] - at[k] >= BIN_NS:
-                    size = int(late[k : k + NEAR].min() - before)
-                    found.append((int(at[k]), size))
-                    before_ns = int(at[k]) - size - self._ahead - int(arrivals[0])
-                    self.set_at.append((before_ns / 1e9, size / 1e9))
-                    self._ahead, begin = self._ahead + size, k
-        self.last_ns -= self._ahead
-        return found
 
     @property
     def moved_ns(self) -> Ns:
@@ -130,15 +87,14 @@ class LoggerClock:
             return self._began - self.first_ns
         if self._never_set:
             return self._changed - self.last_ns
-        return self._ahead - min(self._lasting())
+        return -min(self._lasting())
 
     @property
     def remarks(self) -> list[str]:
         """What a reader of the recording should know of its times."""
         if self._began is not None or self.first_ns is None:
             return []
-        is_set = self._ahead or min(self._lasting()) < 0
-        return [BY_FILE] if self._never_set else [SET] if is_set else []
+        return [BY_FILE] if self._never_set else [SET] if min(self._lasting()) < 0 else []
 
     @property
     def _never_set(self) -> bool:
@@ -170,7 +126,11 @@ def by_logger(stamps: Sequence[Ns], arrivals: Sequence[Ns]) -> list[Ns]:
             if before is None or arrival - stamp < before[1]:
                 least[stamp // BIN_NS] = (stamp, arrival - stamp)
         hull = _lower_hull(sorted(least.values()))
-        found += [stamp + _at(hull, stamp) for stamp in stamps[piece]]
+        first, low = hull[0]
+        corners = np.array(hull, np.int64) - hull[0]
+        since = np.array(stamps[piece], np.int64) - first
+        offsets: Floats = np.interp(since, corners[:, 0], corners[:, 1])
+        found += (first + low + since + np.rint(offsets).astype(np.int64)).tolist()
     return found
 
 
@@ -215,20 +175,10 @@ def _lower_hull(points: list[tuple[Ns, Ns]]) -> list[tuple[Ns, Ns]]:
     return hull
 
 
-def _at(hull: list[tuple[Ns, Ns]], stamp: Ns) -> Ns:
-    """[ns] Offset between two corners; before the first and after the last that of the corner."""
-    above = bisect_right(hull, stamp, key=lambda corner: corner[0])
-    if above == 0 or above == len(hull):
-        return hull[min(above, len(hull) - 1)][1]
-    (t0, low), (t1, high) = hull[above - 1], hull[above]
-    return low + round((high - low) * (stamp - t0) / (t1 - t0))
-
-
 LONGEST_WORD = 30  # letters of it that are shown where a number was expected
 OTHER_CLOCK_NS = 10_000_000_000  # [ns] between stamp and arrival: they are not by one clock
 UNREADABLE = (AttributeError, IndexError, TypeError, ValueError, OverflowError)
 
-Floats = NDArray[np.float64]
 Take = Callable[[str], Callable[[Any], Any]]  # by the name of a field: what takes it out of a row's
 
 
@@ -356,18 +306,10 @@ class LogStream:
 
     # Afterwards.
 
-    def move(self, by_ns: Ns, set_ahead: Sequence[tuple[Ns, Ns]] = ()) -> None:
-        """Arrivals to UTC.
-
-        Args:
-            set_ahead: as `LoggerClock.settle` says.
-        """
-        arrivals = np.array(self.arrivals, np.int64)
-        by = np.full(len(arrivals), by_ns)
-        for since, size in set_ahead:
-            by[arrivals >= since] -= size
+    def move(self, by_ns: Ns) -> None:
+        """Arrivals to UTC."""
         for times in (self.arrivals, *([] if self.taken.clock == "board" else [self.stamps])):
-            times[:] = array("q", (np.frombuffer(times, np.int64) + by).tobytes())
+            times[:] = array("q", (np.frombuffer(times, np.int64) + by_ns).tobytes())
 
     def stamps_ns(self) -> Sequence[Ns]:
         """(n,) [ns] UTC by the logger's clock."""

@@ -14,19 +14,13 @@ from services.runtime.config.errors import LindyError
 from tools.importing.log_file import library, listed
 from tools.importing.map_file import QUANTITIES, STAMP_UNITS
 
-ENCODINGS = {  # by how it begins; the longer first
-    b"\xff\xfe\0\0": "utf-32-le",
-    b"\0\0\xfe\xff": "utf-32-be",
-    b"\xef\xbb\xbf": "utf-8",
-    b"\xff\xfe": "utf-16-le",
-    b"\xfe\xff": "utf-16-be",
-}
+ENCODINGS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 UTF8 = re.compile(rb"[\xc2-\xdf][\x80-\xbf]|[\xe0-\xef][\x80-\xbf]{2}")  # no text of Windows has it
-ZEROS = 3  # [B] with which a letter may end
-HEAD = 4  # [B] that tell the encoding, if any do
+HEAD = 3  # [B] that tell the encoding, if any do
 AMOUNT = re.compile(r"[-+]?[.,]?\d")  # how a number or a date begins
 DELIMITERS = "\t;|,^~\x1f "  # blanks only where nothing else divides it
-END = "\x1a"  # of a text as DOS marks it
+ZEROS = re.compile("\0+")
+SPACE = "\0\x1a\xff"  # behind the end: nothing, the end of a text as DOS marks it, erased flash
 COMMENTS = ("#", "%", "//")
 BLANK = {"", "--.--", "-.-", "--", "null", "NULL", "None", "NA", "N/A"}  # no sample; NaN is odd
 TYPES = {"int", "int32", "int64", "float", "float32", "float64", "double", "str", "string", "bool"}
@@ -35,13 +29,10 @@ SAMPLE = 100  # lines by which the delimiter is found, and by which a torn numbe
 PART = 50_000  # rows that are Python's words at a time
 # As RE2 reads them.
 NUMBER = r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$|^[-+]?(?i:nan|inf|infinity)$"
-FORTRAN = r"^([-+]?[\d.]+)[dD]([-+]?\d+)$"  # 1.013D+05
 WHOLE = r"^[-+]?\d{1,18}$"
 DATE = r"^\d{4}-\d\d-\d\d([T ]\d\d:\d\d.*)?$"
-GROUPED = r"^[-+]?\d{1,3}([ '’\x{a0}\x{202f}]\d{3})+([.,]\d*)?$"  # 101 325,0 or 101'325.0
-THOUSANDS = r"^[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?$"  # 101,325.0
-COMMA = r"^[-+]?(\d*|\d{1,3}(\.\d{3})+),\d+([eE][-+]?\d+)?$"  # 101325,0 or 101.325,0
-POINT = r"^[-+]?(\d*|\d{1,3}(,\d{3})+)\.\d+([eE][-+]?\d+)?$"
+COMMA = r"^[-+]?\d*,\d+([eE][-+]?\d+)?$"
+POINT = r"^[-+]?\d*\.\d+([eE][-+]?\d+)?$"
 
 
 class TableText:
@@ -62,7 +53,7 @@ class TableText:
         self._cut_off = 0  # number of a last line without an end
         self._no_rows: list[int] = []  # lines with other cells than names
         self._recent: deque[list[str]] = deque(maxlen=SAMPLE)
-        parts = [self._pa.table(part) for part in self._parts() if part]
+        parts = [self._pa.table(part) for part in self._parts()]
         if len(self._no_rows) > len(self.lines):
             raise LindyError(
                 f"{path} is damaged or no table: {len(self._no_rows)} lines do not have the "
@@ -73,7 +64,7 @@ class TableText:
         if self._no_rows:
             lines = "1 line is" if len(self._no_rows) == 1 else f"{len(self._no_rows)} lines are"
             self._say(f"{lines} damaged and left out, the first is line {self._no_rows[0]}")
-        self.words: Any = self._pa.concat_tables(parts, promote_options="default")
+        self.words: Any = self._pa.concat_tables(parts)
         self._comma = self._has_decimal_comma()
 
     def _say(self, remark: str) -> None:
@@ -82,7 +73,8 @@ class TableText:
     def column(self, name: str) -> Any:
         """Of Arrow: numbers, dates or words. A cell that is no number where most are is NaN."""
         words, pc = self.words[name], self._pc
-        numbers = self._numbers(words, comma=self._comma)
+        points = pc.replace_substring(words, ",", ".") if self._comma else words
+        numbers = pc.replace_substring_regex(points, r"^\+", "")
         is_number = pc.match_substring_regex(numbers, NUMBER)
         filled = len(words) - words.null_count
         count = pc.sum(is_number).as_py() or 0
@@ -108,61 +100,39 @@ class TableText:
                     continue
         return words
 
-    def _numbers(self, words: Any, *, comma: bool) -> Any:
-        """As Python writes them, where they are numbers."""
-        pc = self._pc
-        is_grouped = pc.match_substring_regex(words, GROUPED)
-        together = pc.replace_substring_regex(words, r"[ '’\x{a0}\x{202f}]", "")
-        words = pc.if_else(is_grouped, together, words)
-        if comma:
-            points = pc.replace_substring(pc.replace_substring(words, ".", ""), ",", ".")
-            words = pc.if_else(pc.match_substring_regex(words, COMMA), points, words)
-        else:
-            without = pc.replace_substring(words, ",", "")
-            words = pc.if_else(pc.match_substring_regex(words, THOUSANDS), without, words)
-        words = pc.replace_substring_regex(words, FORTRAN, r"\1e\2")
-        return pc.replace_substring_regex(words, r"^\+", "")
-
     def _has_decimal_comma(self) -> bool:
-        """Of all numbers; one such as 101,325 alone may be either."""
-        pc, commas, points = self._pc, 0, 0
+        """Most of its numbers that are not whole."""
+        pc, more = self._pc, 0
         for name in self.words.column_names:
-            words = self.words[name]
-            is_either = pc.match_substring_regex(words, THOUSANDS)
-            is_comma = pc.match_substring_regex(words, COMMA)
-            commas += pc.sum(pc.and_not(is_comma, is_either)).as_py() or 0
-            points += pc.sum(pc.match_substring_regex(words, POINT)).as_py() or 0
-            if self._delimiter != "," and points == 0:
-                commas += pc.sum(pc.and_(is_comma, is_either)).as_py() or 0
-        return commas > points
+            for pattern, sign in ((COMMA, 1), (POINT, -1)):
+                matching = pc.match_substring_regex(self.words[name], pattern)
+                more += sign * (pc.sum(matching).as_py() or 0)
+        return more > 0
 
     def _parts(self) -> Iterator[dict[str, Any]]:
-        """Words by column, of at most so many rows and of one line of names."""
+        """Words by column, of at most so many rows."""
         rows: list[list[str]] = []
-        is_below = False  # the names
         for line, cells in self._rows():
-            if line == self._first_line or self._is_names_again(cells):
-                if self._names:
-                    self._say(f"line {line} has the names again: its logger began again")
-                    yield self._columns(rows)
-                    rows = []
-                known = {name.casefold(): name for name in self._names}  # as first written
-                names = _unique(cells)
-                self._names = [known.get(name.casefold(), name) for name in names]
-                is_below = True
+            if line == self._first_line:
+                self._names = _unique(cells)
                 continue
             if not self._names or cells[0].startswith(COMMENTS):
                 continue
             while len(cells) > len(self._names) and not cells[-1]:
                 cells.pop()
-            if is_below and not any(map(AMOUNT.match, cells)):
+            is_row = any(map(AMOUNT.match, cells))  # else it is of units, or has the names again
+            if not is_row and not self.lines:
                 self._say(f"line {line} is no row: {listed([*filter(None, cells)])}")
             elif line == self._cut_off and self._is_torn(cells):
                 self._say(f"its last row, line {line}, was cut off and is left out")
-            elif len(cells) != len(self._names) or "\0" in "".join(cells):
+            elif not is_row and self._are_other_names(cells):
+                raise LindyError(
+                    f"{self.path}: from line {line} on it has other names of columns; make a "
+                    f"table of each part"
+                )
+            elif not is_row or len(cells) != len(self._names) or "\0" in "".join(cells):
                 self._no_rows.append(line)
             else:
-                is_below = False
                 rows.append(cells)
                 self.lines.append(line)
                 self._recent.append(cells)
@@ -193,35 +163,30 @@ class TableText:
         yield from (row for row, _ in pairwise(chain(rows, [(0, [])])))  # a cut is known behind it
 
     def _text(self) -> Iterator[str]:
-        """Lines without marks of order. What is before and behind a hole of zero bytes, as power
-        cuts leave them, is marked by one."""
+        """Lines without marks of order. Zero bytes, as power cuts leave them, are one, which is in
+        no sound row; behind the end they are nothing."""
         with self.path.open("rb") as file:
             head = file.read(HEAD)
         encoding = next((e for mark, e in ENCODINGS.items() if head.startswith(mark)), "")
         if not encoding and b"\0" in (head[:1], head[1:2]):
             encoding = "utf-16-be" if head[:1] == b"\0" else "utf-16-le"
         encoding = encoding or ("utf-8" if _is_utf8(self.path) else "cp1252")
-        zeros, number, line = 0, 0, "\n"
+        number, line = 0, "\n"
         with self.path.open(encoding=encoding, errors="replace", newline="") as file:
             for line in file:
                 number += 1
-                zeros += (zero := line.count("\0"))
-                if not zero:
-                    yield line.replace("\ufeff", "").rstrip(END)
-                    continue
-                before, after = line.partition("\0")[0], line.rpartition("\0")[2]
-                yield before + "\0\n" if before.strip() else ""
-                yield "\0" + after if after.strip() else ""
-        if not line.endswith(("\n", "\r")) or zeros:
+                if words := ZEROS.sub("\0", line.replace("\ufeff", "")).rstrip(SPACE):
+                    yield words
+        if not line.endswith(("\n", "\r")):
             self._cut_off = number
-        if zeros > ZEROS:
-            self._say(f"{zeros} zero bytes in it are left out")
 
-    def _is_names_again(self, cells: Sequence[str]) -> bool:
-        bare = {cell.casefold() for cell in _bare(cells)} - {""}
-        if any(map(AMOUNT.match, cells)):
-            return False
-        return 2 * len(bare & {*map(str.casefold, self._names)}) >= max(2, len(bare))
+    def _are_other_names(self, cells: Sequence[str]) -> bool:
+        """Does a name stand above another column than in the first line?"""
+        names = [name.casefold() for name in self._names]
+        return any(
+            name in names and names.index(name) != place
+            for place, name in enumerate(each.casefold() for each in _bare(cells))
+        )
 
     def _is_torn(self, cells: Sequence[str]) -> bool:
         """The file ends in it without a line's end: it lacks cells, or its last one is shorter
@@ -229,12 +194,7 @@ class TableText:
         if len(cells) != len(self._names) or "\0" in cells[-1]:
             return True
         above = [row[-1] for row in self._recent if row[-1]]
-        if not above:
-            return False
-        decimals = [len(cell.partition(".")[2]) for cell in above]
-        return len(cells[-1]) < min(map(len, above)) or (
-            len(cells[-1].partition(".")[2]) < min(decimals)
-        )
+        return bool(above) and len(cells[-1]) < min(map(len, above))
 
 
 def _is_utf8(path: Path) -> bool:
@@ -291,7 +251,7 @@ def _are_units(cells: Sequence[str]) -> bool:
     return 2 * sum(cell in UNITS for cell in _bare(cells, "#%/[]() ")) > len(cells)
 
 
-def _bare(cells: Sequence[str], marks: str = "#%/\0 ") -> list[str]:
+def _bare(cells: Sequence[str], marks: str = "#%/ ") -> list[str]:
     """Names without what marks a comment or a unit."""
     return [" ".join(cell.split()).strip(marks) for cell in cells]
 

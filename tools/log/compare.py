@@ -24,7 +24,7 @@ from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 from tools.report.report import Extras, report_on
 from tools.report.summary import is_loss
-from tools.text_table import aligned
+from tools.text_table import aligned, counted
 
 SHOWN = 20  # fields on the screen; all of them are in the JSON
 ROUNDED = 1e-9  # [-] of a figure, or of a number between two messages: no difference
@@ -96,7 +96,7 @@ def compare(a: Path, b: Path, /, *, json: Json = False) -> int:
     for path, recording, series in ((a, left, series_a), (b, right, series_b)):
         if not series.topics:
             raise recording.empty(path)
-        unread = [f"{series.unread} messages could not be read"] if series.unread else []
+        unread = [f"{counted(series.unread, 'message')} could not be read"] if series.unread else []
         damage += [f"{path}: {said}" for said in [*recording.damage, *unread]]
     found = differences(series_a, series_b)
     side_by_side = [

@@ -24,6 +24,7 @@ from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import HASH, MENDED_BY
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+from tools.text_table import counted
 
 Topics = Annotated[
     tuple[str, ...],
@@ -139,14 +140,6 @@ def armed_spans(recording: Recording) -> list[ArmedSpan]:
 CUT = "cut"  # name of metadata
 
 
-class WantedPart(NamedTuple):
-    """Which messages to keep."""
-
-    from_s: float = 0.0  # [s] since the dive began, inclusive
-    to_s: float = inf  # [s] exclusive
-    topics: tuple[str, ...] = ()  # keys or patterns such as sensor/*; empty: all
-
-
 def cut(
     recording: Path,
     /,
@@ -185,15 +178,20 @@ def cut(
             raise LindyError(f"{option} is {value:g}, expected seconds from 0")
     if not from_ < to:
         raise LindyError(f"--from is {from_:g} s and --to {to:g} s; expected from before to")
-    messages = cut_out(opened, out, WantedPart(from_, to, topics))
-    print(
-        harmless("\n".join([f"{messages} messages written to {out}", *opened.damage])), flush=True
-    )
+    messages = counted(cut_out(opened, out, from_, to, topics), "message")
+    print(harmless("\n".join([f"{messages} written to {out}", *opened.damage])), flush=True)
     return LOST if opened.damage else DONE
 
 
-def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
+def cut_out(
+    recording: Recording, out: Path, from_s: float, to_s: float, topics: Sequence[str] = ()
+) -> int:
     """Returns the number of messages.
+
+    Args:
+        from_s: [s] since the dive began, inclusive.
+        to_s: [s] exclusive.
+        topics: keys or patterns such as sensor/*; empty: all.
 
     Raises:
         LindyError: nothing is in that part, or the file cannot be written.
@@ -202,28 +200,28 @@ def cut_out(recording: Recording, out: Path, wanted: WantedPart) -> int:
     if origin is None:
         raise recording.empty(recording.files[0])
     begin, end = (  # whole [ns], as the times of messages are, unless it is beyond all of them
-        origin + (round(ns) if ns < inf else ns) for ns in (1e9 * wanted.from_s, 1e9 * wanted.to_s)
+        origin + (round(ns) if ns < inf else ns) for ns in (1e9 * from_s, 1e9 * to_s)
     )
     keys = set[str]()
 
     def wants(key: str) -> bool:
         keys.add(key)
-        return is_chosen(key, wanted.topics)
+        return is_chosen(key, topics)
 
     with reading("cutting", recording.size) as recording.advance, new_mcap(out) as copy:
         for file in recording.files:
             recording.copy(file, copy, but=(HASH, CUT), wants=wants, within=(begin, end))
-        require_known(wanted.topics, keys, recording.files[0])
+        require_known(topics, keys, recording.files[0])
         if copy.is_empty:
-            until = "its end" if wanted.to_s == inf else f"{wanted.to_s:g} s"
+            until = "its end" if to_s == inf else f"{to_s:g} s"
             raise LindyError(
-                f"{recording.files[0]} holds no such message from {wanted.from_s:g} s to {until}"
+                f"{recording.files[0]} holds no such message from {from_s:g} s to {until}"
             )
         about = {
             "origin_ns": str(origin),
-            "from_s": repr(float(wanted.from_s)),
-            "to_s": repr(float(wanted.to_s)),
-            "topics": " ".join(wanted.topics),
+            "from_s": repr(float(from_s)),
+            "to_s": repr(float(to_s)),
+            "topics": " ".join(topics),
         }
         copy.metadata(Metadata(CUT, about))
     return copy.messages
@@ -246,9 +244,10 @@ def recover(recording: Path, /, *, out: NewFile) -> int:
     """
     refuse_existing(out)
     found = recovered(recording, out)
-    files = f" and {found.attachments} attached files" if found.attachments else ""
+    files = f" and {counted(found.attachments, 'attached file')}" if found.attachments else ""
     wrong = "; ".join(found.wrong) or "nothing was missing"
-    print(harmless(f"{found.messages} messages{files} written to {out}: {wrong}"), flush=True)
+    messages = counted(found.messages, "message")
+    print(harmless(f"{messages}{files} written to {out}: {wrong}"), flush=True)
     return 0
 
 
@@ -265,7 +264,8 @@ def recovered(path: Path, out: Path) -> Recovered:
         if copy.is_empty and not copy.attachments:
             raise LindyError(f"nothing can be recovered from {path}: no message in it is whole")
         if copy.orphans:
-            wrong.append(f"{copy.orphans} messages of unknown topics are left out")
+            are = "is" if copy.orphans == 1 else "are"
+            wrong.append(f"{counted(copy.orphans, 'message')} of unknown topics {are} left out")
         about = {file.name: str(file.stat().st_size) for file in recording.files}
         copy.metadata(Metadata("recovered", about | {"found": "; ".join(wrong)}))
     return Recovered(copy.messages, copy.attachments, wrong)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
 import msgspec
 from cyclopts import Parameter
@@ -29,6 +29,11 @@ from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
 from tools.replay.source import ReplaySource, open_source
+from tools.text_table import counted
+
+if TYPE_CHECKING:
+    from services.visualizer.io.rerun_writer import RerunWriter
+    from services.visualizer.io.rrd_file import RrdFile
 
 # Of every table: [s] since the recording began; [ns] UTC of arrival, and of the message's stamp.
 TIMES = [
@@ -108,8 +113,6 @@ def export(
 
             return write_trace(recording, out or free_name(place, "trace", ".csv"))
         case "rrd":
-            from tools.log.export import write_rrd
-
             return write_rrd(recording, out or free_name(place, "dive", ".rrd"))
 
 
@@ -152,12 +155,17 @@ def write_tables(
         if any(wanted.glob(f"*.{kind}")):
             said += f"; the tables in {wanted} are not whole"
         raise LindyError(said) from None
-    print(f"{written.total()} messages of {len(written)} topics written to {folder}", flush=True)
+    print(f"{written_words(written)} written to {folder}", flush=True)
     for why, count in rows.unread.items():
-        print(harmless(f"{count} messages left out: {why}"), flush=True)
+        print(harmless(f"{counted(count, 'message')} left out: {why}"), flush=True)
     said = recording.damage
     print(harmless("".join(f"{sentence}\n" for sentence in said)), end="", flush=True)
     return LOST if rows.unread or said else DONE
+
+
+def written_words(written: Counter[str]) -> str:
+    """Of messages by topic."""
+    return f"{counted(written.total(), 'message')} of {counted(len(written), 'topic')}"
 
 
 def _fill(
@@ -272,6 +280,7 @@ class ParquetTable:
         self._rows.clear()
 
 
+ELSEWHERE = "make room there, or name a place on another disk by --out"
 FRAME_NS = 100_000_000  # [ns] between two places of the vehicle, as in a dive
 BATCH_NS = 12_000_000_000  # [ns] that are written at once
 
@@ -296,7 +305,8 @@ def draw(source: ReplaySource, rrd: Path) -> None:
         rrd: a new file.
 
     Raises:
-        LindyError: rerun is not installed, the vehicle is not in the recording, or the disk fails.
+        LindyError: rerun is not installed, the vehicle is not in the recording, or the disk fails;
+            then there is no file.
     """
     require_package("rerun", "viewer", "a file for rerun")
     from services.visualizer.io.rerun_writer import RerunWriter
@@ -304,15 +314,27 @@ def draw(source: ReplaySource, rrd: Path) -> None:
 
     with source.stack() as stack:
         vehicle = stack.section("vehicle", Vehicle)
-    failed: list[str] = []
 
     def say(level: Level, text: str) -> None:
         if level == "warning":
-            failed.append(text)
+            raise LindyError(f"{text.partition(';')[0]}; {ELSEWHERE}")
 
-    collector = Collector(vehicle)
-    writer = RerunWriter(rrd.parent.name, vehicle)
-    writer.save(RrdFile(rrd, lambda _: None, say))
+    try:
+        file = RrdFile(rrd, lambda _: None, say)
+        try:
+            _draw(source, RerunWriter(rrd.parent.name, vehicle), file, Collector(vehicle))
+        except BaseException:
+            file.close()
+            rrd.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise LindyError(f"cannot write {rrd}: {reason(error)}; {ELSEWHERE}") from None
+
+
+def _draw(
+    source: ReplaySource, writer: "RerunWriter", file: "RrdFile", collector: Collector
+) -> None:
+    writer.save(file)
     framed: Ns = 0
     written: Ns | None = None
     now: Ns = 0
@@ -331,5 +353,3 @@ def draw(source: ReplaySource, rrd: Path) -> None:
         collector.hear(topic, raw.key, message, now)
     writer.write(collector.drain(now))
     writer.close()
-    if failed:
-        raise LindyError(failed[0])

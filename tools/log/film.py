@@ -29,6 +29,7 @@ from tools.fresh import new_file, refuse_existing, write_fresh
 from tools.packages import require_package
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+from tools.text_table import counted
 
 VIDEOS = (topics.VIDEO, topics.FURTHER_VIDEO)
 LATEST = 512  # states that are remembered: five seconds, longer than a picture is under way
@@ -312,7 +313,7 @@ def _written(path: Path, shown: Iterator[FilmedPicture]) -> str:
         film.close()
     write_fresh(srt, subtitles.text().encode())
     seconds = (picture.light_ns - first.light_ns) / 1e9
-    return f"{count} pictures, {seconds:.1f} s, in {path} and {srt}"
+    return f"{counted(count, 'picture')}, {seconds:.1f} s, in {path} and {srt}"
 
 
 class CopiedFilm:

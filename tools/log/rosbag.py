@@ -14,10 +14,12 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.extras import how_to_install
 from tools.exit_status import DONE, LOST
 from tools.fresh import refuse_existing
+from tools.log.export import written_words
 from tools.packages import require_package
 from tools.recordings.dive_file import flown_section
 from tools.recordings.progress import reading
 from tools.recordings.recording import Recording, open_recording
+from tools.text_table import counted
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection, Qos
@@ -55,11 +57,11 @@ def write_bag(recording: Path, folder: Path) -> int:
         raise LindyError(
             f"{said}; the bag in it is not whole" if folder.is_dir() else said
         ) from None
-    print(f"{written.total()} messages of {len(written)} topics written to {folder}", flush=True)
+    print(f"{written_words(written)} written to {folder}", flush=True)
     if left_out:
         print(harmless(f"not in ROS 2's words: {', '.join(sorted(left_out))}"), flush=True)
     for key, count in opened.unreadable.items():
-        print(harmless(f"{count} messages left out: {key} cannot be read"), flush=True)
+        print(harmless(f"{counted(count, 'message')} left out: {key} cannot be read"), flush=True)
     said = opened.damage
     print(harmless("".join(f"{sentence}\n" for sentence in said)), end="", flush=True)
     return LOST if opened.unreadable or said else DONE

@@ -1,7 +1,7 @@
 """The records of an MCAP file, in order, and where it is cut off or damaged. https://mcap.dev/spec
 
-At a record that cannot be read the summary says where the next one begins; in a file without one
-the next chunk is looked for. The mcap library reads all records but messages, for which it makes
+Behind a record that cannot be read the next one follows by its length, or, where that is damaged,
+the next chunk of the summary. The mcap library reads all records but messages, for which it makes
 ten calls each where this makes one.
 """
 
@@ -12,10 +12,8 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
 from io import BytesIO
 from math import inf
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -24,9 +22,10 @@ from lz4.frame import LZ4FrameDecompressor  # pyright: ignore[reportMissingTypeS
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema, Statistics
 
-from services.recorder.io.mcap_file import CHUNK_HEAD, MAGIC
+from services.recorder.foxglove.channel import is_view
+from services.recorder.io.mcap_file import MAGIC
 
 DIVE, HASH, LOSSES, MERGED = "dive", "hash", "losses", "merged"  # metadata of Lindy's files
 MENDED_BY = "lindy log recover makes a whole file of the rest"
@@ -39,12 +38,11 @@ RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 MESSAGE = int(Opcode.MESSAGE)
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time
 CHUNK_TIMES = struct.Struct("<QQ")  # first and last log time, how a chunk and its index begin
-ZSTD, ZSTD_AT = b"\x04\x00\x00\x00zstd", 37  # in the head of a chunk, [bytes] behind its beginning
 LARGEST_CHUNK = 100_000_000  # [bytes] uncompressed; what others write has a few million
 FOOTER = struct.Struct("<BQQQI")  # opcode, length, starts of the summary and its offsets, checksum
 CHECKSUM = struct.Struct("<I")
 DATA_END = RECORD_HEAD.size + CHECKSUM.size  # [bytes]; it is directly before the summary
-WHERE = struct.Struct("<Q")  # a position or a number, with which these entries of a summary begin
+WHERE = struct.Struct("<Q")  # where a chunk begins, in its entry of a summary
 At = Callable[[int], None]
 Span = tuple[float, float]  # [ns] UTC from, inclusive, and to, exclusive
 ALWAYS = (-inf, inf)
@@ -85,23 +83,16 @@ class FileIndex:
 
     ended: bool = False  # the file has an end, with or without a summary
     damaged_at: int | None = None  # [bytes] where the summary begins that cannot be read
-    messages: int | None = None  # that the file says it has
-    opcodes: dict[int, int] = field(default_factory=dict[int, int])  # of records, by position
+    messages: int | None = None  # that the file says it has, without views
+    chunks: list[int] = field(default_factory=list[int])  # [bytes] where they begin …
+    data_end: int = 0  # [bytes] … and where the summary's part of the file does
     described: list[Schema | Channel] = field(default_factory=list[Schema | Channel])
-
-    @cached_property
-    def starts(self) -> list[int]:
-        """[bytes] Where the known records begin."""
-        return sorted(self.opcodes)
-
-    @cached_property
-    def has_chunks(self) -> bool:
-        return Opcode.CHUNK in self.opcodes.values()
 
     def following(self, position: int) -> int | None:
         """[bytes] Where the next known record begins."""
-        place = bisect_right(self.starts, position)
-        return self.starts[place] if place < len(self.starts) else None
+        place = bisect_right(self.chunks, position)
+        following = [*self.chunks[place : place + 1], self.data_end]
+        return next((at for at in following if at > position), None)
 
 
 class Damage:
@@ -110,7 +101,7 @@ class Damage:
     def __init__(self) -> None:
         self.places: list[int] = []  # [bytes] where a record begins that cannot be read
         self.cut_off = False  # the file ends in the middle of a record, or before its end
-        self.messages = 0  # that were read, or passed over in a sound chunk
+        self.messages = 0  # that were read, or passed over in a sound chunk, without views
         self.passed_over = False  # chunks were: what is in them is not known
         self.written = False  # somebody wrote it meanwhile
         self.metadata: set[str] = set()  # names of those that were read
@@ -217,11 +208,12 @@ class _RecordReader:
     within: Span
     open_chunks: bool
     keys: dict[int, str] = field(default_factory=dict[int, str])  # of the channels …
-    passed_over: set[int] = field(default_factory=set[int])  # … and those that are not wanted
+    passed_over: set[int] = field(default_factory=set[int])  # … those that are not wanted …
+    views: set[int] = field(default_factory=set[int])  # … and those that are drawn for Foxglove
 
     def __post_init__(self) -> None:
         self.index = self.damage.index = index_of(self.stream, self.size)
-        self.chunked = self.index.has_chunks  # then there is no message outside a chunk
+        self.chunked = bool(self.index.chunks)  # then there is no message outside a chunk
 
     def read(self, position: int) -> tuple[int, list[Raw | Described], int | None]:
         """(opcode, what is in it, where it ends). It ends nowhere where it is a chunk whose writer
@@ -234,19 +226,14 @@ class _RecordReader:
         head = self.stream.read(RECORD_HEAD.size)
         opcode, length = RECORD_HEAD.unpack(head)
         after = position + RECORD_HEAD.size + length
-        following = self.index.following(position)
-        if self.index.opcodes.get(position, opcode) != opcode or opcode == 0:
-            raise ValueError("another record is here")
-        if after > (following or self.size):
-            raise ValueError("it ends behind the beginning of the next one")
+        if opcode == 0 or after > (self.index.following(position) or self.size):
+            raise ValueError("another record is here, or it ends behind where the next one begins")
         if opcode == Opcode.CHUNK:
             self.chunked = True
-            # Behind it is an index of its messages, which nobody needs.
-            after = following if self.index.has_chunks else after
             if not self.open_chunks:
                 return opcode, [], after
             found, whole = self._chunk(self.stream.read(length))
-            return opcode, found, after if whole or self.index.has_chunks else None
+            return opcode, found, after if whole or self.index.chunks else None
         if opcode == MESSAGE and self.chunked:
             raise ValueError("a message outside a chunk")
         if opcode != MESSAGE and opcode not in READ:
@@ -268,33 +255,18 @@ class _RecordReader:
         """[bytes] Where the record behind a damaged one begins; None: there is no more."""
         self.stream.seek(position)
         head = self.stream.read(RECORD_HEAD.size)
-        known = self.index.following(position) if self.index.starts else self._next_chunk(position)
+        known = self.index.following(position)
         if len(head) == RECORD_HEAD.size and head[0]:  # no record begins with zero
             after = position + RECORD_HEAD.size + RECORD_HEAD.unpack(head)[1]
             if after <= (known or self.size):
                 return after
         return known
 
-    def _next_chunk(self, position: int) -> int | None:
-        """[bytes] Where the next chunk begins as Lindy writes them, known by its head."""
-        if position + CHUNK_HEAD.size > self.size:
-            return None
-        with mmap(self.stream.fileno(), 0, access=ACCESS_READ) as whole:
-            at = whole.find(ZSTD, position + 1 + ZSTD_AT)
-            while at >= 0:
-                head = whole[at - ZSTD_AT : at - ZSTD_AT + CHUNK_HEAD.size]
-                if len(head) == CHUNK_HEAD.size:
-                    opcode, length, *_, size = CHUNK_HEAD.unpack(head)
-                    if opcode == Opcode.CHUNK and length == len(head) + size - RECORD_HEAD.size:
-                        return at - ZSTD_AT
-                at = whole.find(ZSTD, at + 1)
-        return None
-
     def _chunk(self, content: bytes) -> tuple[list[Raw | Described], bool]:
         """What is in it, and whether it is whole."""
         first, last = CHUNK_TIMES.unpack_from(content)
         begin, end = self.within
-        if self.index.has_chunks and (last < begin or first >= end):
+        if self.index.chunks and (last < begin or first >= end):
             self.damage.passed_over = True
             return [], True
         data, whole = _uncompressed(content)
@@ -304,9 +276,13 @@ class _RecordReader:
         """Before the first message of its channel."""
         if isinstance(record, Channel):
             self.keys[record.id] = record.topic
-            self.passed_over.discard(record.id)
-            if not self.wants(record.topic):
-                self.passed_over.add(record.id)
+            for known, is_one in (
+                (self.passed_over, not self.wants(record.topic)),
+                (self.views, is_view(record.topic)),
+            ):
+                known.discard(record.id)
+                if is_one:
+                    known.add(record.id)
 
     def _split(self, data: bytes) -> list[Raw | Described]:
         """
@@ -315,7 +291,8 @@ class _RecordReader:
         """
         found: list[Raw | Described] = []
         at, end, messages = 0, len(data), 0
-        keys, passed_over, unpack = self.keys, self.passed_over, MESSAGE_HEAD.unpack_from
+        keys, passed_over, views = self.keys, self.passed_over, self.views
+        unpack = MESSAGE_HEAD.unpack_from
         while at < end:
             if data[at] != MESSAGE:
                 opcode, length = RECORD_HEAD.unpack_from(data, at)
@@ -328,7 +305,7 @@ class _RecordReader:
             _, length, channel, sequence, log_ns, publish_ns = unpack(data, at)
             begin = at + MESSAGE_HEAD.size
             at += RECORD_HEAD.size + length
-            messages += 1
+            messages += channel not in views
             if channel not in passed_over:
                 key, content = keys.get(channel, ""), data[begin:at]
                 found.append(Raw(key, content, log_ns, publish_ns, sequence, channel))
@@ -401,28 +378,30 @@ def _summary(summary: bytes, start: int) -> FileIndex:
     Raises:
         DAMAGE: it makes no sense.
     """
-    found = FileIndex(ended=True, opcodes={start - DATA_END: Opcode.DATA_END})
-    at = 0
+    found = FileIndex(ended=True, data_end=start - DATA_END)
+    at, counts, views = 0, dict[int, int](), set[int]()
     while at < len(summary):
         opcode, length = RECORD_HEAD.unpack_from(summary, at)
         at += RECORD_HEAD.size
         stream = ReadDataStream(BytesIO(summary[at : at + length]))
         match opcode:
             case Opcode.CHUNK_INDEX:
-                found.opcodes[WHERE.unpack_from(summary, at + CHUNK_TIMES.size)[0]] = Opcode.CHUNK
-            case Opcode.METADATA_INDEX:
-                found.opcodes[WHERE.unpack_from(summary, at)[0]] = Opcode.METADATA
-            case Opcode.ATTACHMENT_INDEX:
-                found.opcodes[WHERE.unpack_from(summary, at)[0]] = Opcode.ATTACHMENT
+                found.chunks += WHERE.unpack_from(summary, at + CHUNK_TIMES.size)
             case Opcode.STATISTICS:
-                (found.messages,) = WHERE.unpack_from(summary, at)
+                statistics = Statistics.read(stream)
+                counts, found.messages = statistics.channel_message_counts, statistics.message_count
             case Opcode.SCHEMA:
                 found.described.append(Schema.read(stream))
             case Opcode.CHANNEL:
-                found.described.append(Channel.read(stream))
+                found.described.append(channel := Channel.read(stream))
+                if is_view(channel.topic):
+                    views.add(channel.id)
             case _:
                 pass
         at += length
-    if at != len(summary) or any(not len(MAGIC) <= each < start for each in found.opcodes):
+    found.chunks.sort()
+    if found.messages is not None:
+        found.messages -= sum(counts.get(channel, 0) for channel in views)
+    if at != len(summary) or not all(len(MAGIC) <= each < start for each in found.chunks):
         raise ValueError("a damaged summary")
     return found

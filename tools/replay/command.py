@@ -17,6 +17,7 @@ from tools.replay.play import onto_bus
 from tools.replay.source import ReplaySource, open_source, remarks
 from tools.replay.through import ThroughResult
 from tools.replay.through import through as run_through
+from tools.text_table import counted
 
 SLOWEST, FASTEST = 0.01, 1000.0  # [-]
 SHOWN = 20  # differences that are printed
@@ -137,12 +138,16 @@ def told(services: tuple[str, ...], source: ReplaySource, found: ThroughResult) 
         return "\n".join(lines)
     messages = sum(found.compared.values())
     topics = sum(count > 0 for count in found.compared.values())
-    what = f"{messages} messages of {topics} topics from {' and '.join(services)}"
+    what = f"{counted(messages, 'message')} of {counted(topics, 'topic')}"
+    what += f" from {' and '.join(services)}"
     what += f" over {found.seconds:.1f} s"
     if not found.differences:
         same = "exactly as recorded" if source.virtual else "as recorded, within the tolerances"
         return "\n".join([*lines, f"{what}: {same}"])
     lines += [in_words(one, found.begin_ns) for one in found.differences[:SHOWN]]
+    differ = "1 field differs"
+    if len(found.differences) > 1:
+        differ = f"{len(found.differences)} fields differ"
     if (rest := len(found.differences) - SHOWN) > 0:
         lines.append(f"and {rest} more fields")
-    return "\n".join([*lines, f"{what}: {len(found.differences)} fields differ"])
+    return "\n".join([*lines, f"{what}: {differ}"])

@@ -1,7 +1,8 @@
 """Compares what was recorded with what today's code publishes, field by field, and says which
 differences are none. Pure."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from math import isclose
@@ -106,13 +107,6 @@ def by_seq(
             yield Pair(None, told)
 
 
-def stood_in(recorded: Sequence[Told], today: Sequence[Told]) -> Iterator[Pair]:
-    """Pair the messages of a key that a service publishes in the place of another one: only what it
-    publishes today must have been recorded, whoever said it then."""
-    then = {told.stamp_ns: told for told in recorded}
-    yield from (Pair(then.get(told.stamp_ns), told) for told in today)
-
-
 def by_cause(recorded: Sequence[Told], today: Sequence[Told], apart_ns: int) -> Iterator[Pair]:
     """Pair the messages of one key where a real clock decided when a timer rang: by the sensor
     sample behind them, else by their stamps, at most `apart_ns` apart. In order of their stamps."""
@@ -136,6 +130,23 @@ def by_cause(recorded: Sequence[Told], today: Sequence[Told], apart_ns: int) -> 
 
 def _distance(a: Told, b: Told) -> int:
     return abs(a.stamp_ns - b.stamp_ns)
+
+
+def require_fields(tolerances: Sequence[Tolerance], messages: Iterable[Told]) -> None:
+    """
+    Raises:
+        LindyError: one of them is for no field of these messages.
+    """
+    for told in messages:
+        if not tolerances:
+            return
+        with suppress(*UNDECODABLE):
+            names = [f"{told.key}.{name}" for name, _ in fields(msgspec.json.decode(told.data))]
+            tolerances = [each for each in tolerances if not any(map(each.covers, names))]
+    if tolerances:
+        raise LindyError(
+            f"--tolerance {tolerances[0].pattern}: no message that is compared has such a field"
+        )
 
 
 class FieldComparison:

@@ -39,7 +39,6 @@ RECORDER = "recorder"
 HELD_NS = 5_000_000
 NAMES_ITS_START = "reference"  # in the epochs it grants
 SLOW_START_NS = 5_000_000_000  # [ns] between its wiring and its first tick, at most
-SAID_AGAIN = ("health/", "identity/")
 OURS = ("version", "commit", "messages", "vehicle_hash")  # what an identity says of the code
 NOT_RECORDED = Process(SIDE, 0, 0, 0)
 
@@ -54,13 +53,6 @@ class Head(msgspec.Struct):
 
 HEAD = msgspec.json.Decoder(Head)
 Hear = Callable[[str, Message], None]  # by key
-
-
-class Waiting(NamedTuple):
-    """A recorded message that was not given to the services yet."""
-
-    at_ns: int  # [ns] by the services' clock
-    raw: Raw
 
 
 class ServiceStart(NamedTuple):
@@ -150,15 +142,13 @@ class OnBoard:
         self._wanted: dict[str, bool] = {}  # key: does a service subscribe to it?
         self._own: set[str] = set()  # keys that a service publishes …
         self._publishers = 0  # … of so many
-        self._first: dict[str, int] = {}  # key: number of the first message in the recording
-        self._waiting: list[Waiting] = []
+        self._waiting: list[Raw] = []  # recorded messages that were not given to the services yet
         self._settled_ns = -1  # [ns] newest instant at which the services were stepped
 
     def run(self, until_ns: int) -> None:
         """Replay up to `until_ns` [ns UTC], which is included."""
         for raw in self._source.raw(until_ns=until_ns):
-            at = raw.log_ns - self._source.utc_offset_ns
-            self._first.setdefault(raw.key, raw.sequence)
+            at = self._at(raw)
             self._start(at)
             if self._is_own(raw.key):
                 if (told := self._told(raw)) is not None:
@@ -166,23 +156,9 @@ class OnBoard:
                         self.recorded.append(told)
                     self._reach(told, at if self._source.virtual else told.stamp_ns)
             elif self._is_wanted(raw.key):
-                self._hold(Waiting(at, raw))
+                self._hold(raw)
         self._give(self._waiting)
         self._waiting = []
-
-    @property
-    def begins_after(self) -> dict[str, int]:
-        """How many messages of its inputs were published before the first that is recorded, by
-        key; only of those that are not recorded from their first message on. Of health and
-        identity, which are said again every second, hardly any recording has the first."""
-        return {
-            key: before
-            for key, before in sorted(self._first.items())
-            if before > 0
-            and not key.startswith(SAID_AGAIN)
-            and self._is_wanted(key)
-            and not self._is_own(key)
-        }
 
     def _told(self, raw: Raw) -> Told | None:
         """A recorded message; its stamp by the clock on board. None: it is none, which is
@@ -212,14 +188,18 @@ class OnBoard:
             message = msgspec.structs.replace(message, **today)
         return Envelope(raw.key, self._encode(message), topic.encoding)
 
-    def _hold(self, new: Waiting) -> None:
+    def _at(self, raw: Raw) -> int:
+        """[ns] When it arrived, by the services' clock."""
+        return raw.log_ns - self._source.utc_offset_ns
+
+    def _hold(self, new: Raw) -> None:
         """Keep a message until it is known when the services were stepped."""
         if self._source.virtual:
-            if self._waiting and self._waiting[-1].at_ns < new.at_ns:
+            if self._waiting and self._waiting[-1].log_ns < new.log_ns:
                 self._give(self._waiting)
                 self._waiting = []
         else:
-            late = [one for one in self._waiting if one.at_ns < new.at_ns - HELD_NS]
+            late = [one for one in self._waiting if one.log_ns < new.log_ns - HELD_NS]
             self._give(late)
             self._waiting = self._waiting[len(late) :]
         self._waiting.append(new)
@@ -230,13 +210,13 @@ class OnBoard:
         if virtual and not self._waiting and at <= self._settled_ns:
             return
         since = at if virtual else at - HELD_NS
-        early = [one for one in self._waiting if one.at_ns < since]
+        early = [one for one in self._waiting if self._at(one) < since]
         held, self._waiting = self._waiting[len(early) :], []
         self._give(early)
         if virtual:
             self._settle(at, held)
         elif told.sensor_ns is None:
-            now = sum(one.at_ns <= at for one in held)
+            now = sum(self._at(one) <= at for one in held)
             self._settle(at, held[:now])
             self._waiting = held[now:]
         else:
@@ -245,25 +225,25 @@ class OnBoard:
                 self._settle(at, [held.pop(0)])
             self._waiting = held
 
-    def _give(self, waiting: list[Waiting]) -> None:
+    def _give(self, waiting: list[Raw]) -> None:
         """Hand over messages, each at its own time."""
         k = 0
         while k < len(waiting):
-            at = waiting[k].at_ns
+            at = self._at(waiting[k])
             end = k
-            while end < len(waiting) and waiting[end].at_ns <= at:
+            while end < len(waiting) and self._at(waiting[end]) <= at:
                 end += 1
             self._settle(at, waiting[k:end])
             k = end
 
-    def _settle(self, at: int, messages: list[Waiting]) -> None:
+    def _settle(self, at: int, messages: list[Raw]) -> None:
         """Advance to `at`, hand over these messages and step the services."""
         host = self._host
         if at > host.now:
             host.run(at - 1)
             host.now = at
-        for one in messages:
-            if (envelope := self._envelope(one.raw)) is not None:
+        for raw in messages:
+            if (envelope := self._envelope(raw)) is not None:
                 self._port.forward(envelope)
         host.settle()
         self._settled_ns = host.now

@@ -17,9 +17,7 @@ from tempfile import TemporaryDirectory
 import msgspec
 
 from messages import topics
-from messages.message import Message
 from messages.text import harmless
-from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Bus, Envelope
 from services.runtime.bus.zenoh_bus import QOS_PROFILES, listening, open_bus
 from services.runtime.config.errors import LindyError
@@ -36,6 +34,7 @@ from tools.log.cut import is_chosen
 from tools.recordings.dive_file import flown_stack
 from tools.recordings.recording import Raw, Recording
 from tools.replay.source import ReplaySource
+from tools.text_table import counted
 
 LOOK_S = 0.05  # [s] between two looks at signals
 END_S = 5.0  # [s] in which the viewer ends when asked to
@@ -127,8 +126,8 @@ class Replay:
             print(flush=True)
         behind = f"; it was too slow {self._behind} times" if self._behind else ""
         unread = sum(self._source.recording.unreadable.values())
-        lost = f"; {unread} messages could not be read" if unread else ""
-        sent = f"{self._out.sent} messages of {len(self._out.keys)} topics"
+        lost = f"; {counted(unread, 'message')} could not be read" if unread else ""
+        sent = f"{counted(self._out.sent, 'message')} of {counted(len(self._out.keys), 'topic')}"
         print(harmless(f"{sent}{lost}{behind}"), flush=True)
         return 0
 
@@ -182,15 +181,10 @@ class Republisher:
             return  # counted by the recording as unreadable
         stamp = due - (raw.log_ns - raw.publish_ns)
         mover(topic.message)(message, message.stamp_ns - stamp)
-        self._send(replayed(raw.key, topic, message))
+        payload, travelled = msgspec.msgpack.encode(message), QOS_PROFILES[topic.qos]
+        self._send(Envelope(raw.key, payload, topic.replayed, travelled=travelled))
         self.sent += 1
         self.keys.add(raw.key)
-
-
-def replayed(key: str, topic: AnyTopic, message: Message) -> Envelope:
-    """A message marked as one of a replay."""
-    payload = msgspec.msgpack.encode(message)
-    return Envelope(key, payload, topic.replayed, travelled=QOS_PROFILES[topic.qos])
 
 
 def one_bus(spec: ServiceSpec) -> ServiceSpec:
@@ -214,18 +208,14 @@ def viewer(source: ReplaySource, endpoint: str) -> Generator[None]:
             supervised=True,
             copies=copies,
         )
-        yield from _running(launch)
-
-
-def _running(launch: Launch) -> Generator[None]:
-    command = [*PYTHON, msgspec.json.encode(launch).decode()]
-    child = subprocess.Popen(command, stdin=system.STDIN, **system.APART)
-    try:
-        yield
-    finally:
-        system.ask_to_end(child)
+        command = [*PYTHON, msgspec.json.encode(launch).decode()]
+        child = subprocess.Popen(command, stdin=system.STDIN, **system.APART)
         try:
-            child.wait(END_S)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
+            yield
+        finally:
+            system.ask_to_end(child)
+            try:
+                child.wait(END_S)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()

@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import chain
 
 from messages import topics
 from services.runtime.config.errors import LindyError
@@ -24,10 +24,11 @@ from tools.replay.differences import (
     Tolerance,
     by_cause,
     by_seq,
-    stood_in,
+    require_fields,
 )
 from tools.replay.on_board import OnBoard
 from tools.replay.source import ReplaySource
+from tools.text_table import counted
 
 CANNOT = (
     "simulator, gamepad, mavlink, ardusub, tether, recorder and visualizer cannot, because a "
@@ -37,14 +38,11 @@ CANNOT = (
 )
 POSSIBLE = ("estimation", "reference", "control")
 APART_NS = 20_000_000  # [ns] between two stamps of one message, where a real clock decided
-IN_PLACE_OF = {topics.PILOT_ANSWER.key: "reference"}  # control answers where reference is silent
+# Not compared without it: control answers where it is silent.
+MOSTLY_OF = {topics.PILOT_ANSWER.key: "reference"}
 
 
-class Window(NamedTuple):
-    """What is compared: stamps by the services' clock, both ends included."""
-
-    begin_ns: int
-    end_ns: int
+Window = tuple[int, int]  # [ns] what is compared: stamps by the services' clock, ends included
 
 
 @dataclass
@@ -93,26 +91,21 @@ def through(
     offset, restart = source.utc_offset_ns, _first_restart(replay.recorded)
     until = end if restart is None else restart + offset - 1
     # Of its last instant a recording that was cut off may have what was published and not why.
-    window = Window(max(first, begin) - offset, min(last - 1, until) - offset)
+    window = max(first, begin) - offset, min(last - 1, until) - offset
+    today = (told for key in replay.outputs.keys for told in replay.outputs.of(key))
+    require_fields(tolerances, chain(replay.recorded, today))
     found = _compared(replay, names, source, window, tolerances)
-    if missing := _beginning(replay, source):
-        found.remarks.append(missing)
+    if source.cut:
+        found.remarks.append(
+            "it is a part of a recording: what was said before is not in it, from which "
+            "differences may come"
+        )
     if source.imported:
         found.remarks.append(_published(replay, end - offset))
     if restart is not None:
         at = (restart - found.begin_ns) / 1e9
         found.remarks.append(f"it was started again at {at:.1f} s: compared up to there")
     return found
-
-
-def _beginning(replay: OnBoard, source: ReplaySource) -> str:
-    """Whether the services had heard something before the recording began; empty: they had not. On
-    virtual time what is not at the beginning of a whole one was lost on the link, and they did not
-    hear it."""
-    missing = ", ".join(f"{count} of {key}" for key, count in replay.begins_after.items())
-    if not missing or (source.virtual and not source.cut):
-        return ""
-    return f"the recording begins after some messages: {missing}; differences may come from that"
 
 
 def _published(replay: OnBoard, until_ns: int) -> str:
@@ -142,21 +135,23 @@ def _compared(
             f"messages a service received or could not read is not compared"
         )
     if unread := sum(source.recording.unreadable.values()):
-        remarks.append(f"{unread} messages could not be read")
+        remarks.append(f"{counted(unread, 'message')} could not be read")
     comparison = FieldComparison((*tolerances, *declared), common_only=bool(source.other_messages))
     compared: dict[str, int] = {}
     inside: defaultdict[str, list[Told]] = defaultdict(list)
+    begin_ns, end_ns = window
     for told in replay.recorded:
-        if window.begin_ns <= told.stamp_ns <= window.end_ns:
+        if begin_ns <= told.stamp_ns <= end_ns:
             inside[told.key].append(told)
     for key in sorted({*inside, *replay.outputs.keys}):
+        if MOSTLY_OF.get(key, names[0]) not in names:
+            continue
         before = comparison.compared
-        today = [told for told in replay.outputs.of(key) if told.stamp_ns <= window.end_ns]
-        stands_in = IN_PLACE_OF.get(key, names[0]) not in names
-        for pair in _pairs(inside[key], today, source, window, stands_in=stands_in):
+        today = [told for told in replay.outputs.of(key) if told.stamp_ns <= end_ns]
+        for pair in _pairs(inside[key], today, source, window):
             comparison.compare(pair)
         compared[key] = comparison.compared - before
-    seconds = max(0, window.end_ns - window.begin_ns) / 1e9
+    seconds = max(0, end_ns - begin_ns) / 1e9
     found = comparison.differences
     if not source.virtual:
         found = [one for one in found if one.count > max(A_FEW, RARELY * compared[one.key])]
@@ -165,8 +160,8 @@ def _compared(
                 f"{rare} fields differ in at most {RARELY:.0%} of their messages or in {A_FEW}: on "
                 f"a real clock, what arrives together may be handled in another order"
             )
-    begin_ns = source.origin_ns - source.utc_offset_ns
-    return ThroughResult(found, compared, begin_ns, seconds, remarks)
+    origin_ns = source.origin_ns - source.utc_offset_ns
+    return ThroughResult(found, compared, origin_ns, seconds, remarks)
 
 
 def _pairs(
@@ -174,11 +169,7 @@ def _pairs(
     today: list[Told],
     source: ReplaySource,
     window: Window,
-    *,
-    stands_in: bool,
 ) -> Iterator[Pair]:
-    if stands_in:
-        return stood_in(recorded, [told for told in today if told.stamp_ns >= window.begin_ns])
     if source.virtual:
         return by_seq(recorded, today) if source.thinned else by_seq(recorded, today, *window)
     topic = topics.find(recorded[0].key) if recorded else None

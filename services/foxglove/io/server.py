@@ -1,22 +1,17 @@
-"""Foxglove's own WebSocket server (foxglove-sdk). It offers channels and parameters. Publishing by
-clients, services, files and playback are not among its capabilities, so it refuses them itself."""
-
-from collections.abc import Mapping
+"""Foxglove's own WebSocket server (foxglove-sdk). It offers channels, and none of the server's
+capabilities: publishing, parameters, services, files and playback it refuses by itself."""
 
 from foxglove import Channel, Context, Schema, start_server
-from foxglove.websocket import Capability, Client, Parameter, ServerListener
 
-from services.foxglove.core import Settings, Value
 from services.recorder.foxglove.channel import NamedSchema
 from services.runtime.config.errors import LindyError
-from services.runtime.config.passwords import without_passwords
 
 
 class FoxgloveServer:
     """Sends to every client what it has subscribed to. Never waits for one: where a client does not
     read, the SDK drops its oldest messages."""
 
-    def __init__(self, settings: Settings, name: str, parameters: Mapping[str, Value]) -> None:
+    def __init__(self, host: str, port: int, name: str) -> None:
         """Listen.
 
         Raises:
@@ -26,17 +21,12 @@ class FoxgloveServer:
         self._channels: dict[str, Channel] = {}
         try:
             self._server = start_server(
-                name=name,
-                host=settings.host,
-                port=settings.port,
-                capabilities=[Capability.Parameters],
-                server_listener=ShownParameters(parameters),
-                context=self._context,
+                name=name, host=host, port=port, capabilities=[], context=self._context
             )
         except (OSError, RuntimeError, ValueError) as error:
             raise LindyError(
-                f"foxglove cannot listen on {settings.host}:{settings.port}: {error}; another "
-                f"port is --set foxglove.port=8766"
+                f"foxglove cannot listen on {host}:{port}: {error}; another port is "
+                f"--set foxglove.port=8766"
             ) from None
 
     def channel(self, key: str, schema: NamedSchema) -> Channel:
@@ -53,28 +43,3 @@ class FoxgloveServer:
 
     def close(self) -> None:
         self._server.stop()
-
-
-class ShownParameters(ServerListener):
-    """Parameters that can be read. The SDK has no way to offer these alone, so whoever sets one is
-    answered with its value as it is."""
-
-    def __init__(self, parameters: Mapping[str, Value]) -> None:
-        self._parameters = {
-            name: without_passwords(value) if isinstance(value, str) else value
-            for name, value in parameters.items()
-        }
-
-    def on_get_parameters(
-        self, client: Client, param_names: list[str], request_id: str | None = None
-    ) -> list[Parameter]:
-        """All of them where none is named."""
-        del client, request_id
-        names = param_names or self._parameters
-        return [Parameter(n, value=self._parameters[n]) for n in names if n in self._parameters]
-
-    def on_set_parameters(
-        self, client: Client, parameters: list[Parameter], request_id: str | None = None
-    ) -> list[Parameter]:
-        """Nothing is changed."""
-        return self.on_get_parameters(client, [p.name for p in parameters], request_id)

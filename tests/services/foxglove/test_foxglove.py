@@ -13,13 +13,10 @@ import pytest
 from mcap.reader import make_reader
 
 from messages import topics
-from services.foxglove.core import parameters
 from services.foxglove.service import wire
 from services.recorder.foxglove.channel import OFFICIAL, is_view
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
-from services.runtime.config.settings import override, read_toml
-from services.runtime.config.stack import Stack
 from services.runtime.hosts.virtual_host import VirtualHost
 from tests.support.foxglove import SECOND, SIDES, UTC, Watched, stack
 from tools.__main__ import main
@@ -41,7 +38,7 @@ def test_foxglove_s_client_sees_the_dive_and_can_command_nothing(
     seen = client.told()
     watched.host.close()
     assert seen["info"]["name"] == "lindy pioneer"
-    assert set(seen["info"]["capabilities"]) == {"parameters", "parametersSubscribe"}
+    assert seen["info"]["capabilities"] == []
     assert seen["channels"]["sensor/pressure"] == "PressureSample"
     assert seen["channels"]["foxglove/log"] == "foxglove.Log"
     assert seen["first"]["sensor/pressure"]["pressure"] == 101_325.0
@@ -49,9 +46,7 @@ def test_foxglove_s_client_sees_the_dive_and_can_command_nothing(
     stamp = seen["first"]["sensor/pressure"]["stamp_ns"]
     assert int(seen["times"]["sensor/pressure"]) == UTC + stamp
     # What it tried to command.
-    kp = seen["parameters"]["all"]["control.depth.kp"]
-    assert kp != 99
-    assert seen["parameters"]["set"] == {"control.depth.kp": kp}
+    assert seen["parameters"] == {}
     assert any("clientPublish" in status for status in seen["statuses"])
     assert any("ervice" in status for status in seen["statuses"]), seen["statuses"]
     assert "pilot/command" not in seen["channels"]
@@ -91,16 +86,6 @@ def test_only_this_machine_is_listened_to_unless_told_and_then_it_is_said():
     loud = Watched("host=0.0.0.0")
     assert [line.level for line in loud.lines] == ["info", "warning"]
     loud.host.close()
-
-
-@needs_sdk
-def test_no_viewer_is_shown_a_password() -> None:
-    from services.foxglove.io.server import ShownParameters
-
-    tree = {"camera": {"source": "rtsp://ann:secret@10.0.0.2/live?token=x", "rate": 25}}
-    shown = ShownParameters(parameters(tree)).on_get_parameters(None, [])  # type: ignore[arg-type]
-    values = {each.name: each.get_value() for each in shown}
-    assert values == {"camera.source": "rtsp://…@10.0.0.2/live?…", "camera.rate": 25}
 
 
 def test_without_the_sdk_the_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
@@ -163,19 +148,3 @@ def test_foxglove_s_reader_finds_the_same_and_knows_the_types(
     without = set(OFFICIAL) - {"foxglove.CompressedVideo"}  # no camera in this dive
     assert found["same"] == dict.fromkeys(without, True)
     assert {"dive.json", "pioneer.toml", "topics.json"} <= set(found["attachments"])
-
-
-# Settings become parameters under the names that `--set` uses.
-
-
-def test_every_setting_of_a_vehicle_file_is_a_parameter_of_its_own_name():
-    tree = read_toml(Stack().vehicle_path)
-    override(tree, ["control.depth.kp=3", "simulator.seed=true", "x.words=[[1, 2], []]"])
-    found = parameters(tree)
-    assert found["control.depth.kp"] == 3
-    assert found["simulator.seed"] is True
-    assert found["vehicle.mass"] == 8.6
-    assert found["vehicle.thruster.1.name"] == "starboard"
-    assert found["vehicle.size.2"] == 0.354
-    assert (found["x.words.0.1"], "x.words.1" in found) == (2, False)
-    assert all(isinstance(value, bool | int | float | str) for value in found.values())

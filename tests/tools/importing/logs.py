@@ -36,7 +36,7 @@ def ros1(
 
     Args:
         kind: plain; unset: stamps of 1970; board: stamps since the board began, arriving late;
-            nan, twice, gap: what happens at 2 s; old: the logger's clock was never set.
+            nan, twice, gap: what happens at 2 s.
         unit: by which specific force is divided.
         clock: what the computer's clock says at a time [ns], with which all is stamped.
     """
@@ -44,7 +44,7 @@ def ros1(
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
-    began = 5 * S if kind == "old" else BEGAN_NS
+    began = BEGAN_NS
     delays = np.random.default_rng(3).exponential(0.004, 10_000)
     with Writer(path) as writer:
         links = {

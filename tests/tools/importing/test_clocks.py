@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tools.importing.contradictions import GapWatch
+from tools.importing.contradictions import gaps
 from tools.importing.streams import LoggerClock, by_logger, pace
 
 S = 1_000_000_000  # [ns]
@@ -59,7 +59,8 @@ def test_what_was_written_a_little_out_of_order_is_no_step() -> None:
 
 
 def test_a_pause_is_a_gap_only_where_it_is_long_for_that_stream() -> None:
-    fast, slow = GapWatch(), GapWatch()
-    assert [fast.pause(k * S // 50) for k in range(100)] == [None] * 100
-    assert fast.pause(99 * S // 50 + S) == 1.0
-    assert [slow.pause(k * S) for k in range(100)] == [None] * 100
+    fast = [k * S // 50 for k in range(100)]
+    assert [each.tolist() for each in gaps(fast)] == [[], []]
+    assert [each.tolist() for each in gaps([*fast, fast[-1] + S])] == [[100], [1.0]]
+    assert [each.tolist() for each in gaps([k * S for k in range(100)])] == [[], []]
+    assert [each.tolist() for each in gaps([])] == [[], []]

@@ -65,16 +65,6 @@ def test_a_dataflash_log_has_everything_in_si(tmp_path: Path) -> None:
     assert "without a GPS" in remarks(out)
 
 
-def test_when_it_began_is_as_the_map_says(tmp_path: Path) -> None:
-    own = tmp_path / "own.toml"
-    own.write_text(
-        "began = 2023-11-14T22:13:20Z\n" + Path("deploy/imports/ardusub.toml").read_text()
-    )
-    out = imported(dataflash(tmp_path / "1.BIN"), tmp_path / "dive", "--map", str(own))
-    assert messages(out, "vehicle/status")[0].publish_ns == BEGAN_NS
-    assert report(out)["remarks"] == []
-
-
 def test_a_board_that_starts_again_goes_on_in_time(tmp_path: Path) -> None:
     out = imported(dataflash(tmp_path / "1.bin", restart=True), tmp_path / "dive")
     samples = messages(out, "sensor/imu")
@@ -139,16 +129,16 @@ def test_a_hole_of_rubbish_is_left_out_and_what_is_behind_it_is_there(tmp_path: 
 
 
 @pytest.mark.parametrize("bit", [25, 40, 63])
-def test_a_message_with_a_damaged_time_is_left_out(tmp_path: Path, bit: int) -> None:
+def test_a_damaged_time_is_that_of_the_message_before(tmp_path: Path, bit: int) -> None:
     data = bytearray(dataflash(tmp_path / "whole.bin").read_bytes())
     at = data.index(b"\xa3\x95\x83", len(data) // 2) + 3  # the time of an IMU's message
     data[at + bit // 8] ^= 1 << bit % 8
     out = imported(written(tmp_path / "torn.bin", data), tmp_path / "dive")
     stamps = [m.log_ns for m in messages(out, "sensor/imu")]
-    assert len(stamps) >= 199
+    assert len(stamps) >= 199  # of two at one instant the second is left out
     assert stamps == sorted(stamps)
     assert 3.5e9 < stamps[-1] - stamps[0] < 4.1e9
-    assert "damaged messages are left out: 1 of IMU[0]" in remarks(out)
+    assert "1 of its times are damaged" in remarks(out)
 
 
 def test_a_log_of_px4_has_everything_in_si(tmp_path: Path) -> None:
@@ -214,10 +204,6 @@ def test_what_is_no_such_log_is_one_sentence(
 ) -> None:
     own = imported(mcap(tmp_path / "a.mcap"), tmp_path / "own") / "dive.mcap"
     capsys.readouterr()
-    kinds = {
-        "bin": "a DataFlash log", "ulg": "a log of PX4", "mcap": "an MCAP file",
-        "bag": "a bag of ROS 1",
-    }  # fmt: skip
     cases = {
         own: "is a recording of Lindy already",
         mcap(
@@ -232,12 +218,11 @@ def test_what_is_no_such_log_is_one_sentence(
         tlog(
             tmp_path / "milli.tlog", milli=0.001
         ): "write zero = -1013.25 where it counts from the surface",
-        written(tmp_path / "empty.tlog", b""): "is not a telemetry log: it is empty",
+        written(tmp_path / "empty.tlog", b""): "empty.tlog is empty",
+        written(
+            tmp_path / "a.bag", b"PK\x03\x04 no"
+        ): "a.bag is no log that is read and begins with",
     }
-    for ending, kind in kinds.items():
-        foreign, empty = tmp_path / f"foreign.{ending}", tmp_path / f"empty.{ending}"
-        cases[written(foreign, b"PK\x03\x04 no log")] = f"is not {kind}: it begins with b'PK"
-        cases[written(empty, b"")] = f"is not {kind}: it is empty"
     for log, said in cases.items():
         out = tmp_path / "dive"
         assert said in complaint(capsys, "import", str(log), "--out", str(out))

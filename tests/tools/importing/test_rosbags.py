@@ -28,7 +28,6 @@ from .logs import (
     of,
     report,
     ros1,
-    ros2,
 )
 
 SHIPPED = Path("deploy/imports/ros.toml")
@@ -54,18 +53,6 @@ def test_every_message_is_there_in_si_and_our_axes(tmp_path: Path) -> None:
     assert len(of(out, "pilot/command", PilotCommand)) == SECONDS * SLOW_HZ
     assert odd(out) == {}
     assert "sensor/dvl" in report(out)["missing"]
-
-
-def test_a_bag_of_ros_2_is_read_too(tmp_path: Path) -> None:
-    out = imported(ros2(tmp_path / "bag"), tmp_path / "dive")
-    assert len(messages(out, "sensor/imu")) == SECONDS * IMU_HZ
-
-
-def test_the_same_log_gives_the_same_recording(tmp_path: Path) -> None:
-    log = ros1(tmp_path / "a.bag")
-    one, two = imported(log, tmp_path / "one"), imported(log, tmp_path / "two")
-    assert messages(one, "sensor/imu") == messages(two, "sensor/imu")
-    assert report(one) == report(two)
 
 
 def test_a_board_s_stamps_are_put_on_the_logger_s_clock(tmp_path: Path) -> None:
@@ -138,13 +125,6 @@ def test_a_wrong_log_is_one_sentence_and_leaves_nothing(
     out = tmp_path / "dives" / "dive"
     assert said in complaint(capsys, "import", str(path), "--out", str(out))
     assert not out.parent.exists()
-
-
-def test_a_clock_that_was_never_set_begins_when_the_map_says(tmp_path: Path) -> None:
-    own = tmp_path / "own.toml"
-    own.write_text("began = 2023-11-14T22:13:20Z\n" + SHIPPED.read_text())
-    out = imported(ros1(tmp_path / "a.bag", "old"), tmp_path / "dive", "--map", str(own))
-    assert messages(out, "sensor/imu")[0].publish_ns == BEGAN_NS
 
 
 @pytest.mark.parametrize("log", [Path("nowhere.bag"), Path("README.md")])

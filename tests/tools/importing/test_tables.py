@@ -1,5 +1,6 @@
 """Tables, alone and several together, become one recording."""
 
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from importlib import import_module
 from pathlib import Path
@@ -124,12 +125,12 @@ def test_rows_without_a_time_are_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "options", "said"),
     [
-        ("", {}, "a.csv is not a table: it is empty"),
+        ("", {}, "a.csv is empty"),
         ("when,x\n", {}, "a.csv has no rows below its names of columns"),
         ("when,x\n1,2,3\n", {}, "a.csv is damaged or no table"),
         (None, {"stamp": "time"}, "has no column 'time' for the time; write at table as"),
         (None, {"unit": "s"}, 'when has dates; write stamp_unit = "date" at'),
-        (None, {"stamp": "seconds"}, "seconds has no dates; write its unit at"),
+        (None, {"stamp": "seconds"}, "seconds has no dates; write stamp_unit = one of"),
         (None, {"pressure": "Pa"}, "write zero = -101325 where it counts from the surface or unit"),
         (
             f"when,press.abs [mbar],water\n{BEGAN:%Y-%m-%d %H:%M:%SZ},deep,12\n",
@@ -158,21 +159,18 @@ def test_a_wrong_table_is_one_sentence_and_leaves_nothing(
 def test_no_parquet_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "a.parquet"
     log.write_bytes(b"PK\x03\x04 no table")
-    assert "a.parquet is not a Parquet table: it begins with" in complaint(
-        capsys, "import", str(log)
-    )
+    said = "a.parquet is no log that is read and begins with b'PK"
+    assert said in complaint(capsys, "import", str(log))
     log.write_bytes(b"PAR1 no table")
     assert "a.parquet is damaged or no table" in complaint(capsys, "import", str(log))
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.bin", "a.ulg", "a.bag"])
-def test_a_recording_by_another_name_is_known(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+@pytest.mark.parametrize(("write", "name"), [(ros1, "a.csv"), (dataflash, "a.ulg")])
+def test_a_log_is_known_by_how_it_begins(
+    tmp_path: Path, write: Callable[[Path], Path], name: str
 ) -> None:
-    log = tmp_path / name
-    log.write_bytes(b"\x89MCAP0\r\n" + bytes(9))
-    said = complaint(capsys, "import", str(log))
-    assert "it begins as an MCAP recording does; if it is one, name it so (.mcap)" in said
+    out = imported(write(tmp_path / name), tmp_path / "dive")
+    assert len(messages(out, "sensor/imu")) == SECONDS * IMU_HZ
 
 
 def test_what_cannot_be_read_of_a_table_is_not_printed(

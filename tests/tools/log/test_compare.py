@@ -18,7 +18,7 @@ from tools.log.compare import (
     differences,
     topic_differences,
 )
-from tools.log.cut import WantedPart, cut_out
+from tools.log.cut import cut_out
 from tools.log.flatten import TableColumn
 from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import Raw
@@ -105,7 +105,7 @@ def test_a_field_that_was_changed_is_named_with_its_time(
 
 def test_a_part_is_the_same_as_its_whole_where_both_are(dive: ShortDive, tmp_path: Path) -> None:
     out = tmp_path / "part.mcap"
-    cut_out(open_recording(dive.folder), out, WantedPart(0.5, 1.5, ("sensor/*",)))
+    cut_out(open_recording(dive.folder), out, 0.5, 1.5, ("sensor/*",))
     words = Words()
     a, b = (DiveSeries(open_recording(path), words) for path in (out, dive.folder))
     found = differences(a, b)

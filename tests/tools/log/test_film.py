@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +16,6 @@ import pytest
 pytest.importorskip("av")
 
 import av
-import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -70,76 +68,6 @@ def test_every_picture_is_in_the_film_at_the_time_of_its_light(
         assert ("K" in packet["flags"]) == picture.keyframe
     with av.open(str(out)) as opened:  # not one of them is coded anew, nor damaged
         assert sum(1 for _ in opened.decode(video=0)) == len(filmed_pictures)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("cvlc") is None, reason="no VLC program (cvlc)")
-def test_vlc_plays_it_to_its_end_and_shows_its_pictures(
-    filmed_dive: Path, filmed_pictures: list[FilmedPicture]
-) -> None:
-    """At three times its speed, and without a screen: VLC writes what it shows, as pictures."""
-    image = pytest.importorskip("PIL.Image")
-    root = os.geteuid() == 0  # as whom VLC refuses to run
-    with tempfile.TemporaryDirectory(prefix="lindy-vlc-") as folder:
-        home = Path(folder)
-        home.chmod(0o777)
-        filmed(open_recording(filmed_dive), home / "dive.mp4")
-        answer = subprocess.run(
-            ["cvlc", "-vv", "-I", "dummy", "--vout", "dummy", "--no-audio", "--play-and-exit",
-             "--rate", "3", "--video-filter", "scene", "--scene-format", "png", "--scene-ratio",
-             "10", "--scene-prefix", "shown", "--scene-path", folder, str(home / "dive.mp4")],
-            capture_output=True, check=True, text=True, errors="replace", timeout=120,
-            env={**os.environ, "HOME": folder}, user="nobody" if root else None,
-            group="nogroup" if root else None,
-        )  # fmt: skip
-        said = answer.stderr
-        assert "detected SubRIP format" in said
-        assert "end of playlist, exiting" in said
-        assert not re.search("(avcodec|mp4|packetizer).* error", said)
-        # It makes them a little taller.
-        size = filmed_pictures[0].size
-        shown = [
-            np.asarray(image.open(path).convert("L").resize(size), np.float64)
-            for path in sorted(home.glob("shown*"))
-        ]
-        with av.open(str(home / "dive.mp4")) as opened:
-            frames = [
-                np.asarray(cast(Any, each).to_image().convert("L"), np.float64)
-                for each in opened.decode(video=0)
-            ]
-    assert len(shown) >= len(filmed_pictures) // 40  # a busy computer is allowed to drop some
-    for picture in (shown[0], shown[-1]):
-        like = [np.corrcoef(picture.ravel(), frame.ravel())[0, 1] for frame in frames]
-        assert max(like) > 0.95
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("melt") is None, reason="no MLT program (melt)")
-def test_an_editor_s_engine_opens_it_and_reads_all_of_its_pictures(
-    filmed_dive: Path, filmed_pictures: list[FilmedPicture], tmp_path: Path
-) -> None:
-    """MLT, the engine of Kdenlive and Shotcut, without either's window: it writes what it reads."""
-    film, read = tmp_path / "dive.mp4", tmp_path / "read.yuv"
-    filmed(open_recording(filmed_dive), film)
-    for _ in range(3):  # on a busy computer it may end, content, before it has written anything
-        answer = subprocess.run(
-            ["melt", "-silent", str(film), "-consumer", f"avformat:{read}", "f=rawvideo",
-             "vcodec=rawvideo", "pix_fmt=gray", "an=1", "real_time=-1"],
-            capture_output=True, check=True, text=True, errors="replace", timeout=120,
-        )  # fmt: skip
-        assert not re.search("mp4|h264|Invalid", answer.stderr)
-        if read.stat().st_size:
-            break
-    width, height = filmed_pictures[0].size
-    pictures_read = np.fromfile(read, np.uint8).reshape(-1, height, width).astype(np.float64)
-    with av.open(str(film)) as opened:
-        frames = [frame.to_ndarray(format="gray") for frame in opened.decode(video=0)]
-    assert len(pictures_read) == len(frames) == len(filmed_pictures)
-    # An editor's pictures are equally far apart, those of a film are where their light arrived.
-    for at in (0, len(frames) // 2, len(frames) - 1):
-        near = frames[max(0, at - 2) : at + 3]
-        like = [np.corrcoef(pictures_read[at].ravel(), each.ravel())[0, 1] for each in near]
-        assert max(like) > 0.99
 
 
 def test_subtitles_say_where_the_drone_was(

@@ -9,7 +9,6 @@ from mcap.reader import make_reader
 from services.recorder.foxglove.channel import is_view
 from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
-from tools.recordings.mcap_copy import new_mcap
 from tools.recordings.mcap_records import Raw
 from tools.recordings.recording import open_recording
 
@@ -36,18 +35,6 @@ def test_topics_and_attachments_are_counted(
     assert found["log_hash"] == dive.log_hash
     assert found["about"]["vehicle"] == "my_drone"
     assert found["dive"]["stack"]["seed"] == 7
-
-
-def test_an_empty_or_a_missing_recording_is_no_traceback(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "empty.mcap"
-    with new_mcap(path):
-        pass
-    assert main(["log", "info", str(path)]) == 1
-    assert "holds no message" in capsys.readouterr().err
-    assert main(["log", "info", str(tmp_path)]) == 1
-    assert "there is no recording in" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

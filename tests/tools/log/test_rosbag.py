@@ -85,17 +85,6 @@ def test_the_bag_imported_again_has_the_samples_of_the_recording(
     assert any(each.key == "vehicle/estimate" for each in open_recording(out))
 
 
-def test_what_is_there_already_is_not_touched(
-    dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    mine = tmp_path / "bag"
-    mine.mkdir()
-    (mine / "mine.txt").write_text("mine")
-    assert main(["log", "export", "--as", "rosbag", str(dive.folder), "--out", str(mine)]) == 1
-    assert "it exists already" in capsys.readouterr().err
-    assert [file.name for file in mine.iterdir()] == ["mine.txt"]
-
-
 def test_it_says_what_has_no_place_in_ros(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

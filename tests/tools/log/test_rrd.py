@@ -48,6 +48,29 @@ def test_the_viewer_shows_a_dive_and_each_of_its_pages(tmp_path: Path) -> None:
     assert (int.from_bytes(first[16:20], "big"), int.from_bytes(first[20:24], "big")) == (1600, 900)
 
 
+@pytest.mark.parametrize("room", [0, 1])
+def test_on_a_full_disk_it_is_one_sentence_and_there_is_no_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    """At its beginning, and later."""
+    out, rrd = imported(ulog(tmp_path / "1.ulg"), tmp_path / "dive"), tmp_path / "dive.rrd"
+    written: list[int] = []
+
+    def require_room(_: Path, size: int) -> None:
+        if len(written) == room:
+            raise OSError(28, "No space left on device")
+        written.append(size)
+
+    monkeypatch.setattr("services.visualizer.io.rrd_file.require_room", require_room)
+    capsys.readouterr()
+    assert main(["log", "export", "--as", "rrd", str(out), "--out", str(rrd)]) == 1
+    assert capsys.readouterr().err == (
+        f"lindy: cannot write {rrd}: the disk is full; make room there, or name a place on another "
+        f"disk by --out\n"
+    )
+    assert not rrd.exists()
+
+
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_an_imported_recording_is_drawn(tmp_path: Path) -> None:
     out = imported(ulog(tmp_path / "1.ulg"), tmp_path / "dive")

@@ -69,11 +69,6 @@ def test_a_heading_comes_back_as_it_was_written(heading: float) -> None:
     assert float(in_degrees(radians(heading))) == heading
 
 
-@given(st.floats(-7.0, 7.0))
-def test_a_heading_in_degrees_is_that_angle(heading: float) -> None:
-    assert radians(float(in_degrees(heading))) == pytest.approx(heading, abs=1e-15)
-
-
 travel = st.floats(-1.0, 1.0)
 tool_events = st.sampled_from(["", "light", "output lasers 1.0", "output light 0.25"])
 

@@ -231,4 +231,4 @@ def test_an_older_or_a_foreign_schema_becomes_a_table_and_what_does_not_fit_is_c
         '2e-9,2,2,"one field fewer",,,',
     ]
     said = capsys.readouterr().out
-    assert "1 messages left out: /of/others: list has 3 numbers, not 2" in said
+    assert "1 message left out: /of/others: list has 3 numbers, not 2" in said

@@ -17,7 +17,6 @@ from tools.replay.differences import (
     fields,
     in_words,
     parsed,
-    stood_in,
 )
 
 NUMBER = st.floats(-1e6, 1e6)
@@ -118,12 +117,6 @@ def test_partners_have_the_same_sensor_sample_however_late_they_are() -> None:
     then = [told({}, 0, 100, 5), told({}, 1, 200, 6)]
     now = [told({}, 3, 10_000, 6), told({}, 4, 20_000, 7)]
     assert list(by_cause(then, now, 1)) == [Pair(then[0], None), Pair(then[1], now[0])]
-
-
-def test_who_stands_in_must_have_been_recorded() -> None:
-    then, now = [told({}, 4, 100)], [told({}, 0, 100), told({}, 1, 300)]
-    assert list(stood_in(then, now)) == [Pair(then[0], now[0]), Pair(None, now[1])]
-    assert list(stood_in(then, [])) == []
 
 
 def test_tolerances_as_they_are_typed() -> None:
