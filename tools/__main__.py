@@ -79,6 +79,7 @@ GONE_OPTIONS = {
     "ramp --to": "`lindy ramp --plan VELOCITY`",
     "replay --connect": "--listen",
     "replay --loop": "begin it again",
+    "review --quick": "a review flies nothing again; `lindy simulate` does",
     "ros2 --vehicle": "it has the vehicle file of the dive",
     "simulate --name": "--set vehicle.name=NAME",
     "run --seconds": "end it with Ctrl-C",
