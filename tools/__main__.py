@@ -84,6 +84,7 @@ GONE_OPTIONS = {
     "simulate --name": "--set vehicle.name=NAME",
     "run --seconds": "end it with Ctrl-C",
     "sweep --fast": "every dive is flown exactly, on all cores",
+    "sweep --record": "`lindy simulate` flies the dive of a row again, with its files",
     "topic echo --side": "what never leaves the drone is heard there, all else topside",
     "topic hz --side": "what never leaves the drone is heard there, all else topside",
     "top --order": "the dearest service is the first line",
