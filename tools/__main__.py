@@ -61,6 +61,7 @@ GONE_OPTIONS = {
     "fly --trust": "a line says that a stack file runs code of others",
     "gains --force": "--effort",
     "gains --rate": "--error-rate",
+    "identify --net-buoyancy": "weighed, over the one found, it is the scale of the thrust",
     "keys new --drone": "`lindy keys new DRONE PILOT`",
     "keys new --pilot": "`lindy keys new DRONE PILOT`",
     "keys list --json": "its table",
