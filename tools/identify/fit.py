@@ -3,8 +3,8 @@ sensors measured.
 
 Output error (Ljung 1999, §7.3): every window is predicted from its begin by thrust alone, and
 compared with the specific force, the yaw rate and the depth. What belongs to a window alone is
-eliminated (equations.py). Gauss-Newton begins at the vehicle file's numbers (search.py); the
-deviations take the residuals as they are, white or not.
+eliminated (equations.py). A linear regression says where to begin, and Gauss-Newton goes on from
+there (search.py); the deviations take the residuals as they are, white or not.
 """
 
 from typing import NamedTuple
@@ -29,6 +29,7 @@ from tools.identify.search import (
     Search,
     began,
     descended,
+    first_guess,
     free,
     misfit,
     searched,
@@ -111,9 +112,11 @@ def fit(taken: FitInput, start: Beginning, axes: tuple[str, ...] = AXES) -> Fit:
     refused: dict[str, Deviations] = {}
     lag = taken.fits_lag
     while True:
-        there = here = began(taken, start, axes, lag)
+        there = here = began(taken, start, axes, lag, start.vector)
         untold = weak(here, white_covariance(here), axes, lag)  # costs one prediction
         if not untold:
+            guess = first_guess(taken, start, axes, lag)
+            there = began(taken, start, axes, lag, guess)
             here = searched(there, free(axes, lag))
             untold = weak(here, honest_covariance(here)[0], axes, lag)
         if not untold:
