@@ -275,9 +275,7 @@ def test_nobody_walks_through_the_years_between_two_messages(
     assert said.endswith("some have a wrong time\n")
 
 
-@pytest.mark.parametrize(
-    "words", [("replay", "--through", "control", "--diff"), ("review",)]
-)
+@pytest.mark.parametrize("words", [("replay", "--through", "control", "--diff"), ("review",)])
 def test_what_is_wrong_in_its_vehicle_file_is_said_of_the_recording(
     dive: ShortDive, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
 ) -> None:
