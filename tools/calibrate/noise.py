@@ -1,13 +1,13 @@
 """`lindy calibrate noise`: noise of the sensors, from the longest rest in a recording.
 
-The Allan deviation separates white noise, bias instability and random walk. Source: IEEE Std
-952-1997, annex C: for white noise of density N, bias instability B and random walk K the Allan
-variance over τ is N²/τ + (2 ln 2 / π) B² + K² τ / 3.
+The Allan deviation over averages of up to a second tells white noise, that over the longest ones
+how much the sensor drifts. Source: IEEE Std 952-1997, annex C: for white noise of density N the
+Allan variance over τ is N²/τ.
 """
 
 from collections.abc import Iterator
-from itertools import combinations, pairwise
-from math import inf, log, log10, pi, sqrt
+from itertools import pairwise
+from math import inf, log10, sqrt
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,19 +22,16 @@ from tools.recordings.columns import ARRIVAL, Figures, StreamFigures, read_strea
 from tools.recordings.recording import Recording, open_recording
 
 Floats = NDArray[np.float64]
-FLAT = 2.0 * log(2.0) / pi  # [-] share of B² in the variance, where the curve is flat
 LONGEST = 9.0  # parts: averages longer than a ninth of the recording are too uncertain
 PER_DECADE = 10
-SURE = 3.0  # [σ] of the white noise's scatter that slow drift must exceed
 
 
 class AllanNoise(NamedTuple):
     """Noise of one axis, in the sensor's unit."""
 
     density: float  # [unit/√Hz] white noise
-    instability: float | None  # [unit] None: not seen, the recording is too short for it
-    walk: float | None  # [unit/√s] likewise
-    drift_below: float  # [unit] slow drift is not larger than this over the longest average
+    drift: float  # [unit] Allan deviation over the longest average …
+    over: float  # [s] … which is this long
 
 
 def deviation(values: Floats, rate: float) -> tuple[Floats, Floats]:
@@ -63,38 +60,16 @@ def _variance(total: Floats, length: int) -> float:
 
 
 def noise_of(values: Floats, rate: float) -> AllanNoise:
-    """White noise, bias instability and random walk of a sensor at rest.
+    """White noise and drift of a sensor at rest.
 
     Args:
         values: shape (n,), n ≥ 20, any unit.
         rate: [1/s]
     """
     tau, adev = deviation(values, rate)
-    scatter = np.sqrt(2.0 * tau * rate / len(values))  # relative, of each variance
-    drift_below = float(adev[-1]) / sqrt(FLAT)
-    density = float(np.sqrt(np.average(adev**2 * tau, weights=scatter**-2 * (tau <= 1.0))))
-    white = density**2 / tau[-1]
-    if density == 0.0 or adev[-1] ** 2 <= white * (1.0 + SURE * scatter[-1]):
-        return AllanNoise(density, None, None, drift_below)
-    terms = np.column_stack([1.0 / tau, np.full_like(tau, FLAT), tau / 3.0])
-    weights = 1.0 / (adev**2 * scatter)
-    n2, b2, k2 = _not_negative(terms * weights[:, None], adev**2 * weights)
-    return AllanNoise(sqrt(n2), sqrt(b2) or None, sqrt(k2) or None, drift_below)
-
-
-def _not_negative(terms: Floats, right: Floats) -> list[float]:
-    """Least squares with no negative coefficient, by trying every choice of terms."""
-    best, least = [0.0] * terms.shape[1], float(right @ right)
-    for size in range(1, terms.shape[1] + 1):
-        for chosen in combinations(range(terms.shape[1]), size):
-            found = np.linalg.lstsq(terms[:, chosen], right, rcond=None)[0]
-            error = right - terms[:, chosen] @ found
-            if np.all(found > 0.0) and float(error @ error) < least:
-                least = float(error @ error)
-                best = [0.0] * terms.shape[1]
-                for place, value in zip(chosen, found.tolist(), strict=True):
-                    best[place] = value
-    return best
+    known = len(values) / (2.0 * tau * rate)  # inverse of each variance's relative one
+    density = float(np.sqrt(np.average(adev**2 * tau, weights=known * (tau <= 1.0))))
+    return AllanNoise(density, float(adev[-1]), float(tau[-1]))
 
 
 SHORTEST = 20.0  # [s]
@@ -299,7 +274,7 @@ def measured(heard: dict[str, RestingSamples]) -> Iterator[NoiseAxis]:
             different: list[float] = sorted(set(values.tolist()))
             mean = float(np.mean(values))
             if len(different) == 1:
-                yield NoiseAxis(name, unit, hz, mean, 0.0, 0.0, AllanNoise(0.0, None, None, 0.0))
+                yield NoiseAxis(name, unit, hz, mean, 0.0, 0.0, AllanNoise(0.0, 0.0, 0.0))
                 continue
             std, step = float(np.std(values)), min(b - a for a, b in pairwise(different))
             yield NoiseAxis(name, unit, hz, mean, std, step, noise_of(values, hz))
@@ -329,8 +304,7 @@ def as_toml(axes: list[NoiseAxis], rest: RestStatistics) -> str:
     """Figures as comments, then the lines to paste."""
     text = [
         f"# Noise at rest; used {rest.seconds:.1f} s at rest, from {rest.begin:.1f} s.",
-        "# Each axis: rate, std of a sample, white noise, bias instability, random walk;",
-        "# <: not seen, and below this.",
+        "# Each axis: rate, std of a sample, white noise, drift over the longest average.",
         "# Under way thrusters and tilt add to it, and pressure_std belongs to acceleration_noise:",
         "# `lindy review` of a dive tries both on it.",
     ]
@@ -344,9 +318,7 @@ def as_toml(axes: list[NoiseAxis], rest: RestStatistics) -> str:
 
 def _figures(axis: NoiseAxis) -> str:
     unit, found = axis.unit, axis.noise
-    slow = f"< {found.drift_below:.2g}" if found.instability is None else f"{found.instability:.2g}"
-    walk = "-" if found.walk is None else f"{found.walk:.2g}"
     return (
         f"{axis.name:<16} {axis.rate:4.0f} Hz  {axis.std:.3g} {unit}  "
-        f"{found.density:.3g} {unit}/√Hz  {slow} {unit}  {walk} {unit}/√s"
+        f"{found.density:.3g} {unit}/√Hz  {found.drift:.2g} {unit} over {found.over:.2g} s"
     )

@@ -2,7 +2,7 @@
 predict another dive."""
 
 import sys
-from math import exp, isfinite, log, sqrt
+from math import exp, log, sqrt
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, cast
 
@@ -15,7 +15,6 @@ from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
 from tools.choices import Overrides, VehicleName, named
 from tools.fresh import refuse_existing, write_fresh
-from tools.gains import USUAL_TURN, USUAL_WAY, LoopName, design, lines
 from tools.identify import motion_model
 from tools.identify import plan as planning
 from tools.identify.dive_data import (
@@ -48,10 +47,9 @@ from tools.identify.results import (
     rewritten,
     rounded,
     rows,
-    thrust_scale,
     weakly,
 )
-from tools.recordings.recording import Recording, open_recording
+from tools.recordings.recording import open_recording
 
 LAG_STEP = 1e-4  # [-] of a difference quotient in the logarithm
 LAG_STEPS = 12
@@ -105,17 +103,15 @@ def identify_dive(
     recording: Path,
     vehicle: str | None = None,
     axes: tuple[str, ...] = AXES,
-    opened: Recording | None = None,
 ) -> Identified:
     """
     Args:
         vehicle: file to begin from; None: that of the recording.
-        opened: the recording, where it is open already.
 
     Raises:
         LindyError: there is no such recording, or it does not tell enough of any axis.
     """
-    opened = opened or open_recording(recording)
+    opened = open_recording(recording)
     file = of_recording(opened, vehicle)
     data, start = read(opened, file.vehicle, file.water, recording), start_of(file.vehicle)
     found = windows(data, file.vehicle)
@@ -198,29 +194,6 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-LOOP: dict[str, LoopName] = {
-    "heave": "depth", "yaw": "heading", "surge": "surge", "sway": "sway",
-}  # fmt: skip
-
-
-def proposed(vehicle: Vehicle, axes: tuple[str, ...], tree: dict[str, Any]) -> list[str]:
-    """Lines of a vehicle file, as comments to be judged, for the loops of these axes.
-
-    Args:
-        tree: the vehicle file; its observers are kept.
-    """
-    found = ["Proposed gains (see `lindy gains`):"]
-    for axis in axes:
-        loop = LOOP[axis]
-        worth = USUAL_TURN if loop == "heading" else USUAL_WAY
-        observer = float(tree.get("control", {}).get(loop, {}).get("observer", 0.0))
-        try:
-            found += lines(loop, design(vehicle, loop, worth, observer), worth)
-        except LindyError as why:
-            found.append(str(why))
-    return found
-
-
 identify = App(name="identify", help="Find inertia, drag, buoyancy and lag in a dive.")
 
 AxesOption = Annotated[
@@ -272,9 +245,6 @@ def recording_(
     ] = None,
     axes: AxesOption = "heave,yaw,surge,sway",
     vehicle: VehicleOption = None,
-    net_buoyancy: Annotated[
-        float | None, Parameter(help="[N] as weighed in water: tells the scale of the thrust, too")
-    ] = None,
     check: Annotated[
         Path | None, Parameter(help="another dive, which both vehicle files predict")
     ] = None,
@@ -286,27 +256,22 @@ def recording_(
 
     Example: lindy identify dives/latest --out mine.toml --check dives/other
     """
-    if net_buoyancy is not None and not (isfinite(net_buoyancy) and net_buoyancy != 0.0):
-        raise LindyError(f"--net-buoyancy is {net_buoyancy:g}, expected a number of N other than 0")
     if out is not None:
         refuse_existing(out)
     if sys.stderr.isatty():
         print("lindy: reads and fits, which may take minutes", file=sys.stderr, flush=True)
     found = identify_dive(recording, vehicle, _axes(axes, motion_model.AXES))
     exact = identified(found.fit, found.start)
-    scale = None if net_buoyancy is None else thrust_scale(found.fit, net_buoyancy)
-    notes = list(remarks(found.fit, exact, scale))
+    notes = remarks(found.fit, exact)
     new = rounded(exact)
-    gains = proposed(new, found.fit.axes, found.file.tree)
     compared = None
     if check is not None:
         other = read_dive(check, found.file)
         compared = compare(other, found.file.vehicle, new, found.file.wake_share, check)
     if out is not None:
         why = f"identified from {recording.resolve().name}"
-        text = rewritten(found.file, new, why) + "\n" + "".join(f"# {line}\n" for line in gains)
-        write_fresh(out, text.encode())
-    print("\n".join([as_table(list(rows(found.fit, found.start))), "", *notes, "", *gains]))
+        write_fresh(out, rewritten(found.file, new, why).encode())
+    print("\n".join([*as_table(rows(found.fit, found.start)), "", *notes]))
     if compared is not None:
         before, after = compared.before, compared.after
         print(

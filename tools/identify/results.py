@@ -3,7 +3,7 @@ words."""
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from math import exp, sqrt
 from typing import Any, NamedTuple
 
@@ -32,6 +32,7 @@ from tools.identify.motion_model import (
 )
 from tools.recordings.dive_file import vehicle_attached
 from tools.recordings.recording import Recording
+from tools.text_table import aligned
 
 HEADING = re.compile(r"\s*\[+\s*([\w.]+)\s*\]+")
 SIXES = ("added_mass", "linear_damping", "quadratic_damping")
@@ -202,13 +203,6 @@ class ResultRow(NamedTuple):
     file: float  # of the vehicle file
 
 
-class ThrustScale(NamedTuple):
-    """[-] Real thrust over that of the vehicle file, from a net buoyancy that was weighed."""
-
-    value: float
-    std: float
-
-
 def rows(found: Fit, start: Beginning) -> Iterator[ResultRow]:
     """Only what was fitted."""
     std = [sqrt(max(0.0, v)) for v in found.covariance.diagonal().tolist()]
@@ -251,26 +245,9 @@ def identified(found: Fit, start: Beginning) -> Vehicle:
     )
 
 
-def thrust_scale(found: Fit, weighed: float) -> ThrustScale | None:
-    """In heave the same fit holds for k times the thrust with k times the buoyancy, inertia and
-    drag, so a known buoyancy [N] tells k. None: heave was not fitted."""
-    value = float(found.x[BUOYANCY])
-    if "heave" not in found.axes or value == 0.0:
-        return None
-    scale = weighed / value
-    return ThrustScale(scale, abs(scale / value) * sqrt(found.covariance[BUOYANCY, BUOYANCY]))
-
-
-def remarks(found: Fit, vehicle: Vehicle, scale: ThrustScale | None) -> Iterator[str]:
+def remarks(found: Fit, vehicle: Vehicle) -> Iterator[str]:
     """What to know about the numbers, a sentence each."""
-    if scale is None:
-        yield ASSUMED
-    else:
-        yield (
-            f"with the net buoyancy as weighed, thrust is {scale.value:.3f} ± {scale.std:.3f} "
-            "times the vehicle file's; the numbers are in newtons of the file all the same, as the "
-            "commands are"
-        )
+    yield ASSUMED
     for name, (inertia, drag) in found.refused.items():
         if name == "lag":
             yield f"thruster lag: kept as in the file; told to within {100 * inertia:.0f} % only"
@@ -305,18 +282,11 @@ def weakly(inertia: float, drag: float) -> str:
     )
 
 
-def as_table(every: list[ResultRow]) -> str:
+def as_table(every: Iterable[ResultRow]) -> list[str]:
     """Value, standard deviation, file."""
-    cells = [("", "value", "± std", "file", "")]
+    cells = [("", "", "value", "± std", "file")]
     cells += [
-        (row.name, f"{row.value:.4g}", f"{row.std:.2g}", f"{row.file:.4g}", row.unit)
+        (row.name, row.unit, f"{row.value:.4g}", f"{row.std:.2g}", f"{row.file:.4g}")
         for row in every
     ]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines: list[str] = []
-    for name, value, std, file, unit in cells:
-        numbers = [
-            cell.rjust(width) for cell, width in zip((value, std, file), widths[1:4], strict=True)
-        ]
-        lines.append("  ".join([name.ljust(widths[0]), *numbers, unit]).rstrip())
-    return "\n".join(lines)
+    return aligned(cells, left=2)

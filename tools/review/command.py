@@ -4,9 +4,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
 from html import escape
-from io import StringIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, NamedTuple
 
 import msgspec
@@ -16,64 +14,20 @@ from cyclopts import Parameter
 from messages import topics
 from messages.text import harmless
 from services.runtime.config.errors import LindyError
-from services.runtime.hosts.registry import Registry
-from tools.choices import Choices, Json, Overrides, named
+from tools.choices import Json, Overrides, named
 from tools.exit_status import DONE, LOST
 from tools.fresh import free_name, refuse_existing, write_fresh
-from tools.identify.command import identify_dive
-from tools.identify.results import identified, rewritten, rounded
 from tools.importing.command import import_log
 from tools.importing.rosbag_file import is_rosbag
-from tools.live.cockpit import VIEWER
-from tools.log.sticks import as_csv, sticks_of
 from tools.packages import require_package
-from tools.recordings.recording import Recording, open_recording
+from tools.recordings.recording import open_recording
 from tools.replay.source import ReplaySource, remarks
 from tools.review.estimated import Measurement, MeasurementSection, estimate, plain
 from tools.review.estimation import EstimationSection, ReviewedEstimation
-from tools.review.recorded import Recorded, read
+from tools.review.recorded import read
 from tools.review.section import ReviewSection
 from tools.review.sensors import AxisVibration, SensorSection, SensorStream, VibrationSection
-from tools.review.stops import ReviewedStop, StopSection, StopsWithLindySection, reviewed_stops
-from tools.simulate import simulated
-
-
-def stops_with_lindy(path: Path, recording: Recording, begin_ns: int) -> list[ReviewedStop] | str:
-    """
-    Args:
-        path: of the recording, as the user has named it.
-        begin_ns: [ns] of this recording, from which times count, by the clock of its stamps.
-
-    Returns:
-        A sentence: what is missing in this recording for it.
-    """
-    try:
-        found = identify_dive(path, opened=recording)
-        vehicle = rounded(identified(found.fit, found.start))
-        text = rewritten(found.file, vehicle, "identified")
-        with TemporaryDirectory(prefix="lindy-") as name:
-            folder = Path(name)
-            file, script = folder / "identified.toml", folder / "sticks.csv"
-            file.write_text(text, encoding="utf-8")
-            sticks = sticks_of(recording, f"{folder}/")
-            for each, course in sticks.paths.items():
-                Path(each).write_text(course, encoding="utf-8")
-            script.write_text(as_csv(sticks, "the recorded sticks"), encoding="utf-8")
-            choices = Choices(pilot=f"script:{script}", vehicle=str(file), out=folder / "dive")
-            with redirect_stdout(StringIO()):
-                simulated(choices, running=[each for each in Registry.read() if each != VIEWER])
-            flown = read(folder / "dive")
-            # Both tables count from the beginning of the reviewed recording.
-            again = sticks_of(flown.source.recording)
-            later = (sticks.began_ns - begin_ns - again.began_ns + flown.begin_ns) / 1e9
-    except LindyError as error:
-        return f"Lindy on this vehicle cannot be simulated from this dive: {error}."
-    stops = reviewed_stops(
-        flown.dive, flown.own, flown.sensors.get("sensor/imu"), flown.settings.reference,
-        flown.armed,
-    ).stops  # fmt: skip
-    return [msgspec.structs.replace(stop, t=round(stop.t + later, 3)) for stop in stops]
-
+from tools.review.stops import ReviewedStop, StopSection, reviewed_stops
 
 SHOWN = 3  # keys that a sentence names
 STYLE = """
@@ -103,7 +57,6 @@ class Review(msgspec.Struct, kw_only=True, frozen=True):
     vibration: list[AxisVibration]
     estimation: ReviewedEstimation
     stops: list[ReviewedStop]
-    stops_with_lindy: list[ReviewedStop]  # the same sticks on the identified vehicle, simulated
     measurements: list[Measurement]
     missing: dict[str, list[str]]  # section: what it lacks, in sentences
     remarks: list[str]  # what a reader should know of the recording
@@ -116,12 +69,11 @@ class Reviewed(NamedTuple):
     source: ReplaySource
 
 
-def reviewed(path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False) -> Reviewed:
+def reviewed(path: Path, overrides: tuple[str, ...] = ()) -> Reviewed:
     """
     Args:
         path: a recording of Lindy.
         overrides: key.path=value into the vehicle file, besides those of the dive.
-        quick: the vehicle is not identified, and nothing flown again.
 
     Raises:
         LindyError: not a recording of Lindy, nothing in it, or wrong settings.
@@ -138,7 +90,6 @@ def reviewed(path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False
         estimation := EstimationSection(recorded, estimated),
         stops := StopSection(found),
         measurements := MeasurementSection(estimated),
-        flown := StopsWithLindySection(_with_lindy(path, recorded, quick=quick)),
     )
     about, keys = recorded.source.about, sorted(recorded.source.recording.unreadable)
     more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
@@ -154,7 +105,6 @@ def reviewed(path: Path, overrides: tuple[str, ...] = (), *, quick: bool = False
         vibration=vibration.axes,
         estimation=estimation.found,
         stops=stops.stops,
-        stops_with_lindy=flown.stops,
         measurements=measurements.measurements,
         missing={section.key: section.missing for section in sections if section.missing},
         remarks=[*remarks(recorded.source), *unread],
@@ -195,8 +145,7 @@ def _dive(found: Review, vibration: VibrationSection) -> str:
 def _missing(found: Review) -> Iterator[str]:
     """What the other sentences do not say, each once."""
     lacking = dict.fromkeys(
-        # Which messages were too few is for the section.
-        f"{line.split(': ')[0].rstrip('.')}." if key == "stops_with_lindy" else line
+        line
         for key, lines in found.missing.items()
         # That nothing was compared follows from what the estimation lacks.
         if not (key == "measurements" and "estimation" in found.missing)
@@ -204,17 +153,6 @@ def _missing(found: Review) -> Iterator[str]:
     )
     if lacking:
         yield f"Not in this dive: {plain(' '.join(lacking))}"
-
-
-def _with_lindy(path: Path, recorded: Recorded, *, quick: bool) -> list[ReviewedStop] | str:
-    if quick:
-        return "Your sticks were not flown again, as --quick asks."
-    print(
-        "lindy: identifies the vehicle and flies it again, which may take minutes",
-        file=sys.stderr,
-        flush=True,
-    )
-    return stops_with_lindy(path, recorded.source.recording, recorded.begin_ns)
 
 
 RECORDING = ".mcap"
@@ -245,13 +183,6 @@ def review(
     vehicle: Annotated[
         str | None, Parameter(help="as `lindy import` takes it, for a log of another program")
     ] = None,
-    quick: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="leave out what takes longest: identifying the vehicle and flying its stops again",
-        ),
-    ] = False,
     set_: Overrides = (),
     json: Json = False,
 ) -> int:
@@ -273,7 +204,7 @@ def review(
             raise LindyError(f"--out {out}: expected a name that ends in .html")
         refuse_existing(out)
     recording = _recording(file, map_, vehicle)
-    found = reviewed(recording, tuple(set_), quick=quick)
+    found = reviewed(recording, tuple(set_))
     if writes:
         folder = recording if recording.is_dir() else recording.parent
         place = out or free_name(folder, "review", ".html")

@@ -28,49 +28,21 @@ if TYPE_CHECKING:
 
 ESTIMATION = "estimation"
 FAMILY = topics.AIDING.key[:-1]
-COMPARED = StreamFigures(
-    topics.AIDING, ("stamp_ns", "samples", "innovation", "spread", "variance", "rejected")
-)
-TOGETHER_S = 0.5  # [s] innovations further apart say nothing of each other
-
-
+COMPARED = StreamFigures(topics.AIDING, ("stamp_ns", "samples", "rejected"))
 MEANS = {
     "hull": "level acceleration by thrust and drag",
     "rest": "gyroscope's bias at rest",
 }
 
 
-class Innovations(NamedTuple):
+class AidUse(NamedTuple):
     """One aid source over time; arrays (n,) of its messages, at most ten a second."""
 
     t: Array  # [s] since the recording began
     samples: Array
-    innovation: Array  # [unit] mean; NaN: no sample was compared
-    square: Array  # [unit²] mean of the innovations squared
-    variance: Array  # [unit²] expected of one innovation
     rejected: Array  # [-] share of its samples
     reasons: Counter[str]  # event: messages that name it
     verdicts: Counter[str]  # event: messages in which the sensor was not used
-
-    @property
-    def lag_one(self) -> float | None:
-        """[-] Correlation of each innovation with the next, 0 of white ones. None: too few."""
-        e, t = self.innovation, self.t
-        near = np.isfinite(e[:-1]) & np.isfinite(e[1:]) & (np.diff(t) < TOGETHER_S)
-        if np.count_nonzero(near) < 20:
-            return None
-        square = float(np.mean(e[np.isfinite(e)] ** 2))
-        return round(float(np.mean(e[:-1][near] * e[1:][near])) / square, 3) if square else None
-
-    @property
-    def spread_ratio(self) -> float | None:
-        """[-] Innovations over what was expected of them, both root mean square; 1 as stated."""
-        known, count = np.isfinite(self.innovation), self.samples
-        if not known.any():
-            return None
-        expected = float(np.average(self.variance[known], weights=count[known]))
-        square = float(np.average(self.square[known], weights=count[known]))
-        return round(float(np.sqrt(square / expected)), 3) if expected > 0.0 else None
 
     def measurement(self, name: str) -> "Measurement":
         events = dict([*self.reasons.most_common(), *self.verdicts.most_common()])
@@ -78,8 +50,6 @@ class Innovations(NamedTuple):
             name=name,
             samples=int(self.samples.sum()),
             rejected=round(float(np.average(self.rejected, weights=self.samples)), 4),
-            lag_one=self.lag_one,
-            spread_ratio=self.spread_ratio,
             not_used=round(self.verdicts.total() / len(self.t), 4),
             reasons=dict(self.reasons.most_common()),
             words=[sentence(event) for event in events],  # the commonest first
@@ -92,8 +62,6 @@ class Measurement(msgspec.Struct, kw_only=True, frozen=True):
     name: str
     samples: int
     rejected: float  # [-] share of all samples
-    lag_one: float | None  # [-] correlation of each innovation with the next; None: too few
-    spread_ratio: float | None  # [-] innovations over what was expected of them; None: none
     not_used: float  # [-] share of its messages in which the sensor was not used
     reasons: dict[str, int]  # event: messages with samples that were rejected for it
     words: list[str]  # the same events as sentences
@@ -107,7 +75,7 @@ def in_words(name: str) -> str:
 
 class Estimated(NamedTuple):
     track: Track | None  # None: no state at all
-    innovations: dict[str, Innovations]
+    aids: dict[str, AidUse]
     calibrating_s: float  # [s] until it ran; the whole time, where it never did
     blocked_by: str  # event that kept the calibration from ending, last; empty: none
     troubles: Counter[str]  # event: states that name it
@@ -173,21 +141,17 @@ class _Heard:
         first = self._begin if self._first_ns is None else self._first_ns
         return Estimated(
             track=track(self._states.columns(self._begin)),
-            innovations={name: self._innovations(name) for name in self._sources},
+            aids={name: self._use(name) for name in self._sources},
             calibrating_s=max(0.0, (until - first) / 1e9),
             blocked_by=self._blocked,
             troubles=self._troubles,
         )
 
-    def _innovations(self, name: str) -> Innovations:
+    def _use(self, name: str) -> AidUse:
         columns = self._sources[name].columns(self._begin)
-        innovation = columns["innovation"]
-        return Innovations(
+        return AidUse(
             t=columns["stamp_ns"] / 1e9,
             samples=columns["samples"],
-            innovation=innovation,
-            square=innovation**2 + np.nan_to_num(columns["spread"]) ** 2,
-            variance=columns["variance"],
             rejected=columns["rejected"],
             reasons=self._reasons[name],
             verdicts=self._verdicts[name],
@@ -199,7 +163,7 @@ class MeasurementSection(ReviewSection):
 
     def __init__(self, estimated: Estimated) -> None:
         """Where the estimation never ran, nothing was compared; its own section says why."""
-        self._found = estimated.innovations if estimated.runs else {}
+        self._found = estimated.aids if estimated.runs else {}
         never = "Nothing was compared, because the estimation never ran."
         super().__init__([] if self._found else [never])
         self.measurements = [each.measurement(name) for name, each in self._found.items()]
@@ -223,12 +187,10 @@ class MeasurementSection(ReviewSection):
         if not self.measurements:
             return ""
         rows = [
-            (in_words(m.name), m.samples, m.rejected, m.not_used, m.lag_one, m.spread_ratio,
-             "; ".join(m.words))
+            (in_words(m.name), m.samples, m.rejected, m.not_used, "; ".join(m.words))
             for m in self.measurements
-        ]  # fmt: skip
-        heads = ("measured", "samples", "rejected", "not used", "correlation", "over expected",
-                 "why")  # fmt: skip
+        ]
+        heads = ("measured", "samples", "rejected", "not used", "why")
         return (
             paragraph("The share of each measurement that was used, over time: 1 all, 0 none.")
             + image(self._used(), "Share of each measurement used over time")

@@ -126,7 +126,7 @@ class EstimationSection(ReviewSection):
             compared = beside(self._ours, self._own)
             headings = any(each.name == "heading" for each in compared)
             if len(self._own.known("bearing")[0]) and not headings:
-                has = "compass" in estimated.innovations
+                has = "compass" in estimated.aids
                 no = "there is no compass, and gyroscopes alone drift"
                 why = "the compass was rejected" if has else no
                 self.missing.append(f"Heading: not known: {why}.")

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from messages import topics
-from messages.sensors import ImuSample
+from messages.message import Message
+from messages.sensors import DvlSample, ImuSample, MagnetometerSample, PressureSample
 from messages.vehicle import VehicleEstimate, VehicleStatus
 from services.estimation.settings import Settings as EstimationSettings
 from services.marine.vehicle import Vehicle
@@ -25,8 +26,8 @@ PAUSE = 3.0  # [-] a longer period, in usual ones, is a pause
 WATER = 1000.0  # [kg/m³] for the pressure's lever arm, centimetres
 TOGETHER_S = 0.5  # [s] no value is taken from over a longer pause
 UNKNOWN_STD = 0.5  # [rad] of a heading that is as good as not known
-NOTHING = (None,) * 6
 VALUES = ("p", "q", "r", "x", "y", "z", "pressure")  # of the IMU at the origin, and in Pa
+REPEATED = "repeated"
 ESTIMATES = (
     *("roll", "pitch", "heading", "depth", "depth_rate", "depth_acceleration", "yaw_rate"),
     *("surge_velocity", "sway_velocity"),
@@ -150,7 +151,8 @@ class SensorColumns(NamedTuple):
     stamp: Array  # (n,) [s]
     arrival: Array  # (n,) [s] by the recorder's clock
     values: Array  # (n, k); of the IMU rate [rad/s] and force [m/s²], FRD; of pressure [Pa]
-    not_newer: int  # samples left out: stamped no later than one before them
+    not_newer: int = 0  # samples left out: stamped no later than one before them
+    repeated: int = 0  # samples that say the same as the one before
 
     @property
     def per_second(self) -> float:
@@ -231,26 +233,41 @@ def digits(value: float, count: int = 3) -> float:
 
 
 def _sensors(origin: AtOrigin) -> list[StreamFigures]:
-    """Every sensor's stamps, and the figures of IMU and pressure."""
-    newest_ns = -1
+    """Every sensor's stamps and repeats, and the values of IMU and pressure."""
+    names = {topics.IMU.key: VALUES[:6], topics.PRESSURE.key: VALUES[6:]}
+    return [
+        StreamFigures(topic, ("stamp_ns",), (REPEATED, *named), NewerSamples(origin, len(named)))
+        for topic in topics.ALL
+        if topic.key.startswith("sensor/")
+        for named in [names.get(topic.key, ())]
+    ]
 
-    def imu(sample: ImuSample) -> Figures:
-        nonlocal newest_ns
-        if sample.stamp_ns <= newest_ns:
-            return NOTHING
-        newest_ns = sample.stamp_ns
-        at_origin = origin.imu(sample)
-        return *at_origin.angular_rate, *at_origin.specific_force
 
-    found: list[StreamFigures] = []
-    for topic in topics.ALL:
-        if topic is topics.IMU:
-            found.append(StreamFigures(topic, ("stamp_ns",), VALUES[:6], imu))
-        elif topic is topics.PRESSURE:
-            found.append(StreamFigures(topic, ("stamp_ns", "pressure")))
-        elif topic.key.startswith("sensor/"):
-            found.append(StreamFigures(topic, ("stamp_ns",)))
-    return found
+class NewerSamples:
+    """Of each sample that is newer than all before: does it measure the same again, as `lindy
+    import` asks, and its values."""
+
+    def __init__(self, origin: AtOrigin, count: int) -> None:
+        self._origin, self._nothing = origin, (None,) * (1 + count)
+        self._newest_ns, self._before = -1, object()
+
+    def __call__(self, sample: Message) -> Figures:
+        if sample.stamp_ns <= self._newest_ns:
+            return self._nothing
+        measured, values = object(), ()
+        match sample:
+            case ImuSample():
+                at_origin = self._origin.imu(sample)
+                measured = sample.angular_rate, sample.specific_force
+                values = *at_origin.angular_rate, *at_origin.specific_force
+            case PressureSample(pressure=pressure):
+                measured, values = pressure, (pressure,)
+            case MagnetometerSample(field=measured) | DvlSample(velocity=(_, _, _) as measured):
+                pass
+            case _:
+                pass
+        same, self._newest_ns, self._before = measured == self._before, sample.stamp_ns, measured
+        return same, *values
 
 
 def _samples(columns: StreamColumns) -> SensorColumns:
@@ -261,6 +278,7 @@ def _samples(columns: StreamColumns) -> SensorColumns:
         arrival=newer[ARRIVAL] / 1e9,
         values=np.column_stack(values) if values else np.zeros((newer.count, 0)),
         not_newer=columns.count - newer.count,
+        repeated=int(np.nansum(newer[REPEATED])),
     )
 
 

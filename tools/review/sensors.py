@@ -45,7 +45,7 @@ class SensorStream(msgspec.Struct, kw_only=True, frozen=True):
     late_ms: float  # [ms] median from stamp to arrival
     latest_ms: float  # [ms] in 99 of 100 cases below
     drift_ppm: float | None  # [1e-6] of the arrival against the stamp; None: too short
-    repeated: int  # samples with the same values as the one before; of IMU and pressure
+    repeated: int  # samples with the same values as the one before; of those that measure
     not_newer: int  # samples left out: stamped no later than one before
     remarks: list[str]
 
@@ -93,8 +93,6 @@ def _stream(key: str, columns: SensorColumns) -> SensorStream:
     drift = None
     if len(t) >= USUAL and t[-1] - t[0] >= LONG_ENOUGH_S:
         drift = digits(1e6 * float(np.polyfit(t, columns.arrival - t, 1)[0]), 4)
-    values = columns.values
-    same = np.all(values[1:] == values[:-1], axis=1) if values.shape[1] else np.empty(0)
     found = SensorStream(
         key=key,
         samples=len(t),
@@ -106,7 +104,7 @@ def _stream(key: str, columns: SensorColumns) -> SensorStream:
         late_ms=round(float(np.median(late)), 3),
         latest_ms=round(float(np.percentile(late, 99)), 3),
         drift_ppm=drift,
-        repeated=int(np.count_nonzero(same)),
+        repeated=columns.repeated,
         not_newer=columns.not_newer,
         remarks=[],
     )
@@ -124,8 +122,8 @@ def _remarks(stream: SensorStream) -> list[str]:
         said.append(f"its clock drifts by {stream.drift_ppm:.0f} millionths")
     if stream.late_ms < 0.0:
         said.append("stamped later than it arrived")
-    if stream.repeated > stream.samples / 10:
-        said.append(f"{stream.repeated / stream.samples:.0%} repeat the values before")
+    if stream.repeated:
+        said.append(f"the same values again ({stream.repeated})")  # as `lindy import` says it
     if stream.not_newer:
         said.append(f"{stream.not_newer} not newer than the one before, left out")
     return said

@@ -337,27 +337,6 @@ class StopSection(ReviewSection):
         )  # fmt: skip
 
 
-class StopsWithLindySection(ReviewSection):
-    key, heading = "stops_with_lindy", "Your stops with Lindy in control"
-
-    def __init__(self, found: Sequence[ReviewedStop] | str) -> None:
-        """
-        Args:
-            found: or what is missing for them.
-        """
-        super().__init__([found] if isinstance(found, str) else [])
-        self.stops = [] if isinstance(found, str) else [*found]
-
-    def html(self) -> str:
-        if not self.stops:
-            return ""
-        return paragraph(
-            "Your sticks flown again in simulation, by Lindy, on the vehicle that was identified "
-            "from this dive. The simulated water is still. Times count from the "
-            "beginning of your recording, as in the table above."
-        ) + stop_table(self.stops)
-
-
 def stop_table(stops: Sequence[ReviewedStop]) -> str:
     units = {axis.name: axis.unit for axis in AXES}
 

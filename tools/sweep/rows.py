@@ -1,5 +1,4 @@
-"""One dive of a sweep as a row of a table: the values of the axes, and the report's figures. The
-table is CSV or Parquet."""
+"""One dive of a sweep as a row of a table: the values of the axes, and the report's figures."""
 
 import csv
 import io
@@ -9,8 +8,6 @@ import os
 import tomllib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from importlib import import_module
-from importlib.util import find_spec
 from math import degrees
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -20,7 +17,6 @@ import numpy as np
 from messages import events
 from services.runtime.config.disk import reason
 from services.runtime.config.errors import LindyError
-from services.runtime.config.extras import how_to_install
 from services.runtime.os import system
 from tools.analysis.stops import StopAxis
 from tools.fresh import write_fresh
@@ -30,7 +26,6 @@ from tools.sweep.axes import PlannedDive
 Cell = str | int | float | None
 Row = dict[str, Cell]  # by column
 CLEAN = "clean"
-SUFFIXES = (".csv", ".parquet")
 
 
 class Flown(NamedTuple):
@@ -82,29 +77,26 @@ FIGURES: dict[str, Figure] = {  # of a report, by a name with its unit
     "losses": lambda f: json.dumps(f.report.losses),
     "log_hash": lambda f: f.report.log_hash or None,
 }
-TEXTS = {"vehicle", "link", "pilot", "losses", "log_hash", "end", "folder"}
-WHOLE = {"dive", "seed", "depth_stops", "turn_stops", "failsafes"}
 
 
 def columns(settings: list[str]) -> list[str]:
     """Names of all columns."""
     axes = ("dive", "vehicle", "link", "pilot", "seed", *settings)
-    return [*axes, *FIGURES, "wall_s", "end", "folder"]
+    return [*axes, *FIGURES, "wall_s", "end"]
 
 
-def row_of(dive: PlannedDive, flown: Flown | None, end: str, wall_s: float, folder: str) -> Row:
+def row_of(dive: PlannedDive, flown: Flown | None, end: str, wall_s: float) -> Row:
     """
     Args:
         flown: None: there is no report, and `end` says why.
         end: `clean`, or the sentence with which the dive ended.
         wall_s: [s] that the dive took.
-        folder: with its files; empty: none.
     """
     vehicle, link, pilot, settings = dive.combination
     row: Row = {"dive": dive.number, "vehicle": vehicle, "link": link, "pilot": pilot}
     row |= {"seed": dive.seed, **dict(map(_setting, settings))}
     row |= {n: None if flown is None else _finite(of(flown)) for n, of in FIGURES.items()}
-    return row | {"wall_s": round(wall_s, 3), "end": end, "folder": folder or None}
+    return row | {"wall_s": round(wall_s, 3), "end": end}
 
 
 def _setting(assignment: str) -> tuple[str, Cell]:
@@ -122,27 +114,11 @@ def _finite(cell: Cell) -> Cell:
     return None if isinstance(cell, float) and not math.isfinite(cell) else cell
 
 
-def check_table(out: Path) -> None:
-    """
-    Raises:
-        LindyError: this kind of table cannot be written here.
-    """
-    if out.suffix not in SUFFIXES:
-        raise LindyError(f"--out {out}: expected a name that ends in {' or '.join(SUFFIXES)}")
-    if out.suffix == ".parquet" and find_spec("pyarrow") is None:
-        raise LindyError(
-            f"--out {out} needs pyarrow, which is not installed; {how_to_install('tables')}; "
-            "a table .csv needs nothing"
-        )
-
-
-def encoded(rows: Sequence[Row], settings: list[str], suffix: str) -> bytes:
+def encoded(rows: Sequence[Row], settings: list[str]) -> bytes:
     """
     Args:
         settings: keys of the axes of --set.
     """
-    if suffix == ".parquet":
-        return _parquet(rows, settings)
     text = io.StringIO()
     writer = csv.DictWriter(text, columns(settings), lineterminator="\n")
     writer.writeheader()
@@ -155,31 +131,12 @@ def require_unedited(table: Path, rows: Sequence[Row], settings: list[str]) -> N
     Raises:
         LindyError: the table has a line that no sweep has written: somebody edited it.
     """
-    if table.suffix != ".csv" or not table.exists():
-        return
-    ours = set(encoded(rows, settings, table.suffix).splitlines())
-    if not ours.issuperset(table.read_bytes().splitlines()):
+    ours = set(encoded(rows, settings).splitlines())
+    if table.exists() and not ours.issuperset(table.read_bytes().splitlines()):
         raise LindyError(
             f"cannot write {table}: it is not as the sweep wrote it; move it, and the same "
             "command writes it anew"
         )
-
-
-def _parquet(rows: Sequence[Row], settings: list[str]) -> bytes:
-    """A setting is a number if all its values are."""
-    pyarrow: Any = import_module("pyarrow")  # it has no types
-    parquet: Any = import_module("pyarrow.parquet")
-    arrays: dict[str, Any] = {}
-    for name in columns(settings):
-        cells = [row.get(name) for row in rows]
-        if name in settings and not all(isinstance(cell, int | float) for cell in cells):
-            arrays[name] = pyarrow.array([None if c is None else str(c) for c in cells])
-            continue
-        kind = pyarrow.int64() if name in WHOLE else pyarrow.float64()
-        arrays[name] = pyarrow.array(cells, pyarrow.string() if name in TEXTS else kind)
-    buffer = pyarrow.BufferOutputStream()
-    parquet.write_table(pyarrow.table(arrays), buffer)
-    return buffer.getvalue().to_pybytes()
 
 
 SUFFIX = ".rows.jsonl"

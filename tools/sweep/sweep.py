@@ -5,6 +5,8 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import msgspec
 from rich.console import Console
@@ -13,26 +15,29 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from messages.version import VERSION
 from services.runtime.config.errors import EndedByUserError, LindyError
 from services.runtime.config.settings import deploy_file
+from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.os import system
 from services.tether.io.profile_file import named
-from tools.checks import checked, pilot_of
+from tools.checks import checked, pilot_of, read_besides
 from tools.choices import Choices, NewFile, NewPicture, Overrides, StackName, Whole
 from tools.fresh import require_picture, write_fresh
+from tools.live.dive_timeline import DiveTimeline
+from tools.live.outcome import Outcome
 from tools.live.stop_signals import StopSignals
-from tools.live.virtual_dive import without_files
-from tools.sweep.all_cores import on_all_cores
-from tools.sweep.axes import SweepAxes, axes
-from tools.sweep.one_dive import Job, fly_one
+from tools.live.virtual_dive import INTERRUPTED, MemoryRecorder, fly, without_files
+from tools.sweep.all_cores import asked_to_stop, on_all_cores
+from tools.sweep.axes import PlannedDive, SweepAxes, axes
 from tools.sweep.rows import (
     CLEAN,
     About,
     FinishedDives,
+    Flown,
     Row,
-    check_table,
     drawn,
     encoded,
     require_unedited,
+    row_of,
     rows_file,
 )
 
@@ -48,7 +53,57 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     stack: str
     seconds: float | None  # [s] after arming
     workers: int | None
-    record: bool
+
+
+class Job(NamedTuple):
+    """What a worker needs to fly one dive."""
+
+    dive: PlannedDive
+    stack: str  # a name or a file, as --stack
+    seconds: float | None  # [s] after arming
+
+
+def fly_one(job: Job) -> Row | None:
+    """The row of a dive, whatever happens in it; None: it was interrupted."""
+    if asked_to_stop():
+        return None
+    began, flown = time.perf_counter(), None
+    try:
+        with TemporaryDirectory(prefix="lindy-") as folder:  # for a service that writes files
+            flown = _flown(job, folder)
+        end = flown.report.exit
+    except LindyError as error:
+        end = str(error)
+    except Exception as error:  # a mistake in one dive does not end the others
+        end = f"an error in this dive: {type(error).__name__}: {error}"
+    if end == INTERRUPTED:
+        return None
+    return row_of(job.dive, flown, " ".join(end.split()), time.perf_counter() - began)
+
+
+def _flown(job: Job, folder: str) -> Flown:
+    combination = job.dive.combination
+    pilot = pilot_of(combination.pilot)
+    services = without_files(Registry.read(job.stack))
+    stack = Stack(
+        vehicle=combination.vehicle,
+        link=combination.link,
+        pilot=pilot.name,
+        seed=job.dive.seed,
+        overrides=list(combination.settings),
+        services=job.stack,
+        running=list(services),
+        seconds=job.seconds,
+        virtual=True,
+        out=folder,
+    )
+    besides = read_besides(stack, pilot.incidents, pilot.courses)
+    stack = msgspec.structs.replace(stack, read_besides=besides)
+    outcome, memory = Outcome(stack), MemoryRecorder()
+    timeline = DiveTimeline(pilot.script_s, job.seconds)
+    fly(stack, services, timeline, outcome, stop=asked_to_stop, memory=memory)
+    dive = memory.dive()
+    return Flown(outcome.report_in_memory(dive, memory.log_hash()), dive.max_depth_m)
 
 
 def sweep(
@@ -62,7 +117,6 @@ def sweep(
     stack: StackName = "simulated",
     seconds: float | None = None,
     workers: Whole | None = None,
-    record: bool = False,
     picture: NewPicture = None,
 ) -> int:
     """Simulate many dives on all cores, into one table.
@@ -72,12 +126,12 @@ def sweep(
     After an interruption the same command goes on with what is missing.
 
     Example: lindy sweep --seed 1..100 --set control.depth.kp=20,40 --out kp.csv
-             lindy sweep --vehicle pioneer,minerva --link tether,severe --seed 1..20 --out v.parquet
+             lindy sweep --vehicle pioneer,minerva --link tether,severe --seed 1..20 --out v.csv
 
     Parameters
     ----------
     out
-        the table: .csv, or .parquet with the extra `tables`; the finished dives are beside it
+        the table, .csv; the finished dives are beside it
     seed
         of everything random in simulator and link: 7, 1,2,5 or 1..100
     set_
@@ -94,16 +148,15 @@ def sweep(
         end each dive this long after arming
     workers
         processes; default: one for each core
-    record
-        keep a folder with recording and report of each dive, beside the table
     picture
         a new PNG: the main figures of each combination of the axes
     """
     wanted = Wanted(
         axes=axes(vehicle, link, pilot, set_, seed),
-        out=out, stack=stack, seconds=seconds, workers=workers, record=record,
+        out=out, stack=stack, seconds=seconds, workers=workers,
     )  # fmt: skip
-    check_table(out)
+    if out.suffix != ".csv":
+        raise LindyError(f"--out {out}: expected a name that ends in .csv")
     if picture is not None:
         require_picture(picture, "--picture")
     if workers is not None and workers < 1:
@@ -163,7 +216,6 @@ def _checked(wanted: Wanted) -> About:
         "lindy": VERSION,
         "stack": wanted.stack,
         "seconds": wanted.seconds,
-        "record": wanted.record,
         **{f"--{n}": getattr(wanted.axes, n) for n in ("vehicle", "link", "pilot", "seed")},
         "--set": wanted.axes.settings,
         "files": files,
@@ -176,9 +228,8 @@ def _checksum(path: Path) -> str:
 
 def _fly(wanted: Wanted, finished: FinishedDives) -> bool:
     """Fly what is missing. Was it interrupted?"""
-    keep = str(wanted.out.with_name(f"{wanted.out.name}.dives")) if wanted.record else ""
     jobs = [
-        Job(dive, wanted.stack, wanted.seconds, keep)
+        Job(dive, wanted.stack, wanted.seconds)
         for dive in wanted.axes.dives()
         if dive.number not in finished.rows
     ]
@@ -223,7 +274,7 @@ def _progress(total: int, before: int) -> Generator[Callable[[int], None]]:
 def _write_table(wanted: Wanted, finished: FinishedDives) -> list[Row]:
     """Returns its rows, in the order of the dives."""
     rows = [finished.rows[number] for number in sorted(finished.rows)]
-    finished.replace_table(encoded(rows, list(wanted.axes.settings), wanted.out.suffix))
+    finished.replace_table(encoded(rows, list(wanted.axes.settings)))
     return rows
 
 

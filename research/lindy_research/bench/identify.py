@@ -8,6 +8,8 @@ unknown scale of the thrust is no error: it cannot be seen.
 import json
 import os
 from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
 from math import exp
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,19 +17,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lindy.api.dives import Stack
+from lindy.api.dives import Registry, Stack
 from lindy.api.laws import Settings as ReferenceSettings
 from lindy.api.vehicle import Vehicle, system_inertia
 from lindy_research.bench.table import Figure
 from services.simulator.hull import Hull, in_the_water
+from tools.choices import Choices
 from tools.identify.command import compare, identify_dive, read_dive
 from tools.identify.fit import drag_at
 from tools.identify.motion_model import AXES, LAG
 from tools.identify.plan import as_csv, plan
 from tools.identify.results import SURE, identified, rounded, rows
+from tools.live.cockpit import VIEWER
+from tools.simulate import simulated
 from tools.sweep.all_cores import in_order
-from tools.sweep.axes import Combination, PlannedDive
-from tools.sweep.one_dive import Job, fly_one
 
 VEHICLES, FIRST_SEED = 20, 401  # of the drawn vehicles; what was tuned, was tuned on others
 CHECKED = 4  # of them fly a second dive, too
@@ -187,12 +190,11 @@ def _fly(task: BenchTask, hull: Hull, pilot: str, name: str) -> Path:
         for key in hull.__struct_fields__
         if (value := getattr(hull, key)) is not None
     ]
-    combination = Combination("pioneer", "tether", pilot, (*settings, FLOOR))
     folder = Path(task.folder) / f"{task.seed}{name}"
-    row = fly_one(Job(PlannedDive(0, combination, task.seed), "simulated", None, str(folder)))
-    if row is None or row["end"] != "clean":
-        raise RuntimeError(f"a dive failed: {row}")
-    return folder / "dive-000000"
+    choices = Choices(pilot=pilot, set_=(*settings, FLOOR), seed=task.seed, out=folder)
+    with redirect_stdout(StringIO()):
+        simulated(choices, running=[each for each in Registry.read() if each != VIEWER])
+    return folder
 
 
 def _file() -> tuple[Vehicle, ReferenceSettings]:

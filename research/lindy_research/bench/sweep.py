@@ -9,7 +9,7 @@ from lindy_research.bench.real_dive import LINDY
 from lindy_research.bench.table import Figure
 from tools.sweep.all_cores import in_order
 from tools.sweep.axes import axes
-from tools.sweep.one_dive import Job, fly_one
+from tools.sweep.sweep import Job, fly_one
 
 DIVES, CALLS, WORKERS = 20, 4, 2  # dives of the sweep; of the calls, which are slower
 SECONDS = 60.0  # of each dive
@@ -41,7 +41,7 @@ def _minutes(seconds: float, dives: int) -> float:
 def _sweep() -> float:
     """[s]"""
     plan = axes(["pioneer"], ["tether"], ["script:first_dive"], [], [f"1..{DIVES}"])
-    jobs = [Job(dive, "simulated", SECONDS, "") for dive in plan.dives()]
+    jobs = [Job(dive, "simulated", SECONDS) for dive in plan.dives()]
     began = time.perf_counter()
     rows = in_order(fly_one, jobs, WORKERS)
     seconds = time.perf_counter() - began

@@ -15,12 +15,13 @@ from services.reference.settings import Settings
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import DEPLOY, convert
 from services.runtime.config.stack import Stack
+from tests.support.recorded import without_viewer
 from tools.__main__ import main
+from tools.choices import Choices
 from tools.identify.plan import AXES, PlanAxis, as_csv, plan
 from tools.identify.results import VehicleFile, rewritten, rounded
 from tools.recordings.recording import Raw, Recording
-from tools.sweep.axes import Combination, PlannedDive
-from tools.sweep.one_dive import Job, fly_one
+from tools.simulate import simulated
 
 pytestmark = pytest.mark.slow
 
@@ -39,11 +40,9 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("identify")
     sticks = folder / "sticks.csv"
     assert main(["identify", "plan", "--out", str(sticks)]) == 0
-    flown = PlannedDive(0, Combination("pioneer", "tether", f"script:{sticks}", HULL), 1)
-    row = fly_one(Job(flown, "simulated", None, str(folder)))
-    assert row is not None
-    assert row["end"] == "clean"
-    return folder / "dive-000000"
+    choices = Choices(pilot=f"script:{sticks}", set_=HULL, seed=1, out=folder / "dive")
+    assert simulated(choices, running=without_viewer()).status == 0
+    return folder / "dive"
 
 
 def test_the_numbers_of_another_hull_come_out_of_a_dive(

@@ -86,7 +86,7 @@ def test_a_log_of_another_program_is_imported_beside_it(
         assert found["imported_from"] == "00000042.BIN"
         assert (tmp_path / folder / "dive.mcap").exists()
         # Four seconds: it lacks nearly everything, and says so.
-        assert {"vibration", "stops_with_lindy", "measurements"} <= set(found["missing"])
+        assert {"vibration", "measurements"} <= set(found["missing"])
         assert "never got beyond calibrating" in found["missing"]["estimation"][0]
     assert log.read_bytes() == before
 
@@ -96,12 +96,12 @@ def test_the_short_version_is_in_words(tmp_path: Path, dive: Path) -> None:
     import_log(dataflash(tmp_path / "00000042.BIN"), map_=None, out=folder, vehicle=None)
     could = "By its sensors Lindy could have flown it"  # of thrusters and sticks nothing is said
     for recording, verdict in ((folder, "could not have flown it"), (dive, could)):
-        found = reviewed(recording, quick=True)
+        found = reviewed(recording)
         lines = found.short
         assert lines[0].startswith(f"The dive: {found.figures.seconds:.0f} s")
         assert verdict in lines[1]
         said = " ".join(lines)
-        assert not [odd for odd in (".;", "..", "sensor/", "with lindy:", "_") if odd in said]
+        assert not [odd for odd in (".;", "..", "sensor/", "_") if odd in said]
         assert said.count("no sticks") <= 1
 
 
@@ -117,19 +117,6 @@ def test_a_recording_that_is_cut_off_is_reviewed_as_far_as_it_goes(
         line for line in printed.splitlines() if "cut.mcap" in line and "written" not in line
     ][:1]
     assert remark.replace("'", "&#x27;") in (tmp_path / "review.html").read_text()
-
-
-def test_quick_flies_nothing_again(
-    dive: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def flown(*_: object) -> str:
-        raise AssertionError("flown again")
-
-    monkeypatch.setattr("tools.review.command.stops_with_lindy", flown)
-    assert review(dive, quick=True, json=True) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["stops_with_lindy"] == []
-    assert "--quick" in found["missing"]["stops_with_lindy"][0]
 
 
 @pytest.mark.slow

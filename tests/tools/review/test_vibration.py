@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from messages import topics
+from messages.sensors import DvlSample
 from services.estimation.core import AID_SOURCES
+from services.marine.mounting import Mounting
+from services.vehicle.mounting import AtOrigin
 from tools.review.estimated import MEANS, in_words
-from tools.review.recorded import SensorColumns
+from tools.review.recorded import NewerSamples, SensorColumns
 from tools.review.sensors import SensorSection, vibration
 
 RATE = 100.0
@@ -93,3 +97,10 @@ def test_what_no_owner_knows_is_explained() -> None:
     assert set(MEANS) < {name.partition("_")[0] for name in AID_SOURCES}
     assert in_words("hull_north") == "hull north (level acceleration by thrust and drag)"
     assert in_words("dvl_surge") == "dvl surge"
+
+
+def test_values_that_come_again_are_said_as_an_import_says_them() -> None:
+    again = DvlSample(stamp_ns=4, velocity=(0.1, 0.0, 0.0), std=0.01)
+    samples = [replace(again, stamp_ns=1, velocity=None), replace(again, stamp_ns=3), again]
+    newer = NewerSamples(AtOrigin(Mounting(), 1000.0), 0)
+    assert [newer(sample) for sample in (*samples, again)] == [(0,), (0,), (1,), (None,)]

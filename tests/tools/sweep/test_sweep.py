@@ -7,10 +7,13 @@ from pathlib import Path
 import pytest
 
 import tools.sweep.sweep as module
+from tests.support.recorded import without_viewer
 from tools.__main__ import main
+from tools.choices import Choices
+from tools.simulate import simulated
 from tools.sweep.axes import Combination, PlannedDive, axes
-from tools.sweep.one_dive import Job, fly_one
 from tools.sweep.rows import Row, columns, rows_file
+from tools.sweep.sweep import Job, fly_one
 
 STICKS = "t,surge,sway,heave,yaw\n0,0,0,0,0\n0.2,0,0,0.6,0.4\n1.5,0,0,0,0\n4,0,0,0,0\n"
 QUICK = "estimation.calibration.still_time=2"  # [s]
@@ -82,39 +85,16 @@ def test_a_dive_that_fails_is_a_row_and_the_exit_status_says_so(
 def test_the_row_is_the_report(script: str, tmp_path: Path):
     """Of the same dive, once in memory and once recorded."""
     dive = PlannedDive(3, Combination("pioneer", "severe", script, (QUICK,)), 5)
-    in_memory = fly_one(Job(dive, "simulated", None, ""))
-    recorded = fly_one(Job(dive, "simulated", None, str(tmp_path / "kept")))
+    in_memory = fly_one(Job(dive, "simulated", None))
     assert in_memory is not None
-    assert recorded is not None
-    folder = recorded.pop("folder")
-    assert in_memory.pop("folder") is None
-    assert in_memory.pop("wall_s") != recorded.pop("wall_s")
-    assert in_memory == recorded
-    report = json.loads((Path(str(folder)) / "report.json").read_bytes())
+    kept = tmp_path / "kept"
+    choices = Choices(set_=(QUICK,), seed=5, link="severe", pilot=script, out=kept)
+    simulated(choices, running=without_viewer())
+    report = json.loads((kept / "report.json").read_bytes())
     assert in_memory["log_hash"] == report["log_hash"]
     assert in_memory["energy_wh"] == report["energy"]["wh"]
     assert in_memory["depth_error_rms_m"] == report["depth_error_rms_m"]
     assert json.loads(str(in_memory["losses"])) == report["losses"]
-
-
-def test_parquet_has_the_same_rows_with_types(tmp_path: Path):
-    parquet = pytest.importorskip("pyarrow.parquet")
-    from tools.sweep.rows import encoded
-
-    names = columns(["control.depth.kp", "simulator.model"])
-    row: Row = dict.fromkeys(names)
-    rows: list[Row] = [
-        row | {"dive": 0, "seed": 1, "control.depth.kp": 2, "simulator.model": "a"},
-        row | {"dive": 1, "seed": 2, "control.depth.kp": 2.5, "simulator.model": 3},
-    ]
-    out = tmp_path / "x.parquet"
-    out.write_bytes(encoded(rows, ["control.depth.kp", "simulator.model"], ".parquet"))
-    table = parquet.read_table(out)
-    assert table.column_names == list(names)
-    assert table["seed"].to_pylist() == [1, 2]
-    assert table["control.depth.kp"].to_pylist() == [2.0, 2.5]
-    assert table["simulator.model"].to_pylist() == ["a", "3"]
-    assert table["energy_wh"].to_pylist() == [None, None]
 
 
 @pytest.mark.parametrize(
@@ -136,7 +116,7 @@ def test_parquet_has_the_same_rows_with_types(tmp_path: Path):
         (["--workers", "1.5"], "expected a whole number"),
         (["--stack", "nothing"], "unknown stack 'nothing'"),
         (["--wing", "3"], "--wing"),
-        (["--out", "x.xlsx"], "expected a name that ends in .csv or .parquet"),
+        (["--out", "x.xlsx"], "expected a name that ends in .csv"),
         (["--out", "/dev/null/x.csv"], "cannot write /dev/null/x.csv"),
     ],
 )
@@ -152,17 +132,6 @@ def test_a_mistake_is_one_sentence_before_the_first_dive(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_pyarrow_parquet_is_refused_with_what_installs_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
-    def absent(_name: str) -> None:
-        return None
-
-    monkeypatch.setattr("tools.sweep.rows.find_spec", absent)
-    assert main(["sweep", "--out", str(tmp_path / "x.parquet")]) == 1
-    assert "uv sync --extra tables" in capsys.readouterr().err
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("done", [0, 1])
 def test_ctrl_c_keeps_what_is_finished(
@@ -173,7 +142,7 @@ def test_ctrl_c_keeps_what_is_finished(
 
     def interrupted(wanted: module.Wanted, finished: module.FinishedDives) -> bool:
         for dive in list(wanted.axes.dives())[:done]:
-            row = fly_one(Job(dive, wanted.stack, wanted.seconds, ""))
+            row = fly_one(Job(dive, wanted.stack, wanted.seconds))
             assert row is not None
             finished.add(row)
         return True
