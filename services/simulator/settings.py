@@ -119,16 +119,10 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: bias drift
     gyro_drift_time: TimeConstant = 300.0  # [s] its correlation time
     gyro_noise: ImuNoise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
-    gyro_temperature: ImuNoise = 0.0  # [rad/s/K] 1σ per axis: the bias with the temperature
     gyro_step: ImuNoise = 0.0  # [rad/s] 0: unrounded
     accelerometer_bias: ImuNoise = 0.098  # [m/s²] 1σ per axis, 10 mg
     accelerometer_noise: ImuNoise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
-    accelerometer_temperature: ImuNoise = 0.0  # [m/s²/K] 1σ per axis: the bias with the temperature
     accelerometer_step: ImuNoise = 0.0  # [m/s²] 0: unrounded
-    # [K] by which the electronics are colder at the start than they will be; negative: the water
-    # cools them. The biases above are those of the start.
-    warm_up: Annotated[float, msgspec.Meta(ge=-60.0, le=60.0)] = 0.0
-    warm_up_time: TimeConstant = 300.0  # [s] until 63 % of it
     hard_iron: FieldNoise = 0.2e-6  # [T] 1σ per axis
     magnetometer_noise: FieldNoise = 0.2e-6  # [T] 1σ per axis and sample
     magnetometer_step: FieldNoise = 0.0  # [T] 0: unrounded

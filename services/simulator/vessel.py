@@ -23,7 +23,7 @@ from services.marine.hydrodynamics import (
 )
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY, Vehicle
-from services.simulator.hull import in_the_water, shifted_centres
+from services.simulator.hull import NOWHERE, in_the_water, lean
 from services.simulator.propulsion import SimulatedThrusters
 from services.simulator.settings import Settings
 from services.simulator.surroundings import Current, Surroundings
@@ -66,7 +66,7 @@ class Vessel:
         self._wave: WaveMotion | None = None  # at the hull; None: no waves that move it
         self._carried: Vec3 = (0.0, 0.0, 0.0)  # [m/s²] NED, of the hull by the water in the waves
         self.elapsed = 0.0  # [s]
-        self._shifted = shifted_centres(vehicle, hull)
+        self._leaning = hull if hull is not None and hull.gravity_shift != NOWHERE else None
         self._acceleration = equations_of_motion(vehicle, place.wake_share)
         self.propulsion = SimulatedThrusters(vehicle, thrust, hull.thrust_scale if hull else 1.0)
         self.around = Surroundings(place, vehicle.size, system_inertia(vehicle)[2], seed)
@@ -175,8 +175,8 @@ class Vessel:
         if self._wave is not None:
             depth += self._wave.rise
             tau = add(tau, self._wave_push(self._wave, depth, q_NB))
-        if self._shifted is not None:
-            tau = add(tau, self._shifted.moment(depth, q_NB))
+        if self._leaning is not None:
+            tau = add(tau, lean(self.vehicle, self._leaning, q_NB))
         return self._acceleration(depth, q_NB, nu, tau)
 
     def _look_around(self) -> None:

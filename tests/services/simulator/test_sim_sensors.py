@@ -177,24 +177,6 @@ def test_the_allan_deviation_has_the_slopes_of_noise_and_drift(sensor: str) -> N
         assert mean_allan(drift, hz, 9.45) == pytest.approx(0.617e-3, rel=0.15)
 
 
-def test_a_bias_follows_the_temperature_of_the_electronics() -> None:
-    place = perfect(
-        gyro_temperature=1e-3, accelerometer_temperature=1e-2, warm_up=20.0, warm_up_time=60.0
-    )  # fmt: skip
-    coefficients = list[float]()
-    for seed in range(60):
-        sensors = Sensors(place, seed)
-        start, middle, end = (
-            np.array((*(s := sensors.imu(at * 10**9, LEVEL, REST, REST)).angular_rate,
-                      *s.specific_force))
-            for at in (100, 160, 3700)
-        )  # fmt: skip
-        assert start == pytest.approx([0, 0, 0, 0, 0, -GRAVITY])
-        assert middle - start == pytest.approx((1.0 - np.exp(-1.0)) * (end - start), abs=1e-9)
-        coefficients += [*(end - start)[:3] / 20.0 / 1e-3, *(end - start)[3:] / 20.0 / 1e-2]
-    assert np.std(coefficients) == pytest.approx(1.0, rel=0.12)
-
-
 @law
 @given(st.floats(1e-4, 1e-2), st.floats(1e-3, 0.1))
 def test_an_imu_reads_whole_steps(gyro: float, force: float) -> None:
@@ -209,7 +191,7 @@ def test_an_imu_reads_whole_steps(gyro: float, force: float) -> None:
 
 def test_what_is_added_to_one_sensor_changes_no_other_number() -> None:
     plain = Sensors(Settings(), seed=3)
-    more = Sensors(Settings(accelerometer_temperature=1e-3, warm_up=5.0), seed=3)
+    more = Sensors(Settings(accelerometer_noise=3e-3), seed=3)
     a, b = plain.imu(10**9, LEVEL, REST, REST), more.imu(10**9, LEVEL, REST, REST)
     assert a.angular_rate == b.angular_rate
     assert plain.pressure(10**9, 3.0).pressure == more.pressure(10**9, 3.0).pressure
