@@ -213,7 +213,7 @@ def test_follow_reads_a_shipped_path_by_its_name_or_any_by_its_file(tmp_path: Pa
         ("fault port", "expected fault PART KIND"),
         ("fault port deaf", "KIND is 'deaf', expected one of none, dead"),
         ("fault port weak half", "VALUE is 'half', expected a finite number"),
-        ("link set", "expected link down"),
+        ("link set", "expected link set down"),
     ],
 )
 def test_a_mistake_in_an_event_is_named_with_its_line(cell: str, says: str):
@@ -247,9 +247,9 @@ def test_a_place_is_in_metres_and_a_mode_is_what_to_hold(cell: str, event: objec
         *(f"fault port {kind}" for kind in get_args(FaultKind)),
         "fault sensor/pressure biased -300",
         "fault all none",
-        "link down",
-        "link up",
-        "link profile severe",
+        "link set down",
+        "link set up",
+        "link set severe",
         "link set up.delay_ms=80 down.rate_kbit=256",
     ],
 )
@@ -257,6 +257,9 @@ def test_an_incident_reads_as_it_is_written(cell: str):
     found = event_of(cell)
     assert isinstance(found, Incident)
     assert in_words(found) == cell
+    assert (
+        event_of(cell.replace("set severe", "profile severe").replace("set down", "down")) == found
+    )
 
 
 def test_the_player_gives_each_once_and_apart_from_the_pilots_requests():
@@ -321,7 +324,7 @@ def test_each_is_asked_until_answered_or_given_up_and_both_failures_are_counted(
         ("fault prot dead", "there is no part 'prot'; did you mean 'port'?"),
         ("fault port weak", "weak needs a value from 0 to 1"),
         ("fault sensor/dvl silent", "there is no part 'sensor/dvl'"),
-        ("link profile acoustic", "acoustic cannot be flown: a command needs "),
+        ("link set acoustic", "acoustic cannot be flown: a command needs "),
         ("link set up.dealy_ms=1", "did you mean 'delay_ms'?"),
     ],
 )

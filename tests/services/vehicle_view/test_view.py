@@ -10,6 +10,7 @@ from messages import topics
 from messages.control import ThrusterCommand
 from messages.events import CONDITIONS, short, told
 from messages.message import Estimate, Notice
+from messages.reference import Motion, Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
@@ -91,6 +92,18 @@ def test_a_drone_that_nobody_moves_holds_nothing() -> None:
         assert seen.doing == ("not obeyed" if conditions else "holding")
         nobody = "nothing moves the drone: its board or control does not answer"
         assert words.acting(seen) == (nobody if conditions else "the drone has stopped and holds")
+
+
+@pytest.mark.parametrize(("speed", "doing"), [(0.2, "stopping"), (0.0, "holding")])
+def test_a_stop_in_a_failsafe_is_over_once_the_drone_stands(speed: float, doing: str) -> None:
+    """However long nobody takes the sticks."""
+    acts = status(activity="stopping", failsafe="pilot_lost", reaction="stop", since_ns=0)
+    still, moves = Motion(1.0, 0.0, 0.0, 0.0), Motion(1.0, speed, 0.0, 0.0)
+    wanted = Reference(
+        stamp_ns=0, sensor_ns=None, pilot_ns=None, armed=True, depth=still, heading=moves,
+        surge_force=0.0, sway_force=0.0,
+    )  # fmt: skip
+    assert vehicle_view(Newest(status=acts, reference=wanted), 0).doing == doing
 
 
 def test_a_pilot_who_has_stopped_the_drone_is_told_to_centre_the_sticks():
