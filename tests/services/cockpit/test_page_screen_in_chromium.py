@@ -109,7 +109,8 @@ def test_a_long_alarm_is_whole_on_a_low_screen(browser: Browser, served: Served)
     page = served.open(browser, Size(780, 437))
     served.becomes(page, **{**ACTING, "doing": "not obeyed", "failsafe": "state_lost"})
     page.look("document.getElementById('now').append(' And once more, for three lines of it.')")
-    top, now = (f"document.getElementById('{id}').getBoundingClientRect()" for id in ("top", "now"))
+    box = "document.getElementById('%s').getBoundingClientRect()"
+    top, now = box % "top", box % "now"
     assert page.look(f"{now}.height > 50 && {now}.top >= 0 && {now}.bottom <= {top}.bottom - 15")
     page.close()
 
