@@ -115,9 +115,7 @@ class Simulator:
         self._sensors = Sensors(settings, seed, self._mounting)
         self._shaking = None
         if settings.vibration is not None:
-            self._shaking = Shaking(
-                settings.vibration, vehicle.thruster, seed, settings.imu_bandwidth
-            )
+            self._shaking = Shaking(settings.vibration, vehicle.thruster, seed)
         self._shaken_ns: int | None = None  # [ns] of the newest IMU sample
         self._settings = settings
         self._battery = Battery(vehicle, settings, world.used_wh)

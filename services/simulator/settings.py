@@ -113,8 +113,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # once per seed. In words of the Allan deviation, noise is its slope of −1/2, drift its floor
     # (0.62 of it after 1.9 time constants).
     imu_rate: Annotated[float, msgspec.Meta(ge=10.0, le=400.0)] = topics.IMU.hz  # [1/s]
-    # [Hz] of the IMU's filter, which vibration passes; None: none.
-    imu_bandwidth: Annotated[float, msgspec.Meta(ge=1.0, le=4000.0)] | None = None
     gyro_bias: ImuNoise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
     gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: bias drift
     gyro_drift_time: TimeConstant = 300.0  # [s] its correlation time

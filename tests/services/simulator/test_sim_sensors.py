@@ -197,11 +197,10 @@ def shaken(
     thrust: list[float],
     hz: float = 200.0,
     seed: int = 0,
-    bandwidth: float | None = None,
     samples: int = 8_000,
 ) -> tuple[np.ndarray, np.ndarray]:
     """[m/s²], [rad/s]: rows of samples at a steady thrust, from its second one on."""
-    of = Shaking(vibration, FOUR, seed, bandwidth)
+    of = Shaking(vibration, FOUR, seed)
     found = [of.step(thrust, 1.0 / hz) for _ in range(samples)][1:]
     return np.array([force for force, _ in found]), np.array([rate for _, rate in found])
 
@@ -236,20 +235,6 @@ def test_its_tones_are_those_of_shaft_and_blades_and_go_with_the_root_of_the_thr
     for thrust, tones in ((40.0, [40, 120]), (10.0, [20, 60])):
         found = peaks(shaken(vibration, [thrust] * 4, hz=400.0)[0], 400.0)
         assert found == pytest.approx(tones, abs=5)
-
-
-def test_the_imus_filter_takes_the_tones_beyond_its_bandwidth() -> None:
-    """Of three parts of power the flow's is left, and those of the tones by their rates."""
-    vibration = Vibration(force=1.0, speed=20.0, blades=5)
-    bandwidth, many = 20.0, 12_000
-    wide = shaken(vibration, [40.0] * 4, samples=many)[0]
-    narrow = shaken(vibration, [40.0] * 4, bandwidth=bandwidth, samples=many)[0]
-    gone = 1.0 - np.mean(narrow**2) / np.mean(wide**2)
-    squares = np.square(Shaking(vibration, FOUR, 0)._ways)  # pyright: ignore[reportPrivateUsage]
-    shaft, blades, flow = squares[:, :3].reshape(4, 3, 3).sum(axis=(0, 2)) / 3.0
-    assert flow + shaft + blades == pytest.approx(1.0)
-    left = shaft / (1.0 + (20.0 / bandwidth) ** 4) + blades / (1.0 + (100.0 / bandwidth) ** 4)
-    assert gone == pytest.approx(shaft + blades - left, abs=0.015)
 
 
 def test_a_change_of_thrust_knocks() -> None:

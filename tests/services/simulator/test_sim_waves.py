@@ -103,7 +103,7 @@ def test_before_they_begin_the_sea_is_calm() -> None:
     assert late == (0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def pressures(waves: Waves | None, seconds: float = 12.0) -> np.ndarray:
+def pressures(waves: Waves, seconds: float = 12.0) -> np.ndarray:
     """[Pa] at a hull that lies 3 m deep and is left alone."""
     place = Settings(waves=waves, pressure_std=0.0)
     sailing = simulator(place, NEUTRAL, world(place, NEUTRAL, depth=3.0))
@@ -116,13 +116,10 @@ def pressures(waves: Waves | None, seconds: float = 12.0) -> np.ndarray:
     return np.array(found)
 
 
-def test_a_held_hull_feels_the_waves_pressure_and_one_that_is_carried_hardly_any() -> None:
-    still = pressures(None)[0]
-    held = pressures(replace(REGULAR, moves_hull=False))
-    most = 1025 * GRAVITY * 0.15 * exp(-K * 3.0)
-    assert np.max(held[200:] - still) == pytest.approx(most, rel=0.01)
-    # The water's own parcels keep their pressure, to the first order.
-    assert np.ptp(pressures(REGULAR)[200:]) < 0.25 * most
+def test_a_hull_that_is_carried_hardly_feels_the_waves_pressure() -> None:
+    """The water's own parcels keep their pressure, to the first order."""
+    held = 1025 * GRAVITY * 0.15 * exp(-K * 3.0)  # [Pa]
+    assert np.ptp(pressures(REGULAR)[200:]) < 0.25 * held
 
 
 def test_a_carried_hull_goes_round_as_the_water_does_and_its_imu_feels_it() -> None:
