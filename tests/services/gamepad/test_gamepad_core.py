@@ -120,9 +120,7 @@ def test_the_shipped_profile_is_the_default_with_buttons_for_tools():
         ({"gain": {"slow": 0.9}}, "gains must not fall"),
         ({"axis": {"surge": "leftz"}}, "leftz"),
         ({"button": {"light": "dpup"}}, "button.light and tilt.up must not share the button dpup"),
-        ({"tilt": {"up": "x", "down": "x"}}, "tilt.up and tilt.down must not share"),
         ({"gripper": {"open": "b"}}, "button.stop and gripper.open must not share"),
-        ({"button": {"laser": "b"}}, "button.stop and button.laser must not share"),
         ({"colour": "red"}, "colour"),
     ],
 )
