@@ -531,7 +531,6 @@ DROPPED_PICTURE = row("dropped:picture", MESSAGE, "a picture did not arrive whol
 UNENCODED_PICTURE = row("unencoded:picture", MESSAGE, "the encoder gave nothing, or too much, for a picture")
 SKIPPED_PICTURE = row("skipped:picture", MESSAGE, "a picture was skipped for a newer one")
 LEFT_OUT_PICTURE = row("left_out:picture", ROUTINE, "a picture was left out to keep to the link's room")
-ROOMLESS_CAMERA = row("roomless:camera", ROUTINE, "the link has no room for a small camera's picture", "make it the large one to see it", said="info")
 UNDECODABLE = row("undecodable", MESSAGE, "a picture could not be decoded")
 LOST_LIVE_VIEWER = row("lost:live_viewer", MESSAGE, "the live viewer was lost")
 DROPPED_LIVE = row("dropped:live", MESSAGE, "the live viewer missed messages because it was too slow")

@@ -42,7 +42,7 @@ class Clock(Message, frozen=True, kw_only=True):
     bound_ns: DurationNs | None  # [ns] greatest error of offset_ns
     drift_ppm: Finite | None  # [ppm] how fast the offset grows
     rtt_ms: NotNegative | None  # [ms] newest round trip; None when pings are not answered
-    rtt_min_ms: NotNegative | None  # [ms] shortest of those the offset is computed from
+    rtt_min_ms: NotNegative | None  # [ms] shortest since the clocks are known
     answered_ms: NotNegative | None  # [ms] since a ping was last answered
     source: Count = 0  # whose clock: there may be two topsides
     epoch: Count = 0  # authority epoch of this topside's commands

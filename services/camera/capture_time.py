@@ -1,17 +1,12 @@
-"""When the light of a picture arrived, as far as its source tells; and what waits for the
-decoder. Pure: arrivals are arguments.
+"""When the light of a picture arrived, as far as its source tells. Pure: arrivals are arguments.
 
 A picture that waited, wherever that was, comes later after its source's own time than the one that
 came quickest. So no queue passes for a fresh picture, though the quickest way itself stays unknown.
 A source that says when the light arrived (V4L2; RTP, by its sender reports) is believed where that
-can be true: its clock has to be set.
+can be true: its clock has to be set."""
 
-A source is read without a pause, so that nothing waits where nobody counts it. A keyframe makes all
-before it needless; what has waited too long makes all up to the next keyframe needless."""
-
-from collections import deque
-from dataclasses import dataclass, field
-from typing import Generic, NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from messages.units import Ns
 
@@ -21,6 +16,7 @@ EARLY_NS = 2_000_000_000  # [ns] before its arrival at most: earlier, the source
 AHEAD_NS = 50_000_000  # [ns] after it at most: two clocks that are set differ by some
 # [ns] A source whose pictures come so much later than at first is opened anew, without its queue.
 BEHIND_NS = 2_000_000_000
+LONGEST_WAIT_NS = 500_000_000  # [ns] pictures that come so late are left out up to a keyframe
 
 
 class Light(NamedTuple):
@@ -59,38 +55,3 @@ class CaptureTime:
             self._newest = max(self._newest, own_ns)
         self._heard = arrived
         return min(arrived, own_ns + round(self._quickest))
-
-
-P = TypeVar("P")
-# [ns] A decoder so far behind catches up with the next keyframe only.
-LONGEST_WAIT_NS = 500_000_000
-
-
-@dataclass(slots=True)
-class Backlog(Generic[P]):
-    """Packets of one source, in their order."""
-
-    dropped: int = 0  # packets, since it was opened
-    _waiting: deque[tuple[Ns, P]] = field(default_factory=lambda: deque[tuple[Ns, P]]())
-    _broken: bool = False  # nothing can be decoded before the next keyframe
-
-    def put(self, packet: P, now: Ns, *, keyframe: bool) -> None:
-        """A packet has arrived."""
-        if keyframe:
-            self._drop()
-            self._broken = False
-        elif self._waiting and now > self._waiting[0][0] + LONGEST_WAIT_NS:
-            self._drop()
-            self._broken = True
-        if self._broken:
-            self.dropped += 1
-        else:
-            self._waiting.append((now, packet))
-
-    def take(self) -> P | None:
-        """The next packet to decode; None: there is none."""
-        return self._waiting.popleft()[1] if self._waiting else None
-
-    def _drop(self) -> None:
-        self.dropped += len(self._waiting)
-        self._waiting.clear()

@@ -28,7 +28,6 @@ SIMULATED = "simulated"
 FURTHER = "camera_"  # the name of a further camera's service begins so
 STALE_NS = 200_000_000  # [ns] a picture that came longer ago is not even encoded
 SHARES_NS = 2_000_000_000  # [ns] without a word of the large camera: it is silent
-ROOMLESS_NS = 3_000_000_000  # [ns] without room that are worth a word
 # A camera's own H.264 is sent as it comes where it has had this room for so long.
 PASSED_ROOM, PASSED_AFTER_NS = 1.2, 2_000_000_000  # [-] of its bitrate, [ns]
 PASSED_HZ = 1.1  # [-] of the pictures wanted, that it may give
@@ -113,8 +112,6 @@ class Camera:
         self._keyframe = 0  # number of the last one
         self._pictures = 0
         self._fits_ns: Ns | None = None  # [ns] since when the camera's own H.264 has room
-        self._roomless_ns: Ns | None = None  # [ns] since when there is no room for its pictures
-        self._told = False  # that there is none
 
     @property
     def is_large(self) -> bool:
@@ -165,18 +162,6 @@ class Camera:
         if said is None or now > said.stamp_ns + SHARES_NS:
             return self._settings.least_kbit
         return min(said.kbit.get(self._name, 0.0), self._settings.most_kbit)
-
-    def roomless(self, now: Ns) -> Event | None:
-        """Said once each time there has been no room for its pictures for a while."""
-        if self.budget(now) > 0.0:
-            self._roomless_ns, self._told = None, False
-            return None
-        if self._roomless_ns is None:
-            self._roomless_ns = now
-        if self._told or now < self._roomless_ns + ROOMLESS_NS:
-            return None
-        self._told = True
-        return events.ROOMLESS_CAMERA(detail=cameras.called(self._name, several=True))
 
     def order(self, came: Ns, now: Ns) -> Order | Event:
         """How to encode a picture that came then; or why it is left out."""

@@ -89,7 +89,6 @@ def _share(node: Node, camera: Camera, name: str) -> None:
     def say(now: int) -> None:
         if (said := camera.shares(now)) is not None:
             shares.put(said)
-        node.tell(camera.roomless(now))
 
     def choose(choice: CameraChoice, now: int) -> None:
         was_large = camera.is_large

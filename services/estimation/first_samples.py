@@ -147,10 +147,8 @@ def wrong_at_rest(force: Vec3, tolerance: float) -> Event | None:
         )
     if (angle := tilt(force)) <= MOST_TILT:
         return None
-    over = angle > OVERTURNED
-    lies = "upside down" if over else "on its side or end"
-    row = events.UPSIDE_DOWN_IMU if over else events.ON_ITS_SIDE_IMU
+    row = events.UPSIDE_DOWN_IMU if angle > OVERTURNED else events.ON_ITS_SIDE_IMU
     return row(
-        detail=f"the IMU reads as if the vehicle lay {lies} (z is {force[2]:+.1f} m/s², tilted by "
-        f"{angle:.0f} deg, allowed are {MOST_TILT:g}): put the vehicle upright, or {MOUNTING}",
+        detail=f"z is {force[2]:+.1f} m/s², tilted by {angle:.0f} deg, allowed are {MOST_TILT:g}: "
+        f"put the vehicle upright, or {MOUNTING}",
     )

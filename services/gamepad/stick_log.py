@@ -7,8 +7,9 @@ row: `arm`, `disarm`, `stop`, `resume`, `light`, `light_2`, `laser` (toggle), `h
 `goto depth=3 heading=90` (m, deg), `goto north=12 east=4`, `follow PATH`, `mode HOLD` and `output
 NAME 0…1` happen at the row's time; during a `lost` row the pilot is lost and the sticks are 0
 whatever the columns contain, until the next row. A deflected stick ends a goto or a follow. `fault
-PART KIND [VALUE]`, `link profile NAME`, `link set KEY=VALUE …`, `link down` and `link up` are
-incidents: the requests of the verbs `lindy fault` and `lindy link`, sent from the topside.
+PART KIND [VALUE]`, `link set PROFILE`, `link set KEY=VALUE …`, `link set down` and `link set up`
+are incidents: the requests of the verbs `lindy fault` and `lindy link`, sent from the topside.
+`link profile NAME`, `link down` and `link up` are the same.
 """
 
 import math
@@ -41,7 +42,7 @@ Courses = Callable[[str], Course]  # reads the path of a name; ValueError: why i
 WORDS: tuple[str, ...] = (*get_args(Press), "lost")
 ALLOWED = (
     f"{', '.join(WORDS)}, goto depth=M heading=DEG, goto north=M east=M, follow PATH, mode HOLD, "
-    "output NAME 0…1, fault PART KIND [VALUE], link down, link up, link profile NAME, "
+    "output NAME 0…1, fault PART KIND [VALUE], link set down, link set up, link set PROFILE, "
     "link set KEY=VALUE"
 )
 FLIGHT_MODES: tuple[str, ...] = get_args(FlightMode)
@@ -138,7 +139,7 @@ def _mode(hold: str) -> ModeIntent:
 
 FAULTS: tuple[str, ...] = get_args(FaultKind)
 FAULT_FORM = "fault PART KIND, or fault PART KIND VALUE"
-LINK_FORM = "link down, link up, link profile NAME or link set KEY=VALUE …"
+LINK_FORM = "link set down, link set up, link set PROFILE or link set KEY=VALUE …"
 
 
 def fault(words: list[str]) -> FaultRequest:
@@ -164,9 +165,9 @@ def link(words: list[str]) -> LinkRequest:
         ValueError: names what was found and what is allowed.
     """
     match words:
-        case ["down" | "up" as kind]:
+        case ["down" | "up" as kind] | ["set", "down" | "up" as kind]:
             return LinkRequest(stamp_ns=0, id="", kind=kind)
-        case ["profile", name]:
+        case ["profile" | "set" as word, name] if word == "profile" or "=" not in name:
             return LinkRequest(stamp_ns=0, id="", kind="profile", profile=name)
         case ["set", _, *_]:
             return LinkRequest(stamp_ns=0, id="", kind="set", settings=tuple(words[1:]))
@@ -179,8 +180,8 @@ def in_words(incident: Incident) -> str:
     if isinstance(incident, FaultRequest):
         value = "" if incident.value is None else f" {incident.value:g}"
         return f"fault {incident.part} {incident.fault}{value}"
-    words = ("link", incident.kind, *filter(None, [incident.profile]), *incident.settings)
-    return " ".join(words)
+    words = [incident.profile] if incident.profile else incident.settings or [incident.kind]
+    return " ".join(["link set", *words])
 
 
 def _finite(text: str) -> float:

@@ -11,13 +11,13 @@ Crystals differ, so an interval is widened by `DRIFT` for every second of its ag
 """
 
 from dataclasses import dataclass, field
+from math import inf
 
 from messages import events
 from messages.events import Outbox
 from messages.link import Clock, ClockPong
 
 DRIFT = 100e-6  # [-] greatest difference of two crystals: 50 ppm each, over temperature
-KEPT = 600  # round trips; two minutes at 5 Hz
 SHORTEST_S = 20.0  # [s] between two estimates, for a useful drift
 SILENT_NS = 1_000_000_000  # [ns] without an answer the round trip time is unknown
 
@@ -26,17 +26,11 @@ SILENT_NS = 1_000_000_000  # [ns] without an answer the round trip time is unkno
 class RoundTrip:
     """One round trip."""
 
-    number: int  # of the round trips heard
     sent: int  # [ns] t1, topside
     back: int  # [ns] t4, topside
     least: int  # [ns] t3 - t4: the drone's clock is ahead by no less
     most: int  # [ns] t2 - t1: … and by no more
     rtt: int  # [ns] without the drone's own time
-
-    def adds_to(self, newer: "RoundTrip") -> bool:
-        """Does its interval still bound the offset where that of a newer trip does not? If not, it
-        never will."""
-        return self.sent > newer.sent or self.least > newer.least or self.most < newer.most
 
 
 @dataclass(slots=True)
@@ -44,16 +38,15 @@ class ClockSync:
     """Takes pongs, gives a `Clock`."""
 
     outbox: Outbox
-    _heard: int = 0  # round trips
-    _trips: list[RoundTrip] = field(
-        default_factory=list[RoundTrip]
-    )  # of the last KEPT, those that bound the offset
+    # The one that bounds the offset from below, that from above, and the newest: all bounds widen
+    # alike, so no other ever counts again.
+    _trips: list[RoundTrip] = field(default_factory=list[RoundTrip])
+    _fastest: float = inf  # [ns] round trip
     _first: tuple[int, float] | None = None  # ([ns] when, [ns] ahead) to measure the drift from
 
     def heard(self, pong: ClockPong, now: int) -> None:
         """A pong arrived at `now` [ns], topside."""
         trip = RoundTrip(
-            number=self._heard,
             sent=pong.ping_ns,
             back=now,
             least=pong.stamp_ns - now,
@@ -63,14 +56,15 @@ class ClockSync:
         if trip.least > trip.most + DRIFT * (now - trip.sent) + 2:  # stamps are whole nanoseconds
             self.outbox.tell(events.IMPOSSIBLE_PONG())
             return
-        self._heard += 1
-        recent = [old for old in self._trips if old.number > trip.number - KEPT]
-        self._trips = [*(old for old in recent if old.adds_to(trip)), trip]
+        every = [*self._trips, trip]
+        lowest = max(every, key=lambda each: each.least + DRIFT * (each.sent - now))
+        highest = min(every, key=lambda each: each.most - DRIFT * (each.sent - now))
+        self._trips, self._fastest = [lowest, highest, trip], min(self._fastest, trip.rtt)
         least, most = self._band(now)
         if least > most + 2:
             # Two steady clocks cannot give both intervals: one of them was set.
             self.outbox.tell(events.JUMPED_CLOCK())
-            self._trips = [trip]
+            self._trips, self._fastest = [trip], trip.rtt
             self._first = None
 
     def clock(self, now: int) -> Clock:
@@ -87,7 +81,7 @@ class ClockSync:
             bound_ns=max(0, round((most - least) / 2)) + 2,
             drift_ppm=self._drift(ahead, now),
             rtt_ms=newest.rtt / 1e6 if answered < SILENT_NS else None,
-            rtt_min_ms=min(trip.rtt for trip in self._trips) / 1e6,
+            rtt_min_ms=self._fastest / 1e6,
             answered_ms=max(0.0, answered / 1e6),
         )
 

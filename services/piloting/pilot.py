@@ -206,7 +206,10 @@ class Pilot:
         if self._has_control:
             self._told_of = ""
         elif status.pilot:
-            self._tell_of(status.pilot)
+            asked = self.progress.released or not self.asked().isdisjoint(("lease", "force"))
+            # Its own name, while it gives control back or takes it: that is no other pilot.
+            if not (asked and status.pilot == self.source[:128]):
+                self._tell_of(status.pilot)
         elif (ours is None or given < ours) and not self.progress.released:
             self._take(now, out)
 

@@ -115,9 +115,7 @@ class Simulator:
         self._sensors = Sensors(settings, seed, self._mounting)
         self._shaking = None
         if settings.vibration is not None:
-            self._shaking = Shaking(
-                settings.vibration, vehicle.thruster, seed, settings.imu_bandwidth
-            )
+            self._shaking = Shaking(settings.vibration, vehicle.thruster, seed)
         self._shaken_ns: int | None = None  # [ns] of the newest IMU sample
         self._settings = settings
         self._battery = Battery(vehicle, settings, world.used_wh)
@@ -131,7 +129,6 @@ class Simulator:
         # The drone's belief about thrusters that it does not measure.
         self._believed = OpenLoopThrust(vehicle.thruster) if settings.hull else None
         self._status: VehicleStatus | None = None  # newest heard
-        self._sags = settings.hull.voltage_exponent if settings.hull else 0.0
 
     # Time and commands.
 
@@ -215,9 +212,6 @@ class Simulator:
         seconds = (now - self._now) / 1e9
         self._vessel.advance(seconds)
         self._battery.feed(self._vessel.propulsion.produced, seconds)
-        if self._sags:
-            share = self._battery.voltage / self._settings.battery_full
-            self._vessel.propulsion.sag = share**self._sags
         heading = heading_of(self._vessel.attitude)
         self._heading += wrapped(heading - self._heading)
         self._now = now

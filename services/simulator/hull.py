@@ -11,7 +11,6 @@ from msgspec.structs import replace
 
 from messages.units import FiniteSetting, Positive, Quaternion, Vec6
 from services.marine.attitude import down_in_body
-from services.marine.hydrodynamics import full_buoyancy, submerged_share
 from services.marine.vehicle import GRAVITY, Diagonal, Vehicle
 
 ThrustScale = Annotated[float, msgspec.Meta(ge=0.01, le=100.0)]  # [-]
@@ -30,12 +29,8 @@ class Hull(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     quadratic_damping: Diagonal | None = None  # [N s²/m², N m s²/rad²]
     time_constant: Positive | None = None  # [s] first-order lag of every thruster
     thrust_scale: ThrustScale = 1.0  # [-] real thrust over that of the vehicle file
-    # [-] n of thrust ∝ (voltage / full voltage)ⁿ: 0 is a battery without sag, 2 a propeller whose
-    # speed follows the voltage; the maker's tables of the T200 at 10 to 20 V give 1.2.
-    voltage_exponent: Annotated[float, msgspec.Meta(ge=0.0, le=3.0)] = 0.0
-    # [m] FRD, from where the vehicle file has the centres of gravity and of buoyancy.
+    # [m] FRD, of the centre of gravity from where the vehicle file has it.
     gravity_shift: tuple[Shift, Shift, Shift] = NOWHERE
-    buoyancy_shift: tuple[Shift, Shift, Shift] = NOWHERE
 
 
 def in_the_water(vehicle: Vehicle, hull: Hull | None) -> Vehicle:
@@ -52,28 +47,10 @@ def in_the_water(vehicle: Vehicle, hull: Hull | None) -> Vehicle:
     return replace(vehicle, thruster=thrusters, **given)
 
 
-class ShiftedCentres:
-    """The moment of a weight and a buoyancy that act elsewhere than in the vehicle file: r_g and
-    r_b of Fossen 2011, eq. 4.6. The inertia stays about the file's centre of gravity, because a
-    shift of centimetres changes it little."""
-
-    def __init__(self, vehicle: Vehicle, hull: Hull) -> None:
-        self._weight, self._buoyancy = vehicle.mass * GRAVITY, full_buoyancy(vehicle)
-        self._height = vehicle.size[2]
-        self._gravity, self._lift = hull.gravity_shift, hull.buoyancy_shift
-
-    def moment(self, depth: float, q_NB: Quaternion) -> Vec6:
-        """[N, N m] With the origin at `depth` [m]."""
-        up = self._buoyancy * submerged_share(self._height, depth)
-        x, y, z = (
-            self._weight * g - up * b for g, b in zip(self._gravity, self._lift, strict=True)
-        )
-        a, b, c = down_in_body(q_NB)
-        return 0.0, 0.0, 0.0, y * c - z * b, z * a - x * c, x * b - y * a
-
-
-def shifted_centres(vehicle: Vehicle, hull: Hull | None) -> ShiftedCentres | None:
-    """None: they are where the vehicle file says."""
-    if hull is None or (hull.gravity_shift == NOWHERE and hull.buoyancy_shift == NOWHERE):
-        return None
-    return ShiftedCentres(vehicle, hull)
+def lean(vehicle: Vehicle, hull: Hull, q_NB: Quaternion) -> Vec6:
+    """[N, N m] The moment of a weight that acts elsewhere than in the vehicle file: r_g of Fossen
+    2011, eq. 4.6. The inertia stays about the file's centre of gravity, because a shift of
+    centimetres changes it little."""
+    x, y, z = (vehicle.mass * GRAVITY * shift for shift in hull.gravity_shift)
+    a, b, c = down_in_body(q_NB)
+    return 0.0, 0.0, 0.0, y * c - z * b, z * a - x * c, x * b - y * a

@@ -37,7 +37,6 @@ class SimulatedThrusters:
             scale: [-] real thrust over that in newtons of the vehicle file.
         """
         self.settles_at = [0.0] * len(thrust)  # [N] per thruster
-        self.sag = 1.0  # [-] thrust over that with a full battery
         self.age = 0.0  # [s] since the newest change; the gaps are those of then
         self._thrusters = vehicle.thruster
         self._columns = [_scaled(wrench_per_newton(t), scale) for t in vehicle.thruster]
@@ -98,10 +97,10 @@ class SimulatedThrusters:
 
     @property
     def produced(self) -> list[float]:
-        """[N] per thruster now, with sag; those out of the water produce none."""
+        """[N] per thruster now; those out of the water produce none."""
         produced = self.thrust
-        for i, newtons in enumerate(produced):
-            produced[i] = self.sag * (newtons * 0 if i in self._dry else newtons)
+        for i in self._dry:
+            produced[i] = 0.0
         return produced
 
     def wrench(self, ahead: float) -> Vec6:
@@ -115,8 +114,7 @@ class SimulatedThrusters:
             roll -= (left * k).real
             pitch -= (left * m).real
             yaw -= (left * n).real
-        wrench = surge, sway, heave, roll, pitch, yaw
-        return wrench if self.sag == 1.0 else _scaled(wrench, self.sag)
+        return surge, sway, heave, roll, pitch, yaw
 
     def _add_up(self) -> None:
         """Sum the thrusters to wrenches."""
@@ -151,11 +149,6 @@ class Battery:
     def empty(self) -> bool:
         """The vehicle still runs: the battery model is too rough to end a dive."""
         return self.left_wh == 0.0
-
-    @property
-    def voltage(self) -> float:
-        """[V] Under the present load."""
-        return self.sample(0).voltage
 
     def sample(self, now: int, share: float | None = None) -> BatterySample:
         """Voltage falls linearly with the charge, and with the current.

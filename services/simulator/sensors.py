@@ -5,7 +5,7 @@ restarted in mid-dive keeps the same biases.
 """
 
 from collections.abc import Iterator
-from math import expm1, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -39,7 +39,6 @@ from services.simulator.streams import (
     GYRO_DRIFT,
     IMU_NOISE,
     PRESSURE_NOISE,
-    TEMPERATURE,
     USBL_NOISE,
     WATER_TEMPERATURES,
     wandering,
@@ -76,11 +75,6 @@ class Sensors:
             seed, GYRO_DRIFT, settings.gyro_drift, settings.imu_rate, settings.gyro_drift_time
         )
         self._errors = settings.sensor_errors or SensorErrors()
-        per_kelvin = next(white_noise(seed, TEMPERATURE, [1.0] * 6))
-        self._force_per_kelvin = [settings.accelerometer_temperature * x for x in per_kelvin[:3]]
-        self._rate_per_kelvin = [settings.gyro_temperature * x for x in per_kelvin[3:]]
-        self._started_ns: int | None = None  # [ns] of the first IMU sample
-        self._changing = settings.warm_up != 0.0
         self._rounding = settings.accelerometer_step > 0.0 or settings.gyro_step > 0.0
         self._dvl_scale = next(white_noise(seed, DVL_SCALE, [1.0]))[0]
         self._dvl_noise = white_noise(seed, DVL_NOISE, [1.0] * 3)
@@ -122,21 +116,10 @@ class Sensors:
         rate = (p + rx + dp + bp + wp, q + ry + dq + bq + wq, r + rz + dr + br + wr)
         if shaken is not None:
             force, rate = plus(force, shaken[0]), plus(rate, shaken[1])
-        if self._changing:
-            warmer = self._warmer(now)
-            force = plus(force, [warmer * x for x in self._force_per_kelvin])
-            rate = plus(rate, [warmer * x for x in self._rate_per_kelvin])
         if self._rounding:
             force = rounded(force, self._settings.accelerometer_step)
             rate = rounded(rate, self._settings.gyro_step)
         return ImuSample(stamp_ns=now, specific_force=force, angular_rate=rate)
-
-    def _warmer(self, now: int) -> float:
-        """[K] than at the first IMU sample."""
-        if self._started_ns is None:
-            self._started_ns = now
-        seconds = (now - self._started_ns) * 1e-9
-        return -self._settings.warm_up * expm1(-seconds / self._settings.warm_up_time)
 
     def magnetometer(self, now: int, q_NB: Quaternion) -> MagnetometerSample:
         """The local field, with the vehicle's own iron and noise."""

@@ -113,22 +113,14 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # once per seed. In words of the Allan deviation, noise is its slope of −1/2, drift its floor
     # (0.62 of it after 1.9 time constants).
     imu_rate: Annotated[float, msgspec.Meta(ge=10.0, le=400.0)] = topics.IMU.hz  # [1/s]
-    # [Hz] of the IMU's filter, which vibration passes; None: none.
-    imu_bandwidth: Annotated[float, msgspec.Meta(ge=1.0, le=4000.0)] | None = None
     gyro_bias: ImuNoise = 0.0105  # [rad/s] 1σ per axis, 0.6 °/s
     gyro_drift: ImuNoise = 4.8e-5  # [rad/s] 1σ per axis, 10 °/h: bias drift
     gyro_drift_time: TimeConstant = 300.0  # [s] its correlation time
     gyro_noise: ImuNoise = 1.22e-4  # [rad/s/√Hz] 0.007 °/s/√Hz
-    gyro_temperature: ImuNoise = 0.0  # [rad/s/K] 1σ per axis: the bias with the temperature
     gyro_step: ImuNoise = 0.0  # [rad/s] 0: unrounded
     accelerometer_bias: ImuNoise = 0.098  # [m/s²] 1σ per axis, 10 mg
     accelerometer_noise: ImuNoise = 1.5e-3  # [m/s²/√Hz] 150 µg/√Hz
-    accelerometer_temperature: ImuNoise = 0.0  # [m/s²/K] 1σ per axis: the bias with the temperature
     accelerometer_step: ImuNoise = 0.0  # [m/s²] 0: unrounded
-    # [K] by which the electronics are colder at the start than they will be; negative: the water
-    # cools them. The biases above are those of the start.
-    warm_up: Annotated[float, msgspec.Meta(ge=-60.0, le=60.0)] = 0.0
-    warm_up_time: TimeConstant = 300.0  # [s] until 63 % of it
     hard_iron: FieldNoise = 0.2e-6  # [T] 1σ per axis
     magnetometer_noise: FieldNoise = 0.2e-6  # [T] 1σ per axis and sample
     magnetometer_step: FieldNoise = 0.0  # [T] 0: unrounded

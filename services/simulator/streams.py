@@ -10,7 +10,7 @@ BLOCK = 1024  # samples whose noise is drawn at once, because a single draw is s
 # Never numbered anew: the same seed goes on giving the same dive.
 BIASES, IMU_NOISE, FIELD_NOISE, PRESSURE_NOISE, DVL_NOISE, USBL_NOISE, GYRO_DRIFT = range(7)
 CURRENT, VIBRATION, WAVES = 7, 8, 9
-TEMPERATURE, SHAKING_WAYS = 13, 14
+SHAKING_WAYS = 14
 WATER_TEMPERATURES, ALTITUDE_NOISE, DVL_SCALE, TERRAIN = range(18, 22)
 
 

@@ -1,11 +1,9 @@
-"""The sea floor: a plane that may slope, hills on it, and steps.
+"""The sea floor: a plane that may slope, and hills on it.
 
 Hills are a sum of WAVES waves of random directions and phases, so that the floor has no period.
-Steps cut them into terraces: the floor is flat at whole multiples of the step, and changes from one
-to the next on a face SHARPNESS times as steep as the hill would be.
 """
 
-from math import cos, floor, pi, sin, sqrt
+from math import cos, pi, sin, sqrt
 from typing import Annotated
 
 import msgspec
@@ -15,7 +13,6 @@ from messages.units import Vec3
 from services.simulator.streams import TERRAIN
 
 WAVES = 12  # [-] of which the hills are made
-SHARPNESS = 8.0  # [-] of the face of a step
 
 
 class Terrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -23,7 +20,6 @@ class Terrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     hills: Annotated[float, msgspec.Meta(ge=0.0, le=50.0)] = 1.0  # [m] standard deviation
     length: Annotated[float, msgspec.Meta(ge=2.0, le=1000.0)] = 20.0  # [m] from hill to hill
-    step: Annotated[float, msgspec.Meta(ge=0.0, le=20.0)] = 0.0  # [m] of a terrace; 0: none
 
 
 class SeaFloor:
@@ -42,7 +38,7 @@ class SeaFloor:
         """
         self._depth, (self._north, self._east) = depth, slope
         self._waves: list[tuple[float, float, float, float]] = []  # [m], [rad/m] twice, [rad]
-        self._step, self._start = 0.0, 0.0
+        self._start = 0.0
         if terrain is None:
             return
         rng = np.random.default_rng([seed, TERRAIN])
@@ -51,7 +47,6 @@ class SeaFloor:
             number = 2.0 * pi / (terrain.length * 2.0 ** (longer - 0.5))
             a, b = number * cos(2.0 * pi * way), number * sin(2.0 * pi * way)
             self._waves.append((height, a, b, 2.0 * pi * phase))
-        self._step = terrain.step
         self._start = self._hills(0.0, 0.0)[0]
 
     @property
@@ -84,16 +79,4 @@ class SeaFloor:
             deeper += height * sin(angle)
             slope = height * cos(angle)
             to_north, to_east = to_north + a * slope, to_east + b * slope
-        if self._step > 0.0:
-            deeper, steeper = terraced(deeper, self._step)
-            to_north, to_east = steeper * to_north, steeper * to_east
         return deeper, to_north, to_east
-
-
-def terraced(height: float, step: float) -> tuple[float, float]:
-    """[m] A height cut into terraces, and [-] how many times as fast it changes there."""
-    whole = floor(height / step)
-    over = SHARPNESS * (height / step - whole - 0.5)  # the face is in the middle between terraces
-    if abs(over) >= 0.5:
-        return step * (whole + (over > 0.0)), 0.0
-    return step * (whole + 0.5 + over), SHARPNESS

@@ -23,7 +23,7 @@ from services.marine.hydrodynamics import (
 )
 from services.marine.summation import plain_sum
 from services.marine.vehicle import GRAVITY, Vehicle
-from services.simulator.hull import in_the_water, shifted_centres
+from services.simulator.hull import NOWHERE, in_the_water, lean
 from services.simulator.propulsion import SimulatedThrusters
 from services.simulator.settings import Settings
 from services.simulator.surroundings import Current, Surroundings
@@ -62,11 +62,10 @@ class Vessel:
         self.current: Vec3 = (0.0, 0.0, 0.0)  # [m/s] NED
         self._water = Current(place.current, seed) if place.current is not None else None
         self.sea = Sea(place.waves, seed) if place.waves is not None else None
-        self._carrying = self.sea if place.waves and place.waves.moves_hull else None
-        self._wave: WaveMotion | None = None  # at the hull; None: no waves that move it
+        self._wave: WaveMotion | None = None  # at the hull; None: no waves
         self._carried: Vec3 = (0.0, 0.0, 0.0)  # [m/s²] NED, of the hull by the water in the waves
         self.elapsed = 0.0  # [s]
-        self._shifted = shifted_centres(vehicle, hull)
+        self._leaning = hull if hull is not None and hull.gravity_shift != NOWHERE else None
         self._acceleration = equations_of_motion(vehicle, place.wake_share)
         self.propulsion = SimulatedThrusters(vehicle, thrust, hull.thrust_scale if hull else 1.0)
         self.around = Surroundings(place, vehicle.size, system_inertia(vehicle)[2], seed)
@@ -75,8 +74,8 @@ class Vessel:
         self.position: Vec3 = (x, y, z)  # [m] NED
         self.attitude = normalised((qw, qx, qy, qz))  # q_NB
         self.through_water: Vec6 = (u, v, w, p, q, r)  # [m/s, rad/s] FRD
-        if self._carrying is not None:
-            self._wave = self._carrying.at(0.0, self.position)
+        if self.sea is not None:
+            self._wave = self.sea.at(0.0, self.position)
             a, b, c = to_body(self.attitude, self._wave.velocity)
             self.through_water = (u - a, v - b, w - c, p, q, r)
         if self._water is not None:
@@ -159,8 +158,8 @@ class Vessel:
         if self._water is not None:
             self._flow(self._water.at(self.elapsed + h))
         self.elapsed += h
-        if self._carrying is not None:
-            self._ride(self._carrying, h)
+        if self.sea is not None:
+            self._ride(self.sea, h)
         self._look_around()
 
     def _slope(self, ahead: float, position: Vec3, q_NB: Quaternion, nu: Vec6) -> Vec6:
@@ -175,8 +174,8 @@ class Vessel:
         if self._wave is not None:
             depth += self._wave.rise
             tau = add(tau, self._wave_push(self._wave, depth, q_NB))
-        if self._shifted is not None:
-            tau = add(tau, self._shifted.moment(depth, q_NB))
+        if self._leaning is not None:
+            tau = add(tau, lean(self.vehicle, self._leaning, q_NB))
         return self._acceleration(depth, q_NB, nu, tau)
 
     def _look_around(self) -> None:

@@ -7,8 +7,7 @@ so a tone has a width: it forgets its phase and strength within `MEMORY` periods
 changes knocks besides, in proportion to how fast, without any rate. Each tone reaches each axis by
 a share of its own, drawn by the seed: hull and frame conduct as they like.
 
-What an IMU makes of a tone: its filter takes the share 1 / √(1 + (f / bandwidth)⁴) of it, of second
-order, and its samples fold what is left into the rates below half its own.
+An IMU's samples fold a tone into the rates below half its own.
 
 The defaults are those of a BlueROV of 2014 with six T200 in pool dives on record (Linköping, 2016),
 thrusters reversing at 40 % of their limits: its accelerometer is shaken by 0.7 m/s² per axis while
@@ -53,16 +52,13 @@ class Shaking:
         settings: Vibration,
         thrusters: Sequence[Thruster],
         seed: int,
-        bandwidth: float | None = None,
     ) -> None:
         """
         Args:
             seed: [-] 0 or more.
-            bandwidth: [Hz] of the IMU's filter; None: it has none.
         """
         self._limits = [thruster.limits for thruster in thrusters]  # [N]
         self._speed, self._orders = settings.speed, (1.0, float(settings.blades))
-        self._bandwidth = bandwidth
         count = len(thrusters) * TONES
         ways = np.random.default_rng([seed, SHAKING_WAYS]).standard_normal((6, count)).tolist()
         strengths = [settings.force] * 3 + [settings.rate] * 3
@@ -93,9 +89,6 @@ class Shaking:
                 n, here, there = i * TONES + tone, next(noise), next(noise)
                 if tone < len(self._orders):
                     size = share * self._tone(n, self._orders[tone], turns, turned, here, there)
-                    if self._bandwidth is not None and dt > 0.0:
-                        rate = self._orders[tone] * turns / dt
-                        size /= hypot(1.0, (rate / self._bandwidth) ** 2)
                 else:
                     size = hypot(share, TONES_ROOT * knock) * here
                 u, v, w, k, m, o = self._ways[n]

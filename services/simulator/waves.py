@@ -43,7 +43,6 @@ class Waves(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     peak: Annotated[float, msgspec.Meta(ge=1.0, le=7.0)] = 3.3  # [-] γ; 1: a fully developed sea
     heading: Annotated[float, msgspec.Meta(ge=-6.3, le=6.3)] = 0.0  # [rad] where they run to
     spread: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.0  # [rad] 1σ of the lines' headings
-    moves_hull: bool = True  # the water carries the hull along; false: held against it
     begins: Annotated[float, msgspec.Meta(ge=0.0, le=1e5)] = 0.0  # [s] calm before, as to calibrate
 
     def __post_init__(self) -> None:

@@ -27,6 +27,7 @@ DOES: dict[Reaction, str] = {
     "ascend": "rising",
     "surface": "staying at the surface",
 }
+STANDS = 1e-3  # [m/s, rad/s, N, N m] less of a reference stands still
 NOT_OBEYED = "not obeyed"  # the reference is, whatever a failsafe makes it do
 
 
@@ -110,16 +111,18 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
 def vehicle_view(newest: Newest, now: Ns) -> VehicleView:
     """`now` [ns]."""
     battery = ages.shown(topics.BATTERY, newest.battery, now)
-    known = _status(newest.status, now) | _motion(newest, now)  # what the state says goes before
+    at_rest = _at_rest(ages.shown(topics.REFERENCE, newest.reference, now))
+    known = _status(newest.status, now, at_rest=at_rest)
+    known |= _motion(newest, now)  # what the state says goes before
     return VehicleView(**known, **_battery(battery), **_link(newest, now))
 
 
-def _status(status: VehicleStatus | None, now: Ns) -> dict[str, Any]:
+def _status(status: VehicleStatus | None, now: Ns, *, at_rest: bool) -> dict[str, Any]:
     if status is None:
         return {}
     known: dict[str, Any] = {
         "activity": status.activity,
-        "doing": _doing(status),
+        "doing": _doing(status, at_rest=at_rest),
         "armed": status.armed,
         "failsafe": status.failsafe,
         "acting": tuple(each for each in status.acting if _name(each) in status.conditions),
@@ -150,11 +153,22 @@ def _name(notice: Notice) -> str:
     return notice.code.partition(":")[2]
 
 
-def _doing(status: VehicleStatus) -> str:
+def _doing(status: VehicleStatus, *, at_rest: bool) -> str:
     if status.reaction in DOES and not UNMOVED.isdisjoint(status.conditions):
         return NOT_OBEYED
-    stops = status.activity == "stopping" and status.reaction == "stop"
+    # It is stopping until the pilot has centred the sticks, long after it has come to rest.
+    stops = status.activity == "stopping" and status.reaction == "stop" and not at_rest
     return status.activity if stops else DOES.get(status.reaction or "notice", status.activity)
+
+
+def _at_rest(reference: Reference | None) -> bool:
+    """Does the reference stand still?"""
+    if reference is None:
+        return False
+    moves = (reference.depth, reference.heading, reference.surge, reference.north, reference.east)
+    speeds = [each.velocity for each in moves if each is not None]
+    pushes = (reference.surge_force, reference.sway_force, reference.heave_force)
+    return all(abs(each or 0.0) < STANDS for each in (*speeds, *pushes, reference.yaw_moment))
 
 
 def _motion(newest: Newest, now: Ns) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """What the visualizer draws, independent of any viewer: columns, notes and scene frames.
 
-Times are [ns] since the dive began. Batches are sent to the viewer process through a pipe, so they
-are Structs.
+Times are [ns] since the dive began.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,7 +10,7 @@ import msgspec
 
 from messages.cameras import FIRST
 
-Point = tuple[float, float, float]  # without limits: the pipe must accept any computed value
+Point = tuple[float, float, float]
 
 
 class CurveColumns(msgspec.Struct, frozen=True, array_like=True):

@@ -102,16 +102,20 @@ def outputs(
         raise LindyError(f"cannot write {path}: {reason(error)}; choose another --out") from None
     except ValueError as error:
         raise LindyError(f"{error}; install the rerun-sdk that `uv sync` installs") from None
-    live = None
+    viewer = live = None
     if stack.viewer:
-        live = LiveViewer(identity, vehicle, viewer_command(), node.tell, node.log)
+        viewer, live = (
+            LiveViewer(viewer_command(), node.tell, node.log),
+            RerunWriter(identity, vehicle),
+        )
+        live.save(viewer)
     waiting: list[Batch] = []
     due = 0  # [ns]
 
     def write(batch: Batch, now: int) -> None:
         nonlocal due
-        if live is not None:
-            live.send(batch)
+        if live is not None and viewer is not None and viewer.is_open:
+            live.write(batch)
         waiting.append(batch)
         if now >= due:
             due = now + (FILE_NS if live is None else FILE_NS_WHEN_LIVE)

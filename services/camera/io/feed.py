@@ -1,8 +1,7 @@
 """Pictures from a device, the network or a file, by FFmpeg.
 
-A thread of its own reads them without a pause, another one decodes them and keeps the newest one. A
-camera that is not there, vanishes, falls silent or sends garbage is said once and tried again every
-two seconds.
+A thread of its own reads and decodes them, and keeps the newest one. A camera that is not there,
+vanishes, falls silent or sends garbage is said once and tried again every two seconds.
 """
 
 import struct
@@ -27,7 +26,7 @@ from av.video.stream import VideoStream
 from messages import events
 from messages.events import Event
 from messages.units import Ns
-from services.camera.capture_time import BEHIND_NS, Backlog, CaptureTime, Light
+from services.camera.capture_time import BEHIND_NS, LONGEST_WAIT_NS, CaptureTime, Light
 from services.camera.core import STALE_NS
 from services.camera.sea import Picture
 from services.runtime.config.passwords import without_passwords
@@ -274,10 +273,6 @@ class _Live:
     ) -> None:
         self._feed, self._container, self._stream, self._notify = feed, container, stream, notify
         codec.flags |= Flags.copy_opaque  # a picture has the arrival of its packet
-        self._backlog: Backlog[av.Packet[VideoStream]] = Backlog()
-        self._changed = threading.Condition()  # of the backlog, and of what follows
-        self._ended = False
-        self._error: Exception | None = None
         self._decoded_ns = feed.now()  # [ns] when something was decoded last
         self._codec = codec
         self._passing = False
@@ -291,30 +286,15 @@ class _Live:
         Raises:
             ValueError: it has fallen silent, or behind, or nothing of it can be decoded.
         """
-        decoder = threading.Thread(target=self._decode, daemon=True)
-        decoder.start()
-        try:
-            self._read()
-        finally:
-            with self._changed:
-                self._ended = True
-                self._changed.notify()
-            decoder.join()
-        if self._error is not None:
-            raise self._error
-
-    def _read(self) -> None:
-        """Without a pause: what waits, waits in the backlog, where it is counted."""
-        feed, form, dropped = self._feed, self._container.format.name, 0
+        feed, form, behind = self._feed, self._container.format.name, False
         capture, asked, own_before, key_before = CaptureTime(), feed.now(), None, False
         for packet in self._container.demux(self._stream):
             now = feed.now()
             # A wait that timed out first gives what was kept back: an old picture.
             if now > asked + round(TIMEOUT_S * 1e9):
                 raise ValueError(SILENT)
-            if feed.stopped or self._error is not None:
+            if feed.stopped:
                 return
-            asked = now
             own = None if packet.pts is None else round(packet.pts * packet.time_base * 10**9)
             stamped = own if form in STAMPED else None
             light = capture.light(stamped, feed.said_ns(packet, form, stamped), now)
@@ -322,38 +302,23 @@ class _Live:
                 late = (now - light.at_ns) / 1e9
                 raise ValueError(f"its pictures come {late:.1f} s later than at first")
             packet.opaque = Arrived(light, now)
-            with self._changed:
-                # Slices of one keyframe come as packets of one time; the first ones may lack it.
-                same = own is not None and own == own_before
-                same = same or (key_before and (own is None) != (own_before is None))
-                self._split = self._split or same
-                self._backlog.put(packet, now, keyframe=packet.is_keyframe and not same)
-                lost, dropped = self._backlog.dropped - dropped, self._backlog.dropped
-                self._changed.notify()
+            # Slices of one keyframe come as packets of one time; the first ones may lack it.
+            same = own is not None and own == own_before
+            same = same or (key_before and (own is None) != (own_before is None))
+            self._split = self._split or same
             own_before, key_before = own, packet.is_keyframe
-            feed.events.extend([events.SKIPPED_PICTURE()] * lost)
-            if now > self._decoded_ns + round(TIMEOUT_S * 1e9):
+            # Whoever is so far behind goes on with the next keyframe.
+            begins = packet.is_keyframe and not same
+            behind = not begins and (behind or now > light.at_ns + LONGEST_WAIT_NS)
+            if behind:
+                feed.events.append(events.SKIPPED_PICTURE())
+            elif not self._pass(packet):
+                self._decode(packet)
+            asked = feed.now()
+            if asked > self._decoded_ns + round(TIMEOUT_S * 1e9):
                 raise ValueError(f"nothing of it could be decoded for {TIMEOUT_S:g} s")
 
-    def _decode(self) -> None:
-        """On a thread of its own."""
-        try:
-            while (packet := self._next()) is not None:
-                self._look(packet)
-        except Exception as error:
-            self._error = error
-
-    def _next(self) -> "av.Packet[VideoStream] | None":
-        with self._changed:
-            while not self._ended:
-                if (packet := self._backlog.take()) is not None:
-                    return packet
-                self._changed.wait()
-        return None
-
-    def _look(self, packet: "av.Packet[VideoStream]") -> None:
-        if self._pass(packet):
-            return
+    def _decode(self, packet: "av.Packet[VideoStream]") -> None:
         for frame in self._feed.decoded(packet):
             self._decoded_ns = now = self._feed.now()
             arrived = cast(Arrived, frame.opaque)

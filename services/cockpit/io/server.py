@@ -42,7 +42,6 @@ from services.runtime.config.errors import LindyError
 
 T = TypeVar("T")
 MOST_PER_SECOND = 250  # [1/s] a page sends 50 to 125 sticks, 25 confirmations, and one per picture
-MOST_VIDEO_PAGES = 32
 LONGEST_CONFIRMATION = 10  # [B] a number
 MOST_PAGES = 32
 MOST_WATCHERS = 24  # of them: the others' places are for pilots
@@ -72,10 +71,6 @@ class VideoServer:
         self._outbox = outbox
         self._pages: dict[ServerConnection, PageVideo] = {}
         self._recent = RecentUnits()
-
-    @property
-    def full(self) -> bool:
-        return len(self._pages) >= MOST_VIDEO_PAGES
 
     def send(self, unit: PageUnit) -> None:
         """To every page that can do with it."""
@@ -229,14 +224,14 @@ class PageServer:
         if path == VIDEO and video is None:
             await connection.close(TOO_MANY, "this drone has no such camera")
             return
+        if video is not None:
+            await video.page(connection)
+            return
         watchers = path == WATCH and len(self._watchers) >= MOST_WATCHERS
-        if video.full if video is not None else watchers or len(self._pages) >= MOST_PAGES:
+        if watchers or len(self._pages) >= MOST_PAGES:
             self._outbox.tell(events.TOO_MANY_PAGES())
             kind = f"{MOST_WATCHERS} watchers'" if path == WATCH else str(MOST_PAGES)
             await connection.close(TOO_MANY, f"{kind} pages are open already")
-            return
-        if video is not None:
-            await video.page(connection)
             return
         sock = connection.transport.get_extra_info("socket")
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)

@@ -46,7 +46,6 @@ export function cameraTiles(first, connection, choose) {
       if (video !== large) swap(video);
       for (const [name, tile] of tiles) {
         const entry = listed.find((each) => each[0] === name);
-        tile.video.want(Boolean(entry) || tile.video === first); // another drone has others
         tile.button.hidden = tile.video === large || !entry;
         if (!tile.button.hidden) label(tile, entry[1]);
       }

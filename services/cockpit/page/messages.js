@@ -45,8 +45,8 @@ export function messages(view, you, page) {
   if (!silent) for (const notice of view.alarms ?? []) add("link", "alarm", `${words.t("LINK")} ${words.notice(notice)}`);
   if (you.wants_rest) add("wants_rest", "warning", words.t("wants_rest"));
   if (page.stopped) add("stopped", "warning", words.t(view.activity === "stopping" ? "stopping.rest" : "stopped"));
-  const { recent } = page;
-  if (recent && !all.some(({ code }) => code === recent.code)) add(recent.code, "warning", recent.text);
+  const { recent } = page, about = notices.flatMap((each) => each.about ?? []); // a notice says it as well
+  if (recent && ![...about, ...all.map(({ code }) => code)].includes(recent.code)) add(recent.code, "warning", recent.text);
   for (const notice of notices) {
     const code = codeOf(notice.code);
     if (all.some((each) => each.code === code)) continue;

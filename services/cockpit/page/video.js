@@ -25,7 +25,6 @@ export class Video {
     this.stripe = 0; // [px] rows at the top that are for machines
     this.underWay = []; // units that the decoder has
     this.failures = 0;
-    this.wanted = true; // the drone has this camera
     this.bytes = 0; // that have arrived …
     this.since = performance.now(); // … since then
     this.rate = 0; // [kbit/s]
@@ -34,7 +33,7 @@ export class Video {
   }
 
   open() {
-    if (this.unable || this.socket || !this.wanted) return;
+    if (this.unable || this.socket) return;
     const socket = new WebSocket(this.connection.address("ws/video", this.name ? { camera: this.name } : {}));
     socket.binaryType = "arraybuffer";
     socket.onmessage = (event) => this.take(socket, event.data);
@@ -44,13 +43,6 @@ export class Video {
       if (!this.connection.old) setTimeout(() => document.hidden || this.open(), RETRY_MS);
     };
     this.socket = socket;
-  }
-
-  want(wanted) {
-    if (wanted === this.wanted) return;
-    this.wanted = wanted;
-    if (!wanted) this.close();
-    else if (!document.hidden) this.open();
   }
 
   // Nobody looks, or nothing comes: begin anew, with a keyframe.

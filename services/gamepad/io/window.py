@@ -1,6 +1,5 @@
 """A pilot's window: what a pilot must see, and below it what each key does."""
 
-import time
 from collections.abc import Sequence
 
 import pygame
@@ -24,7 +23,6 @@ LAST, LONGEST = "\uffff", 500  # sign that pygame can draw; signs of a text
 INSTEAD = "use a pad or --pilot script:FILE"
 FOCUS = "The keys do nothing now: click into this window"
 PAUSE_NS = 100_000_000  # [ns] between two pictures
-SHARE = 10  # the sticks have the rest: a picture's time is at most a tenth of all
 
 
 def open_window() -> pygame.Surface:
@@ -65,9 +63,8 @@ class PilotWindow:
         def draw(now: int) -> None:
             newest = ports.newest(now)
             if now >= self._next_ns:
-                began = time.perf_counter_ns()
+                self._next_ns = now + PAUSE_NS
                 self.draw(vehicle_view(newest, now), focused=pygame.key.get_focused())
-                self._next_ns = now + pause_ns(time.perf_counter_ns() - began)
 
         node.every(LOOK_HZ, draw)
 
@@ -136,8 +133,3 @@ class PilotWindow:
 def drawable(text: str) -> str:
     """Text that any letters can draw: anybody on the bus may have sent it."""
     return "".join(sign if sign.isprintable() and sign <= LAST else "?" for sign in text[:LONGEST])
-
-
-def pause_ns(cost_ns: int) -> int:
-    """[ns] Until the next picture, after one that took `cost_ns`."""
-    return max(PAUSE_NS, SHARE * cost_ns)

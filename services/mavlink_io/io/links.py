@@ -35,7 +35,6 @@ READ = 65_536  # [bytes] of a connection, read at once
 DATAGRAM = 4096  # [bytes] of the longest
 UNREAD = 32_768  # [bytes] that the other end of a connection has not read: seconds of telemetry
 AGAIN_S = 1.0  # [s] between two attempts to connect
-AT_ONCE_S = 0.01  # [s] in which a number is found to be one, and a name of this computer is known
 PAUSE_S = 0.003  # [s] between two calls of `notify`
 FLOOD = 32  # datagrams of a look; with more it must not take the processor, …
 FLOOD_PAUSE_S = 0.01  # [s] … and the next look comes later; the buffer holds 200 of them and more
@@ -209,9 +208,6 @@ class Links:
             if kind == "serial":
                 cable = partial(_cable, where, int(number))
                 self._call(f"serial {where}", cable, at_once=not self._limits.patient)
-                return
-            if kind == "tcp" and self._limits.patient:  # a name may become known later, too
-                self._call(f"tcp {where}:{number}", NamedHost(where, int(number)).connection)
                 return
             address = socket.gethostbyname(where), int(number)
             if kind == "tcp":
@@ -397,39 +393,6 @@ def _cable(device: str, baud: int) -> FileIO:
     path = Path(device)
     there = sorted(path.parent.glob(path.name)) if "*" in path.name else []
     return system.serial(str(there[0]) if there else device, baud)
-
-
-class NamedHost:
-    """Looks a name up on a thread of its own, anew for each connection: where nobody knows it, that
-    may take many seconds, and whoever reads the links must not wait."""
-
-    def __init__(self, host: str, port: int) -> None:
-        self._host, self._port = host, port
-        self._number = ""  # of the host; empty: not known yet
-        self._why = f"the name {host} is being looked up"
-        self._looking: threading.Thread | None = None
-
-    def connection(self) -> socket.socket:
-        """
-        Raises:
-            OSError: it is not known yet; or as of `_connection`.
-        """
-        if self._number:
-            number, self._number = self._number, ""
-            return _connection((number, self._port))
-        if self._looking is None or not self._looking.is_alive():
-            self._looking = threading.Thread(target=self._look_up, name="name", daemon=True)
-            self._looking.start()
-            self._looking.join(AT_ONCE_S)
-        if self._number:
-            return self.connection()
-        raise OSError(errno.EHOSTUNREACH, self._why)
-
-    def _look_up(self) -> None:
-        try:
-            self._number = socket.gethostbyname(self._host)
-        except OSError:
-            self._why = f"no computer is known here by the name {self._host}"
 
 
 def _connection(address: Address) -> socket.socket:

@@ -23,6 +23,7 @@ from services.visualizer.batch import (
 )
 from services.visualizer.blueprint import TIMELINE, blueprint, camera_path
 from services.visualizer.curves import MANY, PREDICTED, REFERENCE, Look, curves
+from services.visualizer.io.live_viewer import LiveViewer
 from services.visualizer.io.rrd_file import RrdFile
 
 METRES_PER_NEWTON = 0.04  # length of a thruster's arrow in the scene
@@ -56,8 +57,9 @@ class RerunWriter:
     def __init__(self, recording_id: str, vehicle: Vehicle) -> None:
         self._rec = rr.RecordingStream("lindy", recording_id=recording_id)
         self._vehicle = vehicle
-        self._bytes: rr.BinaryStream | None = None  # encoded, not yet written …
-        self._file: RrdFile | None = None  # … to this file, if there is one
+        # Bytes, not rerun's own file: that keeps an index in memory until the end.
+        self._bytes = self._rec.binary_stream()  # encoded, not yet written …
+        self._to: RrdFile | LiveViewer | None = None  # … there
         self._times: list[int] = []  # [ns] of the columns written last …
         self._when = np.array([], TIME)  # … and as an array
         named = [curve for curve in curves(vehicle) if curve.look.names]
@@ -67,22 +69,16 @@ class RerunWriter:
         self._cameras: list[str] = []  # of which a picture has been written
         self._services: dict[str, int] = {}  # colour of each, in every panel
 
-    def save(self, file: RrdFile) -> None:
-        """Write into a file from here on.
+    def save(self, to: RrdFile | LiveViewer) -> None:
+        """Write there from here on.
 
         Raises:
             OSError: its beginning cannot be written.
+            ValueError: as of `index_at`.
         """
-        # Bytes, not rerun's own file: that keeps an index in memory until the end.
-        self._bytes = self._rec.binary_stream()
         self._prepare()
-        file.begin(self._bytes.read() or b"")
-        self._file = file
-
-    def connect(self, url: str) -> None:
-        """Show it in the viewer that listens at `url` from here on."""
-        self._rec.connect_grpc(url)
-        self._prepare()
+        to.begin(self._bytes.read() or b"")
+        self._to = to
 
     def write(self, *batches: Batch) -> None:
         """Write batches that follow each other. Many at once are smaller and cheaper."""
@@ -107,12 +103,12 @@ class RerunWriter:
         self._rec.flush(timeout_sec=5.0)
         self._write_bytes()
         self._rec.disconnect()
-        if self._file is not None:
-            self._file.close()
+        if self._to is not None:
+            self._to.close()
 
     def _write_bytes(self) -> None:
-        if self._bytes is not None and self._file is not None and (data := self._bytes.read()):
-            self._file.append(data)
+        if self._to is not None and (data := self._bytes.read()):
+            self._to.append(data)
 
     def _columns(self, columns: CurveColumns) -> None:
         # A third of the time of np.array(rows), which inspects the shape of every row.

@@ -8,12 +8,15 @@ and its length as unsigned 64 bit; the last is of kind 0 and contains the index.
 """
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 from messages import events
+from messages.events import Event, Level
 from services.runtime.config.disk import reason, require_room
-from services.visualizer.io.live_viewer import Log, Tell
 
+Tell = Callable[[Event], None]
+Log = Callable[[Level, str], None]
 MAGIC, HEADER_BYTES, INDEX = b"RRF2", 12, 0
 MESSAGE = struct.Struct("<QQ")  # kind, length
 RESERVE = 1_000_000  # [bytes] left free for the recorder, whose file matters more

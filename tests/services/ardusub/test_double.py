@@ -111,16 +111,6 @@ def test_a_released_channel_keeps_its_last_value(version: str) -> None:
 
 
 @BOTH
-def test_without_the_failsafe_the_last_value_stays_for_ever(version: str) -> None:
-    bench = Bench(version, FS_PILOT_INPUT=0).armed()
-    bench.pulses = {5: 1700}
-    bench.run(0.5)
-    bench.pulses = None
-    bench.run(12.0)
-    assert bench.board.servo[2] == 1700
-
-
-@BOTH
 @pytest.mark.parametrize("timeout", [3.0, 0.5])
 def test_the_pilot_input_failsafe_disarms_in_its_time(version: str, timeout: float) -> None:
     bench = Bench(version, FS_PILOT_TIMEOUT=timeout).armed()

@@ -11,7 +11,6 @@ from services.control.allocation import Allocation
 from services.control.settings import Settings as ControlSettings
 from services.marine.vehicle import Vehicle, total_wrench, wrench_per_newton
 from services.runtime.config.stack import Stack
-from services.vehicle.actuation import share_of_voltage
 from tests.support.ardusub_double.motors import axes_of, motor_pulses
 from tests.support.ardusub_double.settings import defaults
 
@@ -92,10 +91,6 @@ def test_control_asks_for_hardly_more_than_the_board_can_give(shares: tuple[floa
     assert np.linalg.norm(given - believed) <= 0.25 * max(0.5, float(np.linalg.norm(believed)))
 
 
-def test_no_thrust_is_exactly_neutral() -> None:
-    assert MIXER.mix((0.0,) * 8).pulses == (1500,) * 6
-
-
 @pytest.mark.parametrize(
     ("axis", "channel", "sign"),
     [(0, 4, 1), (1, 5, 1), (2, 2, -1), (3, 1, 1), (4, 0, 1), (5, 3, 1)],
@@ -117,6 +112,7 @@ def test_thrust_at_the_edge_of_the_dead_band_is_not_rounded_to_nothing() -> None
 
 
 def test_a_thrust_bias_is_no_wrench() -> None:
+    assert MIXER.mix((0.0,) * 8).pulses == (1500,) * 6
     against = np.array([2.0, 2.0, -2.0, -2.0, 0.0, 0.0, 0.0, 0.0])
     assert total_wrench(COLUMNS, against.tolist()) == pytest.approx((0.0,) * 6, abs=1e-9)
     assert MIXER.mix(tuple(against.tolist())).pulses == (1500,) * 6
@@ -134,14 +130,6 @@ def test_lower_acro_yaw_p_is_made_up_for_until_the_channel_is_full() -> None:
     most = half.mix(tuple((INVERSE @ (turn * 10)).tolist()))
     assert most.limited
     assert most.pulses[3] == 1900
-
-
-def test_the_inverse_curve_is_that_of_the_drivers() -> None:
-    curves = MotorCurves(THRUSTERS, np.ones(8))
-    for force in (0.9, 2.0, 9.0, 20.0, 30.0, -5.0):
-        shares = curves.outputs_for(np.array([force] * 8))
-        assert shares[0] == pytest.approx(share_of_voltage(THRUSTERS[0], force), abs=0.003)
-        assert curves.thrust(shares)[0] == pytest.approx(force, rel=0.02)
 
 
 def test_other_vehicles_are_not_this_frame() -> None:

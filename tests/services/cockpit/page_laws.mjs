@@ -66,6 +66,11 @@ test("the gravest is first, and each is there once", () => {
   assert.deepEqual(messages({ ...FLIES, silent_s: 9, notices, alarms }, ME, {}).map(({ code }) => code), ["leak", "silent", "battery_low"]);
 });
 
+test("what a notice is about is not said a second time", () => {
+  const notices = [{ code: "not_ready", about: ["upside_down:sensor/imu"] }], recent = { code: "upside_down:sensor/imu", text: "the IMU reads" };
+  assert.deepEqual(messages({ ...FLIES, armed: false, notices }, ME, { recent }).map(({ code }) => code), ["not_ready"]);
+});
+
 test("a notice is a sentence with its numbers and what it is about", () => {
   assert.equal(words.notice({ code: "link.rtt", numbers: { from: 40, to: 900 } }), "round trip has risen from 40 to 900 ms");
   assert.equal(words.notice({ code: "notice:near_floor", numbers: { m: 0.5 } }), "the bottom is close (0.5 m)");

@@ -81,13 +81,6 @@ def test_the_choice_lasts_until_somebody_in_control_makes_another(
         assert cameras.large == wanted
 
 
-def test_one_camera_says_nothing() -> None:
-    cameras = Cameras()
-    assert not cameras.several
-    assert isinstance(cameras.choose("down", 0), str)
-    assert cameras.repeated(10 * S, in_control=True) is None
-
-
 class Deck:
     """The cockpit's service, with two pages that may fly and one that watches."""
 

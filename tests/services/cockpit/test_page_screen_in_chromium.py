@@ -105,6 +105,16 @@ def test_a_note_is_said_in_the_pilots_language_and_who_lacks_the_sticks_is_told_
     page.close()
 
 
+def test_a_long_alarm_is_whole_on_a_low_screen(browser: Browser, served: Served):
+    page = served.open(browser, Size(780, 437))
+    served.becomes(page, **{**ACTING, "doing": "not obeyed", "failsafe": "state_lost"})
+    page.look("document.getElementById('now').append(' And once more, for three lines of it.')")
+    box = "document.getElementById('%s').getBoundingClientRect()"
+    top, now = box % "top", box % "now"
+    assert page.look(f"{now}.height > 50 && {now}.top >= 0 && {now}.bottom <= {top}.bottom - 15")
+    page.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("language", ["no", "sv", "de", "es", "zh"])
 def test_in_every_language_nothing_is_cut(browser: Browser, served: Served, language: str):

@@ -146,6 +146,22 @@ def test_control_given_up_or_lost_is_not_taken_back_unasked(ended: str):
     assert kinds(press(pilot, "arm")) == ["lease"]
 
 
+def test_a_pilot_who_gives_control_back_and_takes_it_is_no_other_pilot():
+    waiting = set[str]()
+    pilot = Pilot(Progress(epoch=1), Outbox(), arms=False, asked=lambda: frozenset(waiting))  # type: ignore[arg-type]
+    pilot.read(StickReading(), "ann", 0, 0)
+    release = PilotRequest(stamp_ns=0, id="1", kind="release", source="ann", epoch=1)
+    pilot.answered(release, answer(True), 1)
+    pilot.status(status(1, pilot="ann"), 2)  # said before it was heard
+    waiting.add("lease")
+    pilot.status(status(2, pilot="ann"), 3)  # said before the answer came
+    assert told(pilot.outbox) == []
+    waiting.clear()
+    pilot.answered(replace(release, kind="lease"), answer(True, epoch=2), 4)
+    pilot.status(status(3, pilot="ann"), 5)  # another one of the same name
+    assert told(pilot.outbox) == ["outdone:lease"]
+
+
 def test_what_lindy_ask_got_for_this_pilot_is_its_own_and_what_others_got_is_not():
     pilot = Pilot(Progress(), Outbox(), arms=False)
     pilot.read(StickReading(), "ann", 0, 0)

@@ -17,7 +17,7 @@ from messages.simulator import FaultAnswer, FaultKind, FaultRequest
 from services.gamepad.io.path_file import course_named, course_of
 from services.gamepad.io.sources import read_script
 from services.gamepad.service import CausedIncidents
-from services.gamepad.stick_log import QUIET_NS, Player, StickLog, StickLogRow, in_words, parse
+from services.gamepad.stick_log import Player, StickLog, StickLogRow, in_words, parse
 from services.piloting.pilot_intents import (
     FollowIntent,
     GotoIntent,
@@ -72,17 +72,6 @@ def test_every_event_happens_once(rows: list[tuple[int, Sticks, str]], moments: 
     assert heard == written + Counter({"disarm": 1})
 
 
-@given(logs())
-def test_the_player_names_every_instant_at_which_it_changes(rows: list[tuple[int, Sticks, str]]):
-    player, began = Player("x", parse(csv(rows), course_named), Outbox()), 5 * S
-    named, now = list[int](), began - 1
-    while (following := player.next_ns(now, began)) is not None:
-        assert following > now
-        named.append(following - began)
-        now = following
-    assert named == [ms * 1_000_000 for ms, _, _ in rows] + [rows[-1][0] * 1_000_000 + QUIET_NS]
-
-
 @given(logs(), st.integers(0, 90_000))
 def test_the_hands_are_at_rest_while_only_the_camera_moves(
     rows: list[tuple[int, Sticks, str]], ms: int
@@ -107,13 +96,11 @@ def test_comments_blank_lines_spaces_and_a_spreadsheets_mark_are_allowed():
             b"t,surge,sway,heave,yaw,event,tilt\n1,0,0,0,0,stop,1\n",
             StickLogRow(S, Sticks(tilt=1), "stop"),
         ),
-        (TILT_HEAD + b"1,0,0,0,0,,stop\n", StickLogRow(S, CENTRED, "stop")),
         (b"t,surge,sway,heave,yaw,gripper\n1,0,0,0,0,-1\n", StickLogRow(S, Sticks(gripper=-1.0))),
         (
             b"t,surge,sway,heave,yaw,event\n1,0,0,0,0,output lasers 1\n",
             StickLogRow(S, CENTRED, OutputIntent("lasers", 1.0)),
         ),
-        (TILT_HEAD + b"1,0,0,0,1\n", StickLogRow(S, Sticks(yaw=1.0))),
         (b"t,surge,sway,heave,yaw\n2,0,0,0,1\n", StickLogRow(2 * S, Sticks(yaw=1.0))),
     ],
 )
@@ -125,18 +112,13 @@ def test_tilt_and_event_come_in_any_order_and_may_be_left_empty(text: bytes, row
     ("text", "line", "found", "allowed"),
     [
         (b"", 1, "empty", "heading"),
-        (HEAD, 1, "no row", "at least one"),
         (b"0,0,0,0,0\n", 1, "0,0,0,0,0", "heading"),
         (b"\x89PNG\r\n\x1a\n", 1, "0x89", "text"),
-        (HEAD + b"0,0,0,0,0\n1,\xff,0,0,0\n", 3, "0xff", "text"),
         (HEAD + b"0,0,0,0\n", 2, "4 columns", "5 or 6"),
         (HEAD + b"# c\n\n0,0,0,fast,0\n", 4, "heave is 'fast'", "-1 to 1"),
-        (HEAD + b"-1,0,0,0,0\n", 2, "t is '-1'", "0 to 86400"),
         (HEAD + b"1,0,0,0,0\n1,0,0,0,0\n", 3, "t is 1", "more than the 1 before"),
-        (b"t,surge,sway,heave,yaw,event,tilt,event\n", 1, "event,tilt,event", "heading"),
         (b"t,surge,tilt,sway,heave,yaw\n", 1, "surge,tilt", "tilt and gripper and event"),
         (HEAD + b"0,0,0,0,0,output lasers 2\n", 2, "'lasers 2'", "a number from 0 to 1"),
-        (HEAD + b"0,0,0,0,0,output\n", 2, "''", "a name of the vehicle file"),
         (
             HEAD + b"0,0,0,0,0,jump\n",
             2,
@@ -201,19 +183,14 @@ def test_follow_reads_a_shipped_path_by_its_name_or_any_by_its_file(tmp_path: Pa
     [
         ("goto", "goto needs a depth, a heading or both"),
         ("goto north=3", "expected north=M and east=M, each within 100000 m, and nothing else"),
-        ("goto north=1e9 east=1", "each within 100000 m"),
-        ("goto depth=deep", "goto: depth is 'deep', expected a number"),
         ("goto depth=nan", "goto: depth is nan, expected a number from 0 to 11000 m"),
         ("goto heading=inf", "goto: heading is inf, expected a number from -360 to 360 deg"),
         ("gotodepth=3", "event is 'gotodepth=3', expected one of .*goto depth=M heading=DEG"),
-        ("follow", "follow needs a path"),
         ("mode", "mode: found '', expected one of manual, depth_hold"),
         ("follow inspection_bix", "did you mean 'inspection_box'"),
-        ("follow fernandes", "fernandes.toml: model is 'fernandes'; only"),
-        ("fault port", "expected fault PART KIND"),
         ("fault port deaf", "KIND is 'deaf', expected one of none, dead"),
         ("fault port weak half", "VALUE is 'half', expected a finite number"),
-        ("link set", "expected link down"),
+        ("link set", "expected link set down"),
     ],
 )
 def test_a_mistake_in_an_event_is_named_with_its_line(cell: str, says: str):
@@ -247,9 +224,9 @@ def test_a_place_is_in_metres_and_a_mode_is_what_to_hold(cell: str, event: objec
         *(f"fault port {kind}" for kind in get_args(FaultKind)),
         "fault sensor/pressure biased -300",
         "fault all none",
-        "link down",
-        "link up",
-        "link profile severe",
+        "link set down",
+        "link set up",
+        "link set severe",
         "link set up.delay_ms=80 down.rate_kbit=256",
     ],
 )
@@ -257,6 +234,9 @@ def test_an_incident_reads_as_it_is_written(cell: str):
     found = event_of(cell)
     assert isinstance(found, Incident)
     assert in_words(found) == cell
+    assert (
+        event_of(cell.replace("set severe", "profile severe").replace("set down", "down")) == found
+    )
 
 
 def test_the_player_gives_each_once_and_apart_from_the_pilots_requests():
@@ -321,7 +301,7 @@ def test_each_is_asked_until_answered_or_given_up_and_both_failures_are_counted(
         ("fault prot dead", "there is no part 'prot'; did you mean 'port'?"),
         ("fault port weak", "weak needs a value from 0 to 1"),
         ("fault sensor/dvl silent", "there is no part 'sensor/dvl'"),
-        ("link profile acoustic", "acoustic cannot be flown: a command needs "),
+        ("link set acoustic", "acoustic cannot be flown: a command needs "),
         ("link set up.dealy_ms=1", "did you mean 'delay_ms'?"),
     ],
 )
@@ -375,14 +355,8 @@ def test_every_key_reaches_its_own_field_and_what_a_file_leaves_out_is_the_cours
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("cruise = 0.3\n", "waypoints"),
         ("waypoints = [[0, 0]]\n", "way.toml:1: waypoints: expected an array of length >= 2"),
-        ("waypoints = [[0, 0], [1, nan]]\n", "waypoints number 2, number 2: expected a number"),
         (LONG_WAY + "cruse = 0.3\n", "way.toml:2: cruse: unknown key; did you mean 'cruise'"),
-        (
-            LONG_WAY + "cruise = -0.3\n",
-            "way.toml:2: cruise: expected a number >= 1e-06 m/s, found -0.3",
-        ),
         (LONG_WAY + 'kind = "round"\n', "kind: invalid enum value 'round'"),
         (LONG_WAY + 'model = "fernandes"\n', "only a path with model = 'mjvr' can be followed"),
         (LONG_WAY + "speeds = [0.1]\n", "has one speed; use cruise instead"),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.events import Outbox
 from messages.link import Clock, ClockPong
-from services.link_monitor.clock_sync import DRIFT, KEPT, ClockSync
+from services.link_monitor.clock_sync import DRIFT, ClockSync
 from services.runtime.config.settings import DEPLOY
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
@@ -103,17 +103,6 @@ def test_an_answer_that_stays_away_leaves_no_round_trip_but_the_offset() -> None
     assert later.offset_ns == pytest.approx(10**9, abs=2)
     assert later.bound_ns is not None
     assert later.bound_ns >= 1_000_000 + DRIFT * 5 * SECOND - 2
-
-
-def test_a_fast_round_trip_counts_for_so_many_round_trips_and_no_longer() -> None:
-    sync, fast, slow = ClockSync(Outbox()), 1_000_000, 50_000_000
-    least = list[float | None]()
-    for k in range(KEPT + 1):
-        delay = fast if k == 0 else slow
-        pong, back = trip(k * SECOND // 5, delay, delay, 0, 0, 0.0)
-        sync.heard(pong, back)
-        least.append(sync.clock(back).rtt_min_ms)
-    assert least == [2.0] * KEPT + [100.0]
 
 
 # Over every link profile the truth lies inside the bound, and the bound is worth having.

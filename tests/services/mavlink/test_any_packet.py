@@ -10,7 +10,7 @@ from messages.events import Outbox
 from messages.pilot import PilotAnswer
 from messages.vehicle import VehicleStatus
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.pilot import GroundStation, ReceivedPacket, received
+from services.mavlink.pilot import ReceivedPacket, received
 from services.mavlink.telemetry import Snapshot
 from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
 from services.piloting.pilot import Pilot, Progress
@@ -86,8 +86,3 @@ def test_any_messages_at_all(said: list[tuple[Any, bytes, int]]) -> None:
     for kind, content, system in said:
         payload = content[: kind.unpacker.size]
         talk.hear(frame(kind, payload, system))
-
-
-def test_a_ground_station_is_known_by_its_ids_and_its_link() -> None:
-    [heard] = FrameReader(CODEC).read([frame(CLASSES["HEARTBEAT"], bytes(9), 7)], link="udp a")
-    assert received(heard).sender == GroundStation("udp a", 7, 190)

@@ -35,23 +35,6 @@ def test_a_ground_station_sees_the_depth_the_mode_and_a_failsafe(tmp_path: Path)
     assert not dive.air.of("HEARTBEAT")[-1]["base_mode"] & 128
 
 
-def test_the_first_sticks_are_enough_to_arm(tmp_path: Path) -> None:
-    dive = GroundStationDive(tmp_path)
-    dive.host.run(20 * S, done=lambda: bool(dive.statuses) and dive.status.activity == "ready")
-    dive.run(1.0)
-    dive.sticks(ANN)
-    dive.command(400, 1.0)
-    dive.run(0.25)
-    assert dive.acks == [(400, 0)]
-
-
-def test_sticks_at_any_usual_rate_are_one_pilot(tmp_path: Path) -> None:
-    dive = GroundStationDive(tmp_path).armed()
-    for hz in (10.0, 50.0):
-        dive.steer(2.0, hz=hz, heave=0.2)
-    assert {status.failsafe for status in dive.statuses} == {"none"}
-
-
 def test_beside_a_script_that_flies_the_ground_station_watches(tmp_path: Path) -> None:
     dive = GroundStationDive(tmp_path, "0,0,0,0,0\n1,0,0,0.5,0\n20,0,0,0,0\n")
     dive.host.run(40 * S, done=lambda: bool(dive.statuses) and dive.status.armed)
@@ -66,27 +49,6 @@ def test_beside_a_script_that_flies_the_ground_station_watches(tmp_path: Path) -
     assert "script script has control" in str(dive.air.of("STATUSTEXT"))
     assert dive.air.of("ATTITUDE")
     assert dive.air.of("ATTITUDE", STATIONS[BOB].link)
-
-
-@pytest.mark.slow
-def test_a_second_ground_station_moves_nothing_until_the_first_is_silent_for_long(
-    tmp_path: Path,
-) -> None:
-    dive = GroundStationDive(tmp_path).armed()
-    for _ in range(50):
-        dive.sticks(BOB, heave=1.0)
-        dive.steer(0.04)
-    assert all(command.heave == 0.0 for command in dive.commands)
-    assert dive.counts["not_the_holder:sticks"] == 50
-    dive.steer(9.0, BOB)
-    assert dive.status.failsafe == "pilot_lost"
-    dive.steer(2.0, BOB)
-    dive.command(400, 1.0, who=BOB)
-    dive.steer(1.0, BOB)
-    assert dive.status.failsafe == "none"
-    dive.steer(1.0, BOB, heave=1.0)
-    assert dive.commands[-1].heave > 0.0
-    assert dive.commands[-1].source == "ground station 254/190"
 
 
 def test_a_mode_chosen_while_the_drone_comes_to_rest_is_taken_up_then_and_that_is_said(

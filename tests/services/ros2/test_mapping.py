@@ -3,7 +3,7 @@
 import io
 from collections.abc import Iterable
 from dataclasses import fields, is_dataclass, make_dataclass
-from math import atan2, cos, isnan, pi, remainder, sin
+from math import atan2, isnan, pi, remainder
 from typing import Any, cast
 
 import numpy as np
@@ -37,7 +37,6 @@ from services.ros2.mapping import (
     RosMessage,
     RosMessages,
     enu,
-    enu_from_flu,
     flu,
 )
 from services.ros2.rmw_zenoh import Attachment
@@ -89,14 +88,6 @@ def test_the_drone_points_by_the_same_north_that_its_place_is_counted_from(
     frames = mapping.frames_of("rov", Mounting())
     x, y, _ = turned(mapping.odometry(frames, said, UTC_NS).pose.pose.orientation, (1.0, 0.0, 0.0))
     assert remainder(atan2(x, y) - north, 2.0 * pi) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_north_is_a_quarter_turn_from_east_and_clockwise_is_negative() -> None:
-    for heading, yaw in ((0.0, pi / 2), (pi / 2, 0.0), (pi / 4, pi / 4)):
-        w, x, y, z = enu_from_flu(from_euler(0.0, 0.0, heading))
-        assert (x, y) == pytest.approx((0.0, 0.0))
-        sign = 1.0 if w * cos(yaw / 2) + z * sin(yaw / 2) > 0 else -1.0
-        assert (sign * w, sign * z) == pytest.approx((cos(yaw / 2), sin(yaw / 2)))
 
 
 @given(attitudes, st.floats(-2, 2), st.floats(-2, 2), st.floats(-2, 2))

@@ -1,47 +1,24 @@
-"""What the simulator can have that the vehicle file does not say: sensor errors, thrust that sags,
-centres that are elsewhere, sensors that sit elsewhere. Waves: test_sim_waves.py; vibration:
-test_sim_sensors.py."""
+"""What the simulator can have that the vehicle file does not say: a centre of gravity and sensors
+that are elsewhere. Waves: test_sim_waves.py; vibration: test_sim_sensors.py."""
 
-from math import atan2, hypot, sin
+from math import atan2, sin
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from services.marine.attitude import from_euler, to_euler
 from services.marine.mounting import ImuMount, Mounting
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack
-from services.simulator.hull import Hull, ShiftedCentres
+from services.simulator.hull import Hull
 from services.simulator.settings import Settings
 from tests.services.simulator.hulls import (
-    MS,
-    NEUTRAL,
     PIONEER,
-    command,
     deep,
     simulator,
     vessel,
     world,
 )
-
-
-def full_ahead(exponent: float, used_wh: float) -> tuple[float, tuple[float, ...]]:
-    """[m/s] of surge after 2 s, and the thrust [N] that is reported."""
-    place = Settings(hull=Hull(voltage_exponent=exponent))
-    sailing = simulator(place, NEUTRAL, world(place, NEUTRAL, used_wh=used_wh))
-    for n in range(100):
-        sailing.obey(command(n * 20 * MS, 35.0, 35.0, 0.0, 0.0), n * 20 * MS)
-    return sailing.truth().velocity[0], sailing.actuation().thrust
-
-
-def test_thrust_sags_with_the_voltage_and_nobody_reports_it() -> None:
-    fresh, sagging, empty = full_ahead(0.0, 90.0), full_ahead(2.0, 0.0), full_ahead(2.0, 90.0)
-    assert fresh[0] > sagging[0] > empty[0]
-    # 13.05 V of 16.8, and 0.03 Ω at 55 A: half the thrust is left, and 0.7 of the speed.
-    assert empty[0] / fresh[0] == pytest.approx(0.7, abs=0.1)
-    assert empty[1] == fresh[1]
 
 
 @pytest.mark.parametrize("shift", [0.005, -0.01])
@@ -51,16 +28,6 @@ def test_a_centre_of_gravity_further_ahead_lowers_the_nose(shift: float) -> None
     hull.advance(40.0)
     _, pitch, _ = to_euler(hull.attitude)
     assert pitch == pytest.approx(atan2(-shift, PIONEER.metacentric_height), abs=1e-3)
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1))
-def test_both_centres_shifted_alike_turn_a_neutral_hull_nowhere(
-    roll: float, pitch: float, x: float, y: float
-) -> None:
-    hull = Hull(gravity_shift=(x, y, 0.01), buoyancy_shift=(x, y, 0.01))
-    moment = ShiftedCentres(NEUTRAL, hull).moment(10.0, from_euler(roll, pitch, 0.0))
-    assert hypot(*moment) < 1e-9
 
 
 def test_sensors_may_sit_elsewhere_than_the_file_says() -> None:

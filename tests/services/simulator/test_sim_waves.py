@@ -70,19 +70,6 @@ def test_every_line_obeys_the_dispersion_of_deep_water_and_together_they_have_th
     assert variance == pytest.approx(quarter**2)
 
 
-def test_the_surface_of_a_sea_has_a_quarter_of_its_height_as_deviation_and_its_period() -> None:
-    stds, peaks = list[float](), list[float]()
-    for seed in range(5):
-        sea = Sea(SEA_STATE, seed)
-        rises = np.array([sea.at(10.0 + 0.25 * n, (3.0, 4.0, 0.0)).rise for n in range(2048)])
-        stds.append(float(rises.std()))
-        power = np.abs(np.fft.rfft(rises * np.hanning(2048))) ** 2
-        smooth = np.convolve(power, np.ones(9) / 9, "same")
-        peaks.append(float(np.fft.rfftfreq(2048, 0.25)[np.argmax(smooth)]))
-    assert np.mean(stds) == pytest.approx(0.3 / 4.0, rel=0.03)
-    assert np.median(peaks) == pytest.approx(0.25, rel=0.07)
-
-
 def test_the_spectrum_is_highest_at_its_peak_by_the_enhancement() -> None:
     ratios = np.linspace(0.6, 3.0, 2401)
     density = [jonswap(ratio, 3.3) for ratio in ratios]
@@ -111,21 +98,12 @@ def test_waves_run_where_they_are_headed_and_spread_about_it() -> None:
     assert np.std(headings) == pytest.approx(0.4, rel=0.15)
 
 
-def test_waves_fade_with_depth_the_short_ones_first_and_before_they_begin_the_sea_is_calm() -> None:
-    regular = Sea(REGULAR, 0)
-    for depth in (0.0, 2.0, 10.0):
-        rises = [regular.at(8.0 + 0.01 * n, (0.0, 0.0, depth)).rise for n in range(400)]
-        assert max(rises) == pytest.approx(0.15 * exp(-K * depth), rel=1e-3)
-    sea, lines = Sea(SEA_STATE, 2), lines_of(SEA_STATE, 2)
-    for depth in (1.0, 4.0):
-        rises = [sea.at(10.0 + 0.5 * n, (0.0, 0.0, depth)).rise for n in range(2000)]
-        left = sum(0.5 * (x.amplitude * exp(-x.wave_number * depth)) ** 2 for x in lines)
-        assert np.var(rises) == pytest.approx(left, rel=0.05)
+def test_before_they_begin_the_sea_is_calm() -> None:
     late = Sea(replace(SEA_STATE, begins=30.0), 0).at(29.9, (0.0, 0.0, 1.0))
     assert late == (0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def pressures(waves: Waves | None, seconds: float = 12.0) -> np.ndarray:
+def pressures(waves: Waves, seconds: float = 12.0) -> np.ndarray:
     """[Pa] at a hull that lies 3 m deep and is left alone."""
     place = Settings(waves=waves, pressure_std=0.0)
     sailing = simulator(place, NEUTRAL, world(place, NEUTRAL, depth=3.0))
@@ -138,13 +116,10 @@ def pressures(waves: Waves | None, seconds: float = 12.0) -> np.ndarray:
     return np.array(found)
 
 
-def test_a_held_hull_feels_the_waves_pressure_and_one_that_is_carried_hardly_any() -> None:
-    still = pressures(None)[0]
-    held = pressures(replace(REGULAR, moves_hull=False))
-    most = 1025 * GRAVITY * 0.15 * exp(-K * 3.0)
-    assert np.max(held[200:] - still) == pytest.approx(most, rel=0.01)
-    # The water's own parcels keep their pressure, to the first order.
-    assert np.ptp(pressures(REGULAR)[200:]) < 0.25 * most
+def test_a_hull_that_is_carried_hardly_feels_the_waves_pressure() -> None:
+    """The water's own parcels keep their pressure, to the first order."""
+    held = 1025 * GRAVITY * 0.15 * exp(-K * 3.0)  # [Pa]
+    assert np.ptp(pressures(REGULAR)[200:]) < 0.25 * held
 
 
 def test_a_carried_hull_goes_round_as_the_water_does_and_its_imu_feels_it() -> None:

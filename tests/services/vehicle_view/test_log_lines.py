@@ -16,18 +16,6 @@ def said(text: str, service: str = "reference") -> LogLine:
     return LogLine(stamp_ns=0, service=service, level="warning", text=text)
 
 
-@given(st.integers(1, 3000))
-def test_however_often_a_line_comes_it_is_said_a_few_times_and_its_count_is_right(times: int):
-    lines = LogLines()
-    at_once = [lines.add(said("failsafe:pilot_lost"), n / 10) for n in range(times)]
-    told = [one for one in at_once if one is not None] + lines.unprinted()
-    assert len(told) <= 5
-    assert told[0].times == 1
-    assert told[-1].times == times
-    assert told[-1].first_s == 0.0
-    assert told[-1].last_s == (times - 1) / 10
-
-
 @given(st.lists(st.sampled_from("abc"), max_size=60))
 def test_no_line_is_ever_left_out(texts: list[str]):
     lines = LogLines()

@@ -10,6 +10,7 @@ from messages import topics
 from messages.control import ThrusterCommand
 from messages.events import CONDITIONS, short, told
 from messages.message import Estimate, Notice
+from messages.reference import Motion, Reference
 from messages.sensors import BatterySample
 from messages.state import VehicleState
 from messages.vehicle import Failsafe, Reaction, VehicleStatus
@@ -53,6 +54,8 @@ def test_what_is_old_is_said_so_and_what_is_gone_is_not_shown(now: int):
     assert (view.charge is None) == (now > ages.BATTERY.gone_ns)
     assert view.charge in (None, 0.75)
     assert view.last_known == (now > ages.STATUS.grey_ns)
+    assert view.last_known == any(note.startswith("no status from the") for note in notes(view))
+    assert (view.light is None) == view.last_known
     assert view.armed  # as far as anybody knows
 
 
@@ -91,6 +94,18 @@ def test_a_drone_that_nobody_moves_holds_nothing() -> None:
         assert seen.doing == ("not obeyed" if conditions else "holding")
         nobody = "nothing moves the drone: its board or control does not answer"
         assert words.acting(seen) == (nobody if conditions else "the drone has stopped and holds")
+
+
+@pytest.mark.parametrize(("speed", "doing"), [(0.2, "stopping"), (0.0, "holding")])
+def test_a_stop_in_a_failsafe_is_over_once_the_drone_stands(speed: float, doing: str) -> None:
+    """However long nobody takes the sticks."""
+    acts = status(activity="stopping", failsafe="pilot_lost", reaction="stop", since_ns=0)
+    still, moves = Motion(1.0, 0.0, 0.0, 0.0), Motion(1.0, speed, 0.0, 0.0)
+    wanted = Reference(
+        stamp_ns=0, sensor_ns=None, pilot_ns=None, armed=True, depth=still, heading=moves,
+        surge_force=0.0, sway_force=0.0,
+    )  # fmt: skip
+    assert vehicle_view(Newest(status=acts, reference=wanted), 0).doing == doing
 
 
 def test_a_pilot_who_has_stopped_the_drone_is_told_to_centre_the_sticks():
@@ -181,16 +196,6 @@ def test_old_numbers_and_the_last_known_state_are_warnings():
     assert [tone for _, tone in lines[:2]] == ["warning", "warning"]
     assert lines[0].text == "last known: ARMED"
     assert "2.3 s old" in lines[5].text
-
-
-@given(st.floats(0.0, 1e5))
-def test_a_drone_that_is_not_heard_is_the_last_known_one(age_s: float):
-    status = VehicleStatus(stamp_ns=0, activity="piloted", armed=True, light=1.0)
-    view = vehicle_view(Newest(status=status), round(age_s * 1e9))
-    assert view.armed
-    silent = [note for note in notes(view) if note.startswith("no status from the drone")]
-    assert view.last_known == bool(silent) == (round(age_s * 1e9) > ages.STATUS.grey_ns)
-    assert (view.light is None) == view.last_known
 
 
 def test_a_screen_hears_commands_that_come_too_late_to_act() -> None:

@@ -17,12 +17,14 @@ from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
 from services.runtime.node.node import Node
 from services.runtime.node.ports import Publisher
-from services.visualizer.batch import Batch, Note
-from services.visualizer.io.live_viewer import LiveViewer
+from services.visualizer.batch import Batch, CurveColumns, Note
+from services.visualizer.io.live_viewer import LiveViewer, viewer_command
 from services.visualizer.service import wire
 from tests.support.patience import PATIENCE_S, until
 
 chunk = pytest.importorskip("rerun.chunk", reason="the viewer extra is not installed")
+
+from services.visualizer.io.rerun_writer import RerunWriter  # noqa: E402 - needs rerun
 
 # Our files have no index, by choice; the reader says so.
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
@@ -30,21 +32,6 @@ pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 Sample = Callable[[str, int], Message]
 SECOND = 1_000_000_000
 BOTH_REALMS = ServiceSpec(["topside", "drone"])
-
-# Listens, lets the client in, never reads; ends with whoever started it.
-STALLED_VIEWER = """
-import os, socket, sys, time
-parent, server = os.getppid(), socket.socket()
-server.bind(("127.0.0.1", int(sys.argv[-1])))
-server.listen()
-server.settimeout(0.05)
-clients = []
-while os.getppid() == parent:
-    try:
-        clients.append(server.accept())
-    except TimeoutError:
-        pass
-"""
 
 
 def speak(sides: dict[str, Node], sample: Sample) -> None:
@@ -145,10 +132,6 @@ def test_without_rerun_the_sentence_says_how_to_get_it(
         VirtualHost().add("visualizer", BOTH_REALMS, Stack(out=str(tmp_path)), wire)
 
 
-def big_batch() -> Batch:
-    return Batch(notes=[Note("status", 0, "document", "x" * 100_000)])
-
-
 class Heard:
     """What a `LiveViewer` counted and logged."""
 
@@ -156,35 +139,53 @@ class Heard:
         self.counts: list[str] = []
         self.lines: list[tuple[str, str]] = []
 
-    def open(self, viewer: list[str]) -> LiveViewer:
-        vehicle = Stack().section("vehicle", Vehicle)
-        return LiveViewer(
-            "test", vehicle, viewer, lambda event: self.counts.append(event.name), self.log
-        )
+    def open(self, viewer: list[str]) -> tuple[LiveViewer, RerunWriter]:
+        live = LiveViewer(viewer, lambda event: self.counts.append(event.name), self.log)
+        writer = RerunWriter("test", Stack().section("vehicle", Vehicle))
+        writer.save(live)
+        return live, writer
 
     def log(self, level: str, text: str) -> None:
         self.lines.append((level, text))
 
 
-def test_a_stalled_viewer_leaves_no_process_of_ours_behind() -> None:
+def big_batch() -> Batch:
+    return Batch(notes=[Note("status", 0, "document", "x" * 100_000)])
+
+
+def test_the_viewer_reads_all_of_it_and_outlives_the_dive(tmp_path: Path) -> None:
+    """rerun's own program, which has no window here but keeps what it reads."""
+    program, stdin, *more = viewer_command()
+    kept = tmp_path / "seen.rrd"
+    live, writer = Heard().open([program, stdin, *more, "--save", str(kept)])
+    for k in range(3):
+        writer.write(Batch(columns=[CurveColumns("depth/estimate", [k * SECOND], [[float(k)]])]))
+    writer.close()
+    viewer = live.viewer
+    assert viewer is not None
+    assert viewer.wait(PATIENCE_S) == 0
+    times, values = read_back(kept, "/depth/estimate")
+    assert dict(zip(times, values, strict=True)) == {0.0: 0.0, 1.0: 1.0, 2.0: 2.0}
+
+
+def test_a_stalled_viewer_holds_up_nothing() -> None:
     heard = Heard()
-    link = heard.open([sys.executable, "-c", STALLED_VIEWER])
-    process = link.process
+    live, writer = heard.open([sys.executable, "-c", "import time; time.sleep(600)"])
     while "dropped:live" not in heard.counts:
-        link.send(big_batch())
-    link.close()
-    assert process is not None
-    assert process.poll() is not None
-    link.send(big_batch())  # after the end: nothing
+        writer.write(big_batch())
+    writer.close()
+    viewer = live.viewer
+    assert viewer is not None
+    assert viewer.poll() is None
+    viewer.kill()
+    viewer.wait()
 
 
 def test_a_viewer_that_cannot_open_is_said_once_and_counted() -> None:
     heard = Heard()
-    link = heard.open(["/nonexistent/viewer"])
-    assert link.process is not None
-    link.process.wait(PATIENCE_S)
-    link.send(batch := big_batch())
-    until(lambda: link.send(batch) or heard.counts)  # a thread notices
-    link.send(batch)
+    live, writer = heard.open(["/nonexistent/viewer"])
+    until(lambda: writer.write(big_batch()) or heard.counts)  # a thread notices
+    writer.write(big_batch())
     assert heard.counts == ["lost:live_viewer"]
     assert [level for level, _ in heard.lines] == ["info", "warning"]
+    assert not live.is_open
