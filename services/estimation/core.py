@@ -142,7 +142,7 @@ class Estimator:
         self._arm = (Mounting() if vehicle is None else vehicle.mounting).imu.position_std  # [m]
         self._off_ns = -(1 << 62)  # [ns] when the IMU was inconsistent last
         self._spin = (0.0, 0.0, 0.0)  # [rad/s²]
-        self._turning = self._swinging = 0.0  # [1/s²] ω², [1/s⁴] mean of (ω² + ω̇)²
+        self._swinging = 0.0  # [1/s⁴] mean of (ω² + ω̇)²
         self._yaw_rate = self._lag = 0.0  # [rad/s]
         self._went = False  # since it came to rest last …
         self._rested_ns = -REST_TOLD_NS  # [ns] … and when that was
@@ -288,11 +288,11 @@ class Estimator:
             return 0.0
         if kept is not None:
             f = self.filter = kept
-        (f0, w0), noise = before, self._sensors[topics.IMU.key].variances
+        f0, w0 = before
         mean_rate, share = _mean(w0, rate), BETWEEN * dt
         unseen = _times(share, minus(force, f0)), _times(share, minus(rate, w0))
-        self._turn(mean_rate, w0, rate, dt)
-        f.predict(_mean(f0, force), mean_rate, dt, self._densities(dt, noise), unseen)
+        noise = self._densities(minus(mean_rate, f.gyro_bias), minus(rate, w0), dt)
+        f.predict(_mean(f0, force), mean_rate, dt, noise, unseen)
         if dt > INTEGRATED:
             f.widen_blind(dt)
             self._hull.restart()
@@ -306,16 +306,6 @@ class Estimator:
         self._lag = turn - self._yaw_rate
         return dt
 
-    def _turn(self, mean: Vec3, first: Vec3, last: Vec3, dt: float) -> None:
-        """How much the vehicle turns, and begins to."""
-        p, q, r = minus(mean, self.filter.gyro_bias)
-        self._turning = p * p + q * q + r * r
-        share, (a, b, c) = min(1.0, dt / ARM_S), self._spin
-        x, y, z = _times(1.0 / dt, minus(last, first))
-        self._spin = a, b, c = a + share * (x - a), b + share * (y - b), c + share * (z - c)
-        felt = self._turning + hypot(a, b, c)
-        self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
-
     def _look_for_rest(self, at_ns: int) -> None:
         """Has the vehicle come to rest along down, as far as that is known?"""
         f = self.filter
@@ -326,15 +316,22 @@ class Estimator:
             self._rested_ns = at_ns
         self._went = speed > WENT or (self._went and not rests)
 
-    def _densities(self, dt: float, noise: list[float]) -> tuple[float, float]:
+    def _densities(self, turn: Vec3, change: Vec3, dt: float) -> tuple[float, float]:
         """[m²/s³], [rad²/s] of what the IMU does not measure: its noise as stated, or as measured
-        where that is more, and what a turn adds."""
-        x, y, z, p, q, r = noise
+        where that is more, and what turns add (mean rate [rad/s], and its change [rad/s])."""
+        p, q, r = turn
+        turning = p * p + q * q + r * r
+        share, (a, b, c) = min(1.0, dt / ARM_S), self._spin
+        x, y, z = _times(1.0 / dt, change)
+        self._spin = a, b, c = a + share * (x - a), b + share * (y - b), c + share * (z - c)
+        felt = turning + hypot(a, b, c)
+        self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
+        x, y, z, p, q, r = self._sensors[topics.IMU.key].variances
         stated = self._settings.depth.acceleration_noise
         force = max(stated * stated, (x + y + z) / 3.0 * dt)
         rate = max(GYRO_NOISE * GYRO_NOISE, (p + q + r) / 3.0 * dt)
         force += 2.0 * ARM_S * self._arm * self._arm * self._swinging
-        return force, rate + SCALE * SCALE * self._turning
+        return force, rate + SCALE * SCALE * turning
 
     def _go_blind(self, now: int) -> None:
         assert self._at_ns is not None
@@ -584,7 +581,8 @@ class Estimator:
         if running:
             depth = Estimate(f.position[2], self._pressure.depth_std(f), heard)
             rate = Estimate(f.velocity[2], rate_std, heard or (imu and rate_std < KNOWN_RATE))
-            acceleration = Estimate(f.acceleration, self._acceleration_std(), imu and heard)
+            noise = self._settings.depth.acceleration_noise * BANDWIDTH**0.5
+            acceleration = Estimate(f.acceleration, hypot(f.std(FORCE + 2), noise), imu and heard)
         else:  # the floating depth is not a measurement
             depth = Estimate(self._floating_depth, 0.5, valid=False)
             rate = acceleration = Estimate(0.0, 0.5, valid=False)
@@ -616,10 +614,6 @@ class Estimator:
             pressure_age_ms=self._pressure.age_ms(now) if running else None,
             origin=UNSET if origin is None else origin,
         )
-
-    def _acceleration_std(self) -> float:
-        noise = self._settings.depth.acceleration_noise * BANDWIDTH**0.5
-        return hypot(self.filter.std(FORCE + 2), noise)
 
     def _find_troubles(  # noqa: C901 - all there is, top down
         self, now: int, imu: bool, heard: bool
