@@ -6,8 +6,7 @@ Without either there is no estimate. With a DVL alone, position counts from its 
 
 from bisect import bisect_right
 from collections import deque
-from dataclasses import dataclass
-from math import cos, hypot, sin
+from math import cos, sin
 from typing import NamedTuple
 
 from messages import events, topics
@@ -41,15 +40,9 @@ FIRST_VELOCITY, FIRST_CURRENT = 1.0, 0.5  # [m/s] 1σ before any is measured
 STILL_CURRENT = 1e-3  # [m/s] 1σ where no velocity over the ground is: it is that through the water
 FAR = 100.0  # [m] 1σ of a position before its first fix
 MOST_CURRENT_STD = 0.15  # [m/s] a current with a larger std is not published
-
-
-ALTITUDE_JUMP = 0.3  # [m] a change of altitude that neither the vehicle's own depth …
-STEEPEST = 1.0  # [-] … nor the way over a slope such as this one explains
-LONGEST_ALTITUDE = 2.0  # [s] between two altitudes, so that they can be compared
 # What is measured of a velocity over the ground is not one of the heading: after a restart, when it
 # is known to 4°, a current that the hull's model lacks turned it by 3°.
 KEEPS_YAW = considered(*(state for state in range(SIZE) if state != YAW))
-SWIMS = 3.0  # [σ] a velocity within goes on as before
 
 
 class Past(NamedTuple):
@@ -65,20 +58,6 @@ class Past(NamedTuple):
         """[m/s] Then, with what corrections have changed since."""
         (u, v, w), now, before = self.velocity, f.shift, self.shift
         return u + now[3] - before[3], v + now[4] - before[4], w + now[5] - before[5]
-
-
-class HorizontalEstimates(NamedTuple):
-    """None: unknown."""
-
-    surge_velocity: Estimate | None = None  # [m/s] over the ground
-    sway_velocity: Estimate | None = None  # [m/s]
-    north: Estimate | None = None  # [m]
-    east: Estimate | None = None  # [m]
-    current_north: Estimate | None = None  # [m/s] of the water over the ground
-    current_east: Estimate | None = None  # [m/s]
-
-
-NOTHING = HorizontalEstimates()
 
 
 class Aids:
@@ -97,15 +76,13 @@ class Aids:
         self._begun_ns: int | None = None  # None: there is no estimate
         self._fixed = False  # a fix has set the origin of north and east
         self._heard = dict[str, int]()  # [ns] stamp of the last accepted sample
-        self._lock = BottomLock()
 
-    def remember(self, f: ErrorStateFilter, stamp_ns: int, dt: float) -> Event | None:
-        """The filter is now at this time [ns], `dt` [s] later. Returns an event to tell."""
+    def remember(self, f: ErrorStateFilter, stamp_ns: int) -> Event | None:
+        """The filter is now at this time [ns]. Returns an event to tell."""
         past, (n, e, _), (u, v, w) = self._past, f.position, f.velocity
         past.append(Past(stamp_ns, (n, e), (u, v, w), f.rotation, f.shift))
         while stamp_ns - past[0].stamp_ns > OLDEST_NS:
             past.popleft()
-        self._lock.sink(w * dt)
         if self._begun_ns is None:
             return None
         newest_ns = max(self._begun_ns, *self._heard.values())
@@ -126,13 +103,12 @@ class Aids:
         then = self._then(sample.stamp_ns)
         if not isinstance(then, Past):
             return _refused(self.dvl_quantities, then(DVL), sample.stamp_ns)
-        self._lock.see(sample.altitude, sample.stamp_ns, hypot(*measured[:2]))
         if DVL not in self._heard:
             for k in range(2):
                 f.forget(VELOCITY + k, FIRST_VELOCITY)
                 f.forget(CURRENT + k, FIRST_CURRENT)
         std = max(LEAST_DVL_STD, sample.std)
-        found, swims = Fusion.USED, False
+        found = Fusion.USED
         for k, quantity in enumerate(self.dvl_quantities):
             v = then.velocity_by(f)
             axis = then.R[0][k], then.R[1][k], then.R[2][k]
@@ -142,17 +118,11 @@ class Aids:
                 (TILT, a), (TILT + 1, b), (YAW, c),
             )  # fmt: skip
             off = measured[k] - (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2])
-            surprise = off * off / (std * std + f.explained(h)[1])
-            swims = self._lock.swims(surprise, sample.stamp_ns)
-            if swims:
-                return _refused(self.dvl_quantities, events.OUTLIER(DVL), sample.stamp_ns)
             states = (VELOCITY, VELOCITY + 1)
             outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, states)
             found = max(found, outcome, key=lambda each: each.value)
-        if found is not Fusion.OUTLIER:
-            self._lock.take()
-            if self._begun_ns is None:
-                self._begin(f, sample.stamp_ns)
+        if found is not Fusion.OUTLIER and self._begun_ns is None:
+            self._begin(f, sample.stamp_ns)
         return self._heard_of(DVL, "velocity", found, sample.stamp_ns)
 
     def usbl(self, f: ErrorStateFilter, sample: UsblSample) -> Event | None:
@@ -188,29 +158,28 @@ class Aids:
 
     def estimates(
         self, f: ErrorStateFilter, now: int, *, with_current: bool
-    ) -> HorizontalEstimates:
-        """At `now` [ns]. Valid while DVL or fixes are: dead reckoning counts, with its growing std.
-        `with_current`: thrust and drag have been compared with the accelerometer."""
+    ) -> dict[str, Estimate]:
+        """What is known at `now` [ns], by its name in `VehicleState`: valid while DVL or fixes are,
+        for dead reckoning counts, with its growing std. `with_current`: thrust and drag have been
+        compared with the accelerometer."""
         if self._begun_ns is None:
-            return NOTHING
+            return {}
         valid = any((now - at) * 1e-9 <= VALID_FOR[key] for key, at in self._heard.items())
         u, v, w = f.velocity
         surge, sway, _ = to_body(f.rotation, (u, v, w))
         speed_std = max(f.std(VELOCITY), f.std(VELOCITY + 1))
+        found = {
+            "surge_velocity": Estimate(surge, speed_std, valid),
+            "sway_velocity": Estimate(sway, speed_std, valid),
+            "north": Estimate(f.position[0], f.std(POSITION), valid),
+            "east": Estimate(f.position[1], f.std(POSITION + 1), valid),
+        }
         stds = f.std(CURRENT), f.std(CURRENT + 1)
-        currents: tuple[Estimate | None, Estimate | None] = (None, None)
         if with_current and max(stds) <= MOST_CURRENT_STD:
             (a, b), c, s = f.current, cos(f.north), sin(f.north)
-            currents = (
-                Estimate(c * a - s * b, stds[0], valid), Estimate(s * a + c * b, stds[1], valid),
-            )  # fmt: skip
-        return HorizontalEstimates(
-            Estimate(surge, speed_std, valid),
-            Estimate(sway, speed_std, valid),
-            Estimate(f.position[0], f.std(POSITION), valid),
-            Estimate(f.position[1], f.std(POSITION + 1), valid),
-            *currents,
-        )
+            found["current_north"] = Estimate(c * a - s * b, stds[0], valid)
+            found["current_east"] = Estimate(s * a + c * b, stds[1], valid)
+        return found
 
     @property
     def origin(self) -> int | None:
@@ -269,48 +238,3 @@ def _fuse(
             f.forget(state, max(std, abs(off)))
         quantity.set_anew(f, h, off, stamp_ns)
     return outcome
-
-
-@dataclass(slots=True)
-class BottomLock:
-    """Whether a DVL still sees the bottom that it saw before. Fish below the vehicle make its
-    altitude jump, as a step of the bottom does. Over a step the velocity goes on as before; fish
-    swim.
-
-    Call `sink` as the vehicle moves, then for each sample `see`, `swims` and, if its velocity is
-    used, `take`.
-    """
-
-    _expected: float | None = None  # [m] altitude over the bottom that is seen
-    _newest: float | None = None  # [m] altitude
-    _newest_ns: int = 0
-    _jumped: bool = False  # the newest altitude is not of that bottom …
-    _swims_ns: int | None = None  # … nor is the velocity since
-
-    def sink(self, by: float) -> None:
-        """The vehicle went `by` [m] down."""
-        if self._expected is not None:
-            self._expected -= by
-
-    def see(self, altitude: float | None, stamp_ns: int, speed: float) -> None:
-        """An altitude [m] at its time [ns], None: not measured, and the speed [m/s] beside it."""
-        since = max(0.0, (stamp_ns - self._newest_ns) * 1e-9)
-        most = max(ALTITUDE_JUMP, STEEPEST * speed * since)
-        self._newest, self._newest_ns = altitude, stamp_ns
-        expected = self._expected if since <= LONGEST_ALTITUDE else None
-        if altitude is None or expected is None or abs(altitude - expected) <= most:
-            self.take()
-        else:
-            self._jumped = True
-
-    def swims(self, surprise: float, stamp_ns: int) -> bool:
-        """Is what is seen no bottom? `surprise`: normalised innovation squared of the velocity."""
-        if not self._jumped or (self._swims_ns is None and surprise <= SWIMS * SWIMS):
-            return False
-        if self._swims_ns is None:
-            self._swims_ns = stamp_ns
-        return (stamp_ns - self._swims_ns) * 1e-9 < DVL_PATIENCE
-
-    def take(self) -> None:
-        """What is seen is the bottom from now on."""
-        self._expected, self._jumped, self._swims_ns = self._newest, False, None

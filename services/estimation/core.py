@@ -48,17 +48,9 @@ from services.estimation.filter import (
     to_world,
 )
 from services.estimation.hull import HullModel
-from services.estimation.pressure import (
-    GIVEN_STD,
-    KNOWN_RATE,
-    RESTARTED_RATE,
-    STANDARD,
-    STANDARD_STD,
-    Atmosphere,
-    Pressure,
-)
+from services.estimation.pressure import KNOWN_RATE, RESTARTED_RATE, Atmosphere, Pressure
 from services.estimation.quantity import Quantity
-from services.estimation.rest import ENOUGH_PRESSURES, Calibrated, Calibration, Rest
+from services.estimation.rest import Calibrated, Rest
 from services.estimation.sensor import OF, sensors_of
 from services.estimation.settings import Settings
 from services.estimation.start import IMU_PATIENCE_NS, Start
@@ -102,11 +94,6 @@ UNKNOWN_TILT = 0.3  # [rad] 1σ beyond which the attitude is invalid …
 UNSURE_TILT = 0.15  # [rad] … or no dive begins
 LEAST_TILT, LEAST_HEADING = 1e-3, 2e-3  # [rad] no 1σ is stated to be less
 BANDWIDTH = 50.0  # [Hz] of the accelerometer at 100 Hz, to turn noise density into spread
-# [Pa] Outside, the vehicle did not float: from a mountain lake at 3000 m to the highest pressure of
-# the air measured below 750 m, 1083.8 hPa (Agata, 1968; WMO archive of extremes). A calibration
-# less than 0.7 m under water, in standard air, cannot be told from high pressure.
-ROUGH_AIR_STD = 500.0  # [Pa] of the mean above a vehicle that floats in waves
-LEAST_ATMOSPHERE, MOST_ATMOSPHERE = 70e3, 108.4e3
 AID_SOURCES = (
     "pressure", "hull_north", "hull_east", "rest_x", "rest_y", "rest_z", "compass", "dvl_surge",
     "dvl_sway", "usbl_north", "usbl_east",
@@ -141,12 +128,11 @@ class Estimator:
         if vehicle is not None:
             self._at_origin = AtOrigin(vehicle.mounting, density, vehicle.calibration)
         self._hull = HullModel(vehicle, settings.horizontal.wake_share)
-        self._pressure = Pressure(settings, self._sensors[topics.PRESSURE.key])
+        self._pressure = Pressure(settings, self._sensors[topics.PRESSURE.key], floating_depth)
         self._compass = Compass(settings.attitude)
-        self._rest = Rest(settings.calibration.largest_bias)
+        self._rest = Rest(settings.calibration)
         self._aids = Aids()
         self._start: Start | None = None  # None: the dive has begun
-        self._improving: Calibration | None = None  # it has begun without a rest, and looks for one
         self._at_ns: int | None = None  # [ns] time of the filter
         self._imu_ns: int | None = None  # [ns] newest IMU sample used
         self._resumed_ns: int | None = None  # [ns] time of validity of the checkpoint
@@ -156,19 +142,17 @@ class Estimator:
         self._arm = (Mounting() if vehicle is None else vehicle.mounting).imu.position_std  # [m]
         self._off_ns = -(1 << 62)  # [ns] when the IMU was inconsistent last
         self._spin = (0.0, 0.0, 0.0)  # [rad/s²]
-        self._turning = self._swinging = 0.0  # [1/s²] ω², [1/s⁴] mean of (ω² + ω̇)²
+        self._swinging = 0.0  # [1/s⁴] mean of (ω² + ω̇)²
         self._yaw_rate = self._lag = 0.0  # [rad/s]
         self._went = False  # since it came to rest last …
         self._rested_ns = -REST_TOLD_NS  # [ns] … and when that was
-        self._floated = 0  # pressure samples before the dive
-        self._was_afloat = False  # known to be so
         self._told_ns = 0  # [ns] when what was made of the measurements was told
         self._lacking = set[str]()  # sensors that the state lacks, and the pilot was told so
         self._troubles: tuple[str, ...] = ()  # events: which sensors cannot be used now, and why
         self.filter = ErrorStateFilter()
         self._begin()
         if checkpoint is None:
-            self._start = Start(settings, self.outbox)
+            self._start = Start(settings, self._rest, self.outbox)
         else:
             self._resume(checkpoint)
 
@@ -192,13 +176,14 @@ class Estimator:
         dt = self._predict(force, rate, at_ns)
         f, tell = self.filter, self.outbox.tell  # a silence may have changed the filter
         if dt > 0.0:
+            rested = self._rest.unrest is None
+            complete = self._rest.imu(force, rate, dt)
             if self._start is not None:
-                self._calibrate(self._start, force, rate, dt, at_ns)
-            elif self._improving is not None:
-                self._improve(self._improving, force, rate, dt)
-            else:
-                driven = self._hull.driven
-                tell(self._rest.fuse(f, force, rate, dt, at_ns, driven=driven))
+                self._calibrate(self._start, dt, at_ns, rested=rested)
+            elif complete and self._rest.calibrates:
+                self._improve()
+            elif complete:
+                tell(self._rest.fuse(f, at_ns, driven=self._hull.driven))
             if self._hull.feel(f, force, rate, dt):
                 event = self._hull.fuse(f, at_ns)
                 tell(event if self._start is None else None)
@@ -206,7 +191,7 @@ class Estimator:
                 self._compass.watch(f)
             if self._start is None:
                 self._look_for_rest(at_ns)
-                tell(self._aids.remember(f, at_ns, dt))
+                tell(self._aids.remember(f, at_ns))
                 tell(self._pressure.lost(at_ns))
         if not f.is_sound:
             tell(events.NOT_FINITE("state"))
@@ -237,11 +222,10 @@ class Estimator:
             return
         sample, pressure, f = self._at_origin.pressure(sample), self._pressure, self.filter
         pressure.newest = sample.pressure
+        self._rest.pressure(sample.pressure)
         if self._start is not None:
-            self._start.calibration.pressures.append(sample.pressure)
-            self._float(sample.pressure)
-        elif self._improving is not None:
-            self._improving.pressures.append(sample.pressure)
+            afloat = self._at_ns is not None and self._hull.is_afloat(self._at_ns)
+            pressure.float_below(sample.pressure, afloat=afloat)
         if self._at_ns is not None:
             event = pressure.fuse(f, sample.pressure, sample.stamp_ns, self._at_ns)
             if self._start is None:
@@ -253,10 +237,10 @@ class Estimator:
         if not self._usable(topics.MAGNETOMETER, sample, hypot(*sample.field)):
             return
         sample = self._at_origin.magnetometer(sample)
-        if self._start is not None:
-            self._start.calibration.magnetometer(sample.field)
+        self._rest.magnetometer(sample.field)
         # Without attitude, a field says nothing; before the dive the rest measures it.
-        if self._hears_imu(sample.stamp_ns) and (self._start is None or not self._start.at_rest):
+        rests = self._start is not None and self._rest.unrest is None
+        if self._hears_imu(sample.stamp_ns) and not rests:
             self.outbox.tell(self._compass.fuse(self.filter, sample.field, sample.stamp_ns))
 
     def dvl(self, sample: DvlSample) -> None:
@@ -272,11 +256,8 @@ class Estimator:
         self.outbox.tell(self._hull.actuation(sample))
         if self._hull.pushes:
             self._rest.pushed()
-            if self._start is not None:
-                self._start.calibration.driven = True
-            elif self._improving is not None:
-                # Who holds the heading by a wrong bias turns so that the gyroscope reads just that.
-                self._improving.begin()
+            if self._start is None:
+                self._rest.begin()
         if self._hull.changed:
             self._sensors[topics.IMU.key].moved_ns = sample.stamp_ns
 
@@ -307,11 +288,11 @@ class Estimator:
             return 0.0
         if kept is not None:
             f = self.filter = kept
-        (f0, w0), noise = before, self._sensors[topics.IMU.key].variances
+        f0, w0 = before
         mean_rate, share = _mean(w0, rate), BETWEEN * dt
         unseen = _times(share, minus(force, f0)), _times(share, minus(rate, w0))
-        self._turn(mean_rate, w0, rate, dt)
-        f.predict(_mean(f0, force), mean_rate, dt, self._densities(dt, noise), unseen)
+        noise = self._densities(minus(mean_rate, f.gyro_bias), minus(rate, w0), dt)
+        f.predict(_mean(f0, force), mean_rate, dt, noise, unseen)
         if dt > INTEGRATED:
             f.widen_blind(dt)
             self._hull.restart()
@@ -325,16 +306,6 @@ class Estimator:
         self._lag = turn - self._yaw_rate
         return dt
 
-    def _turn(self, mean: Vec3, first: Vec3, last: Vec3, dt: float) -> None:
-        """How much the vehicle turns, and begins to."""
-        p, q, r = minus(mean, self.filter.gyro_bias)
-        self._turning = p * p + q * q + r * r
-        share, (a, b, c) = min(1.0, dt / ARM_S), self._spin
-        x, y, z = _times(1.0 / dt, minus(last, first))
-        self._spin = a, b, c = a + share * (x - a), b + share * (y - b), c + share * (z - c)
-        felt = self._turning + hypot(a, b, c)
-        self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
-
     def _look_for_rest(self, at_ns: int) -> None:
         """Has the vehicle come to rest along down, as far as that is known?"""
         f = self.filter
@@ -345,15 +316,22 @@ class Estimator:
             self._rested_ns = at_ns
         self._went = speed > WENT or (self._went and not rests)
 
-    def _densities(self, dt: float, noise: list[float]) -> tuple[float, float]:
+    def _densities(self, turn: Vec3, change: Vec3, dt: float) -> tuple[float, float]:
         """[m²/s³], [rad²/s] of what the IMU does not measure: its noise as stated, or as measured
-        where that is more, and what a turn adds."""
-        x, y, z, p, q, r = noise
+        where that is more, and what turns add (mean rate [rad/s], and its change [rad/s])."""
+        p, q, r = turn
+        turning = p * p + q * q + r * r
+        share, (a, b, c) = min(1.0, dt / ARM_S), self._spin
+        x, y, z = _times(1.0 / dt, change)
+        self._spin = a, b, c = a + share * (x - a), b + share * (y - b), c + share * (z - c)
+        felt = turning + hypot(a, b, c)
+        self._swinging += min(1.0, dt / SPIN_S) * (felt * felt - self._swinging)
+        x, y, z, p, q, r = self._sensors[topics.IMU.key].variances
         stated = self._settings.depth.acceleration_noise
         force = max(stated * stated, (x + y + z) / 3.0 * dt)
         rate = max(GYRO_NOISE * GYRO_NOISE, (p + q + r) / 3.0 * dt)
         force += 2.0 * ARM_S * self._arm * self._arm * self._swinging
-        return force, rate + SCALE * SCALE * self._turning
+        return force, rate + SCALE * SCALE * turning
 
     def _go_blind(self, now: int) -> None:
         assert self._at_ns is not None
@@ -421,7 +399,7 @@ class Estimator:
 
     def _resume(self, kept: EstimationCheckpoint) -> None:
         """Go on with a dive from a checkpoint: no calibration under water."""
-        f, self._resumed_ns = self.filter, kept.stamp_ns
+        f, self._resumed_ns, self._rest.calibrates = self.filter, kept.stamp_ns, False
         self._hull.driven = True
         self._pressure.air = Atmosphere(kept.atmosphere, kept.atmosphere_std)
         f.gyro_bias, f.force_bias = kept.gyro_bias, kept.accelerometer_bias
@@ -443,70 +421,55 @@ class Estimator:
             f"heading {round(degrees(kept.heading)) % 360} deg from before the restart",
         )
 
-    def _float(self, pressure: float) -> None:
-        """While it floats, the air is that above its floating depth; in waves the mean is. Where
-        no thrust is reported, it may not float."""
-        afloat = self._at_ns is not None and self._hull.is_afloat(self._at_ns)
-        if self._was_afloat and not afloat:
-            return
-        self._was_afloat = self._was_afloat or afloat
-        self._floated += 1
-        mean = self._pressure.air.pressure + self._pressure.per_metre * self._floating_depth
-        if self._floated == 1:
-            mean = pressure
-        self._pressure.air = self._air(mean + (pressure - mean) / self._floated, STANDARD_STD)
-
-    def _air(self, pressure: float, std: float) -> Atmosphere:
-        return Atmosphere(pressure - self._pressure.per_metre * self._floating_depth, std)
-
-    def _calibrate(self, start: Start, force: Vec3, rate: Vec3, dt: float, at_ns: int) -> None:
+    def _calibrate(self, start: Start, dt: float, at_ns: int, *, rested: bool) -> None:
         f, pressure = self.filter, self._pressure
-        afloat = start.afloat = self._hull.is_afloat(at_ns)
-        learnt = start.imu(force, rate, dt)
+        afloat = self._hull.is_afloat(at_ns)
+        learnt = start.imu(rested=rested)
         if afloat:
             pressure.hear_bobbing(f, dt)
         if learnt is not None:
-            self._start = None
-            self._take_rest(learnt)
-            air = self._air_of(learnt)
-            pressure.take_air(f, air)
+            air = self._take_rest(learnt)
             f.forget(YAW, LEAST_HEADING)
             if learnt.field is not None:
-                self._align(learnt.field, at_ns)
+                x, y, z = learnt.field
+                self._align((x, y, z), at_ns)
             bias = ", ".join(f"{degrees(rate):+.3f}" for rate in learnt.gyro_bias)
-            said = f"atmosphere {air.pressure / 100.0:.1f} hPa"
-            self.outbox.say("info", f"calibrated: gyroscope bias {bias} deg/s, {said}")
-        elif max(f.tilt_stds) < UNSURE_TILT and self._hull.fits(f, at_ns) and start.gives_up():
-            self._start, self._improving = None, Calibration(self._settings.calibration)
+            self.outbox.say("info", f"calibrated: gyroscope bias {bias} deg/s, atmosphere {air}")
+        elif max(f.tilt_stds) < UNSURE_TILT and self._hull.fits(f, at_ns) and (
+            start.gives_up(afloat=afloat)
+        ):  # fmt: skip
             self.outbox.tell(events.ROUGH_CALIBRATION())
-            if self._was_afloat and self._floated >= ENOUGH_PRESSURES and self._given() is None:
-                pressure.air = pressure.air._replace(std=ROUGH_AIR_STD)
-            else:
-                pressure.air = self._given() or STANDARD
-                pressure.restart(f)
+            pressure.give_up(f)
             f.forget(YAW, LEAST_HEADING)
+            self._rest.begin()
+        else:
+            return
+        self._start = None
+        self._rest.moved()
 
-    def _improve(self, calibration: Calibration, force: Vec3, rate: Vec3, dt: float) -> None:
+    def _improve(self) -> None:
         """After a beginning without rest: what a first rest measures."""
-        calibration.imu(force, rate, dt)
-        learnt = calibration.result()
+        learnt = self._rest.result()
         if learnt is None:
             return
-        self._improving = None
-        self._take_rest(learnt)
         said = "the gyroscope"
-        if not self._hull.driven:
-            air = self._air_of(learnt)
-            self._pressure.take_air(self.filter, air, moved=True)
-            said += f" and the air, {air.pressure / 100.0:.1f} hPa,"
+        if air := self._take_rest(learnt):
+            said += f" and the air, {air},"
         self.outbox.say("info", f"at rest: {said} calibrated")
 
-    def _take_rest(self, learnt: Calibrated) -> None:
-        f = self.filter
+    def _take_rest(self, learnt: Calibrated) -> str:
+        """The pressure of the air in words; empty: in mid-dive it is no news."""
+        f, self._rest.calibrates = self.filter, False
         for k in range(3):
             Ph, explained = f.explained(((GYRO + k, 1.0),))
             variance = explained + learnt.gyro_std[k] ** 2
             f.correct(Ph, variance, learnt.gyro_bias[k] - f.gyro_bias[k])
+        driven, begun = self._hull.driven, self._start is None
+        if driven and begun:
+            return ""
+        measured = Atmosphere(learnt.pressure, learnt.pressure_std)
+        self.outbox.tell(self._pressure.take_air(f, measured, driven=driven, moved=begun))
+        return f"{self._pressure.air.pressure / 100.0:.1f} hPa"
 
     def _align(self, field: Vec3, at_ns: int) -> None:
         """Both headings begin as the bearing of this field [T], FRD, if it can be the Earth's."""
@@ -522,24 +485,6 @@ class Estimator:
         self.filter.turn_to(self.filter.heading - atan2(e, n), LEAST_HEADING)
         compass.take_north(self.filter, to_world(self.filter.rotation, field))
         compass.used_ns = at_ns
-
-    def _given(self) -> Atmosphere | None:
-        air = self._settings.calibration.atmosphere
-        return None if air is None else Atmosphere(air, GIVEN_STD)
-
-    def _air_of(self, learnt: Calibrated) -> Atmosphere:
-        """The air above the floating vehicle."""
-        if (given := self._given()) is not None:
-            return given
-        air = self._air(learnt.pressure, learnt.pressure_std)
-        if not LEAST_ATMOSPHERE <= air.pressure <= MOST_ATMOSPHERE:
-            detail = f"{learnt.pressure / 100.0:.0f} hPa"
-            self.outbox.tell(events.IMPLAUSIBLE_ATMOSPHERE(detail=detail))
-            return STANDARD
-        if learnt.driven:
-            self.outbox.tell(events.ASSUMED_ATMOSPHERE())
-            return STANDARD
-        return air
 
     # Monitoring and restart.
 
@@ -627,7 +572,7 @@ class Estimator:
         left, blocked_by = None, None
         if self._start is not None:
             blocked_by = self._start.blocked_by
-            left = self._start.calibration.seconds_left if blocked_by is None else None
+            left = self._start.seconds_left
         navigation = None
         if running and self._compass.knows_north:
             std = max(LEAST_HEADING, self._compass.north_std(f))
@@ -636,7 +581,8 @@ class Estimator:
         if running:
             depth = Estimate(f.position[2], self._pressure.depth_std(f), heard)
             rate = Estimate(f.velocity[2], rate_std, heard or (imu and rate_std < KNOWN_RATE))
-            acceleration = Estimate(f.acceleration, self._acceleration_std(), imu and heard)
+            noise = self._settings.depth.acceleration_noise * BANDWIDTH**0.5
+            acceleration = Estimate(f.acceleration, hypot(f.std(FORCE + 2), noise), imu and heard)
         else:  # the floating depth is not a measurement
             depth = Estimate(self._floating_depth, 0.5, valid=False)
             rate = acceleration = Estimate(0.0, 0.5, valid=False)
@@ -664,14 +610,10 @@ class Estimator:
             ),
             heading_navigation=navigation,
             yaw_rate=Estimate(self._yaw_rate, hypot(YAW_RATE_STD, self._lag), turns),
-            **horizontal._asdict(),
+            **horizontal,
             pressure_age_ms=self._pressure.age_ms(now) if running else None,
             origin=UNSET if origin is None else origin,
         )
-
-    def _acceleration_std(self) -> float:
-        noise = self._settings.depth.acceleration_noise * BANDWIDTH**0.5
-        return hypot(self.filter.std(FORCE + 2), noise)
 
     def _find_troubles(  # noqa: C901 - all there is, top down
         self, now: int, imu: bool, heard: bool
@@ -696,7 +638,7 @@ class Estimator:
                 found.append(LACKS[key].name)
         if self.filter.wide_force:
             found.append(events.INCONSISTENT_IMU.name)
-        if self._improving is not None:
+        if self._rest.calibrates:
             found.append(events.ROUGH_CALIBRATION.name)
         key = topics.MAGNETOMETER.key
         if self._compass.disturbed and not any(name.endswith(key) for name in found):

@@ -93,6 +93,7 @@ class ErrorStateFilter:
         self.wave_variance, self.wave_rate = 0.0, 1.0  # [m²], [rad/s] of the model
         self.wide_force = self.wide_gyro = False  # the biases may walk quickly
         self.P: Floats = np.zeros((SIZE, SIZE))
+        self.variances = self.P.reshape(-1)[:: SIZE + 1]  # the diagonal, to be read and written
         self._yaw = 0.0
         self._begin_interval()
 
@@ -100,6 +101,7 @@ class ErrorStateFilter:
         other = copy(self)
         other.position, other.velocity = self.position.copy(), self.velocity.copy()
         other.P, other._noise = self.P.copy(), self._noise.copy()  # pyright: ignore[reportConstantRedefinition]
+        other.variances = other.P.reshape(-1)[:: SIZE + 1]
         return other
 
     def _begin_interval(self) -> None:
@@ -184,14 +186,14 @@ class ErrorStateFilter:
         c, s = dt * cos(self.north), dt * sin(self.north)
         vn, ve, _ = self.velocity
         fn, fe, fd = self._impulse
-        a, b, c_, d, e, f, g, h, i = (-cell for cell in self._turned)
+        a, b, k, d, e, f, g, h, i = self._turned
         w00, w01, w10, w11 = self._wave(dt)
         G: Floats = np.array(
             (
                 (c, -s, -s * vn - c * ve, 0.0, 0.0), (s, c, c * vn - s * ve, 0.0, 0.0),
                 (dt, 0.0, 0.0, 0.0, 0.0),
-                (fd, -fe, a, b, c_), (fn, -fd, d, e, f), (fe, -fn, g, h, i),
-                (a, b, c_, 0.0, 0.0), (d, e, f, 0.0, 0.0), (g, h, i, 0.0, 0.0),
+                (fd, -fe, -a, -b, -k), (fn, -fd, -d, -e, -f), (fe, -fn, -g, -h, -i),
+                (-a, -b, -k, 0.0, 0.0), (-d, -e, -f, 0.0, 0.0), (-g, -h, -i, 0.0, 0.0),
                 (w00, w01, 0.0, 0.0, 0.0), (w10, w11, 0.0, 0.0, 0.0),
             )
         )[:, :, None]  # fmt: skip
@@ -210,8 +212,7 @@ class ErrorStateFilter:
         # A tilt error θ makes g θ² / 2 of gravity vertical, which no first derivative has.
         second = 0.5 * GRAVITY * float(P[TILT, TILT] + P[TILT + 1, TILT + 1])
         self._noise[2] += 2.0 * SECOND_S * second * second * self._felt
-        variances = self.variances
-        variances += (
+        self.variances += (
             0.0, 0.0, 0.0, *self._noise, 0.0, wave, gyro, gyro, gyro, force, force, force,
             current, current, NORTH_WALK**2 * dt, 0.0, 0.0,
         )  # fmt: skip
@@ -307,11 +308,6 @@ class ErrorStateFilter:
     def widen(self, state: int, std: float) -> None:
         """This state may be wrong by `std` more."""
         self.P[state, state] += std * std
-
-    @property
-    def variances(self) -> Floats:
-        """The diagonal of the covariance, to be read and written."""
-        return self.P.reshape(-1)[:: SIZE + 1]
 
     def std(self, state: int) -> float:
         return sqrt(max(0.0, float(self.P[state, state])))

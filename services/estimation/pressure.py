@@ -42,6 +42,11 @@ BOB_SMOOTH, BOB_MEMORY = 0.3, 5.0  # [s] of the acceleration of who floats on a 
 BOB_NOISE = 0.008  # [m/s²] 1σ of that smoothed, without a wave
 STANDARD_STD = 2000.0  # [Pa] 1σ of the weather
 GIVEN_STD = 100.0  # [Pa] 1σ of an atmosphere that another instrument measured
+# [Pa] Outside, the vehicle did not float: from a mountain lake at 3000 m to the highest pressure of
+# the air measured below 750 m, 1083.8 hPa (Agata, 1968; WMO archive of extremes). A calibration
+# less than 0.7 m under water, in standard air, cannot be told from high pressure.
+LEAST_ATMOSPHERE, MOST_ATMOSPHERE = 70e3, 108.4e3
+ENOUGH, ROUGH_STD = 20, 500.0  # samples of who floats in waves, [Pa] 1σ of the air by their mean
 
 
 class Atmosphere(NamedTuple):
@@ -57,13 +62,17 @@ STANDARD = Atmosphere(ATMOSPHERE, STANDARD_STD)
 class Pressure:
     """The depth of the vehicle's origin below the surface."""
 
-    def __init__(self, settings: Settings, sensor: Sensor) -> None:
+    def __init__(self, settings: Settings, sensor: Sensor, floating_depth: float) -> None:
         self.per_metre = density_of(settings.water_density) * GRAVITY  # [Pa/m]
         self.quantity = Quantity(
             "pressure", "m", settings.depth.pressure_std / self.per_metre,
             patience=PATIENCE, memory=MEAN_MEMORY,
         )  # fmt: skip
         self.air = STANDARD
+        given = settings.calibration.atmosphere
+        self._given = None if given is None else Atmosphere(given, GIVEN_STD)
+        self._above = floating_depth * self.per_metre  # [Pa] of water above a vehicle that floats
+        self._floated, self._was_afloat = 0, False  # samples before the dive; known to float
         self.moved = 0.0  # [m] sum of the jumps of the pressure that were followed
         self.newest: float | None = None  # [Pa]
         self._sensor = sensor
@@ -80,13 +89,54 @@ class Pressure:
         f.forget(WAVE, FIRST_WAVE / FIRST_RATE)
         f.forget(WAVE + 1, FIRST_WAVE)
 
-    def take_air(self, f: ErrorStateFilter, air: Atmosphere, *, moved: bool = False) -> None:
-        """The air is this: the depth is moved, and the vehicle has not. `moved`: tell who flies."""
+    # The air.
+
+    def float_below(self, pressure: float, *, afloat: bool) -> None:
+        """A sample before the dive. While it floats, the air is that above its floating depth; in
+        waves the mean is. Where no thrust is reported, it may not float."""
+        if self._was_afloat and not afloat:
+            return
+        self._was_afloat = self._was_afloat or afloat
+        self._floated += 1
+        mean = pressure if self._floated == 1 else self.air.pressure + self._above
+        mean += (pressure - mean) / self._floated
+        self.air = Atmosphere(mean - self._above, STANDARD_STD)
+
+    def take_air(
+        self, f: ErrorStateFilter, at_rest: Atmosphere, *, driven: bool, moved: bool
+    ) -> Event | None:
+        """The air by the pressure at rest: the depth is moved, and the vehicle has not. Returns an
+        event to tell.
+
+        Args:
+            driven: the thrusters have run: the vehicle may not float.
+            moved: tell who flies.
+        """
+        event = None
+        air = Atmosphere(at_rest.pressure - self._above, at_rest.std)
+        if self._given is not None:
+            air = self._given
+        elif not LEAST_ATMOSPHERE <= air.pressure <= MOST_ATMOSPHERE:
+            air, detail = STANDARD, f"{at_rest.pressure / 100.0:.0f} hPa"
+            event = events.IMPLAUSIBLE_ATMOSPHERE(detail=detail)
+        elif driven:
+            air, event = STANDARD, events.ASSUMED_ATMOSPHERE()
         by = (self.air.pressure - air.pressure) / self.per_metre
         f.position[2] += by
         self.air = air
         if moved:
             self.moved += by
+        return event
+
+    def give_up(self, f: ErrorStateFilter) -> None:
+        """The dive begins without a rest."""
+        if self._was_afloat and self._floated >= ENOUGH and self._given is None:
+            self.air = Atmosphere(self.air.pressure, ROUGH_STD)
+        else:
+            self.air = self._given or STANDARD
+            self.restart(f)
+
+    # Samples.
 
     def restart(self, f: ErrorStateFilter) -> None:
         """The newest sample gives the depth, of a vehicle that may move."""

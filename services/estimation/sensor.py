@@ -208,7 +208,7 @@ def _imu(sample: ImuSample) -> tuple[Content, Event | None]:
     # An axis at the end of its range: the true value is unknown.
     if max(map(abs, force)) >= MOST_FORCE or max(map(abs, rate)) >= MOST_RATE:
         return content, events.SATURATED_IMU()
-    return content, _unless(hypot(*force) >= LEAST_FORCE, topics.IMU.key)
+    return content, None if hypot(*force) >= LEAST_FORCE else events.IMPLAUSIBLE(topics.IMU.key)
 
 
 def _pressure(sample: PressureSample) -> tuple[Content, Event | None]:

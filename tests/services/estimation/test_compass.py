@@ -12,7 +12,7 @@ from messages.units import Vec3
 from services.estimation.compass import Compass
 from services.estimation.filter import GYRO, TILT, ErrorStateFilter, to_world
 from services.estimation.rest import Rest
-from services.estimation.settings import AttitudeSettings
+from services.estimation.settings import AttitudeSettings, CalibrationSettings
 from services.marine.vehicle import GRAVITY
 
 REST: Vec3 = (0.0, 0.0, -GRAVITY)
@@ -148,7 +148,9 @@ def bench() -> tuple[ErrorStateFilter, Rest]:
     f = ErrorStateFilter()
     for k in range(3):
         f.forget(GYRO + k, 1e-3)
-    return f, Rest(LARGEST)
+    rest = Rest(CalibrationSettings(largest_bias=LARGEST))
+    rest.calibrates = False
+    return f, rest
 
 
 def lie(
@@ -169,7 +171,8 @@ def lie(
         if push:
             rest.pushed()
         force = (0.01 * d, 0.01 * e, 0.01 * g - GRAVITY)
-        said += rest.fuse(f, force, turned, 0.01, n * TICK, driven=False) is not None
+        if rest.imu(force, turned, 0.01):
+            said += rest.fuse(f, n * TICK, driven=False) is not None
     return said
 
 

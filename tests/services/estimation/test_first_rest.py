@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from messages.units import Vec3
 from messages.vehicle import Actuation
-from services.estimation.first_samples import MOST_TILT, tilt, wrong_at_rest
-from services.estimation.rest import Calibration
+from services.estimation.rest import Rest
 from services.estimation.settings import CalibrationSettings, Settings
+from services.estimation.start import MOST_TILT, tilt, wrong_at_rest
 from services.marine.attitude import from_euler, to_body
 from services.marine.mounting import ImuMount, Mounting
 from services.marine.vehicle import ATMOSPHERE, GRAVITY, Vehicle
@@ -53,27 +53,30 @@ def runs(bench: Sensed, seconds: float = 3.0) -> bool:
 # What is learnt.
 
 
-def test_at_rest_the_bias_is_the_mean_rate_and_motion_begins_the_average_anew_and_is_said_once():
-    calibration, true = Calibration(QUICK), np.array([0.01, -0.02, 0.03])
+def test_at_rest_the_bias_is_the_mean_rate_and_motion_begins_the_average_anew():
+    rest, true = Rest(QUICK), np.array([0.01, -0.02, 0.03])
     rng = np.random.default_rng(0)
 
     def feed(seconds: float, yaw_rate: float = 0.0) -> int:
-        """How often calibration said that it moves."""
+        """How often it began to move."""
         moved = 0
         for k in range(round(100 * seconds)):
             p, q, r = (true + (0.0, 0.0, yaw_rate) + 0.002 * rng.standard_normal(3)).tolist()
             a, b, c = (0.02 * rng.standard_normal(3)).tolist()
-            moved += calibration.imu((a, b, c - GRAVITY), (p, q, r), 0.01)
-            calibration.pressures += [101_325.0] if k % 2 else []
+            rested = rest.unrest is None
+            rest.imu((a, b, c - GRAVITY), (p, q, r), 0.01)
+            moved += rested and rest.unrest is not None
+            if k % 2:
+                rest.pressure(101_325.0)
         return moved
 
-    feed(1.0)
+    assert feed(1.0) == 0
     assert feed(1.0, yaw_rate=0.04) == 1  # a slow turn that begins after rest
     assert feed(5.0, yaw_rate=0.5) == 1
     feed(1.4)
-    assert calibration.result() is None
+    assert rest.result() is None
     feed(0.1)
-    learnt = calibration.result()
+    learnt = rest.result()
     assert learnt is not None
     assert learnt.gyro_bias == pytest.approx(true.tolist(), abs=6e-4)
     assert learnt.pressure == pytest.approx(101_325.0)

@@ -22,7 +22,7 @@ class Dive:
     def __init__(self, latency: float = 0.0, std: float = 100.0) -> None:
         settings = Settings(depth=DepthSettings(pressure_std=std, pressure_latency=latency))
         self.sensor = Sensor("sensor/pressure", Outbox(), 1.0)
-        self.pressure = Pressure(settings, self.sensor)
+        self.pressure = Pressure(settings, self.sensor, 0.0)
         self.pressure.air = Atmosphere(ATMOSPHERE, 0.0)
         self.filter, self.rng, self.k = ErrorStateFilter(), np.random.default_rng(1), 0
         f = self.filter
