@@ -114,6 +114,13 @@ def test_no_key_of_the_table_has_two_meanings_or_is_one_that_browsers_own():
     assert not [code for code in codes if re.match(r"Control|Alt|Meta|OS|F\d|Tab|Escape", code)]
 
 
+def test_space_never_arms_whatever_was_pressed_before(keyboard: Keyboard):
+    press(keyboard, pygame.KSCAN_RETURN)
+    for _ in range(3):
+        assert press(keyboard, pygame.KSCAN_SPACE).presses == ("stop",)
+        assert release(keyboard, pygame.KSCAN_SPACE).presses == ()
+
+
 def test_losing_the_focus_releases_all_keys_and_the_pilot_stays(keyboard: Keyboard):
     press(keyboard, pygame.KSCAN_W, pygame.KSCAN_LSHIFT, pygame.KSCAN_G)
     pygame.event.post(pygame.event.Event(pygame.WINDOWFOCUSLOST))

@@ -1,5 +1,6 @@
 """The wired service on virtual time, with a drone on the other end."""
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -8,7 +9,7 @@ import pytest
 
 from messages import topics
 from messages.health import LogLine
-from messages.pilot import PilotAnswer, PilotCommand, PilotRequest
+from messages.pilot import Course, PilotAnswer, PilotCommand, PilotRequest
 from messages.vehicle import Activity, VehicleStatus
 from services.gamepad.io import sdl
 from services.gamepad.io.path_file import course_named
@@ -312,10 +313,50 @@ def test_a_real_pad_service_without_a_pad_runs_and_says_so(
     host.close()
 
 
+def test_goto_and_follow_of_a_script_reach_the_drone_at_their_time_in_si_units(
+    host: VirtualHost, drone: Drone, tmp_path: Path
+):
+    way = tmp_path / "way.toml"
+    way.write_text("waypoints = [[0, 0, 2], [9, 0, 3]]\nmin_radius = 3\ncruise = 0.2\n")
+    path = tmp_path / "trip.csv"
+    path.write_text(
+        "t,surge,sway,heave,yaw,tilt,event\n"
+        "0.5,0,0,0,0,0.75\n"
+        "1.001,0,0,0,0,0,goto depth=3 heading=-45\n"
+        "2,0,0,0,0,,goto depth=1\n"
+        f"3,0,0,0,0,,follow {way}\n"
+        "4,0,0,0,0\n"
+    )
+    host.add("gamepad", HOME, Stack(pilot=f"script:{path}"), wire)
+    host.run(9 * S)
+    began = drone.armed_at
+    assert began is not None
+    asked = [r for r in drone.requests if r.kind in ("goto", "follow")]
+    assert [(r.kind, r.depth, r.heading, r.stamp_ns - began) for r in asked] == [
+        ("goto", 3.0, -math.pi / 4, 1001 * MS),
+        ("goto", 1.0, None, 2 * S),
+        ("follow", None, None, 3 * S),
+    ]
+    course = Course(waypoints=((0.0, 0.0, 2.0), (9.0, 0.0, 3.0)), min_radius=3.0, cruise=0.2)
+    assert [r.course for r in asked] == [None, None, course]
+    assert changes(drone.since(began), began) == [
+        (0, CENTRED, "present"),
+        (500 * MS, Sticks(tilt=0.75), "present"),
+        (1001 * MS, CENTRED, "present"),
+    ]
+
+
 @pytest.mark.parametrize("pilot", ["joystick", "script:", ""])
 def test_an_unknown_pilot_is_one_sentence(host: VirtualHost, pilot: str):
     with pytest.raises(LindyError, match="expected gamepad, keyboard or script:FILE"):
         host.add("gamepad", HOME, Stack(pilot=pilot), wire)
+
+
+def test_a_mistake_in_a_script_names_file_and_line(host: VirtualHost, tmp_path: Path):
+    path = tmp_path / "wrong.csv"
+    path.write_text("t,surge,sway,heave,yaw\n0,0,0,2,0\n")
+    with pytest.raises(LindyError, match=r"wrong\.csv: line 2: heave is '2'"):
+        host.add("gamepad", HOME, Stack(pilot=f"script:{path}"), wire)
 
 
 @pytest.mark.parametrize("pilot", ["gamepad", "keyboard"])

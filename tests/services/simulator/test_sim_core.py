@@ -89,6 +89,16 @@ def test_staleness_does_not_depend_on_how_often_the_world_is_looked_at() -> None
     assert often.truth().position == pytest.approx(seldom.truth().position, abs=1e-5)
 
 
+def test_time_never_runs_backwards() -> None:
+    sim = simulator()
+    sim.obey(command(0, 30.0, 30.0, 5.0, 10.0), 0)
+    sim.advance(100 * MS)
+    before = sim.world()
+    sim.advance(50 * MS)
+    assert sim.world() == before
+    assert sim.truth().stamp_ns == 100 * MS
+
+
 def battery(sim: Simulator) -> BatterySample:
     sample = sim.battery()
     assert sample is not None

@@ -284,3 +284,18 @@ def test_its_blocks_of_noise_are_those_of_real_dives() -> None:
     assert 1.7 < np.quantile(force, 0.99) < 4.7
     assert 0.037 < np.median(rate) < 0.075
     assert 0.06 < np.quantile(rate, 0.99) < 0.13
+
+
+def test_the_gyroscopes_bias_wanders_slowly_and_from_zero() -> None:
+    sensors = Sensors(perfect(gyro_drift=1e-4), seed=4)
+    rates = np.array([sensors.imu(0, LEVEL, REST, REST).angular_rate for _ in range(30_000)])
+    assert abs(rates[0]).max() < 1e-5
+    assert 0.2e-4 < rates.std() < 2e-4
+    assert abs(np.diff(rates, axis=0)).max() < 5e-6
+
+
+def test_a_slower_imu_folds_the_blades_tone() -> None:
+    """120 Hz sampled at 180 Hz looks like 60."""
+    vibration = Vibration(force=1.0, speed=30.0, blades=4)
+    found = peaks(shaken(vibration, [40.0] * 4, hz=180.0)[0], 180.0)
+    assert found == pytest.approx([30, 60], abs=5)

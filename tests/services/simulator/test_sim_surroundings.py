@@ -1,7 +1,7 @@
 """What is around the hull: current, tether, slope, and a floor with hills."""
 
 from itertools import pairwise
-from math import dist, exp, hypot
+from math import dist, exp, hypot, sqrt
 
 import numpy as np
 import pytest
@@ -218,3 +218,34 @@ def test_far_above_a_steep_place_nothing_is_touched() -> None:
         height = floor.depth((float(north), 0.0, 0.0)) - 2 * sum(HEAVY.size)
         ship = vessel(site, HEAVY, at=(float(north), 0.0, height), seed=1)
         assert not ship.around.near(ship.position)
+
+
+def test_surge_with_a_tether_ends_where_both_drags_balance_thrust() -> None:
+    ship = vessel(deep(tether=TetherSettings(diameter=0.01, slack=0.0)))
+    ship.propulsion.drive([35.0, 35.0, 0.0, 0.0])
+    ship.advance(15.0)
+    linear = NEUTRAL.linear_damping[0]
+    quadratic = NEUTRAL.quadratic_damping[0] + 0.25 * 1025.0 * 1.2 * 0.01 * ship.position[2]
+    expected = (sqrt(linear**2 + 4 * quadratic * 70.0) - linear) / (2 * quadratic)
+    assert ship.through_water[0] == pytest.approx(expected, rel=0.01)
+    pull = ship.around.tether_pull(ship.position[2], ship.attitude, ship.through_water)
+    assert pull[0] == pytest.approx(-quadratic * expected**2 + 25.0 * expected**2, rel=0.02)
+
+
+@law
+@given(slope, slope, st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+def test_the_floor_slopes_as_its_settings_say(
+    falls_north: float, falls_east: float, north: float, east: float
+) -> None:
+    """The direction into it is at a right angle to it, and leads to the depth below a place."""
+    site = Settings(floor_depth=30.0, slope_north=falls_north, slope_east=falls_east)
+    place = (north, east, 0.0)
+    way, limit = sea_floor(site).plane(place)
+    below = sea_floor(site).depth(place)
+    assert below == pytest.approx(30.0 + falls_north * north + falls_east * east)
+    assert sum(a * b for a, b in zip(way, (north, east, below), strict=True)) == pytest.approx(
+        limit
+    )
+    assert hypot(*way) == pytest.approx(1.0)
+    for along in ((1.0, 0.0, falls_north), (0.0, 1.0, falls_east)):
+        assert sum(a * b for a, b in zip(way, along, strict=True)) == pytest.approx(0.0, abs=1e-12)

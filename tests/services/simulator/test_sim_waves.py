@@ -201,3 +201,30 @@ def test_a_floating_hull_rides_on_the_waves() -> None:
         drafts.append(hull.position[2] + hull.sea.at(hull.elapsed, hull.position).rise)
     assert np.ptp(depths[3200:]) == pytest.approx(0.3, rel=0.1)
     assert np.ptp(drafts[3200:]) < 0.03
+
+
+def test_the_surface_of_a_sea_has_a_quarter_of_its_height_as_deviation_and_its_period() -> None:
+    stds, peaks = list[float](), list[float]()
+    for seed in range(5):
+        sea = Sea(SEA_STATE, seed)
+        rises = np.array([sea.at(10.0 + 0.25 * n, (3.0, 4.0, 0.0)).rise for n in range(2048)])
+        stds.append(float(rises.std()))
+        power = np.abs(np.fft.rfft(rises * np.hanning(2048))) ** 2
+        smooth = np.convolve(power, np.ones(9) / 9, "same")
+        peaks.append(float(np.fft.rfftfreq(2048, 0.25)[np.argmax(smooth)]))
+    assert np.mean(stds) == pytest.approx(0.3 / 4.0, rel=0.03)
+    assert np.median(peaks) == pytest.approx(0.25, rel=0.07)
+
+
+def test_waves_fade_with_depth_the_short_ones_first_and_before_they_begin_the_sea_is_calm() -> None:
+    regular = Sea(REGULAR, 0)
+    for depth in (0.0, 2.0, 10.0):
+        rises = [regular.at(8.0 + 0.01 * n, (0.0, 0.0, depth)).rise for n in range(400)]
+        assert max(rises) == pytest.approx(0.15 * exp(-K * depth), rel=1e-3)
+    sea, lines = Sea(SEA_STATE, 2), lines_of(SEA_STATE, 2)
+    for depth in (1.0, 4.0):
+        rises = [sea.at(10.0 + 0.5 * n, (0.0, 0.0, depth)).rise for n in range(2000)]
+        left = sum(0.5 * (x.amplitude * exp(-x.wave_number * depth)) ** 2 for x in lines)
+        assert np.var(rises) == pytest.approx(left, rel=0.05)
+    late = Sea(replace(SEA_STATE, begins=30.0), 0).at(29.9, (0.0, 0.0, 1.0))
+    assert late == (0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
