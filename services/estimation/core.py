@@ -589,7 +589,9 @@ class Estimator:
         self._troubles = self._find_troubles(now, imu, heard) if running else ()
         moved, origin = self._pressure.moved, self._aids.origin
         told = running and now - self._rested_ns < REST_TOLD_NS
-        horizontal = self._aids.estimates(f, now, with_current=self._hull.knows_thrust(now))
+        horizontal: dict[str, Any] = self._aids.estimates(
+            f, now, with_current=self._hull.knows_thrust(now)
+        )
         return VehicleState(
             stamp_ns=now,
             sensor_ns=sensor_ns,
