@@ -11,7 +11,7 @@ from services.gamepad.stick_log import in_words
 from services.marine.vehicle import Vehicle
 from services.piloting.io.pilot_ports import PilotPorts, restored
 from services.piloting.pilot import Effects, Pilot
-from services.piloting.sticks import Incident
+from services.piloting.sticks import Incident, StickPhase
 from services.runtime.config.stack import Stack
 from services.runtime.node.node import Node
 
@@ -45,7 +45,8 @@ class Connected:
         node.each(topics.PILOT_REQUEST, self._overhear)  # others on this side: `lindy ask`
         node.each(topics.PILOT_ANSWER, self._overhear_answer)
         node.each(topics.STATUS, self._on_status)
-        node.every(topics.PILOT_COMMAND.hz, self._publish)
+        tick, phase = node.every(topics.PILOT_COMMAND.hz, self._publish), StickPhase()
+        node.each(topics.LATENCY, lambda budget, _: tick.shift(phase.shift(budget)))
 
     def _publish(self, now: int) -> None:
         """Read the source and publish it. Also called at the instant a script's row begins."""

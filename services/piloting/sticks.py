@@ -1,9 +1,10 @@
 """Stick positions, and what a stick source reads at one instant."""
 
 from collections.abc import Set
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from messages.link import LinkRequest
+from messages.link import LatencyBudget, LinkRequest
 from messages.simulator import FaultRequest
 from messages.units import Ns
 from services.piloting.keys import HOLD_NS
@@ -65,3 +66,23 @@ class Holds:
         )
         self._since |= {held.press: None for held in done}
         return done
+
+
+STAGE = "reference"  # of the latency budget: the wait for the next state
+AIM_MS = 1.5  # [ms] of that wait: a command that is later by more waits for the state after
+WORTHWHILE_MS = 0.5  # [ms] that a shift is worth
+SETTLED = 6  # budgets after a shift that still know commands of before it: three seconds at 2 Hz
+
+
+@dataclass(slots=True)
+class StickPhase:
+    _since: int = 0  # budgets since the newest shift
+
+    def shift(self, budget: LatencyBudget) -> Ns:
+        """[ns] By which the next command is to be sent later; negative: sooner."""
+        self._since += 1
+        wait = next((stage.p50_ms for stage in budget.down or () if stage.name == STAGE), None)
+        if wait is None or self._since < SETTLED or abs(wait - AIM_MS) < WORTHWHILE_MS:
+            return 0
+        self._since = 0
+        return round((wait - AIM_MS) * 1e6)

@@ -146,6 +146,11 @@ class Tick:
         """Ring for the first time one period after `now` [ns]."""
         self.due = now + self._period
 
+    def shift(self, by: int) -> None:
+        """Ring `by` [ns] later from the next time on; negative: sooner."""
+        if self.due is not None:
+            self.due += by
+
     def ring(self, now: int) -> int:
         """Call the handler; returns how many ticks were missed. After a long stall these are
         skipped, instead of being run in a burst."""
