@@ -13,12 +13,12 @@ TiltAngle = Annotated[float, msgspec.Meta(ge=-1.6, le=1.6)]
 class VelocityAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An axis whose stick is a velocity; its reference is the position integral."""
 
-    max_velocity: Positive  # per s, at full stick
-    max_acceleration: Positive  # per s²
-    jerk: Positive  # per s³
-    max_error: Positive  # position units; the reference stays this close to the vehicle
-    stop_acceleration: Positive  # per s², of an emergency stop
-    stop_jerk: Positive  # per s³, of an emergency stop
+    max_velocity: Positive  # [m/s or rad/s] at full stick
+    max_acceleration: Positive  # [m/s² or rad/s²]
+    jerk: Positive  # [m/s³ or rad/s³]
+    max_error: Positive  # [m or rad] the reference stays this close to the vehicle
+    stop_acceleration: Positive  # [m/s² or rad/s²] of an emergency stop
+    stop_jerk: Positive  # [m/s³ or rad/s³] of an emergency stop
 
     @property
     def limits(self) -> Limits:
@@ -51,9 +51,9 @@ class HorizontalForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class StickForce(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The heave or yaw stick while that axis is not held."""
 
-    full: Positive  # [N] or [N m] at full stick
-    max_rate: Positive  # per s
-    max_rate_change: Positive  # per s²
+    full: Positive  # [N or N m] at full stick
+    max_rate: Positive  # [N/s or N m/s]
+    max_rate_change: Positive  # [N/s² or N m/s²]
 
     @property
     def limits(self) -> Limits:

@@ -92,7 +92,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     floor_depth: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)] = 20.0  # [m] where it starts
     slope_north: Slope = 0.0  # [-] by which the floor falls away to the north
     slope_east: Slope = 0.0  # [-] to the east
-    terrain: Terrain | None = None  # hills and steps on it; absent: none
+    terrain: Terrain | None = None  # hills on it; absent: none
     start_heading: StartHeading = 0.0  # [rad] clockwise from north
     atmosphere: Annotated[float, msgspec.Meta(ge=50_000.0, le=120_000.0)] = ATMOSPHERE  # [Pa]
     water_density: Density = SEA_WATER  # [kg/m³], "fresh", "sea" or { temperature, salinity }

@@ -37,12 +37,12 @@ MOVING = 1e-6  # any smaller reference velocity or acceleration is rest
 
 
 class StaticGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Gains while the reference rests. Units: N or N m per position unit, m or rad."""
+    """Gains while the reference rests."""
 
-    kp: NotNegativeSetting  # per position unit
-    kd: NotNegativeSetting  # per position unit per second
-    zone: NotNegativeSetting = 0.0  # position units; dead zone of the error
-    leave: Positive = 0.1  # position units; a larger error switches to the moving gains
+    kp: NotNegativeSetting  # [N/m or N m/rad]
+    kd: NotNegativeSetting  # [N s/m or N m s/rad]
+    zone: NotNegativeSetting = 0.0  # [m or rad] dead zone of the error
+    leave: Positive = 0.1  # [m or rad] a larger error switches to the moving gains
     blend: Annotated[float, msgspec.Meta(ge=0.01, le=10.0)] = 0.5  # [s] from one set to the other
 
     def __post_init__(self) -> None:
@@ -64,20 +64,20 @@ class FeedbackGains(msgspec.Struct, frozen=True, gc=False):
 
 
 class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Units: force or moment (N, N m) per position unit (m, rad)."""
+    """Of one axis, a force or a moment."""
 
-    kp: NotNegativeSetting  # per position unit
-    kd: NotNegativeSetting  # per position unit per second
-    ki: NotNegativeSetting  # per position unit second
-    max_error: Positive  # position units; guard 1
-    max_integral: NotNegativeSetting  # [N] or [N m]; guard 2, well below a saturated thruster
+    kp: NotNegativeSetting  # [N/m or N m/rad]
+    kd: NotNegativeSetting  # [N s/m or N m s/rad]
+    ki: NotNegativeSetting  # [N/(m s) or N m/(rad s)]
+    max_error: Positive  # [m or rad] guard 1
+    max_integral: NotNegativeSetting  # [N or N m] guard 2, well below a saturated thruster
     observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
-    drag_speed: NotNegativeSetting = 0.0  # position units per second; drag is learnt above; 0: off
+    drag_speed: NotNegativeSetting = 0.0  # [m/s or rad/s] drag is learnt above; 0: off
     drag_doubt: DragDoubt = (
         0.0  # [-] of the model's drag that guard 2 is wider by in motion; observer
     )
-    still: NotNegativeSetting = 0.0  # position units per second; below, it learns as slowly as ki
-    decay_threshold: Positive = 0.1  # position units; guard 3 acts on errors larger than this
+    still: NotNegativeSetting = 0.0  # [m/s or rad/s] below, it learns as slowly as ki
+    decay_threshold: Positive = 0.1  # [m or rad] guard 3 acts on errors larger than this
     acceleration_percent: Percent = 100.0  # [%] of the acceleration feed-forward; 100 is exact
     drag_percent: Percent = 100.0  # [%] of the drag feed-forward
     lead_percent: Percent = 100.0  # [%] of the thrusters' lag that the feed-forward leads by
