@@ -40,7 +40,7 @@ def script(tmp_path: Path) -> str:
         (["--set", "control.depht.kp=3"], "did you mean 'depth'?"),
         (
             ["--set", "control.depth.kp=-3"],
-            "control.depth.kp=-3: expected a number >= 0.0, found -3",
+            "control.depth.kp=-3: expected a number >= 0.0 N/m or N m/rad, found -3",
         ),
         (["--set", "contrl.depth.kp=3"], "did you mean 'control'?"),
         (
