@@ -157,7 +157,7 @@ def test_a_link_that_there_is_not_is_one_sentence() -> None:
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "examples/notebooks").glob("*.ipynb"))
 MAKES = {
-    "many_dives": ["dives.parquet", "dives.pdf"],
+    "many_dives": ["dives.csv", "dives.pdf"],
     "own_controller": ["controllers.png"],
     "own_estimator": ["estimators.png"],
     "own_law": ["laws.png"],
