@@ -16,12 +16,16 @@ from messages.sensors import DvlSample, UsblSample
 from messages.units import Vec3
 from services.estimation.filter import (
     CURRENT,
+    DEVIATION,
+    GYRO,
+    NORTH,
     POSITION,
     SIZE,
     TILT,
     VELOCITY,
     YAW,
     ErrorStateFilter,
+    Floats,
     Rotation,
     considered,
     to_body,
@@ -40,9 +44,12 @@ FIRST_VELOCITY, FIRST_CURRENT = 1.0, 0.5  # [m/s] 1σ before any is measured
 STILL_CURRENT = 1e-3  # [m/s] 1σ where no velocity over the ground is: it is that through the water
 FAR = 100.0  # [m] 1σ of a position before its first fix
 MOST_CURRENT_STD = 0.15  # [m/s] a current with a larger std is not published
-# What is measured of a velocity over the ground is not one of the heading: after a restart, when it
-# is known to 4°, a current that the hull's model lacks turned it by 3°.
-KEEPS_YAW = considered(*(state for state in range(SIZE) if state != YAW))
+# What is measured over the ground says nothing of heading or gyroscope: after a restart,
+# when the heading is known to 4°, a current that the hull's model lacks turned it by 3°. A velocity
+# along the body's axes says nothing of north.
+KEPT = (YAW, GYRO, GYRO + 1, GYRO + 2)
+BY_FIX = considered(*(state for state in range(SIZE) if state not in KEPT))
+BY_DVL = considered(*(state for state in range(SIZE) if state not in (*KEPT, NORTH, DEVIATION)))
 
 
 class Past(NamedTuple):
@@ -119,7 +126,7 @@ class Aids:
             )  # fmt: skip
             off = measured[k] - (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2])
             states = (VELOCITY, VELOCITY + 1)
-            outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, states)
+            outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, states, BY_DVL)
             found = max(found, outcome, key=lambda each: each.value)
         if found is not Fusion.OUTLIER and self._begun_ns is None:
             self._begin(f, sample.stamp_ns)
@@ -151,7 +158,8 @@ class Aids:
                 f.place(k, f.position[k] + off, std)
                 quantity.forget()
                 continue
-            outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, (POSITION + k,))
+            states = (POSITION + k,)
+            outcome = _fuse(f, quantity, h, measured[k], off, std, sample.stamp_ns, states, BY_FIX)
             found = max(found, outcome, key=lambda each: each.value)
         self._fixed = True
         return self._heard_of(USBL, "position", found, sample.stamp_ns)
@@ -228,11 +236,12 @@ def _fuse(
     std: float,
     stamp_ns: int,
     states: tuple[int, ...],
+    mask: Floats,
 ) -> Fusion:
     """A sample whose sensor states its own spread: the measured one makes it larger only."""
     quantity.white = std
     quantity.white_variance = max(quantity.white_variance, std * std)
-    outcome = quantity.fuse(f, h, value, off, stamp_ns, KEEPS_YAW)
+    outcome = quantity.fuse(f, h, value, off, stamp_ns, mask)
     if outcome is Fusion.PERSISTENT:
         for state in states:
             f.forget(state, max(std, abs(off)))

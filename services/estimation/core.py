@@ -28,7 +28,7 @@ from messages.state import AidSource, VehicleState
 from messages.topic import AnyTopic
 from messages.units import Vec3
 from messages.vehicle import Actuation
-from services.estimation.aids import STILL_CURRENT, Aids
+from services.estimation.aids import FIRST_CURRENT, STILL_CURRENT, Aids
 from services.estimation.checkpoint import EstimationCheckpoint
 from services.estimation.compass import UNUSABLE_BIAS, Compass
 from services.estimation.filter import (
@@ -361,6 +361,8 @@ class Estimator:
                 f.widen(GYRO + k, INCONSISTENT_GYRO)
             for k in range(2):
                 f.widen(FORCE + k, INCONSISTENT_FORCE)
+                if self._aids.origin is not None:  # or the velocity over the ground is wrong
+                    f.widen(CURRENT + k, FIRST_CURRENT)
             for quantity in self._hull.quantities:
                 quantity.forget()
 

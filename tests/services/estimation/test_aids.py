@@ -14,15 +14,18 @@ from messages.sensors import DvlSample, UsblSample
 from messages.units import Vec3
 from services.estimation.aids import Aids
 from services.estimation.filter import (
+    DEPTH,
     DEVIATION,
     FORCE,
     GYRO,
     NORTH,
+    POSITION,
     TILT,
     VELOCITY,
     YAW,
     ErrorStateFilter,
 )
+from services.estimation.quantity import Fusion, Quantity
 from services.marine.vehicle import GRAVITY
 from tests.support.dive import Dive
 
@@ -284,3 +287,14 @@ def test_a_simulated_vehicle_with_dvl_and_usbl_knows_where_it_is() -> None:
     assert np.sqrt(np.mean(np.square(speeds))) < 0.1
     assert states[-1].current_north is not None  # the simulated thrusters say what they do
     assert states[-1].current_north.value == pytest.approx(0.0, abs=0.1)
+
+
+def test_only_what_is_measured_over_the_ground_moves_the_place() -> None:
+    """A north that is known better turns the whole way there; who holds a place stays."""
+    f = ErrorStateFilter()
+    f.forget(DEPTH, 0.1)
+    f.forget(POSITION, 1.0)
+    f.P[DEPTH, POSITION] = f.P[POSITION, DEPTH] = 0.05
+    quantity = Quantity("pressure", "m", 0.01)
+    assert quantity.fuse(f, ((DEPTH, 1.0),), 0.1, 0.1, 0) is Fusion.USED
+    assert f.position == [0.0, 0.0, pytest.approx(0.1, abs=0.01)]

@@ -235,13 +235,15 @@ def test_a_vehicle_file_gets_both_tables(mounted: SensorFound) -> None:
 def test_of_a_dive_that_flies_the_manoeuvre(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The simulated DVL is turned by 90°, and the vehicle file does not know."""
+    """The simulated DVL is turned by 90°, and the vehicle file does not know: no sound sensor is
+    refused for that."""
     dive, new = tmp_path / "dive", tmp_path / "mine.toml"
     quarter = "simulator.mounting.dvl.rotation=[[0,-1,0],[1,0,0],[0,0,1]]"
     options = ["--vehicle", "bluerov2_heavy", "--set", "sensors.dvl=a50", "--set", quarter]
     place = ["--set", "simulator.mounting.dvl.position=[0.2,0.1,0.15]"]
     script = ["--pilot", "script:dvl_check", "--out", str(dive)]
     assert main(["simulate", *options, *place, *script]) == 0
+    assert "ended cleanly" in capsys.readouterr().out
     assert main(["calibrate", "dvl", str(dive), "--out", str(new)]) == 0
     assert "[vehicle.mounting.dvl]\nrotation = [[" in capsys.readouterr().out
     mount = read_vehicle(new.name, new.read_text()).mounting.dvl
