@@ -66,7 +66,6 @@ AIDING_NS = round(1e9 / topics.AIDING.hz)
 TOLD_GAP, INTEGRATED, BRIDGED = 0.1, 0.35, 1.0  # [s]
 LONGEST_STEP, MOST_STEPS = 0.5, 20  # [s], [-] of a blind prediction
 LONGEST_GAP = 60.0  # [s] of a restart that matters
-BETWEEN = 0.25  # [-] of a change from sample to sample that may have come early or late: a knock
 SCALE = 0.01  # [-] of a turn that is missed or leaks into another axis
 GYRO_NOISE = 3e-4  # [rad/s/√Hz] of a small MEMS gyroscope
 YAW_RATE_CUTOFF, YAW_RATE_STD = 8.0, 0.0006  # [Hz] of the low-pass, [rad/s] of what it lets through
@@ -289,10 +288,9 @@ class Estimator:
         if kept is not None:
             f = self.filter = kept
         f0, w0 = before
-        mean_rate, share = _mean(w0, rate), BETWEEN * dt
-        unseen = _times(share, minus(force, f0)), _times(share, minus(rate, w0))
+        mean_rate = _mean(w0, rate)
         noise = self._densities(minus(mean_rate, f.gyro_bias), minus(rate, w0), dt)
-        f.predict(_mean(f0, force), mean_rate, dt, noise, unseen)
+        f.predict(_mean(f0, force), mean_rate, dt, noise)
         if dt > INTEGRATED:
             f.widen_blind(dt)
             self._hull.restart()

@@ -114,20 +114,12 @@ class ErrorStateFilter:
 
     # Prediction.
 
-    def predict(
-        self,
-        force: Vec3,
-        rate: Vec3,
-        dt: float,
-        noise: tuple[float, float],
-        unseen: tuple[Vec3, Vec3],
-    ) -> None:
+    def predict(self, force: Vec3, rate: Vec3, dt: float, noise: tuple[float, float]) -> None:
         """Advance by `dt` [s] with the mean specific force [m/s²] and rate [rad/s], FRD, of the
         interval (Solà eq. 260).
 
         Args:
             noise: spectral densities of force [m²/s³] and rate [rad²/s].
-            unseen: [m/s], [rad] what may have happened between the interval's ends, FRD.
         """
         (p, q, r), (x, y, z), k = rate, self.gyro_bias, 0.25 * dt
         half = _exponential(k * (p - x), k * (q - y), k * (r - z))
@@ -147,11 +139,9 @@ class ErrorStateFilter:
         self._impulse = impulse[0] + gained[0], impulse[1] + gained[1], impulse[2] + fd * dt
         for k, cell in enumerate((a, b, c, d, e, f, g, h, i)):
             turned[k] += cell * dt
-        for k, (x, y, z) in enumerate(unseen):
-            density = noise[k] * dt
-            total[3 * k] += density + (a * x + b * y + c * z) ** 2
-            total[3 * k + 1] += density + (d * x + e * y + f * z) ** 2
-            total[3 * k + 2] += density + (g * x + h * y + i * z) ** 2
+        for k in range(3):
+            total[k] += noise[0] * dt
+            total[3 + k] += noise[1] * dt
         self._felt += dt
         self._advance(dt)
 

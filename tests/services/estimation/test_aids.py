@@ -46,8 +46,7 @@ class Observer:
         self.filter.forget(DEVIATION, 0.01)
 
     def predict(self, force: Vec3, rate: Vec3, now: int) -> Event | None:
-        still = (0.0, 0.0, 0.0)
-        self.filter.predict(force, rate, 0.01, (1e-3, 1e-7), (still, still))
+        self.filter.predict(force, rate, 0.01, (1e-3, 1e-7))
         return self.aids.remember(self.filter, now)
 
     def dvl(self, sample: DvlSample) -> Event | None:

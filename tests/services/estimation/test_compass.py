@@ -49,7 +49,7 @@ class Sail:
         for _ in range(round(seconds * 100)):
             self.k += 1
             self.heading += turn * 0.01
-            self.filter.predict(REST, (0.0, 0.0, turn), 0.01, (0.0, 0.0), (STILL, STILL))
+            self.filter.predict(REST, (0.0, 0.0, turn), 0.01, (0.0, 0.0))
             n, e, d = (a + b for a, b in zip(EARTH, iron, strict=True))
             c, s = cos(self.heading), sin(self.heading)
             field = (c * n + s * e, c * e - s * n, d)

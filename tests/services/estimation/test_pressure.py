@@ -41,7 +41,7 @@ class Dive:
             self.rate += 0.01 * acceleration
             self.depth += 0.01 * self.rate
             a = acceleration + 0.01 * float(self.rng.standard_normal()) - GRAVITY
-            self.filter.predict((0.0, 0.0, a), STILL, 0.01, (2.5e-6, 1e-7), (STILL, STILL))
+            self.filter.predict((0.0, 0.0, a), STILL, 0.01, (2.5e-6, 1e-7))
             if self.k % 4 == 0:
                 depth = self.depth + self.wave * sin(2.0 * pi * self.k / 500.0)
                 said = ATMOSPHERE + self.pressure.per_metre * depth
@@ -90,7 +90,7 @@ def test_twelve_hours_without_a_stop_leave_the_covariance_symmetric_and_positive
     for hour in range(12):
         dive.run(5.0)
         for _ in range(200):  # long steps stand for the hour between
-            f.predict((0.0, 0.0, -GRAVITY), STILL, 0.1, (2.5e-6, 1e-7), (STILL, STILL))
+            f.predict((0.0, 0.0, -GRAVITY), STILL, 0.1, (2.5e-6, 1e-7))
         f.spread()
         assert (f.P == f.P.T).all(), hour
         assert np.linalg.eigvalsh(f.P).min() > -1e-9 * f.P.max(), hour
