@@ -128,7 +128,7 @@ class Dive:
     @property
     def t(self) -> Floats:
         """[s] of the rows of a whole column."""
-        return np.arange(0.0, round(self.seconds / DT)) * DT
+        return self._times(0.0, None)
 
     @property
     def mode(self) -> FlightMode:
@@ -151,8 +151,7 @@ class Dive:
         end: float | None = None,
     ) -> Floats:
         """What a topic said, every DT from `begin` to `end` [s], else until now."""
-        t = self.t if end is None and begin == 0.0 else self._times(begin, end)
-        said = self.said(topic)
+        t, said = self._times(begin, end), self.said(topic)
         stamps = [self.when(message.stamp_ns) for message in said]
         return np.asarray(np.interp(t, stamps, [value(message) for message in said]), np.float64)
 
@@ -181,7 +180,8 @@ class Dive:
         return self.column(topics.REFERENCE, lambda m: m.heading.position, begin, end)
 
     def _times(self, begin: float, end: float | None) -> Floats:
-        return np.arange(begin, self.seconds if end is None else end, DT)
+        end = self.seconds if end is None else end
+        return np.arange(round(begin / DT), round(end / DT)) * DT
 
     def _run(self, until: int, done: Callable[[], bool] | None = None) -> None:
         with rare_collections():

@@ -7,9 +7,8 @@ the gyroscope does not know how the vehicle has turned, and the field has proven
 correct heading and gyroscope as well.
 
 At one place the Earth's field has a constant strength, dip and direction; iron nearby changes at
-least one of them. A disturbance that stays for `RELEARN` becomes the normal field, unless the
-settings give it: a vehicle that stays near iron cannot be told from one that has left the iron at
-its calibration site.
+least one of them. A disturbance that stays for `RELEARN` becomes the normal field: a vehicle that
+stays near iron cannot be told from one that has left the iron at its calibration site.
 """
 
 from math import atan2, degrees, hypot, inf, pi, radians, remainder, sqrt
@@ -52,18 +51,17 @@ class Compass:
     """Use a sample with `fuse`; both headings' validity is here as well."""
 
     def __init__(self, settings: AttitudeSettings) -> None:
-        self._settings = s = settings
-        self.quantity = Quantity("compass", "rad", NOISE, s.compass_std, LASTS, 60.0, 5.0)
-        self.strength = s.earth_field  # [µT] normal
-        self.dip = None if s.earth_dip is None else radians(s.earth_dip)  # [rad] normal
+        self._std = std = settings.compass_std
+        self.quantity = Quantity("compass", "rad", NOISE, std, LASTS, 60.0, 5.0)
+        self.strength: float | None = None  # [µT] normal
+        self.dip: float | None = None  # [rad] normal
         self.knows_north = False
         self.lost = False  # the heading is not known, and a compass may find it
         self.used_ns = 0
         self._trusted = False
         self._told = False  # this disturbance has been told
-        self._good_for = self._steady_for = (
-            0.0  # [s] normal, after a disturbance; not normal, alike
-        )
+        self._good_for = 0.0  # [s] normal, after a disturbance
+        self._steady_for = 0.0  # [s] not normal, but the same
         self._first = (0.0, 0.0, 0.0)  # strength, dip, bearing when that began
         self._sum: Vec3 = (0.0, 0.0, 0.0)
         self._count, self._since_ns = 0, 0
@@ -76,13 +74,10 @@ class Compass:
 
     def learn(self, strength: float, dip: float) -> bool:
         """Set the normal field [µT, rad], measured at rest. False: it cannot be the Earth's."""
-        if not self._can_be_the_earths(strength, dip):
+        if not LEAST_EARTH <= strength <= MOST_EARTH:
             self._told = True
             return False
-        if self._settings.earth_field is None:
-            self.strength = strength
-        if self._settings.earth_dip is None:
-            self.dip = dip
+        self.strength, self.dip = strength, dip
         self._trusted, self._told = True, False
         return True
 
@@ -91,7 +86,7 @@ class Compass:
         well: what corrects the one later corrects the other."""
         n, e, _ = field
         f.north, f.deviation = -atan2(e, n), 0.0
-        f.forget(DEVIATION, self._settings.compass_std)
+        f.forget(DEVIATION, self._std)
         f.forget(NORTH, pi)
         Ph, explained = f.explained(_row(field))
         f.correct(Ph, explained + NOISE * NOISE, 0.0, considered(NORTH))
@@ -145,7 +140,7 @@ class Compass:
             corrected.append(YAW)
             quantity.coloured, quantity.white_variance = 0.0, UNKNOWN_NOISE**2
         else:
-            quantity.coloured = self._settings.compass_std
+            quantity.coloured = self._std
         if (
             quantity.fuse(f, h, bearing, innovation, stamp_ns, considered(*corrected))
             is not Fusion.USED
@@ -214,8 +209,7 @@ class Compass:
         if self._is_new_normal(strength, dip, bearing, dt):
             self.learn(strength, dip)
             return events.LEARNT(key)
-        unknown = self.strength is None or self.dip is None
-        if self._told or (unknown and self._can_be_the_earths(strength, dip)):
+        if self._told or (self.strength is None and LEAST_EARTH <= strength <= MOST_EARTH):
             return None
         self._told = True
         return events.DISTURBED(key)
@@ -234,20 +228,11 @@ class Compass:
             and abs(degrees(dip - first[1])) <= DIP_TOLERANCE
             and abs(remainder(bearing - first[2], 2.0 * pi)) <= GATE
         )
-        if not same or not self._can_be_the_earths(strength, dip):
+        if not same or not LEAST_EARTH <= strength <= MOST_EARTH:
             self._first, self._steady_for = (strength, dip, bearing), 0.0
             return False
         self._steady_for += dt
-        never = self.strength is None or self.dip is None
-        return self._steady_for >= (HOLD_OFF if never else RELEARN)
-
-    def _can_be_the_earths(self, strength: float, dip: float) -> bool:
-        s = self._settings
-        if s.earth_field is not None and abs(strength - s.earth_field) > FIELD_TOLERANCE:
-            return False
-        if s.earth_dip is not None and abs(degrees(dip) - s.earth_dip) > DIP_TOLERANCE:
-            return False
-        return LEAST_EARTH <= strength <= MOST_EARTH
+        return self._steady_for >= (HOLD_OFF if self.strength is None else RELEARN)
 
 
 def _row(field: Vec3) -> Row:

@@ -67,9 +67,10 @@ NORTH_WALK = 1e-4  # [rad/√s]
 BLIND_FORCE = 0.3  # [m/s²/√Hz] unknown motion without IMU: tuned on real dives, range 0.2 … 0.5
 BLIND_TURN = (0.1, 0.1, 0.5)  # [rad/√s] the same of the attitude
 SECOND_S = 0.5  # [s] that a tilt error lasts, where it is not small
-# The wave in the pressure: λ of Fossen 2011, eq. 8.128; a wide spectrum. Tuned on simulated dives,
-# range 0.2 … 0.6.
-WAVE_DAMPING = 0.4  # [-]
+# The wave in the pressure: λ and ω₀ of Fossen 2011, eq. 8.128: a wide spectrum about 6 s, whatever
+# the sea; one that followed the sea's period made the stops half as large again. Tuned on simulated
+# dives, range 0.2 … 0.6.
+WAVE_DAMPING, WAVE_RATE = 0.4, 1.0  # [-], [rad/s]
 
 
 class ErrorStateFilter:
@@ -90,7 +91,7 @@ class ErrorStateFilter:
         self.rest_shift = 0.0  # [m] the same of the depth at which the vehicle came to rest
         self.heading = 0.0  # [rad] control heading: yaw, accumulated past ±π
         self.acceleration = 0.0  # [m/s²] along down, newest
-        self.wave_variance, self.wave_rate = 0.0, 1.0  # [m²], [rad/s] of the model
+        self.wave_variance = 0.0  # [m²] of the model's rise
         self.wide_force = self.wide_gyro = False  # the biases may walk quickly
         self.P: Floats = np.zeros((SIZE, SIZE))
         self.variances = self.P.reshape(-1)[:: SIZE + 1]  # the diagonal, to be read and written
@@ -198,7 +199,7 @@ class ErrorStateFilter:
         gyro = (WIDE_GYRO_WALK if self.wide_gyro else GYRO_WALK) ** 2 * dt
         force = (WIDE_FORCE_WALK if self.wide_force else FORCE_WALK) ** 2 * dt
         current = CURRENT_WALK**2 * dt
-        wave = 4.0 * WAVE_DAMPING * self.wave_rate * self.wave_variance * dt
+        wave = 4.0 * WAVE_DAMPING * WAVE_RATE * self.wave_variance * dt
         # A tilt error θ makes g θ² / 2 of gravity vertical, which no first derivative has.
         second = 0.5 * GRAVITY * float(P[TILT, TILT] + P[TILT + 1, TILT + 1])
         self._noise[2] += 2.0 * SECOND_S * second * second * self._felt
@@ -213,7 +214,7 @@ class ErrorStateFilter:
         ẋ₂ = −ω₀² x₁ − 2 λ ω₀ x₂ + n (Fossen 2011, eq. 8.128): advances it by `dt` [s] and returns
         its transition less the identity. The density of n that gives the rise its variance is
         4 λ ω₀ times that."""
-        w0, k = self.wave_rate, WAVE_DAMPING * self.wave_rate
+        w0, k = WAVE_RATE, WAVE_DAMPING * WAVE_RATE
         wd, decay = w0 * sqrt(1.0 - WAVE_DAMPING * WAVE_DAMPING), exp(-k * dt)
         c, s = decay * cos(wd * dt), decay * sin(wd * dt) / wd
         a, b, d, e = c + k * s, s, -w0 * w0 * s, c - k * s

@@ -5,12 +5,12 @@ is a state of the filter (Fossen 2011, eq. 8.128), so that neither the accelerom
 pressure has to be wrong in one; the model has no mean, so it explains no constant offset.
 """
 
-from math import hypot, inf, sqrt
+from math import hypot, inf
 from typing import NamedTuple
 
 from messages import events, topics
 from messages.events import Event
-from services.estimation.filter import DEPTH, DEPTH_RATE, WAVE, ErrorStateFilter
+from services.estimation.filter import DEPTH, DEPTH_RATE, WAVE, WAVE_RATE, ErrorStateFilter
 from services.estimation.quantity import Fusion, Quantity
 from services.estimation.sensor import Sensor
 from services.estimation.settings import Settings
@@ -30,13 +30,10 @@ JUMPED_RATE, RESTARTED_RATE = 0.1, 0.5  # [m/s] 1σ of the rate after a jump, or
 STEPS = 2.0  # [steps] through which a coarse sensor has to change its value
 CHANGES = 3  # … after which the least one seen is its step
 # The wave: its variance rises and falls with these time constants, and is never less than the
-# filter can tell from nothing. Its rate is that of a sea's peak, 3 to 9 s. Tuned on simulated
-# dives, range 5 … 20 and 20 … 100 s.
+# filter can tell from nothing. Tuned on simulated dives, range 5 … 20 and 20 … 100 s.
 WAVE_RISE, WAVE_FALL = 10.0, 25.0  # [s]
 LEAST_WAVE, MOST_WAVE, FIRST_WAVE = 0.001, 100.0, 0.005  # [m] 1σ; the last before any is felt
-LEAST_RATE, MOST_RATE, FIRST_RATE = 0.7, 2.0, 1.0  # [rad/s]
 SURPRISE = 6.0
-SEEN_WAVE = 0.02  # [m] 1σ of one whose rate can be measured
 TOLD_WAVE = 0.05  # [m] 1σ of one that is told
 BOB_SMOOTH, BOB_MEMORY = 0.3, 5.0  # [s] of the acceleration of who floats on a wave
 BOB_NOISE = 0.008  # [m/s²] 1σ of that smoothed, without a wave
@@ -78,15 +75,13 @@ class Pressure:
         self._sensor = sensor
         self._latency_ns = round(settings.depth.pressure_latency * 1e9)
         self._lost = self._waves = False
-        self._squares = 0.0, 0.0
         self._bob = self._bob_mean = 0.0  # [m/s²]
-        self._bob_variance = (FIRST_WAVE * FIRST_RATE**2) ** 2
+        self._bob_variance = (FIRST_WAVE * WAVE_RATE**2) ** 2
         self._changes, self._step, self._at_change = 0, inf, 0.0  # [-], [Pa], [m]
 
     def begin(self, f: ErrorStateFilter) -> None:
-        f.wave_variance, f.wave_rate = FIRST_WAVE**2, FIRST_RATE
-        self._squares = (FIRST_WAVE / FIRST_RATE) ** 2, FIRST_WAVE**2  # of the wave's states
-        f.forget(WAVE, FIRST_WAVE / FIRST_RATE)
+        f.wave_variance = FIRST_WAVE**2
+        f.forget(WAVE, FIRST_WAVE / WAVE_RATE)
         f.forget(WAVE + 1, FIRST_WAVE)
 
     # The air.
@@ -197,8 +192,7 @@ class Pressure:
         quantity.rounding = step * step / 12.0 if coarse else 0.0
 
     def _hear_wave(self, f: ErrorStateFilter, off: float) -> Event | None:
-        """The wave's variance is what neither noise nor the depth's own error explains; its rate
-        squared is the ratio of its states' variances, as of a stationary oscillator."""
+        """The wave's variance is what neither noise nor the depth's own error explains."""
         dt = self.quantity.period
         seen = off * off - 1.1 * self.quantity.white_variance - float(f.P[DEPTH, DEPTH])
         seen = min(seen, 9.0 * f.wave_variance + 0.02)
@@ -206,10 +200,6 @@ class Pressure:
         memory = WAVE_RISE if off * off > SURPRISE * expected else WAVE_FALL
         variance = f.wave_variance + min(0.1, dt / memory) * (seen - f.wave_variance)
         f.wave_variance = min(MOST_WAVE**2, max(LEAST_WAVE**2, variance))
-        share, (x, y), (a, b) = min(0.1, dt / WAVE_RISE), f.wave, self._squares
-        self._squares = a, b = a + share * (x * x - a), b + share * (y * y - b)
-        if a > 0.0 and f.wave_variance > SEEN_WAVE**2:
-            f.wave_rate = max(LEAST_RATE, min(MOST_RATE, sqrt(b / a)))
         limit = TOLD_WAVE / 2.0 if self._waves else TOLD_WAVE
         told, self._waves = self._waves, f.wave_variance > limit * limit
         return events.WAVES_PRESSURE() if self._waves and not told else None
@@ -220,7 +210,7 @@ class Pressure:
         share = min(1.0, dt / BOB_MEMORY)
         self._bob_mean += share * (self._bob - self._bob_mean)
         self._bob_variance += share * ((self._bob - self._bob_mean) ** 2 - self._bob_variance)
-        variance = max(0.0, self._bob_variance - BOB_NOISE**2) / FIRST_RATE**4
+        variance = max(0.0, self._bob_variance - BOB_NOISE**2) / WAVE_RATE**4
         f.wave_variance = min(MOST_WAVE**2, max(LEAST_WAVE**2, variance))
 
     # Estimates.

@@ -33,8 +33,6 @@ class AttitudeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # [rad] that iron turns the compass: 0.2 µT left, in a level field of 14 µT. More iron:
     # calibrate, or state more. What a wrong tilt adds the filter knows.
     compass_std: UpToTen = 0.014
-    earth_field: Annotated[float, msgspec.Meta(ge=20.0, le=70.0)] | None = None  # [µT] None: learn
-    earth_dip: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)] | None = None  # [deg] + is down
 
 
 class CalibrationSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -120,16 +120,6 @@ def test_a_vehicle_calibrated_beside_steel_takes_the_open_sea_for_normal_in_the_
     assert sail.error() == pytest.approx(0.0, abs=0.01)
 
 
-def test_with_the_places_field_in_the_settings_steel_is_never_normal() -> None:
-    sail = Sail(AttitudeSettings(earth_field=51.2, earth_dip=73.0), agreed=False)
-    assert not sail.agree((15e-6, 15e-6, 40e-6))
-    sail.run(125.0, (0.0, 20e-6, -5e-6))
-    assert not sail.compass.knows_north
-    sail.run(3.3)
-    assert sail.compass.knows_north
-    assert sail.error() == pytest.approx(0.0, abs=0.01)
-
-
 def test_without_a_field_that_can_be_the_earths_it_is_used_after_the_hold_off() -> None:
     sail = Sail(agreed=False)
     assert not sail.agree((50e-6, 0.0, 70e-6))
