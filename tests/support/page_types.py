@@ -1,5 +1,6 @@
-"""Checks the types of the pilot's page with TypeScript's compiler, against the messages of the
-server: `python -m tests.support.page_types`. Skipped, in one line, where there is no npx.
+"""Checks the pilot's page: its types with TypeScript's compiler, against the messages of the server,
+and its habits with oxlint: `python -m tests.support.page_types`. Skipped, in one line, where there
+is no npx.
 """
 
 import shutil
@@ -17,7 +18,8 @@ from services.cockpit.page_messages import PageAbsence, PageSeen, PageSticks, Pa
 from services.cockpit.page_view import PageLine, PageView
 
 PAGE = Path("services/cockpit/page").resolve()
-TYPESCRIPT = "typescript@5.9.3"
+TYPESCRIPT, LINTER = "typescript@5.9.3", "oxlint@1.30.0"
+RULES = ("-D", "correctness", "-D", "eqeqeq", "-D", "no-var", "-D", "no-shadow")
 STRUCTS = (PageView, Personal, PageSticks, PageWish, PageAbsence, PageSeen)
 # One text to a page, as services/cockpit/core.py puts it together.
 TEXT = """
@@ -89,19 +91,24 @@ def protocol() -> str:
 def main() -> int:
     npx = shutil.which("npx")
     if npx is None:
-        print("no npx: the types of the pilot's page are not checked")
+        print("no npx: the pilot's page is not checked")
         return 0
     with tempfile.TemporaryDirectory() as folder:
         at = Path(folder)
-        call = [npx, "--yes", "--package", TYPESCRIPT, "tsc"]
-        found = subprocess.run([*call, "--version"], cwd=at, capture_output=True)
-        if found.returncode:
-            print(f"npx cannot get {TYPESCRIPT}: the types of the pilot's page are not checked")
-            return 0
         (at / "protocol.d.ts").write_text(protocol())
         config = {"compilerOptions": OPTIONS, "include": [f"{PAGE}/*.js", "protocol.d.ts"]}
         (at / "tsconfig.json").write_bytes(msgspec.json.encode(config))
-        return subprocess.run([*call, "--project", "."], cwd=at).returncode
+        failed = 0
+        for package, program, options in (
+            (TYPESCRIPT, "tsc", ("--project", ".")),
+            (LINTER, "oxlint", (*RULES, str(PAGE))),
+        ):
+            call = [npx, "--yes", "--package", package, program]
+            if subprocess.run([*call, "--version"], cwd=at, capture_output=True).returncode:
+                print(f"npx cannot get {package}: the pilot's page is checked without it")
+                continue
+            failed |= subprocess.run([*call, *options], cwd=at).returncode
+        return failed
 
 
 if __name__ == "__main__":
