@@ -19,7 +19,7 @@ from services.cockpit.page_view import PageLine, PageView
 
 PAGE = Path("services/cockpit/page").resolve()
 TYPESCRIPT, LINTER = "typescript@5.9.3", "oxlint@1.30.0"
-RULES = ("-D", "correctness", "-D", "eqeqeq", "-D", "no-var", "-D", "no-shadow")
+RULES = ("-D", "correctness", "-D", "eqeqeq", "-D", "no-var")
 STRUCTS = (PageView, Personal, PageSticks, PageWish, PageAbsence, PageSeen)
 # One text to a page, as services/cockpit/core.py puts it together.
 TEXT = """
