@@ -159,8 +159,6 @@ NOTEBOOKS = sorted((Path(__file__).parents[1] / "examples/notebooks").glob("*.ip
 MAKES = {
     "many_dives": ["dives.csv", "dives.pdf"],
     "own_controller": ["controllers.png"],
-    "own_estimator": ["estimators.png"],
-    "own_law": ["laws.png"],
 }
 SHORTER = (  # fewer dives than a reader flies, and shorter ones
     ("1..10", "1..2"), ("25,50,100,200", "25,100"), ("--seconds 30", "--seconds 15"),
