@@ -1,6 +1,6 @@
-"""Checks the pilot's page: its types with TypeScript's compiler, against the messages of the server,
-and its habits with oxlint: `python -m tests.support.page_types`. Skipped, in one line, where there
-is no npx.
+"""Checks the pilot's page: its types with TypeScript's compiler, against the messages of the
+server, and its habits with oxlint: `python -m tests.support.page_types`. Skipped, in one line,
+where there is no npx.
 """
 
 import shutil
