@@ -181,7 +181,7 @@ class Dive:
 
     def _times(self, begin: float, end: float | None) -> Floats:
         end = self.seconds if end is None else end
-        return np.arange(round(begin / DT), round(end / DT)) * DT
+        return np.arange(float(round(begin / DT)), float(round(end / DT))) * DT
 
     def _run(self, until: int, done: Callable[[], bool] | None = None) -> None:
         with rare_collections():
