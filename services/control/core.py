@@ -16,7 +16,7 @@ from messages.state import VehicleState
 from messages.units import Ns, Vec6
 from services.control.allocation import AXES, Allocation, require_pilotable
 from services.control.laws import Laws
-from services.control.settings import Settings as Settings
+from services.control.laws import Settings as Settings
 from services.control.stability import require_stable
 from services.marine.sensor_time import SensorTime
 from services.marine.vehicle import Vehicle

@@ -37,7 +37,7 @@ from services.reference.guidance import requests
 from services.reference.guidance.authority import ControlAuthority, Lease
 from services.reference.guidance.axes import CentredSticks, centred, lacking, motion_of
 from services.reference.guidance.guidance import Guidance
-from services.reference.guidance.pilot_outputs import PilotOutputs
+from services.reference.guidance.requests import PilotOutputs
 from services.reference.guidance.station_keeping import Home, HomePlace, whereabouts
 from services.reference.settings import Settings as Settings
 from services.reference.trajectory.own_law import Law

@@ -16,8 +16,7 @@ from messages.events import Outbox
 from messages.payload import UNDECODABLE
 from messages.sensors import DvlSample
 from messages.units import Finite, Ns, Vec3
-from services.instruments.lines import LineCutter
-from services.instruments.watch import InstrumentWatch
+from services.instruments.core import InstrumentWatch, LineCutter
 from services.marine.mounting import ALONG, Rotation
 
 KNOWN = ("json_v1", "json_v2", "json_v3", "json_v3.1")
