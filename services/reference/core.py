@@ -30,7 +30,7 @@ from messages.state import VehicleState
 from messages.units import Ns, Outputs
 from messages.vehicle import Activity, Failsafe, PlaceAhead, VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
-from services.marine.sensor_time import SensorTime
+from services.marine.rhythm import SensorTime
 from services.reference.failsafe.machine import FailsafeMachine, Memory
 from services.reference.failsafe.table import ConditionWatch, table
 from services.reference.guidance import requests

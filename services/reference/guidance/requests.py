@@ -1,5 +1,5 @@
 """Requests that move the drone or change its mode; each returns the reason for a refusal, or
-nothing. And the outputs of the vehicle as the pilot wants them: what keeps its value, and what is held.
+nothing. And the vehicle's outputs as the pilot wants them: what keeps its value, and what is held.
 """
 
 from collections.abc import Mapping
