@@ -4,9 +4,15 @@
 others are there to compare with: the usual filters, the rule of Andrén 2023, the reference model of
 Fernandes et al. 2015."""
 
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, Segment, solve
-from services.reference.trajectory.position import PositionMove
-from services.reference.trajectory.position import pair as position_move
+from services.reference.trajectory.minimum_jerk import (
+    Limits,
+    PositionMove,
+    Ramp,
+    Sample,
+    Segment,
+    solve,
+)
+from services.reference.trajectory.minimum_jerk import pair as position_move
 from services.reference.trajectory.vector import VectorRamp
 from tools.generators import thesis_rule
 from tools.generators.baselines import (

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.marine.summation import plain_sum
-from services.marine.thrust_curve import CURVES
-from services.marine.vehicle import Thruster, wrench_per_newton
+from services.marine.vehicle import CURVES, Thruster, wrench_per_newton
 
 Factors = tuple[float, float, float, float, float, float]
 ROLL, PITCH, YAW, THROTTLE, FORWARD, LATERAL = range(6)  # columns of the factors

@@ -8,7 +8,7 @@ from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.cockpit.page_messages import Absence, PageSticks, PageWish, Wish
 from services.marine.outputs import LIGHT
-from services.piloting.guest_pilot import PlainGuest
+from services.piloting.guest_pilot import PlainGuest, StickHolder
 from services.piloting.pilot import Effects, Pilot
 from services.piloting.pilot_intents import (
     Intent,
@@ -17,7 +17,6 @@ from services.piloting.pilot_intents import (
     PlaceIntent,
     goto,
 )
-from services.piloting.stick_holder import StickHolder
 from services.piloting.sticks import Sticks
 
 KEPT_NS = 2_000_000_000  # [ns] of silence until another page may take the sticks

@@ -16,11 +16,11 @@ from messages.state import VehicleState
 from messages.units import Ns, Vec6
 from services.control.allocation import AXES, Allocation, require_pilotable
 from services.control.laws import Laws
-from services.control.settings import Settings as Settings
+from services.control.laws import Settings as Settings
 from services.control.stability import require_stable
-from services.marine.sensor_time import SensorTime
+from services.marine.rhythm import SensorTime
 from services.marine.vehicle import Vehicle
-from services.vehicle.disarm_latch import DisarmLatch
+from services.vehicle.actuator_gate import DisarmLatch
 
 PERIOD_S = 1 / topics.REFERENCE.hz  # [s] for which a wrench is held
 LONGEST_STEP_S = 0.05  # [s] a longer step counts as this long

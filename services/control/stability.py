@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from services.control.axis.axis import Gains, StaticGains
 from services.control.axis.plant import Plant, lags_of, plant_of
-from services.control.settings import Settings
+from services.control.laws import Settings
 from services.marine.vehicle import Vehicle
 
 ROWS = {"surge": 0, "sway": 1, "depth": 2, "heading": 5}

@@ -12,8 +12,8 @@ from services.marine.outputs import OUTPUTS, Output, meant
 from services.mavlink.parameters import BUTTONS, Parameters
 from services.mavlink.pilot import GroundPilot, GroundStation, Reaction, ReceivedPacket
 from services.mavlink_io.packet import NO_AXIS, NO_CHANNEL, MavSeverity
+from services.piloting.guest_pilot import TTL_NS
 from services.piloting.pilot_intents import Intent, ModeIntent, OutputIntent
-from services.piloting.stick_holder import TTL_NS
 from services.piloting.sticks import Sticks
 
 # [-] so close to the middle a stick counts as centred: pads of ground stations rest beside it, and

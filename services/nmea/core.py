@@ -10,9 +10,7 @@ from messages import events
 from messages.events import Outbox
 from messages.sensors import UsblSample
 from messages.units import Ns
-from services.instruments.fixes import GeoPoint, LocalFixes
-from services.instruments.lines import LineCutter
-from services.instruments.watch import InstrumentWatch
+from services.instruments.core import GeoPoint, InstrumentWatch, LineCutter, LocalFixes
 
 S = 1_000_000_000  # [ns]
 LONGEST = 256  # [bytes] of a line; the standard allows 82

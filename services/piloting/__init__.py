@@ -2,7 +2,7 @@
 
 sticks          stick positions, and what a stick source reads at one instant
 pilot_intents   requests that a pilot can make, and which older ones a newer one withdraws
-stick_holder    which sender outside of Lindy has the sticks: one at a time
+guest_pilot     a pilot from outside of Lindy: one sender at a time has the sticks
 pilot           lease, arming, hand-over and requests, as a state machine
 io              what every pilot does on the bus: commands, requests, checkpoint
 """

@@ -30,10 +30,7 @@ from services.piloting.sticks import CENTRED, StickReading
 
 PAUSE_NS = 2_000_000_000  # [ns] between two attempts at automatic arming
 RESUME_PAUSE_NS = 200_000_000  # [ns] after an answer: until a newer status says how it went
-BACK_OFF_NS = (
-    2_000_000_000,
-    10_000_000_000,
-)  # [ns] after a lease; doubles when it was refused
+BACK_OFF_NS = 2_000_000_000, 10_000_000_000  # [ns] after a lease; doubles when it was refused
 ABSENT = StickReading(present=False, at_rest=False)  # until the source was read
 Waiting = Set[RequestKind]  # kinds of the requests that have not been answered yet
 

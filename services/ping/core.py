@@ -17,7 +17,7 @@ from messages import events
 from messages.events import Outbox
 from messages.sensors import AltitudeSample
 from messages.units import Ns
-from services.instruments.watch import InstrumentWatch
+from services.instruments.core import InstrumentWatch
 
 NACK, DEVICE, REQUEST = 2, 4, 6
 SET_SPEED_OF_SOUND, SET_PING_ENABLE, DISTANCE, PROFILE = 1002, 1006, 1212, 1300

@@ -8,10 +8,9 @@ import msgspec
 
 from messages import events
 from messages.units import Ns
-from services.piloting.guest_pilot import PlainGuest
+from services.piloting.guest_pilot import KEPT_NS, TTL_NS, PlainGuest
 from services.piloting.pilot import Effects, Pilot
 from services.piloting.pilot_intents import Press
-from services.piloting.stick_holder import KEPT_NS, TTL_NS
 from services.piloting.sticks import Sticks
 
 NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")

@@ -67,9 +67,8 @@ class Table(DelayDistribution, frozen=True, tag="table"):
 class Trace(DelayDistribution, frozen=True, tag="trace"):
     """A recorded link, replayed in a loop: at every moment the delay or loss it had then."""
 
-    file: str = (
-        ""  # CSV `sent_s,arrived_s` beside the profile; its rows become the two fields below
-    )
+    # CSV `sent_s,arrived_s` beside the profile; its rows become the two fields below.
+    file: str = ""
     sent_s: tuple[float, ...] = ()  # [s] ascending
     arrived_s: tuple[float | None, ...] = ()  # [s] None: lost
 

@@ -15,8 +15,7 @@ from messages.events import Outbox
 from messages.payload import UNDECODABLE
 from messages.sensors import UsblSample
 from messages.units import Finite, Ns
-from services.instruments.fixes import GeoPoint, LocalFixes
-from services.instruments.watch import InstrumentWatch
+from services.instruments.core import GeoPoint, InstrumentWatch, LocalFixes
 
 S = 1_000_000_000  # [ns]
 ACOUSTIC, GLOBAL = "/api/v1/position/acoustic/filtered", "/api/v1/position/global"

@@ -1,7 +1,7 @@
 """Shared by all vehicle interfaces, simulator or driver. Pure: no bus, no clock.
 
-    actuator_gate   which thruster commands take effect, and for how long
-    disarm_latch    the pilot's disarm, obeyed by each stage itself
+    actuator_gate   which thruster commands take effect, and for how long; the pilot's disarm,
+                    obeyed by each stage itself
     actuation       newtons to a share of the voltage, and a model of open-loop thrusters
     mounting        position and orientation of the sensors
 

@@ -8,8 +8,7 @@ False.
 from collections.abc import Sequence
 
 from services.marine.summation import plain_sum
-from services.marine.thrust_curve import CURVES
-from services.marine.vehicle import Thruster, decay, driven
+from services.marine.vehicle import CURVES, Thruster, decay, driven
 
 
 def share_of_voltage(thruster: Thruster, newtons: float) -> float:

@@ -37,8 +37,18 @@ from services.marine.attitude import (
     to_world,
     turned,
 )
-from services.marine.calibration import NO_BIAS, NO_IRON, NO_SCALE, SensorCalibration
-from services.marine.mounting import ALONG, ORIGIN, Mount, Mounting, Rotation, Turned
+from services.marine.mounting import (
+    ALONG,
+    NO_BIAS,
+    NO_IRON,
+    NO_SCALE,
+    ORIGIN,
+    Mount,
+    Mounting,
+    Rotation,
+    SensorCalibration,
+    Turned,
+)
 from services.marine.vehicle import GRAVITY
 
 SMOOTHING = 0.02  # [s] of the gyroscope before it is differenced; typically two samples

@@ -16,8 +16,7 @@ from messages.events import Outbox
 from messages.payload import UNDECODABLE
 from messages.sensors import DvlSample
 from messages.units import Finite, Ns, Vec3
-from services.instruments.lines import LineCutter
-from services.instruments.watch import InstrumentWatch
+from services.instruments.core import InstrumentWatch, LineCutter
 from services.marine.mounting import ALONG, Rotation
 
 KNOWN = ("json_v1", "json_v2", "json_v3", "json_v3.1")
@@ -114,7 +113,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sound_speed: Annotated[float, msgspec.Meta(ge=1000.0, le=2000.0)] | None = None
     # [s] from the echo to the arrival of a report without times, as of older firmware.
     latency: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.15
-    reset_on_start: bool = False  # its own dead reckoning begins anew; Lindy does not use it
     calibrate_on_start: bool = False  # of its gyroscope: the vehicle must be at rest
 
 
@@ -132,14 +130,7 @@ class DvlDriver:
         self.watch = InstrumentWatch("dvl", outbox)
         self._settings, self._outbox, self._turned = settings, outbox, mounted != ALONG
         self._cutter = LineCutter(LONGEST)
-        self._to_send = [
-            command(name)
-            for name, wanted in (
-                ("calibrate_gyro", settings.calibrate_on_start),
-                ("reset_dead_reckoning", settings.reset_on_start),
-            )
-            if wanted
-        ]
+        self._to_send = [command("calibrate_gyro")] if settings.calibrate_on_start else []
         self.config: dict[str, Any] | None = None  # newest that it told
         self._asked, self._ask_ns = 0, 0
         self._status, self._format = 0, ""

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.events import Outbox
-from services.instruments.fixes import LocalFixes
+from services.instruments.core import LocalFixes
 from services.instruments.io.shell import limits_of
 from services.mavlink_io.io.links import Links
 from services.nmea.core import GnssDriver

@@ -44,10 +44,10 @@ PARTS = (
 REFERENCE, CONTROL = "tests/services/reference", "tests/services/control"
 LAWS: dict[str, tuple[str, ...]] = {
     "services/reference/trajectory/minimum_jerk.py": (
-        f"{REFERENCE}/trajectory/test_minimum_jerk.py", "research/tests/laws/test_stepping.py",
+        f"{REFERENCE}/trajectory/test_minimum_jerk.py", f"{REFERENCE}/trajectory/test_position.py",
+        "research/tests/laws/test_stepping.py",
     ),
     "services/reference/trajectory/vector.py": (f"{REFERENCE}/trajectory/test_vector.py",),
-    "services/reference/trajectory/position.py": (f"{REFERENCE}/trajectory/test_position.py",),
     "services/reference/guidance/path_following.py": (
         f"{REFERENCE}/guidance/test_time_scaling.py",
     ),
@@ -81,11 +81,13 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "solve: e * sign  →  e / sign",
     ): "the sign is ±1",
     (
-        "services/reference/trajectory/position.py",
+        "services/reference/trajectory/minimum_jerk.py",
         "pair: min(candidates",
     ): "one range at most holds a peak, because the distances at their ends rise",
-    ("services/reference/trajectory/position.py", ": 80  →  81"): "80 halvings reach the last bit",
-    ("services/reference/trajectory/position.py", "_peaks: (low, high)  →  (high, low)"): (
+    ("services/reference/trajectory/minimum_jerk.py", ": 80  →  81"): (
+        "80 halvings reach the last bit"
+    ),
+    ("services/reference/trajectory/minimum_jerk.py", "_peaks: (low, high)  →  (high, low)"): (
         "a bisection has no direction"
     ),
     (

@@ -12,7 +12,7 @@ from services.ardusub.authority import MODES
 from services.ardusub.mixing import FRAMES
 from services.ardusub.telemetry import ENOUGH
 from services.control.allocation import Allocation, require_pilotable
-from services.control.settings import Settings as ControlSettings
+from services.control.laws import Settings as ControlSettings
 from services.estimation.settings import Settings as EstimationSettings
 from services.estimation.settings import WatchSettings
 from services.marine.vehicle import Vehicle

@@ -7,8 +7,8 @@ from typing import Any
 from messages import events
 from messages.events import Outbox
 from messages.units import Ns
+from services.instruments.core import GARBLED
 from services.instruments.io.shell import Instrument, exchange
-from services.instruments.watch import GARBLED
 from services.nmea import service as nmea
 from services.ping import service as ping
 from services.runtime.config.errors import LindyError

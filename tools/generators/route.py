@@ -15,8 +15,15 @@ from typing import Protocol
 
 from services.reference.paths.path import Path, PathPoint, RoutePoint, point_on
 from services.reference.paths.turn import Turn, TurnPoint
-from services.reference.trajectory.minimum_jerk import Limits, MotionProfile, Sample, solve
-from services.reference.trajectory.position import PositionMove, pair, travelled
+from services.reference.trajectory.minimum_jerk import (
+    Limits,
+    MotionProfile,
+    PositionMove,
+    Sample,
+    pair,
+    solve,
+    travelled,
+)
 
 SMALLEST = 1e-17  # relative; smaller terms of a series change nothing
 

@@ -20,8 +20,7 @@ from messages.vehicle import OWN_WAY
 from services.marine.vehicle import GRAVITY
 from services.reference.guidance.axes import HELD_AXES
 from services.reference.settings import Settings
-from services.reference.trajectory.minimum_jerk import solve
-from services.reference.trajectory.position import travelled
+from services.reference.trajectory.minimum_jerk import solve, travelled
 from tools.analysis.dive import RecordedDive
 from tools.analysis.spectra import BAND, LEAST, RATE, jerk_spectrum
 from tools.analysis.stops import armed_until, releases

@@ -73,9 +73,7 @@ class Gains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_integral: NotNegativeSetting  # [N or N m] guard 2, well below a saturated thruster
     observer: Bandwidth = 0.0  # [rad/s] of the disturbance observer; 0: the integral instead
     drag_speed: NotNegativeSetting = 0.0  # [m/s or rad/s] drag is learnt above; 0: off
-    drag_doubt: DragDoubt = (
-        0.0  # [-] of the model's drag that guard 2 is wider by in motion; observer
-    )
+    drag_doubt: DragDoubt = 0.0  # [-] of the model's drag: guard 2 is wider by it in motion
     still: NotNegativeSetting = 0.0  # [m/s or rad/s] below, it learns as slowly as ki
     decay_threshold: Positive = 0.1  # [m or rad] guard 3 acts on errors larger than this
     acceleration_percent: Percent = 100.0  # [%] of the acceleration feed-forward; 100 is exact

@@ -10,8 +10,13 @@ from messages.events import Outbox
 from messages.message import Message
 from messages.topic import Topic
 from messages.units import Ns
-from services.instruments.fixes import GeoPoint, LocalFixes, OriginCheckpoint
-from services.instruments.watch import FirstOfTwo, InstrumentWatch
+from services.instruments.core import (
+    FirstOfTwo,
+    GeoPoint,
+    InstrumentWatch,
+    LocalFixes,
+    OriginCheckpoint,
+)
 from services.mavlink_io.io.links import ByteLinks, FarEndLimits, Links
 from services.runtime.config.errors import LindyError, NeedsRealTimeError
 from services.runtime.config.stack import Stack

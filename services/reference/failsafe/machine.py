@@ -57,19 +57,13 @@ class FailsafeMachine:
     armed: bool = False  # at the newest step
     surfaced: bool = False
     # What follows from the memories.
-    acting: FailsafeRow | None = (
-        None  # of the gravest reaction, and holding before ended, the first
-    )
+    acting: FailsafeRow | None = None  # the gravest; of these one that holds, then the first
     since_ns: Ns | None = None  # [ns] when the acting condition began
-    next_ns: Ns | None = (
-        None  # [ns] when the next stage of one that holds begins; None: there is none
-    )
+    next_ns: Ns | None = None  # [ns] when the next stage of one that holds begins; None: none does
     resumable: bool = False  # something acts, and none of it holds
     returns: Returns | None = None  # what gives the sticks back to the pilot; None: he has them
     _holding: Conditions = field(default_factory=dict[str, Holding])
-    _acting: list[tuple[FailsafeRow, Memory]] = field(
-        default_factory=list[tuple[FailsafeRow, Memory]]
-    )  # in the order of the table
+    _acting: tuple[tuple[FailsafeRow, Memory], ...] = ()  # in the order of the table
 
     def __post_init__(self) -> None:
         self._remember(self.memory)
@@ -150,7 +144,7 @@ class FailsafeMachine:
         self.memory = memory
         known = [(row, memory[row.name]) for row in self.rows if row.name in memory]
         known = known if self.armed else []
-        self._acting = acting = [(row, m) for row, m in known if _acts(row, m)]
+        self._acting = acting = tuple((row, m) for row, m in known if _acts(row, m))
         row, gravest = max(acting, key=_gravity, default=(None, None))
         self.acting, self.since_ns = row, None if gravest is None else gravest.since_ns
         self.next_ns = min(
@@ -173,12 +167,12 @@ class FailsafeMachine:
     def resume(self) -> str:
         """End what acts; where nothing acts, overrule what is about to. Returns why it is refused,
         or nothing."""
-        ended = self._acting or [  # what holds and will act, and may be overruled
+        ended = self._acting or tuple(  # what holds and will act, and may be overruled
             (row, memory)
             for row in self.rows
             if row.acts and row.overrule and self.armed
             if (memory := self.memory.get(row.name)) is not None and memory.overruled is None
-        ]
+        )
         if not ended:
             return "no failsafe acts: there is nothing to resume from"
         after = dict(self.memory)

@@ -196,11 +196,7 @@ class FailsafeStage(NamedTuple):
     reaction: Reaction
 
 
-NOTICE, LIMIT, STOP = (
-    FailsafeStage(0.0, "notice"),
-    FailsafeStage(0.0, "limit"),
-    FailsafeStage(0.0, "stop"),
-)
+NOTICE, LIMIT, STOP = (FailsafeStage(0.0, what) for what in SEVERITY[:3])
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,8 @@ from messages.units import Ns
 from services.reference.guidance.bottom import RETURN_S
 from services.reference.guidance.station_keeping import StationKeeping, ground_of
 from services.reference.settings import Settings, VelocityAxis
-from services.reference.trajectory.minimum_jerk import Ramp, Sample, solve
+from services.reference.trajectory.minimum_jerk import Ramp, Sample, go, solve, travelled
 from services.reference.trajectory.own_law import Law, LawRamp
-from services.reference.trajectory.position import go, travelled
 from services.reference.trajectory.vector import VectorRamp
 
 # The axes held in each mode, and what each mode requires.

@@ -20,8 +20,7 @@ from messages.sensors import AltitudeSample, DvlSample
 from messages.state import VehicleState
 from services.marine.rhythm import SampleRhythm
 from services.marine.summation import plain_sum
-from services.reference.trajectory.minimum_jerk import Limits, Sample, solve
-from services.reference.trajectory.position import travelled
+from services.reference.trajectory.minimum_jerk import Limits, Sample, solve, travelled
 
 MEMORY_S = 1.5  # [s] the filter's fading memory
 GATE = 0.3  # [m] a sample further from what was expected does not fit

@@ -32,9 +32,8 @@ from services.reference.guidance.guards import (
 from services.reference.guidance.path_following import PathFollowing, PlannedPath
 from services.reference.guidance.station_keeping import GroundMotion, Home, Pair, ground_of
 from services.reference.settings import Settings
-from services.reference.trajectory.minimum_jerk import Ramp, Sample
+from services.reference.trajectory.minimum_jerk import Ramp, Sample, go
 from services.reference.trajectory.own_law import Law
-from services.reference.trajectory.position import go
 
 RISEN = 0.01  # [m] an ascent that ends this close to its depth has reached it
 TURN_SHORT = 0.04  # [rad] largest error of a heading for which there is not enough thrust

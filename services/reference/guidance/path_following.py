@@ -25,8 +25,7 @@ from services.marine.attitude import wrapped
 from services.marine.summation import plain_sum
 from services.reference.guidance.station_keeping import GroundMotion, Pair
 from services.reference.paths.path import Path, RoutePoint, point_on
-from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, reader, solve
-from services.reference.trajectory.position import pair
+from services.reference.trajectory.minimum_jerk import Limits, Ramp, Sample, pair, reader, solve
 
 WAIT, RESUME = 1.0, 0.5  # [-] of the tolerances below
 HEADING_TOLERANCE = 0.35  # [rad]

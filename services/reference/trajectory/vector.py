@@ -27,16 +27,14 @@ class VectorRamp:
     position unit; time is the caller's, in seconds, and never decreases."""
 
     limits: Limits  # of the norms
-    position: Pair = STILL  # at first
-    target: Pair = STILL
-    _line: Pair = (1.0, 0.0)  # direction of the newest change
+    target: Pair = field(default=STILL, init=False)
+    _line: Pair = field(default=(1.0, 0.0), init=False)  # direction of the newest change
     _along: Ramp = field(init=False)
     _across: Ramp = field(init=False)
 
     def __post_init__(self) -> None:
         self._along, self._across = Ramp(self.limits), Ramp(self.limits)
-        (x, y), (v, w) = self.position, self.target
-        self._begin(Sample(x, v, 0.0, 0.0), Sample(y, w, 0.0, 0.0), self.target, 0.0, self.limits)
+        self.rest(0.0)
 
     def at(self, t: float) -> tuple[Sample, Sample]:
         """The reference of each axis at `t` [s] ≥ the last change of target."""

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from services.ardusub.mixing import FRAMES, MixedSticks, Mixer, MotorCurves, RcChannel, senses
 from services.control.allocation import Allocation
-from services.control.settings import Settings as ControlSettings
+from services.control.laws import Settings as ControlSettings
 from services.marine.vehicle import Vehicle, total_wrench, wrench_per_newton
 from services.runtime.config.stack import Stack
 from tests.support.ardusub_double.motors import axes_of, motor_pulses

@@ -17,7 +17,7 @@ from messages.message import Estimate
 from messages.reference import Motion, Reference
 from messages.state import VehicleState
 from services.control.core import LONGEST_NS, Controller, Settings, at_sample
-from services.control.settings import RollPitchGains
+from services.control.laws import RollPitchGains
 from services.marine.vehicle import Vehicle
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack

@@ -7,7 +7,7 @@ from messages.events import Outbox
 from messages.pilot import PilotRequest, RequestKind
 from messages.reference import Reference
 from services.control.core import AGAIN_NS, PATIENCE_NS, DisarmFallback
-from services.vehicle.disarm_latch import DisarmLatch
+from services.vehicle.actuator_gate import DisarmLatch
 from tests.support import said
 
 MS = 1_000_000  # [ns]

@@ -17,8 +17,7 @@ from messages.units import Vec3, Vec6
 from services.control.axis.axis import Gains
 from services.control.core import Controller
 from services.control.heave_coupling import HeaveCoupling
-from services.control.laws import along_body, of_heading, to_body, turning_force
-from services.control.settings import Settings
+from services.control.laws import Settings, along_body, of_heading, to_body, turning_force
 from services.marine.attitude import down_in_body, from_euler
 from services.marine.attitude import to_body as rotated
 from services.marine.hydrodynamics import coriolis, damping, system_inertia

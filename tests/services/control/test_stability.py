@@ -14,7 +14,7 @@ from messages.reference import Motion
 from services.control.axis.axis import Axis, Gains
 from services.control.axis.plant import Plant, lags_of, plant_of
 from services.control.core import PERIOD_S, Controller
-from services.control.settings import Settings
+from services.control.laws import Settings
 from services.control.stability import (
     YAW_RATE_CUTOFF,
     SampledLoop,

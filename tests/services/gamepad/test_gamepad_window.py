@@ -21,8 +21,11 @@ sdl.load()
 
 import pygame  # noqa: E402
 
-from services.gamepad.io.keyboard import HELP  # noqa: E402
-from services.gamepad.io.window import SIZE, PilotWindow  # noqa: E402
+from services.gamepad.io.keyboard import (  # noqa: E402
+    HELP,
+    SIZE,
+    PilotWindow,
+)
 
 S = 1_000_000_000  # [ns]
 LONG = VehicleView(

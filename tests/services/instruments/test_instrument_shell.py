@@ -15,9 +15,16 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.events import Outbox
 from messages.sensors import AltitudeSample
-from services.instruments.fixes import ECCENTRICITY2, SEMI_MAJOR, GeoPoint, north_east
+from services.instruments.core import (
+    AGAIN_NS,
+    ECCENTRICITY2,
+    OTHER_NS,
+    SEMI_MAJOR,
+    FirstOfTwo,
+    GeoPoint,
+    north_east,
+)
 from services.instruments.io.shell import Instrument, exchange, limits_of, local_fixes
-from services.instruments.watch import AGAIN_NS, OTHER_NS, FirstOfTwo
 from services.mavlink_io.io.links import Links
 from services.ping.core import PingDriver
 from services.ping.core import Settings as PingSettings

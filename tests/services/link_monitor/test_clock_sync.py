@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from messages import topics
 from messages.events import Outbox
 from messages.link import Clock, ClockPong
-from services.link_monitor.clock_sync import DRIFT, ClockSync
+from services.link_monitor.core import DRIFT, ClockSync
 from services.runtime.config.settings import DEPLOY
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry

@@ -11,8 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from messages.units import Vec3
-from services.marine.thrust_curve import CURVES
 from services.marine.vehicle import (
+    CURVES,
     Lag,
     LagMode,
     Thruster,

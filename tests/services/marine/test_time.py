@@ -17,8 +17,7 @@ from services.camera.core import Order
 from services.camera.sea import CameraView, SimulatedSea, WaterLight
 from services.marine import time_stripe
 from services.marine.attitude import LEVEL
-from services.marine.rhythm import SampleRhythm
-from services.marine.sensor_time import PATIENCE_NS, SensorTime
+from services.marine.rhythm import PATIENCE_NS, SampleRhythm, SensorTime
 from services.marine.summation import plain_sum
 
 MS = 1_000_000  # [ns]

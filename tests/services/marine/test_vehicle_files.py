@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from services.marine.hydrodynamics import damping, system_inertia
-from services.marine.thrust_curve import CURVES
-from services.marine.vehicle import Vehicle, wrench_per_newton
+from services.marine.vehicle import CURVES, Vehicle, wrench_per_newton
 from services.reference.settings import Settings
 from services.runtime.config.errors import LindyError
 from services.runtime.config.settings import deploy_file

@@ -11,7 +11,7 @@ from messages.pilot import TTL_MS
 from services.mavlink.pilot import GroundStation
 from services.mavlink.sticks import Channels, StickPacket, lets_go, manual_control
 from services.mavlink_io.packet import NO_AXIS, NO_CHANNEL
-from services.piloting.stick_holder import KEPT_NS, StickHolder
+from services.piloting.guest_pilot import KEPT_NS, StickHolder
 from services.piloting.sticks import CENTRED, Sticks
 
 MS = 1_000_000

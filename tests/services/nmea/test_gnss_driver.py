@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from messages.events import Outbox
 from messages.sensors import UsblSample
-from services.instruments.fixes import GeoPoint, LocalFixes
+from services.instruments.core import GeoPoint, LocalFixes
 from services.nmea.core import RANGE_ERROR, GnssDriver, Settings
 from services.nmea.io.sentences import NmeaReader
 from tests.support.instruments.gnss import Fault, epoch, summed

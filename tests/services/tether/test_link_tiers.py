@@ -14,15 +14,15 @@ from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import VirtualHost
-from services.tether.core import Link
-from services.tether.io.profile_file import named
-from services.tether.link_model import RANK
-from services.tether.telemetry_rate_control import (
+from services.tether.core import (
     LEAST,
+    Link,
     TelemetryRateControl,
     limits,
     load_kbit,
 )
+from services.tether.io.profile_file import named
+from services.tether.link_model import RANK
 
 MS = 1_000_000  # [ns]
 S = 1000 * MS

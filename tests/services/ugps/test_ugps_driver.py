@@ -4,7 +4,7 @@ import pytest
 
 from messages.events import Outbox
 from messages.sensors import UsblSample
-from services.instruments.fixes import LocalFixes
+from services.instruments.core import LocalFixes
 from services.instruments.io.shell import Instrument, exchange
 from services.ugps.core import ACOUSTIC, PATHS, Settings, UgpsDriver
 from services.ugps.io.poller import HttpPoller

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from services.marine.thrust_curve import CURVES
-from services.marine.vehicle import Lag, Thruster, Vehicle, driven
+from services.marine.vehicle import CURVES, Lag, Thruster, Vehicle, driven
 from services.runtime.config.stack import Stack
 from services.simulator.propulsion import SimulatedThrusters
 from services.vehicle.actuation import OpenLoopThrust, share_of_voltage

@@ -9,8 +9,7 @@ from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.pilot import PilotRequest
 from services.marine.vehicle import Thruster
-from services.vehicle.actuator_gate import ActuatorGate
-from services.vehicle.disarm_latch import KNOWN, DisarmLatch
+from services.vehicle.actuator_gate import KNOWN, ActuatorGate, DisarmLatch
 from tests.support.told import told
 
 MS = 1_000_000  # [ns]

@@ -18,8 +18,16 @@ from messages.sensors import (
 )
 from messages.units import Vec3
 from services.marine.attitude import from_euler, normalised, to_body, to_world
-from services.marine.calibration import SensorCalibration
-from services.marine.mounting import ALONG, ImuMount, Mount, Mounting, Placed, Rotation, Turned
+from services.marine.mounting import (
+    ALONG,
+    ImuMount,
+    Mount,
+    Mounting,
+    Placed,
+    Rotation,
+    SensorCalibration,
+    Turned,
+)
 from services.marine.vehicle import GRAVITY
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import Stack

@@ -177,7 +177,7 @@ def test_an_instrument_that_is_turned_gives_the_velocity_of_the_vehicle(mounted:
 
 
 def test_it_is_set_up_at_the_start_and_whenever_it_comes_back() -> None:
-    told = Told(Settings(sound_speed=1500.0, reset_on_start=True, calibrate_on_start=True))
+    told = Told(Settings(sound_speed=1500.0, calibrate_on_start=True))
     settings = DvlSettings(acoustic_enabled=False)
     assert told.sends(settings) == []  # it has not spoken yet
     told.hears(report(SWIMS, 1.0, 0))
@@ -185,7 +185,7 @@ def test_it_is_set_up_at_the_start_and_whenever_it_comes_back() -> None:
     told.sends(settings)
     assert settings.config["acoustic_enabled"] is True
     assert settings.config["speed_of_sound"] == 1500.0
-    wanted = ["calibrate_gyro", "reset_dead_reckoning", "get_config", "set_config"]
+    wanted = ["calibrate_gyro", "get_config", "set_config"]
     assert settings.done == wanted
     assert told.sends(settings) == []
     told.driver.watch.gives_up(110 * S)
@@ -195,7 +195,7 @@ def test_it_is_set_up_at_the_start_and_whenever_it_comes_back() -> None:
 
 
 def test_a_refusal_is_said() -> None:
-    told = Told(Settings(reset_on_start=True))
+    told = Told(Settings(calibrate_on_start=True))
     told.hears(report(SWIMS, 1.0, 0))
     told.hears(DvlSettings().answers(b'{"command":"reset_everything"}'))
     assert told.counts["not_configured:dvl"] == 1

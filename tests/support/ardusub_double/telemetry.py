@@ -10,8 +10,7 @@ from messages.control import ThrusterCommand
 from messages.events import Outbox
 from messages.sensors import MagnetometerSample, PressureSample
 from services.ardusub.mixing import FRAMES, senses
-from services.marine.thrust_curve import CURVES
-from services.marine.vehicle import Thruster, Vehicle
+from services.marine.vehicle import CURVES, Thruster, Vehicle
 from services.mavlink_io.packet import MavlinkPacket
 from services.simulator.core import Settings, Simulator, at_the_surface
 

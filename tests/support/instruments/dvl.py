@@ -141,7 +141,7 @@ class DvlSettings:
             result = self.config
         elif name == "set_config" and set(asked["parameters"]) <= set(self.config):
             self.config |= asked["parameters"]
-        elif name not in ("calibrate_gyro", "reset_dead_reckoning"):
+        elif name != "calibrate_gyro":
             error = "Unknown command or parameter"
         self.done.append(name)
         reply = {"response_to": name, "success": not error, "error_message": error}

@@ -3,7 +3,7 @@ manuals of u-blox (UBX-18010854) lay them out."""
 
 from typing import Literal
 
-from services.instruments.fixes import GeoPoint
+from services.instruments.core import GeoPoint
 from tests.support.instruments.truth import SeenMotion, drawn, latitude_longitude
 
 Fault = Literal[

@@ -4,7 +4,7 @@ from random import Random
 from typing import NamedTuple
 
 from messages.units import Vec3
-from services.instruments.fixes import GeoPoint, north_east
+from services.instruments.core import GeoPoint, north_east
 
 
 class SeenMotion(NamedTuple):

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Literal
 
-from services.instruments.fixes import GeoPoint
+from services.instruments.core import GeoPoint
 from services.ugps.core import ACOUSTIC, GLOBAL
 from tests.support.instruments.truth import SeenMotion, drawn, latitude_longitude
 

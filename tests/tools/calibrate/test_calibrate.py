@@ -16,8 +16,7 @@ from messages.message import Message
 from messages.sensors import ImuSample, PressureSample
 from messages.units import Quaternion, Vec6
 from services.marine.attitude import from_euler
-from services.marine.calibration import SensorCalibration
-from services.marine.mounting import ImuMount, Mounting, Turned
+from services.marine.mounting import ImuMount, Mounting, SensorCalibration, Turned
 from services.marine.vehicle import ATMOSPHERE, SEA_WATER
 from services.recorder.foxglove.channel import foxglove_schema
 from services.recorder.io.mcap_file import McapFile

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from messages.events import Outbox
-from services.instruments.fixes import LocalFixes
+from services.instruments.core import LocalFixes
 from services.instruments.io.shell import Instrument, InstrumentDriver
 from services.mavlink_io.io.links import Received
 from services.nmea.core import GnssDriver

@@ -8,7 +8,7 @@ from messages.events import Outbox
 from messages.pilot import PilotCommand, PilotRequest
 from services.marine.outputs import Output
 from services.reference.core import GuidanceCheckpoint, ReferenceGenerator, Settings
-from services.reference.guidance.pilot_outputs import PilotOutputs
+from services.reference.guidance.requests import PilotOutputs
 from tests.support.said import sticks
 
 S = 1_000_000_000  # [ns]

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from services.reference.paths.path import Kind, Path
 from services.reference.paths.turn import SmoothTurn, Turn
-from services.reference.trajectory.minimum_jerk import Limits, MotionProfile, solve
-from services.reference.trajectory.position import pair
+from services.reference.trajectory.minimum_jerk import Limits, MotionProfile, pair, solve
 from tools.generators.fernandes import MotionRequest, plan
 from tools.generators.route import MotionLaw, Route, TwinClothoids, fresnel, route, stretch
 

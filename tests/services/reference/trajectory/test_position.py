@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.reference.trajectory.minimum_jerk import Limits
-from services.reference.trajectory.position import pair
+from services.reference.trajectory.minimum_jerk import Limits, pair
 
 many = settings(max_examples=200, deadline=None)
 limits = st.builds(Limits, st.floats(0.2, 10.0), st.one_of(st.just(inf), st.floats(0.1, 3.0)))
