@@ -170,7 +170,10 @@ class LinkDirection(Generic[T]):
 
     def leave(self, now: int) -> Arrival[T] | None:
         """The next message that has arrived by `now`, or None."""
-        self._advance(now)
+        if now > self._clock:
+            self._clock = now
+        if self._sending is not None:
+            self._advance(now)
         if not self._in_flight or self._in_flight[0][0] > now:
             return None
         _, _, entered, damaged, item = heappop(self._in_flight)
@@ -180,10 +183,13 @@ class LinkDirection(Generic[T]):
 
     def take_lost(self) -> list[tuple[T, Row]]:
         """Messages lost since the last call, with the reason."""
-        if not self._newly_lost:  # nearly always
-            return []
         lost, self._newly_lost = self._newly_lost, []
         return lost
+
+    @property
+    def has_lost(self) -> bool:
+        """Is there anything for `take_lost`?"""
+        return bool(self._newly_lost)
 
     @property
     def on_the_way(self) -> int:
@@ -265,7 +271,8 @@ class LinkDirection(Generic[T]):
 
     def _advance(self, now: int) -> None:
         """Send every packet that is sent by `now`, each at its own time."""
-        self._clock = max(self._clock, now)
+        if now > self._clock:
+            self._clock = now
         while self._sending is not None and self._sending[0] <= self._clock:
             at, packet = self._sending
             self.busy_ns += self._takes_ns(packet)

@@ -119,7 +119,11 @@ def _carry(  # noqa: C901 - its two ends, and what connects them
                 line.enter((key, envelope), now, size, rank, life)
             else:
                 node.outbox.tell(events.THINNED(key))
-            let_out(now)
+            due = line.due()
+            if line.has_lost or (due is not None and due <= now):
+                let_out(now)
+            else:  # nearly always
+                release.set(due)
 
         return enter
 
