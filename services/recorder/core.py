@@ -87,6 +87,8 @@ class Intake:
         if self._views is None:
             return [row]
         views = self._views.of(topic, message, publish_ns, key)
+        if not views:  # nearly always
+            return [row]
         of_views = (row._replace(key=k, schema=s, data=d, is_view=True) for k, s, d in views)
         return [row, *of_views]
 

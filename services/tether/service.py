@@ -114,7 +114,9 @@ def _carry(  # noqa: C901 - its two ends, and what connects them
         def enter(envelope: Envelope, now: int) -> None:
             # Counted by family, because anybody can invent members of one.
             key = topic.key if not of_family or topic.covers(envelope.key) else "unknown"
-            size = len(envelope.payload) + len(envelope.attachment or b"")
+            size = len(envelope.payload)
+            if envelope.attachment is not None:
+                size += len(envelope.attachment)
             if admits is None or admits(key, size, now):
                 line.enter((key, envelope), now, size, rank, life)
             else:
