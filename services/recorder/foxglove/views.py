@@ -89,9 +89,8 @@ class Views:
             utc_ns: [ns] UTC of its stamp.
             key: of a family's member; default: that of the topic.
         """
-        views: list[FoxgloveView] = []
-        if (plot := self._plot(topic, message, utc_ns)) is not None:
-            views.append(plot)
+        plot = self._plot(topic, message, utc_ns)
+        views = [] if plot is None else [plot]
         if type(message) not in SEEN:  # nearly always
             return views
         if isinstance(message, VehicleState):

@@ -124,7 +124,9 @@ def test_what_is_said_is_heard_once_by_the_others_with_its_encoding_and_qos(star
 
 
 @pytest.mark.parametrize("key", ["reference", "health/control"])
-def test_an_envelope_is_passed_on_byte_for_byte_with_its_topics_qos(key: str, tmp_path: Path) -> None:
+def test_an_envelope_is_passed_on_byte_for_byte_with_its_topics_qos(
+    key: str, tmp_path: Path
+) -> None:
     with ExitStack() as exits:
         here = Star(socket_file(tmp_path, "here"), exits)
         there = Star(socket_file(tmp_path, "there"), exits)
