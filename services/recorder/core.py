@@ -123,11 +123,12 @@ class Intake:
             return self._unknown_key(key)
         # A rejected member of a family is counted under the family: anybody can invent members.
         name = topic.key if known is None else key
-        message: Message | Row | None = decoded
-        if message is None or encoding != topic.encoding:
-            message = self._decoders[topic.key].read(key, encoding, payload)
-            if isinstance(message, Row):
-                return message(name)
+        read = decoded
+        if read is None or encoding != topic.encoding:
+            read = self._decoders[topic.key].read(key, encoding, payload)
+        if isinstance(read, Row):
+            return read(name)
+        message: Message = read
         stamp_ns = self._local_ns(topic, message.stamp_ns)
         log_ns = arrival + self._offset
         publish_ns = log_ns if stamp_ns is None else stamp_ns + self._offset

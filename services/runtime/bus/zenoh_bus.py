@@ -310,8 +310,9 @@ class ZenohBus:
             self._forwards[key] = put
             return put
         qos = QOS_PROFILES[topic.qos]  # anybody can invent members: nothing is kept for one
+        session: Any = self._session  # its stub does not say what `put` returns
         return partial(
-            self._session.put,
+            session.put,
             key,
             priority=qos.priority,
             congestion_control=qos.congestion_control,

@@ -63,7 +63,8 @@ class Star:
                 sample.priority, sample.congestion_control, sample.express
             )
 
-        self._exits.callback(self.session().declare_subscriber("**", note).undeclare)
+        subscriber: Any = self.session().declare_subscriber("**", note)
+        self._exits.callback(subscriber.undeclare)
         return found
 
 
