@@ -19,7 +19,6 @@ from math import exp, hypot, sqrt
 from typing import Annotated, NamedTuple, overload
 
 import msgspec
-import numpy as np
 
 from messages.units import FiniteSetting, NotNegativeSetting, Positive, Vec6
 from services.marine.mounting import Mounting, SensorCalibration
@@ -137,6 +136,8 @@ class Lag(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 f"lag: thrust must settle at the command, so the last coefficients must be equal "
                 f"and not 0, found {b[-1]:g} and {a[-1]:g}"
             )
+        import numpy as np  # half of the time a service takes to be imported: few have a lag
+
         poles = np.roots(a)
         if not all(pole.real < 0 for pole in poles):
             raise ValueError("lag: not stable, a pole does not lie left of the imaginary axis")
@@ -152,6 +153,8 @@ def first_order(time_constant: float) -> list[LagMode]:
 
 def modes_of(lag: Lag) -> list[LagMode]:
     """Partial fractions; one of each conjugate pair, with twice its share."""
+    import numpy as np
+
     a, b = np.poly1d(lag.denominator), np.poly1d(lag.numerator)
     slope = a.deriv()
     modes = list[LagMode]()

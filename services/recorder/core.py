@@ -87,41 +87,54 @@ class Intake:
         if self._views is None:
             return [row]
         views = self._views.of(topic, message, publish_ns, key)
+        if not views:  # nearly always
+            return [row]
         of_views = (row._replace(key=k, schema=s, data=d, is_view=True) for k, s, d in views)
         return [row, *of_views]
 
-    def check(self, key: str, encoding: str, payload: bytes, arrival: int) -> CheckedMessage | None:
+    def check(
+        self,
+        key: str,
+        encoding: str,
+        payload: bytes,
+        arrival: int,
+        decoded: Message | None = None,
+    ) -> CheckedMessage | None:
         """The message, counted into the hash; None: it is not recorded, which is told.
 
         Args:
             arrival: [ns] by the recorder's clock.
+            decoded: the message, where another service of the process has decoded it already.
         """
-        found = self._checked(key, encoding, payload, arrival)
+        found = self._checked(key, encoding, payload, arrival, decoded)
         if isinstance(found, Event):
             self._outbox.tell(found)
             return None
         # Lengths first, so that different fields never give the same bytes.
-        self._hash.update(f"{len(key)} {len(payload)} {arrival} {key}".encode())
-        self._hash.update(payload)
+        self._hash.update(f"{len(key)} {len(payload)} {arrival} {key}".encode() + payload)
         return found
 
     def _checked(
-        self, key: str, encoding: str, payload: bytes, arrival: int
+        self, key: str, encoding: str, payload: bytes, arrival: int, decoded: Message | None
     ) -> CheckedMessage | Event:
-        topic = self._topics.get(key) or topics.find(key)
+        known = self._topics.get(key)
+        topic = known or topics.find(key)
         if topic is None:
             return self._unknown_key(key)
         # A rejected member of a family is counted under the family: anybody can invent members.
-        name = key if key in self._topics else topic.key
-        message = self._decoders[topic.key].read(key, encoding, payload)
-        if isinstance(message, Row):
-            return message(name)
+        name = topic.key if known is None else key
+        read = decoded
+        if read is None or encoding != topic.encoding:
+            read = self._decoders[topic.key].read(key, encoding, payload)
+        if isinstance(read, Row):
+            return read(name)
+        message: Message = read
         stamp_ns = self._local_ns(topic, message.stamp_ns)
         log_ns = arrival + self._offset
         publish_ns = log_ns if stamp_ns is None else stamp_ns + self._offset
         if not (0 <= log_ns <= LATEST_NS and 0 <= publish_ns <= LATEST_NS):
             return events.MALFORMED(name)
-        if key not in self._topics:
+        if known is None:
             if self._members[topic.key] >= MEMBERS:
                 return events.TOO_MANY_KEYS(name)
             self._members[topic.key] += 1

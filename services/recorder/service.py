@@ -23,9 +23,10 @@ def wire(node: Node, stack: Stack) -> None:
     home = next(iter(node.sides))
 
     def record(envelope: Envelope, arrival: int) -> None:
-        found = intake.check(envelope.key, envelope.encoding, envelope.payload, arrival)
+        key, payload = envelope.key, envelope.payload
+        found = intake.check(key, envelope.encoding, payload, arrival, envelope.message)
         if found is not None:
-            for row in intake.rows(envelope.key, found):
+            for row in intake.rows(key, found):
                 session.write(row)
 
     if (

@@ -146,7 +146,8 @@ class LinkDirection(Generic[T]):
         """A message of `size` bytes enters at `now` [ns]; `rank` as in `priority_queue.RANK`,
         `life` as in a `Packet`."""
         self._advance(now)
-        self._began = now if self._began is None else self._began
+        if self._began is None:
+            self._began = now
         self.entered += 1
         packet = Packet(item, size + self._profile.overhead_bytes, rank, now, life)
         if self._is_cut:
@@ -170,7 +171,10 @@ class LinkDirection(Generic[T]):
 
     def leave(self, now: int) -> Arrival[T] | None:
         """The next message that has arrived by `now`, or None."""
-        self._advance(now)
+        if now > self._clock:
+            self._clock = now
+        if self._sending is not None:
+            self._advance(now)
         if not self._in_flight or self._in_flight[0][0] > now:
             return None
         _, _, entered, damaged, item = heappop(self._in_flight)
@@ -180,10 +184,13 @@ class LinkDirection(Generic[T]):
 
     def take_lost(self) -> list[tuple[T, Row]]:
         """Messages lost since the last call, with the reason."""
-        if not self._newly_lost:  # nearly always
-            return []
         lost, self._newly_lost = self._newly_lost, []
         return lost
+
+    @property
+    def has_lost(self) -> bool:
+        """Is there anything for `take_lost`?"""
+        return bool(self._newly_lost)
 
     @property
     def on_the_way(self) -> int:
@@ -265,7 +272,8 @@ class LinkDirection(Generic[T]):
 
     def _advance(self, now: int) -> None:
         """Send every packet that is sent by `now`, each at its own time."""
-        self._clock = max(self._clock, now)
+        if now > self._clock:
+            self._clock = now
         while self._sending is not None and self._sending[0] <= self._clock:
             at, packet = self._sending
             self.busy_ns += self._takes_ns(packet)
@@ -286,20 +294,21 @@ class LinkDirection(Generic[T]):
     def _depart(self, packet: Packet[T], at: int) -> None:
         """A packet was sent at `at` [ns]: decide loss, damage, copies and arrival."""
         self.carried_bytes += packet.size
-        at_s = self._seconds(at)
-        more = self._trace.at(at_s) if self._trace else self._spread.next_ms()
-        delay = None if more is None else round((self._profile.delay_ms + more) * 1e6)  # [ns]
+        profile = self._profile
+        more = self._trace.at(self._seconds(at)) if self._trace else self._spread.next_ms()
+        delay = None if more is None else round((profile.delay_ms + more) * 1e6)  # [ns]
         reason = events.TRACE if delay is None else self._losses.reason()
-        damaged = self._of_damage.happens(self._profile.corrupt)
-        copies = 1 + self._of_copies.happens(self._profile.duplicate)
-        late, held = self._profile.late, 0
+        damaged = self._of_damage.happens(profile.corrupt)
+        copies = 1 + self._of_copies.happens(profile.duplicate)
+        late, held = profile.late, 0
         if late is not None and self._of_late.happens(late.share):
             held = round(late.ms * 1e6)
         if delay is None or reason is not None:
             self._lose(packet.item, reason or events.TRACE)
             return
         arrival = max(at + delay, self._last_arrival) + held
-        if self._profile.outages.touch(at_s, self._seconds(arrival)):
+        outages = profile.outages
+        if outages.windows and outages.touch(self._seconds(at), self._seconds(arrival)):
             self._lose(packet.item, events.OUTAGE)
             return
         if not held:

@@ -114,12 +114,18 @@ def _carry(  # noqa: C901 - its two ends, and what connects them
         def enter(envelope: Envelope, now: int) -> None:
             # Counted by family, because anybody can invent members of one.
             key = topic.key if not of_family or topic.covers(envelope.key) else "unknown"
-            size = len(envelope.payload) + len(envelope.attachment or b"")
+            size = len(envelope.payload)
+            if envelope.attachment is not None:
+                size += len(envelope.attachment)
             if admits is None or admits(key, size, now):
                 line.enter((key, envelope), now, size, rank, life)
             else:
                 node.outbox.tell(events.THINNED(key))
-            let_out(now)
+            due = line.due()
+            if line.has_lost or (due is not None and due <= now):
+                let_out(now)
+            else:  # nearly always
+                release.set(due)
 
         return enter
 

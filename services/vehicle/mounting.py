@@ -15,7 +15,6 @@ from collections.abc import Callable
 from math import exp
 from typing import Generic, NamedTuple, TypeVar
 
-import numpy as np
 from msgspec.structs import replace
 
 from messages.sensors import (
@@ -286,6 +285,8 @@ def seen_there(mount: Mount, axes: MountedAxes, velocity: Vec3, rate: Vec3) -> V
 
 def _nearest_rotation(R: Rotation) -> Rotation:
     """By the polar decomposition; what is written in a file has a few digits."""
+    import numpy as np  # as much as the rest of a service's imports: few sensors are turned
+
     u, _, vt = np.linalg.svd(np.array(R))
     a, b, c = (u @ vt).tolist()
     return (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2])

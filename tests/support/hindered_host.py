@@ -167,8 +167,14 @@ class HinderedHost(VirtualHost):
 
     def node(self, name: str, sides: list[str], *, gateway: bool = False) -> Node:
         node = super().node(name, sides, gateway=gateway)
-        if name in self._lateness:
-            node.wake = partial(self._wake, name)
+        if (late := self._lateness.get(name)) is not None:
+            node.wake, step = partial(self._wake, name), node.step
+
+            def stepped() -> None:
+                late.stepped()
+                step()
+
+            node.step = stepped  # type: ignore[method-assign]
         return node
 
     def forget(self, name: str) -> None:
@@ -182,11 +188,6 @@ class HinderedHost(VirtualHost):
         self._due[name] = self._deadline(name)
         if self._due[name] <= self.now:
             self._woken.setdefault(name)
-
-    def _step(self, name: str) -> None:
-        if (late := self._lateness.get(name)) is not None:
-            late.stepped()
-        super()._step(name)
 
     def _deadline(self, name: str) -> int:
         due, late = super()._deadline(name), self._lateness.get(name)

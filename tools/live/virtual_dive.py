@@ -47,7 +47,8 @@ class MemoryRecorder:
 
         def keep(envelope: Envelope, arrival: int) -> None:
             key = envelope.key
-            found = intake.check(key, envelope.encoding, envelope.payload, arrival)
+            payload, message = envelope.payload, envelope.message
+            found = intake.check(key, envelope.encoding, payload, arrival, message)
             if found is None:
                 return
             gathered.see(key, found.log_ns)

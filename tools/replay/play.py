@@ -19,7 +19,7 @@ import msgspec
 from messages import topics
 from messages.text import harmless
 from services.runtime.bus.envelope import Bus, Envelope
-from services.runtime.bus.zenoh_bus import QOS_PROFILES, listening, open_bus
+from services.runtime.bus.zenoh_bus import listening, open_bus
 from services.runtime.config.errors import LindyError
 from services.runtime.config.stack import REPLAY
 from services.runtime.hosts.process_host import Launch
@@ -181,8 +181,8 @@ class Republisher:
             return  # counted by the recording as unreadable
         stamp = due - (raw.log_ns - raw.publish_ns)
         mover(topic.message)(message, message.stamp_ns - stamp)
-        payload, travelled = msgspec.msgpack.encode(message), QOS_PROFILES[topic.qos]
-        self._send(Envelope(raw.key, payload, topic.replayed, travelled=travelled))
+        payload = msgspec.msgpack.encode(message)
+        self._send(Envelope(raw.key, payload, topic.replayed))
         self.sent += 1
         self.keys.add(raw.key)
 

@@ -34,6 +34,7 @@ VECTORS: dict[AnyTopic, Names] = {
     for topic in (topics.IMU, topics.MAGNETOMETER, topics.DVL, topics.WRENCH, topics.TRUTH)
 }
 THRUST = (topics.THRUSTERS, topics.ACTUATION)  # their `thrust` is in the order of the vehicle file
+SEEN = frozenset((VehicleState, Reference, Truth, Actuation, VideoPart, LogLine))
 LEVELS = {"info": 2, "warning": 3, "error": 4}  # of `foxglove.Log`
 
 
@@ -88,9 +89,10 @@ class Views:
             utc_ns: [ns] UTC of its stamp.
             key: of a family's member; default: that of the topic.
         """
-        views: list[FoxgloveView] = []
-        if (plot := self._plot(topic, message, utc_ns)) is not None:
-            views.append(plot)
+        plot = self._plot(topic, message, utc_ns)
+        views = [] if plot is None else [plot]
+        if type(message) not in SEEN:  # nearly always
+            return views
         if isinstance(message, VehicleState):
             if scene.state_is_known(message):
                 views += self._drawn(message, utc_ns)
@@ -112,9 +114,9 @@ class Views:
         if named is None or not self._is_due(topic.key, utc_ns, PLOT_NS):
             return None
         fields = named.of(message)
-        return (
-            None if fields is None else FoxgloveView(named.key, named.schema, self._encode(fields))
-        )
+        if fields is None:
+            return None
+        return FoxgloveView(named.key, named.schema, self._encode(fields))
 
     def _drawn(self, state: VehicleState, utc_ns: int) -> list[FoxgloveView]:
         views: list[FoxgloveView] = []

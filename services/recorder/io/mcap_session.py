@@ -94,19 +94,20 @@ class McapSession:
 
     def write(self, row: RecordedRow) -> None:
         """Add a row, or count it as not recorded while there is no file."""
-        if self._file is None:
-            if not row.is_view:
+        file = self._file
+        key, schema, data, log_ns, publish_ns, sequence, is_view = row
+        if file is None:
+            if not is_view:
                 self._node.outbox.tell(events.NOT_RECORDED())
             return
-        key, schema, data, *stamps, is_view = row
         try:
-            if not self._file.has_channel(key):
-                self._file.open_channel(key, *schema)
-            self._file.write(key, data, *stamps, is_view=is_view)
+            if not file.has_channel(key):
+                file.open_channel(key, *schema)
+            file.write(key, data, log_ns, publish_ns, sequence, is_view=is_view)
             if key == topics.CLOCK.key:
                 self._clock = data
         except OSError as error:
-            self._fail(self._file, error)
+            self._fail(file, error)
 
     def flush(self, now: int) -> None:
         """Flush, so that the rows survive a crash of this process; or try a new part."""

@@ -8,8 +8,6 @@ from functools import cached_property
 from math import cos, isfinite, pi, sin, tan
 from typing import ClassVar, NamedTuple
 
-import numpy as np
-
 from services.marine.summation import plain_sum
 
 STRAIGHT = 1e-9  # [rad] a smaller corner is no turn; a corner this close to π is a reversal
@@ -92,8 +90,22 @@ class Turn:
         )
 
 
-_nodes, _weights = np.polynomial.legendre.leggauss(20)  # 1e-15 of the length for turns up to π
-GAUSS = [(float(1 + x) / 2, float(w) / 2) for x, w in zip(_nodes, _weights, strict=True)]
+# Gauss-Legendre quadrature with 20 nodes on −1 … 1, those above 0 and their weights, as NumPy gives
+# them: 1e-15 of the length for turns up to π.
+_UPPER = (
+    (0.07652652113349734, 0.15275338713072628),
+    (0.22778585114164507, 0.14917298647260424),
+    (0.37370608871541955, 0.1420961093183824),
+    (0.5108670019508271, 0.1316886384491769),
+    (0.636053680726515, 0.1181945319615186),
+    (0.7463319064601508, 0.1019301198172407),
+    (0.8391169718222188, 0.08327674157670471),
+    (0.912234428251326, 0.06267204833410879),
+    (0.9639719272779138, 0.040601429800386446),
+    (0.993128599185095, 0.017614007139150893),
+)
+_NODES = [*((-x, weight) for x, weight in reversed(_UPPER)), *_UPPER]
+GAUSS = [((1 + x) / 2, weight / 2) for x, weight in _NODES]  # on 0 … 1
 
 
 class SmoothTurn(Turn):

@@ -17,7 +17,6 @@ class Envelope:
     payload: bytes
     encoding: str
     attachment: bytes | None = None
-    travelled: object = None  # its QoS, understood only by the bus that made it
     message: Message | None = field(default=None, compare=False, repr=False)  # once decoded
 
 

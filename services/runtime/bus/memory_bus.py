@@ -52,10 +52,10 @@ class MemoryBusPort:
         self._bus.listen(key_expression, store, self)
 
     def say(self, topic: AnyTopic) -> Say:
-        key, encoding = topic.key, topic.encoding
+        key, encoding, deliver = topic.key, topic.encoding, self._bus.deliver
 
         def put(payload: bytes) -> None:
-            self._bus.deliver(Envelope(key, payload, encoding), self)
+            deliver(Envelope(key, payload, encoding), self)
 
         return put
 

@@ -7,7 +7,6 @@ bus, nobody receives their own messages, and everybody else receives each messag
 from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Bus, Envelope, Say, Store
 from services.runtime.bus.memory_bus import MemoryBus
-from services.runtime.bus.zenoh_bus import QOS_PROFILES
 
 
 class SharedBus:
@@ -45,11 +44,11 @@ class SharedBusPort:
         self._bus.hear_outside(key_expression, store)
 
     def say(self, topic: AnyTopic) -> Say:
-        key, encoding, qos = topic.key, topic.encoding, QOS_PROFILES[topic.qos]
+        key, encoding = topic.key, topic.encoding
         inside, publish = self._bus.inside, self._bus.outside.say(topic)
 
         def put(payload: bytes) -> None:
-            inside.deliver(Envelope(key, payload, encoding, None, qos), self)
+            inside.deliver(Envelope(key, payload, encoding), self)
             publish(payload)
 
         return put

@@ -20,11 +20,13 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import zenoh
 from zenoh import CongestionControl, Priority
 
+from messages import topics
 from messages.payload import LONGEST
 from messages.topic import AnyTopic, Qos
 from services.runtime.bus.access_control import HubSide, KeyFiles, access_control, tls_settings
@@ -44,6 +46,7 @@ ONE_THREAD = (
     "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), "
     "net: (handover: rx), app: (handover: rx))"
 )
+PUT = zenoh.SampleKind.PUT
 BATCHES = 16  # of each priority, on each link
 PRIORITIES = (
     "control", "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low",
@@ -253,6 +256,7 @@ class ZenohBus:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._keep: list[object] = []  # undeclared when collected, so hold on to them
+        self._forwards: dict[str, Callable[..., None]] = {}  # by key
 
     def hear(self, key_expression: str, store: Store) -> None:
         # `indirect=False`: store on Zenoh's own thread; it only appends and wakes. A queue with
@@ -260,17 +264,14 @@ class ZenohBus:
         def on_sample(sample: zenoh.Sample) -> None:
             if not hasattr(_kept, "state"):
                 keep_thread_state()
-            if sample.kind == zenoh.SampleKind.PUT:
+            if sample.kind == PUT:
                 attachment = sample.attachment
                 store(
                     Envelope(
-                        key=str(sample.key_expr),
-                        payload=sample.payload.to_bytes(),
-                        encoding=str(sample.encoding),
-                        attachment=None if attachment is None else attachment.to_bytes(),
-                        travelled=ZenohQos(
-                            sample.priority, sample.congestion_control, sample.express
-                        ),
+                        str(sample.key_expr),
+                        sample.payload.to_bytes(),
+                        str(sample.encoding),
+                        None if attachment is None else attachment.to_bytes(),
                     )
                 )
 
@@ -282,27 +283,39 @@ class ZenohBus:
         )
 
     def say(self, topic: AnyTopic) -> Say:
+        put: Say = self._publisher(topic).put
+        return put
+
+    def _publisher(self, topic: AnyTopic) -> Any:  # its stub does not say of what
         qos = QOS_PROFILES[topic.qos]
-        publisher: Any = self._session.declare_publisher(  # its stub does not say of what
+        return self._session.declare_publisher(
             topic.key,
             encoding=topic.encoding,
             priority=qos.priority,
             congestion_control=qos.congestion_control,
             express=qos.express,
         )
-        return publisher.put
 
     def forward(self, envelope: Envelope) -> None:
-        qos = envelope.travelled
-        assert isinstance(qos, ZenohQos)
-        self._session.put(
-            envelope.key,
-            envelope.payload,
-            encoding=envelope.encoding,
-            attachment=envelope.attachment,
+        put = self._forwards.get(envelope.key) or self._forward(envelope.key)
+        put(envelope.payload, encoding=envelope.encoding, attachment=envelope.attachment)
+
+    def _forward(self, key: str) -> Callable[..., None]:
+        """What publishes an envelope with its topic's QoS, whatever its sender wanted: this thread
+        also empties the queue, so it must not wait."""
+        topic = topics.find(key)
+        assert topic is not None
+        if not topic.is_family:
+            put: Callable[..., None] = self._publisher(topic).put
+            self._forwards[key] = put
+            return put
+        qos = QOS_PROFILES[topic.qos]  # anybody can invent members: nothing is kept for one
+        session: Any = self._session  # its stub does not say what `put` returns
+        return partial(
+            session.put,
+            key,
             priority=qos.priority,
-            # Whatever its sender wanted: this thread also empties the queue, so it must not wait.
-            congestion_control=zenoh.CongestionControl.DROP,
+            congestion_control=qos.congestion_control,
             express=qos.express,
         )
 
@@ -337,7 +350,7 @@ def open_bus(endpoint: str, name: str, keys: KeyFiles | None = None) -> Generato
 
 @dataclass(frozen=True, slots=True)
 class ZenohQos:
-    """Zenoh's QoS of one envelope."""
+    """Zenoh's QoS of a topic."""
 
     priority: Priority
     congestion_control: CongestionControl

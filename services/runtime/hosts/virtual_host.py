@@ -151,22 +151,21 @@ class VirtualHost:
 
     def _settle(self, names: list[str]) -> None:
         """Step these nodes, then those they woke, until no node is woken at this instant."""
-        for _ in range(ROUNDS):
-            for name in names:
-                self._woken.pop(name, None)
-                try:
-                    self._step(name)
-                except (Exception, SystemExit) as error:
-                    self._blame(name, error)
-                    raise
-                self._due[name] = self._deadline(name)
-            if not self._woken:
-                return
-            names = list(self._woken)
+        woken, due, nodes = self._woken, self._due, self.nodes
+        name = ""
+        try:
+            for _ in range(ROUNDS):
+                for name in names:
+                    woken.pop(name, None)
+                    nodes[name].step()
+                    due[name] = self._deadline(name)
+                if not woken:
+                    return
+                names = list(woken)
+        except (Exception, SystemExit) as error:
+            self._blame(name, error)
+            raise
         raise RuntimeError(f"services keep waking each other at {self.now} ns: {names}")
-
-    def _step(self, name: str) -> None:
-        self.nodes[name].step()
 
     def _close(self, name: str) -> None:
         try:

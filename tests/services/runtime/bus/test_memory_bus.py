@@ -12,7 +12,6 @@ from messages.topic import AnyTopic
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.memory_bus import MemoryBus, MemoryBusPort, matches
 from services.runtime.bus.shared_bus import SharedBus, SharedBusPort
-from services.runtime.bus.zenoh_bus import QOS_PROFILES
 
 CHUNK = st.sampled_from(["a", "b", "state", "health", "log", "control", "pilot", "command", "1_x"])
 KEYS = st.one_of(
@@ -119,5 +118,3 @@ def test_what_a_node_says_is_inside_what_it_is_outside() -> None:
     assert [(e.key, e.payload, e.encoding) for e in inside] == [
         (e.key, e.payload, e.encoding) for e in outside
     ]
-    # The tether carries it on as it would a message of another process.
-    assert [e.travelled for e in inside] == [QOS_PROFILES[topic.qos] for topic in topics.ALL]

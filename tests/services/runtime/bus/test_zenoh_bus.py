@@ -49,8 +49,23 @@ class Star:
         exits.enter_context(listening(endpoint))
 
     def client(self) -> ZenohBus:
-        session = connected(self.endpoint, SPACE, PATIENCE_S)
-        return ZenohBus(self._exits.enter_context(session))
+        return ZenohBus(self.session())
+
+    def session(self) -> zenoh.Session:
+        return self._exits.enter_context(connected(self.endpoint, SPACE, PATIENCE_S))
+
+    def qos(self) -> dict[str, ZenohQos]:
+        """QoS by key of what is said from now on."""
+        found: dict[str, ZenohQos] = {}
+
+        def note(sample: zenoh.Sample) -> None:
+            found[str(sample.key_expr)] = ZenohQos(
+                sample.priority, sample.congestion_control, sample.express
+            )
+
+        subscriber: Any = self.session().declare_subscriber("**", note)
+        self._exits.callback(subscriber.undeclare)
+        return found
 
 
 @pytest.fixture
@@ -87,7 +102,7 @@ def until_all_is_there(talker: ZenohBus, heard: list[Envelope], payload: bytes =
 @pytest.mark.parametrize("star", ["unixsock", "portable", "tcp"], indirect=True)
 def test_what_is_said_is_heard_once_by_the_others_with_its_encoding_and_qos(star: Star) -> None:
     talker, ear = star.client(), star.client()
-    own, heard = list[Envelope](), list[Envelope]()
+    own, heard, qos = list[Envelope](), list[Envelope](), star.qos()
     talker.hear("**", own.append)
     ear.hear("**", heard.append)
     meet(talker, heard)
@@ -102,37 +117,42 @@ def test_what_is_said_is_heard_once_by_the_others_with_its_encoding_and_qos(star
         envelope = by_key[topic.key]
         assert envelope.payload == topic.key.encode()
         assert envelope.encoding == topic.encoding
-        assert envelope.travelled == QOS_PROFILES[topic.qos]
+    until(lambda: all(topic.key in qos for topic in rows))
+    assert [qos[topic.key] for topic in rows] == [QOS_PROFILES[topic.qos] for topic in rows]
     ear.say(topics.STATE)(b"for the talker")
     until(lambda: bool(own))
     assert [e.payload for e in own] == [b"for the talker"]
 
 
-def test_an_envelope_is_passed_on_byte_for_byte_into_another_realm(tmp_path: Path) -> None:
+@pytest.mark.parametrize("key", ["reference", "health/control"])
+def test_an_envelope_is_passed_on_byte_for_byte_with_its_topics_qos(
+    key: str, tmp_path: Path
+) -> None:
     with ExitStack() as exits:
         here = Star(socket_file(tmp_path, "here"), exits)
         there = Star(socket_file(tmp_path, "there"), exits)
         foreign = exits.enter_context(connected(socket_file(tmp_path, "here"), SPACE, PATIENCE_S))
         ear, far = here.client(), there.client()
         carrier, carried, heard = there.client(), deque[Envelope](), list[Envelope]()
+        qos = there.qos()
         ear.hear("**", carried.append)
         far.hear("**", heard.append)
         payload, attachment = bytes(range(256)) * 4, b"\x00\xffwith"
 
         def crossed() -> bool:
             foreign.put(
-                "not/ours", payload, encoding="text/plain;odd", attachment=attachment,
+                key, payload, encoding="text/plain;odd", attachment=attachment,
                 priority=zenoh.Priority.DATA_LOW, express=True,
                 congestion_control=zenoh.CongestionControl.DROP,
             )  # fmt: skip
             while carried:
                 carrier.forward(carried.popleft())
-            return bool(heard)
+            return bool(heard) and bool(qos)
 
         until(crossed)
-    travelled = ZenohQos(zenoh.Priority.DATA_LOW, zenoh.CongestionControl.DROP, express=True)
-    expected = Envelope("not/ours", payload, "text/plain;odd", attachment, travelled)
+    expected = Envelope(key, payload, "text/plain;odd", attachment)
     assert [e for e in heard if e != expected] == []
+    assert qos == {key: QOS_PROFILES[topics.find(key).qos]}  # type: ignore[union-attr]
 
 
 def test_what_is_deleted_is_no_message(tmp_path: Path) -> None:
