@@ -61,7 +61,10 @@ def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--through", "predictor", "--diff"], "it did not run in that dive"),
         ([*THROUGH, "--tolerance", "state"], "expected TOPIC.FIELD=NUMBER"),
         ([*THROUGH, "--tolerance", "control/wrench.wnted=1"], "no message that is compared has"),
-        ([*THROUGH, "--set", "control.depth.kp=-3"], "expected a number >= 0.0 N/m or N m/rad, found -3"),
+        (
+            [*THROUGH, "--set", "control.depth.kp=-3"],
+            "expected a number >= 0.0 N/m or N m/rad, found -3",
+        ),
         ([*THROUGH, "--set", "contrl.depth.kp=3"], "did you mean 'control'?"),
     ],
 )
