@@ -63,7 +63,6 @@ class Accounts(msgspec.Struct, kw_only=True):
     topics: dict[str, Account]  # by key
     backwards: int = 0  # times that the recorder's clock ran backwards
     unrecorded: list[str] = []  # what services say they have sent, and is in no topic here
-    remarks: list[str] = []  # what could not be taken into account
 
     @property
     def missing(self) -> int:
