@@ -1,5 +1,6 @@
-"""Checks the types of the pilot's page with TypeScript's compiler, against the messages of the
-server: `python -m tests.support.page_types`. Skipped, in one line, where there is no npx.
+"""Checks the pilot's page: its types with TypeScript's compiler, against the messages of the
+server, and its code with a linter: `python -m tests.support.page_types`. Skipped, in one line,
+where there is no npx.
 """
 
 import shutil
@@ -17,7 +18,7 @@ from services.cockpit.page_messages import PageAbsence, PageSeen, PageSticks, Pa
 from services.cockpit.page_view import PageLine, PageView
 
 PAGE = Path("services/cockpit/page").resolve()
-TYPESCRIPT = "typescript@5.9.3"
+TYPESCRIPT, LINTER = "typescript@5.9.3", "oxlint@1.94.0"
 STRUCTS = (PageView, Personal, PageSticks, PageWish, PageAbsence, PageSeen)
 # One text to a page, as services/cockpit/core.py puts it together.
 TEXT = """
@@ -89,7 +90,7 @@ def protocol() -> str:
 def main() -> int:
     npx = shutil.which("npx")
     if npx is None:
-        print("no npx: the types of the pilot's page are not checked")
+        print("no npx: types and code of the pilot's page are not checked")
         return 0
     with tempfile.TemporaryDirectory() as folder:
         at = Path(folder)
@@ -101,7 +102,11 @@ def main() -> int:
         (at / "protocol.d.ts").write_text(protocol())
         config = {"compilerOptions": OPTIONS, "include": [f"{PAGE}/*.js", "protocol.d.ts"]}
         (at / "tsconfig.json").write_bytes(msgspec.json.encode(config))
-        return subprocess.run([*call, "--project", "."], cwd=at).returncode
+        typed = subprocess.run([*call, "--project", "."], cwd=at).returncode
+        linted = subprocess.run(
+            [npx, "--yes", LINTER, "--deny-warnings", str(PAGE)], cwd=at
+        ).returncode
+        return typed or linted
 
 
 if __name__ == "__main__":
