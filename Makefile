@@ -28,7 +28,7 @@ mutants: $(READY) ## how many small faults, put into a copy of the laws, the tes
 bench: $(READY) ## every figure of `lindy bench` three times, judged beside the last, into research/measurements
 	$(BIN)/python -m lindy_research.bench $(BENCH)
 
-check: $(READY) ## format, lint, types (of the page too, where there is npx), import contracts, links of docs/
+check: $(READY) ## format, lint, types (and the page, where there is npx), import contracts, links of docs/
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports

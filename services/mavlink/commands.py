@@ -7,7 +7,6 @@ from typing import Any
 
 from messages.pilot import FlightMode
 from messages.units import Ns
-from services.mavlink.pilot import ReceivedPacket
 from services.mavlink.telemetry import CHOSEN, autopilot_version
 from services.mavlink_io.packet import (
     MESSAGE_IDS,
@@ -69,7 +68,7 @@ MISSION_RESULTS = {
 }
 
 
-def answer(packet: ReceivedPacket, now: Ns) -> MavlinkPacket | None:
+def answer(packet: MavlinkPacket, now: Ns) -> MavlinkPacket | None:
     """What this message, one of `ANSWERED`, is answered by; None: nothing."""
     fields, name = packet.fields, packet.name
     to = {

@@ -19,9 +19,7 @@ from services.mavlink.parameters import Parameters
 from services.mavlink.pilot import (
     Addressed,
     GroundPilot,
-    GroundStation,
     Reaction,
-    ReceivedPacket,
     Texts,
 )
 from services.mavlink.sticks import ButtonReader, StickInput
@@ -40,6 +38,7 @@ from services.mavlink_io.packet import (
     FORCE,
     MESSAGE_IDS,
     SET_MODE,
+    GroundStation,
     MavCommand,
     MavlinkPacket,
     MavResult,
@@ -49,7 +48,7 @@ from services.piloting.pilot import Pilot
 from services.piloting.pilot_intents import ModeIntent
 
 Url = Annotated[str, msgspec.Meta(pattern=r"^(udpout|udpin|tcpin):[^:/\s]+:[0-9]{1,5}$")]
-Handler = Callable[[ReceivedPacket, Ns, Reaction], None]
+Handler = Callable[[MavlinkPacket, Ns, Reaction], None]
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -115,7 +114,7 @@ class Submarine:
 
     # From ground stations.
 
-    def received(self, packet: ReceivedPacket, now: Ns) -> Reaction:
+    def received(self, packet: MavlinkPacket, now: Ns) -> Reaction:
         out = Reaction()
         if not self._is_for_us(packet):
             self._outbox.tell(events.WRONG_TARGET("mavlink"))
@@ -128,7 +127,7 @@ class Submarine:
             self._outbox.tell(events.IGNORED("mavlink"))
         return self._finished(out, now)
 
-    def _is_for_us(self, packet: ReceivedPacket) -> bool:
+    def _is_for_us(self, packet: MavlinkPacket) -> bool:
         """Addressed to this system or to all, and not said under its own id."""
         fields = packet.fields
         if packet.sender.system == self._system:
@@ -138,13 +137,13 @@ class Submarine:
         here = fields.get("target_system", 0) in (0, self._system)
         return here and fields.get("target_component", 0) in (0, AUTOPILOT)
 
-    def _command(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
+    def _command(self, packet: MavlinkPacket, now: Ns, out: Reaction) -> None:
         """COMMAND_LONG or COMMAND_INT: acknowledged at once, or once the drone has answered."""
         number = int(packet.fields["command"])
         out.acknowledge(packet.sender, number, self._obeyed(packet, number, now, out))
 
     def _obeyed(
-        self, packet: ReceivedPacket, number: int, now: Ns, out: Reaction
+        self, packet: MavlinkPacket, number: int, now: Ns, out: Reaction
     ) -> MavResult | None:
         """None: the drone decides."""
         sender = packet.sender
@@ -204,7 +203,7 @@ class Submarine:
         why = f"no such mode here; there are {choosable()}"
         return self._refuse(sender, MavResult.FAILED, out, why)
 
-    def _set_mode(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
+    def _set_mode(self, packet: MavlinkPacket, now: Ns, out: Reaction) -> None:
         base, custom = packet.fields["base_mode"], packet.fields["custom_mode"]
         result = self._choose_mode(packet.sender, SET_MODE, base, custom, now, out)
         out.acknowledge(packet.sender, SET_MODE, result)
@@ -233,7 +232,7 @@ class Submarine:
         self._streams_of(sender.link).every(name, period, now)
         return MavResult.ACCEPTED
 
-    def _data_stream(self, packet: ReceivedPacket, now: Ns, _out: Reaction) -> None:
+    def _data_stream(self, packet: MavlinkPacket, now: Ns, _out: Reaction) -> None:
         fields = packet.fields
         hz = float(fields["req_message_rate"]) if fields["start_stop"] else 0.0
         names = STREAMS.get(fields["req_stream_id"], ())
@@ -242,7 +241,7 @@ class Submarine:
         for name in names:
             self._streams_of(packet.sender.link).every(name, period_ns(hz), now)
 
-    def _set_parameter(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
+    def _set_parameter(self, packet: MavlinkPacket, now: Ns, out: Reaction) -> None:
         """Buttons and gain belong to who has the sticks."""
         self._parameters.set(packet, out, is_holder=self._pilot.holder.may_take(packet.sender, now))
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from messages import events
 from messages.events import Outbox
 from messages.pilot import TTL_MS
-from services.mavlink.pilot import Addressed, Reaction, ReceivedPacket
+from services.mavlink.pilot import Addressed, Reaction
 from services.mavlink_io.packet import MavlinkPacket, MavSeverity
 
 INT8, INT16, INT32, REAL32 = 2, 4, 6, 9  # MAV_PARAM_TYPE
@@ -75,14 +75,14 @@ class Parameters:
     def __getitem__(self, name: str) -> float:
         return self._values[name]
 
-    def begin_list(self, packet: ReceivedPacket) -> None:
+    def begin_list(self, packet: MavlinkPacket) -> None:
         """Begin the list on this link, or begin it again."""
         self._next[packet.sender.link] = 0
 
     def forget(self, link: str) -> None:
         self._next.pop(link, None)
 
-    def answer(self, packet: ReceivedPacket, out: Reaction) -> None:
+    def answer(self, packet: MavlinkPacket, out: Reaction) -> None:
         index: int | None = packet.fields["param_index"]
         if index == NO_INDEX:
             index = _index(packet.fields["param_id"])
@@ -91,7 +91,7 @@ class Parameters:
         else:
             out.packets.append(Addressed(packet.sender.link, self._packet(index)))
 
-    def set(self, packet: ReceivedPacket, out: Reaction, *, is_holder: bool) -> None:
+    def set(self, packet: MavlinkPacket, out: Reaction, *, is_holder: bool) -> None:
         """The answer is the value in force, on all links."""
         name: str = packet.fields["param_id"]
         index = _index(name)

@@ -12,29 +12,10 @@ from messages import events
 from messages.events import Outbox
 from messages.pilot import PilotAnswer, PilotRequest, RequestKind
 from messages.units import Ns
-from services.mavlink_io.packet import MavlinkPacket, MavResult, MavSeverity
+from services.mavlink_io.packet import GroundStation, MavlinkPacket, MavResult, MavSeverity
 from services.piloting.guest_pilot import GuestPilot
 from services.piloting.pilot import Effects
 from services.piloting.pilot_intents import OVERRULES, Intent, ModeIntent
-
-
-class GroundStation(NamedTuple):
-    """Who sent a packet: a system and component id, at one end of one link."""
-
-    link: str  # `tcp 127.0.0.1:40112`
-    system: int
-    component: int
-
-    @property
-    def pilot(self) -> str:
-        """Its name as a pilot."""
-        return f"ground station {self.system}/{self.component}"
-
-
-class ReceivedPacket(NamedTuple):
-    sender: GroundStation
-    name: str
-    fields: dict[str, Any]
 
 
 class Addressed(NamedTuple):
@@ -42,11 +23,6 @@ class Addressed(NamedTuple):
 
     link: str | None
     packet: MavlinkPacket
-
-
-def received(packet: MavlinkPacket) -> ReceivedPacket:
-    sender = GroundStation(packet.link, packet.system, packet.component)
-    return ReceivedPacket(sender, packet.name, packet.fields)
 
 
 TEXT = 50  # [B] of one STATUSTEXT; longer text is sent in several

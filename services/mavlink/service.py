@@ -4,7 +4,7 @@ from messages import events, topics
 from services.marine.outputs import OUTPUTS, Output
 from services.marine.vehicle import Vehicle
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.pilot import Reaction, received
+from services.mavlink.pilot import Reaction
 from services.mavlink.telemetry import Snapshot
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
 from services.mavlink_io.io.links import FarEndLimits, Links
@@ -60,8 +60,7 @@ class GroundStations:
     def receive(self, now: int) -> None:
         """Something has arrived from a ground station."""
         for packet in self._endpoint.receive():
-            heard = received(packet)
-            self._ports.do(self._submarine.received(heard, now), now)
+            self._ports.do(self._submarine.received(packet, now), now)
 
     def _tick(self, now: int) -> None:
         names = self._endpoint.names

@@ -10,8 +10,14 @@ from messages.units import Ns
 from messages.vehicle import VehicleStatus
 from services.marine.outputs import OUTPUTS, Output, meant
 from services.mavlink.parameters import BUTTONS, Parameters
-from services.mavlink.pilot import GroundPilot, GroundStation, Reaction, ReceivedPacket
-from services.mavlink_io.packet import NO_AXIS, NO_CHANNEL, MavSeverity
+from services.mavlink.pilot import GroundPilot, Reaction
+from services.mavlink_io.packet import (
+    NO_AXIS,
+    NO_CHANNEL,
+    GroundStation,
+    MavlinkPacket,
+    MavSeverity,
+)
 from services.piloting.guest_pilot import TTL_NS
 from services.piloting.pilot_intents import Intent, ModeIntent, OutputIntent
 from services.piloting.sticks import Sticks
@@ -224,7 +230,7 @@ class StickInput:
     _lamp: float | None = None  # [-] as RC channel 9 last said
     _warned_ns: Ns | None = None
 
-    def manual_control(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
+    def manual_control(self, packet: MavlinkPacket, now: Ns, out: Reaction) -> None:
         holder, gain = self.pilot.holder, self.buttons.gain
         down = int(packet.fields["buttons"]) | int(packet.fields.get("buttons2") or 0) << 16
         if packet.sender != holder.sender:
@@ -245,7 +251,7 @@ class StickInput:
         if pressed.light is not None:
             self._light(pressed.light, out)
 
-    def rc_override(self, packet: ReceivedPacket, now: Ns, out: Reaction) -> None:
+    def rc_override(self, packet: MavlinkPacket, now: Ns, out: Reaction) -> None:
         holder = self.pilot.holder
         has_them = packet.sender == holder.sender
         if not has_them:

@@ -45,11 +45,7 @@ SHOWN: dict[FlightMode, int] = {
     "altitude_hold": 21,
 }
 CHOSEN: dict[int, FlightMode] = {
-    19: "manual",
-    0: "heading_hold",
-    2: "stabilised",
-    16: "station_keeping",
-    21: "altitude_hold",
+    number: mode for mode, number in SHOWN.items() if mode != "depth_hold"
 }
 
 

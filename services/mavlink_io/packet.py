@@ -132,6 +132,19 @@ class MavDataStream(IntEnum):
     EXTRA3 = 12
 
 
+class GroundStation(NamedTuple):
+    """Who sent a packet: a system and component id, at one end of one link."""
+
+    link: str  # `tcp 127.0.0.1:40112`
+    system: int
+    component: int
+
+    @property
+    def pilot(self) -> str:
+        """Its name as a pilot."""
+        return f"ground station {self.system}/{self.component}"
+
+
 class MavlinkPacket(NamedTuple):
     """A message, who sent it and over which link; 0, 0 and none in those that this side sends."""
 
@@ -140,6 +153,10 @@ class MavlinkPacket(NamedTuple):
     system: int = 0
     component: int = 0
     link: str = ""  # `tcp 127.0.0.1:40112`
+
+    @property
+    def sender(self) -> GroundStation:
+        return GroundStation(self.link, self.system, self.component)
 
 
 def heartbeat() -> MavlinkPacket:

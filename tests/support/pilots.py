@@ -17,10 +17,10 @@ from services.cockpit.page_messages import PageClosed, PageEvent, PageOpened, Pa
 from services.cockpit.service import CockpitPages
 from services.marine.vehicle import Vehicle
 from services.mavlink.core import Settings as MavlinkSettings
-from services.mavlink.pilot import Addressed, GroundStation
+from services.mavlink.pilot import Addressed
 from services.mavlink.service import GroundStations
 from services.mavlink_io.io.endpoint import MavlinkEndpoint
-from services.mavlink_io.packet import MavlinkPacket
+from services.mavlink_io.packet import GroundStation, MavlinkPacket
 from services.ros2.core import Settings as RosSettings
 from services.ros2.mapping import JOY, RosMessage, ros
 from services.ros2.service import connected

@@ -10,9 +10,9 @@ from messages.events import Outbox
 from messages.pilot import PilotAnswer
 from messages.vehicle import VehicleStatus
 from services.mavlink.core import Settings, Submarine
-from services.mavlink.pilot import ReceivedPacket, received
 from services.mavlink.telemetry import Snapshot
 from services.mavlink_io.io.endpoint import FrameReader, MavlinkCodec
+from services.mavlink_io.packet import MavlinkPacket
 from services.piloting.pilot import Pilot, Progress
 
 CODEC = MavlinkCodec(1, 1, "ardupilotmega")
@@ -34,7 +34,7 @@ def frame(kind: Any, payload: bytes, system: int) -> bytes:
     return b"\xfd" + head + payload + int(check.crc).to_bytes(2, "little")
 
 
-def for_us(packet: ReceivedPacket) -> ReceivedPacket:
+def for_us(packet: MavlinkPacket) -> MavlinkPacket:
     fields = dict(packet.fields)
     for name in {"target", "target_system", "target_component"} & fields.keys():
         fields[name] = 1
@@ -52,7 +52,7 @@ class Conversation:
 
     def hear(self, data: bytes) -> int:
         """How many packets were in it."""
-        packets = list(map(received, self._reader.read([data], datagrams=True, link="udp a")))
+        packets = self._reader.read([data], datagrams=True, link="udp a")
         for packet in packets:
             self._now += 10_000_000
             for heard in (packet, for_us(packet)):

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.pilot import TTL_MS
-from services.mavlink.pilot import GroundStation
 from services.mavlink.sticks import Channels, StickPacket, lets_go, manual_control
-from services.mavlink_io.packet import NO_AXIS, NO_CHANNEL
+from services.mavlink_io.packet import NO_AXIS, NO_CHANNEL, GroundStation
 from services.piloting.guest_pilot import KEPT_NS, StickHolder
 from services.piloting.sticks import CENTRED, Sticks
 

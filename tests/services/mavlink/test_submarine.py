@@ -16,9 +16,16 @@ from messages.vehicle import VehicleStatus
 from services.marine.outputs import OUTPUTS, Output
 from services.mavlink.core import Settings, Submarine
 from services.mavlink.parameters import NAMES, TABLE
-from services.mavlink.pilot import GroundStation, Reaction, ReceivedPacket
+from services.mavlink.pilot import Reaction
 from services.mavlink.telemetry import CHOSEN, DEFAULT_HZ, STREAMS, Snapshot
-from services.mavlink_io.packet import FORCE, MESSAGE_IDS, MavCommand, MavResult
+from services.mavlink_io.packet import (
+    FORCE,
+    MESSAGE_IDS,
+    GroundStation,
+    MavCommand,
+    MavlinkPacket,
+    MavResult,
+)
 from services.piloting.pilot import Pilot, Progress
 from tests.support.messages import example
 from tests.support.told import told
@@ -53,7 +60,7 @@ class Drone:
         )
 
     def hear(self, name: str, sender: GroundStation = ANN, **fields: Any) -> Reaction:
-        packet = ReceivedPacket(sender, name, fields)
+        packet = MavlinkPacket(name, fields, sender.system, sender.component, sender.link)
         return self.answer(self.submarine.received(packet, self.now))
 
     def answer(self, reaction: Reaction) -> Reaction:
@@ -152,7 +159,8 @@ def test_a_command_that_the_drone_does_not_answer_fails_at_last(given_up: bool) 
     """When its request is given up, or after a while whatever happens."""
     drone = Drone().flown()
     fields = {"command": 193, **HERE} | {f"param{k}": 0.0 for k in range(1, 8)}
-    reaction = drone.submarine.received(ReceivedPacket(ANN, "COMMAND_LONG", fields), drone.now)
+    packet = MavlinkPacket("COMMAND_LONG", fields, 255, 190, "udp a")
+    reaction = drone.submarine.received(packet, drone.now)
     assert acks(reaction) == []
     if given_up:
         reaction = drone.submarine.given_up(reaction.requests[0], drone.now)
