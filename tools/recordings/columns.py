@@ -24,7 +24,6 @@ Figures = tuple[float | None, ...]
 # Columns of a stream: [ns] when a message was recorded; how many were before it, where that is not
 # the order of its times.
 ARRIVAL, PLACE = "arrival", "place"
-BLOCK = 4096  # messages whose figures are rows until they are put into columns
 
 
 class StreamColumns:
@@ -112,9 +111,7 @@ class Gathering:
         self._first, self._arrival = wanted.fields[0], arrival
         self._names = (*[ARRIVAL] * arrival, *wanted.fields, *wanted.more)
         self._read, self._figures = _reader(wanted.fields), wanted.figures
-        self._rows = array("d")  # of the newest messages; those before are in the columns
-        self._columns = [array("d") for _ in self._names]
-        self._most = BLOCK * len(self._names)
+        self._rows = array("d")
         self._words: dict[str, int] = {}
 
     def add(self, message: object, arrival_ns: int = 0) -> None:
@@ -128,28 +125,19 @@ class Gathering:
         except TypeError:  # None, or a word
             numbers = [v if isinstance(v, int | float) else self._number(v) for v in row]
         self._rows.extend(numbers)
-        if len(self._rows) >= self._most:
-            self._divide()
 
     def columns(self, origin_ns: int = 0) -> StreamColumns:
-        """Those so far, and then no more can be added: a copy of a long dive would be too much.
+        """Those so far.
 
         Args:
             origin_ns: [ns] from which its times count, but for `arrival`.
         """
-        self._divide()
-        columns = map(np.frombuffer, self._columns)
-        found: dict[str, Array] = dict(zip(self._names, columns, strict=True))
+        rows = np.frombuffer(self._rows).reshape(-1, len(self._names))
+        found = {name: rows[:, place].copy() for place, name in enumerate(self._names)}
         for name in found:
             if name.endswith("_ns"):
                 found[name] -= origin_ns
         return StreamColumns({self._first: found[self._first], **found}, [*self._words])
-
-    def _divide(self) -> None:
-        rows = np.frombuffer(self._rows).reshape(-1, len(self._names))
-        for column, figures in zip(self._columns, rows.T, strict=True):
-            column.frombytes(figures.tobytes())
-        self._rows = array("d")
 
     def _number(self, word: str | UnsetType | None) -> float:
         """Of a word, or of what the message does not say."""
