@@ -304,12 +304,12 @@ class ZenohBus:
         """What publishes an envelope with its topic's QoS, whatever its sender wanted: this thread
         also empties the queue, so it must not wait."""
         topic = topics.find(key)
-        assert topic is not None
-        if not topic.is_family:
+        if topic is not None and not topic.is_family:
             put: Callable[..., None] = self._publisher(topic).put
             self._forwards[key] = put
             return put
-        qos = QOS_PROFILES[topic.qos]  # anybody can invent members: nothing is kept for one
+        # Anybody can invent members of a family, also such as it does not cover: none is kept.
+        qos = QOS_PROFILES[Qos.BULK if topic is None else topic.qos]
         session: Any = self._session  # its stub does not say what `put` returns
         return partial(
             session.put,

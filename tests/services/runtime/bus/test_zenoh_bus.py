@@ -16,6 +16,7 @@ import pytest
 import zenoh
 
 from messages import topics
+from messages.topic import Qos
 from services.runtime.bus import zenoh_bus
 from services.runtime.bus.envelope import Envelope
 from services.runtime.bus.other_network import LONGEST, OtherNetwork
@@ -124,9 +125,12 @@ def test_what_is_said_is_heard_once_by_the_others_with_its_encoding_and_qos(star
     assert [e.payload for e in own] == [b"for the talker"]
 
 
-@pytest.mark.parametrize("key", ["reference", "health/control"])
+@pytest.mark.parametrize(
+    ("key", "qos_of"),
+    [("reference", Qos.LIVE), ("health/control", Qos.BULK), ("not/ours", Qos.BULK)],
+)
 def test_an_envelope_is_passed_on_byte_for_byte_with_its_topics_qos(
-    key: str, tmp_path: Path
+    key: str, qos_of: Qos, tmp_path: Path
 ) -> None:
     with ExitStack() as exits:
         here = Star(socket_file(tmp_path, "here"), exits)
@@ -152,7 +156,7 @@ def test_an_envelope_is_passed_on_byte_for_byte_with_its_topics_qos(
         until(crossed)
     expected = Envelope(key, payload, "text/plain;odd", attachment)
     assert [e for e in heard if e != expected] == []
-    assert qos == {key: QOS_PROFILES[topics.find(key).qos]}  # type: ignore[union-attr]
+    assert qos == {key: QOS_PROFILES[qos_of]}
 
 
 def test_what_is_deleted_is_no_message(tmp_path: Path) -> None:
