@@ -38,9 +38,10 @@ def test_a_vehicle_that_dives_at_high_surge_does_not_come_back() -> None:
 
 @pytest.mark.slow
 def test_the_heading_does_not_rest_off_and_swing_later() -> None:
-    """With this seed the estimate drifts through the thrusters' dead-band, which is half a degree
-    wide here. Nothing moves in it: pulses that held it within 0.2° swung it by a quarter."""
-    sortie = Sortie([(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)], seed=5007).until(48.0)
+    """With this seed the estimate drifts by 0.4°, within the thrusters' dead-band, which is half a
+    degree wide here. Nothing moves in it: pulses that held it within 0.2° swung it by a quarter.
+    Beyond, one push swings it by up to 0.8°."""
+    sortie = Sortie([(1.0, (0.0, 0.0, 1.0, 0.5)), (8.0, HANDS_OFF)], seed=5004).until(48.0)
     seen = sortie.columns(13.0)
     _, off = sortie.estimate_errors(seen, 13.0)
     known = seen.heading + off
