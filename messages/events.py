@@ -353,6 +353,7 @@ LOST_PAGE_CLOSED = row("lost:page_closed", DANGER, "pilot lost: the pilot's page
 ALARM = row("alarm", DANGER, "an alarm was raised")
 ALARM_LINK = row("alarm:link", DANGER, "the link got worse", said="warning")
 ALARM_PEERS = row("alarm:peers", DANGER, "the two sides do not fit together; the drone will not arm", said="error")
+ALARM_JUNK = row("alarm:junk", DANGER, "services receive many messages that they cannot read: a stranger sends on this network, or a sender is broken", said="warning")
 MISTAKE = row("mistake", DANGER, "a mistake in Lindy itself: the screen may be wrong")
 STALLED = row("stalled", DANGER, "a service handled nothing for over 0.14 s")
 HUNG = row("hung", DANGER, "a service runs but does not answer", breaks="answered")

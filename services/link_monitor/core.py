@@ -1,4 +1,4 @@
-"""State of the link monitor: alarm, clock synchronisation, latency budget.
+"""State of the link monitor: alarm, floods of junk, clock synchronisation, latency budget.
 
 Clock synchronisation: offset of the drone's clock from the topside's, with a guaranteed bound.
 
@@ -21,6 +21,7 @@ from msgspec.structs import replace
 
 from messages import events
 from messages.events import Outbox
+from messages.health import Health
 from messages.link import Clock, ClockPong, LatencyBudget
 from messages.message import Notice
 from messages.pilot import PilotCommand
@@ -179,11 +180,56 @@ class LinkAlarm:
         return median(self._usual) if self._usual else None
 
 
+UNREADABLE = {
+    *(events.MALFORMED.name, events.WRONG_TYPE.name, events.OVERSIZED.name),
+    *(events.UNKNOWN_KEY.name, events.TOO_MANY_KEYS.name),
+}  # kinds of events
+MOST_HZ = 20.0  # [1/s] unreadable messages of one service; more is a flood
+RECENT_NS = 3_000_000_000  # [ns] of health messages, of one a second
+PROCESSES = 64  # that are told apart
+
+
+@dataclass(slots=True)
+class JunkWatch:
+    """Takes health messages; a broken sensor is no flood."""
+
+    # (side, service, its process) → when it was heard, and what it could not read since its start.
+    _heard: dict[tuple[str, str, int], tuple[Ns, int]] = field(
+        default_factory=dict[tuple[str, str, int], tuple[Ns, int]]
+    )
+    _flooded_ns: Ns = -RECENT_NS  # [ns] when the newest flood was heard of
+    _flooded: Notice | None = None  # by whom, newest
+
+    def health(self, health: Health, now: Ns) -> None:
+        names = (name.partition(":") for name in health.counts)
+        unreadable = sum(
+            health.counts[f"{kind}:{key}"]
+            for kind, _, key in names
+            if kind in UNREADABLE and not key.startswith("sensor/")
+        )
+        whose = health.side, health.service, health.instance
+        if len(self._heard) >= PROCESSES:  # of restarts, or invented ones
+            self._heard.clear()
+        at_ns, before = self._heard.get(whose, (now, unreadable))
+        self._heard[whose] = now, unreadable
+        if now <= at_ns or unreadable - before <= MOST_HZ * (now - at_ns) * 1e-9:
+            return
+        if not self.notice(now):  # the service that is flooded first; later ones say no more
+            hz = round((unreadable - before) / ((now - at_ns) * 1e-9))
+            self._flooded = Notice(events.ALARM_JUNK.name, {"hz": hz}, (health.service,))
+        self._flooded_ns = now
+
+    def notice(self, now: Ns) -> Notice | None:
+        """None: nothing is flooded."""
+        return self._flooded if now - self._flooded_ns < RECENT_NS else None
+
+
 @dataclass(slots=True)
 class LinkMonitor:
     outbox: Outbox
     source: int = 0  # names this topside's pings
     misfit: str = ""  # why the two sides do not fit together, in words for the pilot
+    junk: Notice | None = None  # which service cannot read what it receives
     budget: LatencyAccount = field(default_factory=LatencyAccount)
     _sync: ClockSync = field(init=False)
     _alarm: LinkAlarm = field(default_factory=LinkAlarm)
@@ -226,5 +272,5 @@ class LinkMonitor:
         bound_ns = self._sync.clock(now).bound_ns
         bound_ms = None if bound_ns is None else bound_ns / 1e6
         misfit = Notice(events.ALARM_PEERS.name, more=self.misfit) if self.misfit else None
-        alarms = filter(None, (misfit, self._alarm.notice(now)))
+        alarms = filter(None, (misfit, self.junk, self._alarm.notice(now)))
         return self.budget.report(now, bound_ms, tuple(alarms))

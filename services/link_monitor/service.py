@@ -2,8 +2,8 @@
 the clock offset, measures latencies and raises the link alarm.
 
 Where topside and drone are two machines it runs on both: topside it measures, on board it answers.
-On both it says which Lindy this side runs; topside it compares, and it measures the age
-of pictures, too, once there are any.
+On both it says which Lindy this side runs; topside it compares, and says so where services receive
+much that they cannot read. Topside it measures the age of pictures, too, once there are any.
 """
 
 from collections.abc import Callable
@@ -11,10 +11,11 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from messages import cameras, events, topics
+from messages.health import Health
 from messages.identity import SideIdentity
 from messages.link import ClockPing, ClockPong
 from messages.video import VideoPart
-from services.link_monitor.core import LinkMonitor
+from services.link_monitor.core import JunkWatch, LinkMonitor
 from services.link_monitor.picture_account import Carried, PictureAccount
 from services.marine.field_of_view import CameraViews
 from services.runtime.config.identity import identity_of
@@ -72,8 +73,9 @@ def _introduce(node: Node, ours: SideIdentity, side: str) -> Callable[[int], Non
 
 
 def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
-    """Tell the pilot of a drone with another Lindy, and of services on board that run twice."""
-    peers = Peers(identity_of(stack, TOPSIDE, node.instance.number))
+    """Tell the pilot of a drone with another Lindy, of services on board that run twice, and of
+    floods of messages that services cannot read."""
+    peers, junk = Peers(identity_of(stack, TOPSIDE, node.instance.number)), JunkWatch()
 
     def look(now: int) -> None:
         was, monitor.misfit = monitor.misfit, peers.wrong(now)
@@ -81,11 +83,20 @@ def _compare(node: Node, monitor: LinkMonitor, stack: Stack) -> None:
             node.tell(events.ALARM_PEERS(detail=monitor.misfit))
         elif was and not monitor.misfit:
             node.log("info", "both sides fit together again")
+        was, monitor.junk = monitor.junk, junk.notice(now)
+        if monitor.junk and not was:
+            node.tell(events.ALARM_JUNK(detail=events.detail(monitor.junk)))
+        elif was and not monitor.junk:
+            node.log("info", "services can read all messages again")
+
+    def on_health(health: Health, now: int) -> None:
+        peers.health(health, now)
+        junk.health(health, now)
 
     if stack.apart:
         node.each(topics.CLOCK_PONG, lambda _, now: peers.expect(now))
     node.each(topics.IDENTITY, peers.identity)
-    node.each(topics.HEALTH, peers.health)
+    node.each(topics.HEALTH, on_health)
     node.every(topics.LATENCY.hz, look)
 
 

@@ -81,6 +81,7 @@ class ReferenceGenerator:
     authority: ControlAuthority = field(init=False)
     conditions: ConditionWatch = field(init=False)  # of the failsafes
     stopping: bool = False  # until at rest with the sticks centred
+    _mode_at_rest: FlightMode | None = None  # asked for while stopping
     _guidance: Guidance = field(init=False)
     _time: SensorTime = field(default_factory=SensorTime)  # of the reference
     _failsafes: FailsafeMachine = field(init=False)
@@ -168,9 +169,8 @@ class ReferenceGenerator:
             guidance.rise(s.surface_depth, s.ascent_speed)
         else:
             guidance.end_rise()
-        # The sticks are centred: where the drone rests, too, a stop is over.
         if command is not None and command.pilot == "present" and centred(command):
-            self.stopping = self.stopping and not guidance.settled
+            self._end_stop()
 
         # The axes at this instant, and where they go on to.
         if self.armed and self._initialised:
@@ -242,7 +242,7 @@ class ReferenceGenerator:
             id=request.id,
             accepted=not reason,
             reason=reason,
-            note=(not reason and requests.onto_the_bottom(self._guidance, request.depth)) or UNSET,
+            note=(not reason and self._note(request)) or UNSET,
             stop=self._stop if request.kind == "stop" else None,
             epoch=self.authority.lease.epoch if takes else None,
             cause_ns=request.stamp_ns,
@@ -264,11 +264,17 @@ class ReferenceGenerator:
             return "the drone is not armed"
         if (moves or request.kind == "mode") and self.armed and self._failsafes.acting is not None:
             return "a failsafe acts; first resume"
-        if self.stopping and self.armed and (moves or request.kind == "mode"):
+        if moves and self.stopping:
             return "the drone is stopping; ask again when it is at rest"
         if moves and command is not None and not centred(command):
             return "the sticks are not centred, and they have priority"
         return ""
+
+    def _note(self, request: PilotRequest) -> str:
+        """What the pilot should know of a request that is granted."""
+        if request.kind == "mode" and self._mode_at_rest is not None:
+            return "the drone is stopping; it changes when it is at rest"
+        return requests.onto_the_bottom(self._guidance, request.depth)
 
     def handed_on(self, request: PilotRequest, now: Ns) -> bool:
         """Do what control has already done and answered, while this service was silent. Returns
@@ -279,7 +285,7 @@ class ReferenceGenerator:
         self._do(request, now)
         return True
 
-    def _do(self, request: PilotRequest, now: Ns) -> str:
+    def _do(self, request: PilotRequest, now: Ns) -> str:  # noqa: C901 - one kind after the other
         """Execute a request. Returns the reason for a refusal, or nothing."""
         guidance, asked_ns = self._guidance, min(request.stamp_ns, now)
         match request.kind:
@@ -289,6 +295,7 @@ class ReferenceGenerator:
             case "disarm":
                 self._disarmed_ns = max(self._disarmed_ns, asked_ns)
                 self.armed = self.stopping = False
+                self._mode_at_rest = None
                 self._failsafes.disarm()
                 self.outputs.disarm()
                 guidance.change(self.requested)
@@ -296,18 +303,36 @@ class ReferenceGenerator:
                 return self._failsafes.resume()
             case "stop":
                 self.stopping, self._stop = True, guidance.stop()
+                self._mode_at_rest = None
             case "light" | "output":
                 return self.outputs.set(request, now, armed=self.armed)
+            case "mode" if self.armed and self.stopping and request.flight_mode is not None:
+                self._mode_at_rest = request.flight_mode
             case "mode":
-                reason = requests.mode(guidance, request.flight_mode, armed=self.armed)
-                self.requested = self.requested if reason else guidance.flight_mode
-                return reason
+                return self._change(request.flight_mode)
             case "goto" | "follow" | "home" | "unwind":
                 return requests.manoeuvre(guidance, request)
             case "lease" | "offer" | "release" | "force":
                 if announcement := self.authority.grant(request, now):
                     self.outbox.say("info", announcement)
         return ""
+
+    def _change(self, flight_mode: FlightMode | None) -> str:
+        """Change the mode, as the pilot has asked."""
+        reason = requests.mode(self._guidance, flight_mode, armed=self.armed)
+        self.requested = self.requested if reason else self._guidance.flight_mode
+        return reason
+
+    def _end_stop(self) -> None:
+        """The sticks are centred: where the drone rests, too, a stop is over, and the mode that was
+        asked for in it is taken up, unless a failsafe acts."""
+        self.stopping = self.stopping and not self._guidance.settled
+        wanted = self._mode_at_rest
+        if self.stopping or wanted is None:
+            return
+        self._mode_at_rest = None
+        if reason := "a failsafe acts" if self._acts else self._change(wanted):
+            self.outbox.tell(events.REFUSED("mode", detail=reason))
 
     def _arm(self) -> None:
         """Arm in the requested mode, if it is available; otherwise stabilised."""

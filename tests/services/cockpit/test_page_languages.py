@@ -71,7 +71,7 @@ def test_whatever_the_drone_does_by_itself_can_be_said():
 def test_whatever_the_drone_can_say_has_a_sentence_in_every_language():
     """By its code: nothing is parsed, and no screen has to know the English of it."""
     codes = {f"notice:{row.name}" for row in table(FailsafeSettings())}
-    codes |= {*events.TOLD, events.ALARM_PEERS.name}
+    codes |= {*events.TOLD, events.ALARM_PEERS.name, events.ALARM_JUNK.name}
     codes.add(events.CLAMPED_HORIZONTAL.name)
     assert codes <= set(ENGLISH)
     names = {name[1:-1] for key in codes for name in numbers(ENGLISH[key])}

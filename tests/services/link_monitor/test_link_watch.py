@@ -1,6 +1,7 @@
-"""What the pilot is told of the link: risen delays, silence; and both of its
+"""What the pilot is told of the link: risen delays, silence, floods of junk; and both of its
 ends."""
 
+from collections import Counter
 from collections.abc import Sequence
 from random import Random
 
@@ -14,14 +15,16 @@ from messages.control import ThrusterCommand
 from messages.events import note
 from messages.health import Health
 from messages.link import DOWN_STAGES, Clock, LatencyBudget, Shown
+from messages.message import Notice
 from messages.state import VehicleState
-from services.link_monitor.core import LinkAlarm
+from services.link_monitor.core import JunkWatch, LinkAlarm
 from services.link_monitor.latency_account import LatencyAccount
 from services.runtime.bus.envelope import Envelope
 from services.runtime.config.stack import Stack
 from services.runtime.hosts.registry import Registry
 from services.runtime.hosts.stack_file import ServiceSpec
 from services.runtime.hosts.virtual_host import Skew, VirtualHost
+from services.runtime.node.loop_stats import LoopStats
 from tests.support import said
 from tools.up import on_side
 
@@ -71,13 +74,56 @@ def test_before_the_first_answer_nothing_is_known_and_that_is_said() -> None:
     assert sound([None] * 20)[-1][1] == "no answer from the drone yet"
 
 
-def test_messages_that_nobody_can_read_are_no_other_lindy() -> None:
+def health(counts: dict[str, int], service: str = "control", instance: int = 0) -> Health:
+    told = LoopStats().report(service, 0, 0, 0, Counter(counts), None, "drone")
+    return msgspec.structs.replace(told, instance=instance)
+
+
+@given(st.lists(st.integers(0, 60), min_size=2, max_size=20))
+def test_more_than_so_many_in_a_second_are_a_flood(more: list[int]) -> None:
+    """Of one process, at any time since its start; not what it could read, and no sensor."""
+    watch, total = JunkWatch(), 5000
+    watch.health(health({"malformed:state": total}), 0)
+    for second, number in enumerate(more, 1):
+        total += number
+        others = {"expired:x": 9**9 * second, "malformed:sensor/imu": 9**9 * second}
+        watch.health(health({"malformed:state": total, **others}), second * S)
+        floods = [n > 20 for n in more[max(0, second - 3) : second]]
+        assert bool(watch.notice(second * S)) == any(floods)
+    watch.health(health({"malformed:state": 3}), (len(more) + 4) * S)  # it has started again
+    assert watch.notice((len(more) + 4) * S) is None
+
+
+@given(st.lists(st.tuples(st.integers(0, 1), st.integers(0, 5)), max_size=30))
+def test_two_topsides_of_one_drone_are_no_flood(reports: list[tuple[int, int]]) -> None:
+    watch, counted = JunkWatch(), [0, 30]  # since their starts
+    for at, (topside, more) in enumerate(reports):
+        counted[topside] += more
+        watch.health(
+            health({"malformed:state": counted[topside]}, "recorder_topside", topside), at * S // 2
+        )
+        assert watch.notice(at * S // 2) is None
+
+
+def test_however_many_processes_there_were_a_flood_is_noticed() -> None:
+    watch = JunkWatch()
+    for number in range(1000):
+        watch.health(health({}, instance=number), number * S)
+    for second in range(3):
+        watch.health(health({"malformed:x": 100 * second}, "new"), (1000 + second) * S)
+    assert watch.notice(1002 * S) == Notice("alarm:junk", {"hz": 100}, ("new",))
+
+
+def test_the_pilot_reads_of_a_flood_and_of_its_end_and_of_no_other_lindy() -> None:
     host = VirtualHost()
     rows, stack = Registry.read(), Stack()
     for name in ("link_monitor", "gamepad"):
         host.add(name, rows[name], stack)
+    alarms: list[str] = []
     told: list[str] = []
-    host.node("screen", ["topside"]).each(topics.LOG, lambda line, _: told.append(line.text))
+    screen = host.node("screen", ["topside"])
+    screen.each(topics.LATENCY, lambda budget, _: alarms.append(note(budget.alarms)))
+    screen.each(topics.LOG, lambda line, _: told.append(line.text))
     port = host.side("topside")
 
     def spit(_: int) -> None:
@@ -86,9 +132,15 @@ def test_messages_that_nobody_can_read_are_no_other_lindy() -> None:
             port.forward(Envelope(key, b"\xc1junk", topic.encoding))
             port.forward(Envelope(key, b"\x81\xa6source\xa1\xff", topic.encoding))
 
-    host.node("junk", ["topside"]).every(50.0, spit)
+    junk = host.node("junk", ["topside"])
+    junk.every(50.0, spit)
     host.run(4 * S)
+    assert "a second, gamepad)" in alarms[-1]
     assert [text for text in told if "another Lindy" in text or "unknown version" in text] == []
+    host.kill("junk")
+    host.run(9 * S)
+    assert "cannot read" not in alarms[-1]
+    assert sum("cannot read" in text for text in told) == 1
 
 
 EVERY = Registry.read()

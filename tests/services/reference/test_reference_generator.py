@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from messages.control import Wrench
 from messages.events import Outbox, note
-from messages.pilot import Course, PilotRequest
+from messages.pilot import Course, PilotRequest, RequestKind
 from messages.reference import Motion
 from messages.state import VehicleState
 from messages.vehicle import PlaceAhead
@@ -23,6 +23,7 @@ from services.runtime.config.stack import Stack
 from tests.services.reference.drone import DT, Drone, smooth
 from tests.support.messages import example
 from tests.support.said import state, sticks
+from tests.support.told import told
 
 touch = st.sampled_from([-1.0, -0.4, 0.0, 0.02, 0.3, 1.0])
 GENERATE = [Phase.explicit, Phase.generate]  # a minute of flight is too long to be shrunk
@@ -110,17 +111,33 @@ def test_a_home_that_was_lost_is_where_the_drone_is_armed_next() -> None:
     assert (home.north, home.east) == pytest.approx((3.0, -2.0))
 
 
-def test_a_mode_asked_for_while_stopping_is_refused_and_granted_at_rest() -> None:
+@pytest.mark.parametrize(
+    ("mode", "then", "taken", "told_of"),
+    [
+        ("heading_hold", None, "heading_hold", []),
+        ("heading_hold", "stop", "stabilised", []),
+        ("heading_hold", "disarm", "stabilised", []),
+        ("station_keeping", None, "stabilised", ["refused:mode"]),  # not to be had at rest
+    ],
+)
+def test_a_mode_asked_for_while_stopping_is_taken_up_at_rest_unless_something_else_is_asked(
+    mode: str, then: RequestKind | None, taken: str, told_of: list[str]
+) -> None:
     guidance = armed()
     guidance.fly(2.0, heave=1.0)
     guidance.ask("stop")
-    asked = guidance.request("mode", flight_mode="heading_hold")
-    assert not asked.accepted
-    assert asked.reason == "the drone is stopping; ask again when it is at rest"
-    guidance.fly(4.0)
+    answer = guidance.request("mode", flight_mode=mode)
+    assert answer.accepted
+    assert answer.note == "the drone is stopping; it changes when it is at rest"
+    guidance.fly(0.2)
+    assert guidance.generator.activity == "stopping"
     assert guidance.status.flight_mode == "stabilised"
-    assert guidance.request("mode", flight_mode="heading_hold").accepted
-    assert guidance.status.flight_mode == "heading_hold"
+    if then is not None:
+        guidance.ask(then)
+    told(guidance.generator.outbox)
+    guidance.fly(4.0)
+    assert guidance.status.flight_mode == taken
+    assert told(guidance.generator.outbox) == told_of
 
 
 def test_held_back_by_the_floor_the_reference_waits() -> None:
