@@ -245,5 +245,5 @@ def _fuse(
     if outcome is Fusion.PERSISTENT:
         for state in states:
             f.forget(state, max(std, abs(off)))
-        quantity.set_anew(f, h, off, stamp_ns)
+        quantity.set_anew(f, h, off, stamp_ns, mask)
     return outcome

@@ -19,7 +19,7 @@ from math import sqrt
 
 from messages.events import Event
 from messages.state import AidSource
-from services.estimation.filter import POSITION, SIZE, ErrorStateFilter, Floats, Row, considered
+from services.estimation.filter import ErrorStateFilter, Floats, Row
 
 GATE, CLIP = 4.5, 2.0  # [σ] tuned on simulated and real dives, range 4 … 6 and 1.5 … 3
 MOST_OUT = 0.6  # [-] share of outliers within `patience` that are no longer outliers
@@ -29,11 +29,6 @@ QUIETER, NOISIER = 0.2, 20.0  # [-] times the stated noise, that is taken from i
 LONGEST = 5.0  # [s] between two samples
 MATCHED_S = 10.0  # [s] of the coloured noise
 MOST_RATIO = 1e6  # [-] a larger test ratio counts as that
-
-
-# Only what is measured over the ground moves the place: a north that is known better would move a
-# vehicle that holds its place 40 m away by 0.7 m.
-KEEPS_PLACE = considered(*(state for state in range(SIZE) if not POSITION <= state < POSITION + 2))
 
 
 class Fusion(Enum):
@@ -136,14 +131,21 @@ class Quantity:
         self._match(innovation, explained, dt)
         used = max(-CLIP * std, min(CLIP * std, innovation))
         self._weights += used / innovation if innovation else 1.0
-        f.correct(Ph, S, used, KEEPS_PLACE if mask is None else mask)
+        f.correct(Ph, S, used, mask)
         self.used_ns = stamp_ns
         return Fusion.USED
 
-    def set_anew(self, f: ErrorStateFilter, h: Row, innovation: float, stamp_ns: int) -> None:
+    def set_anew(
+        self,
+        f: ErrorStateFilter,
+        h: Row,
+        innovation: float,
+        stamp_ns: int,
+        mask: Floats | None = None,
+    ) -> None:
         """Use a sample whatever its size, once the caller has widened the states it measures."""
         Ph, explained = f.explained(h)
-        f.correct(Ph, explained + self._variance(1.0), innovation)
+        f.correct(Ph, explained + self._variance(1.0), innovation, mask)
         self.forget()
         self.used_ns = stamp_ns
 
