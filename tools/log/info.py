@@ -29,6 +29,7 @@ LOG = topics.LOG.key[:-1]
 KEYS = (topics.STATUS.key, topics.CLOCK.key)
 REAL_NS = 10**18  # [ns] UTC in 2001: an earlier time is virtual
 SHOWN = 12  # events on the screen; all of them are in the JSON
+LEVELS = ("warning:", "error:")  # how the lines of a log begin
 
 
 class TopicInfo(msgspec.Struct, kw_only=True):
@@ -195,7 +196,10 @@ def as_text(found: Info) -> str:
         ]
         blocks.append("\n".join(dives))
     if found.events:
-        lines = [f"{event.t:9.2f} s  {event.what}" for event in found.events[:SHOWN]]
+        # What the vehicle did comes before what was said of it.
+        first = sorted(found.events, key=lambda event: event.what.startswith(LEVELS))[:SHOWN]
+        shown = sorted(first, key=lambda event: event.t)
+        lines = [f"{event.t:9.2f} s  {event.what}" for event in shown]
         more = len(found.events) - SHOWN
         blocks.append("\n".join(lines + ([f"{'':>11}  and {more} more"] if more > 0 else [])))
     if found.topics:

@@ -199,6 +199,9 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
     # The recorder's own counts are in its file since its last restart, and in `Health` from before;
     # the larger of both is kept.
     counts = losses(health, {"recorder": dive.losses}) + Counter(extras.losses)
+    # Counts come once a second: what acted in the last one, only the vehicle's status says.
+    acted = failsafes(dive)
+    counts |= Counter({events.FAILSAFE_ACTED(each.condition).name: 1 for each in acted})
     lost = dict(sorted(counts.items()))
     began_ns = dive.first_ns if dive.armed_utc_ns is None else dive.armed_utc_ns
     heading_error = error_rms(dive, "yaw")
@@ -214,7 +217,7 @@ def report_on(dive: RecordedDive, extras: Extras) -> Report:
         budget_ms=budget(dive),
         clocks=clocks(dive),
         stops=stops(dive),
-        failsafes=failsafes(dive),
+        failsafes=acted,
         depth_error_rms_m=error_rms(dive, "heave"),
         heading_error_rms_deg=None if heading_error is None else degrees(heading_error),
         peak_jerk_ratio=peak_jerk_ratio(dive),

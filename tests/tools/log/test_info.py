@@ -9,6 +9,7 @@ from mcap.reader import make_reader
 from services.recorder.foxglove.channel import is_view
 from tests.support.recorded import ShortDive, rewritten
 from tools.__main__ import main
+from tools.log.info import SeenEvent, as_text, info_of
 from tools.recordings.mcap_records import Raw
 from tools.recordings.recording import open_recording
 
@@ -35,6 +36,16 @@ def test_topics_and_attachments_are_counted(
     assert found["log_hash"] == dive.log_hash
     assert found["about"]["vehicle"] == "my_drone"
     assert found["dive"]["stack"]["seed"] == 7
+
+
+def test_what_the_vehicle_did_is_shown_before_what_was_said_of_it(dive: ShortDive) -> None:
+    said = [SeenEvent(float(t), "warning: tether: a typing error") for t in range(20)]
+    acted = [SeenEvent(30.0, "failsafe pilot_lost: stop"), SeenEvent(31.0, "disarmed")]
+    found = msgspec.structs.replace(info_of(open_recording(dive.folder)), events=[*said, *acted])
+    shown = as_text(found)
+    assert shown.index("9.00 s  warning") < shown.index("30.00 s  failsafe pilot_lost: stop")
+    assert "31.00 s  disarmed" in shown
+    assert "and 10 more" in shown
 
 
 @pytest.mark.parametrize(

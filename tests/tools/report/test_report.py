@@ -373,6 +373,13 @@ def test_a_failsafe_that_rose_after_it_had_held_is_said_to_have_risen(tmp_path: 
     assert "came to rest and held, then rose, first at 1.0 s, 2.0 s in all" in row
 
 
+def test_a_failsafe_that_acted_too_late_to_be_counted_is_said_all_the_same(tmp_path: Path):
+    stopped = acting(1.9, failsafe="pilot_lost", reaction="stop")
+    text = summary(report_of(tmp_path, [*CLEAN, stopped, acting(2.0)], Extras()))
+    assert "failsafe          1 × pilot lost" in text
+    assert "ended cleanly" not in text
+
+
 def test_a_failsafe_that_acts_later_is_said_to_have_been_noticed_before(tmp_path: Path):
     rising = acting(12.0, failsafe="leak", reaction="ascend", since_ns=START + 2_000 * MS)
     row = failsafe_row(tmp_path, [rising, acting(15.0)], "failsafe:leak")
