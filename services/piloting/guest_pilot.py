@@ -75,7 +75,7 @@ class StickHolder(Generic[F]):
         self.lost, self._known, self._rested, self._sticks = why, False, False, CENTRED
 
     def release(self) -> None:
-        """Nobody has them."""
+        """The sender gives the sticks back."""
         self.sender, self.lost, self.tilt, self.gripper = None, None, 0.0, 0.0
         self._sticks, self._known, self._rested = CENTRED, False, False
 

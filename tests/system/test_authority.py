@@ -36,7 +36,7 @@ def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_n
     host.run(7 * SECOND)
     assert statuses[-1].armed
 
-    words = "first has control since 1 s; ask for an offer, or take by force"
+    words = "first has had control for 1 s; ask for an offer, or take by force"
     assert second.ask("lease") == words
     assert (second.epoch, statuses[-1].epoch) == (0, 1)
     assert first.ask("offer", to="third") == ""
@@ -58,7 +58,7 @@ def test_control_goes_from_hand_to_hand_without_a_gap_and_the_first_hand_moves_n
     second.heave = 0.5
     host.run(host.now + 2 * SECOND)
     assert references[-1].depth.velocity > 0.2
-    assert "second has control since" in first.ask("lease")
+    assert "second has had control for" in first.ask("lease")
     assert first.ask("force") == ""
     host.run(host.now + SECOND)
     assert (statuses[-1].pilot, references[-1].epoch) == ("first", 3)
@@ -91,7 +91,7 @@ def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_c
     host, statuses, first, second = hand_over
     second.heave = 0.5
     host.run(host.now + SECOND)
-    assert first.ask("disarm").startswith("second has control since 2 s; ask for")
+    assert first.ask("disarm").startswith("second has had control for 2 s; ask for")
     assert statuses[-1].armed
     assert first.ask("stop") == ""
     assert statuses[-1].activity == "stopping"

@@ -60,10 +60,10 @@ def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
         bob.until_said("ann has control; waiting")
         reason = asked(bob, "take")
         assert re.search(
-            r"refuses \(take\): ann has control since \d+ s; ask for an offer, or take by force",
+            r"refuses \(take\): ann has had control for \d+ s; ask for an offer, or take by force",
             reason,
         ), reason
-        assert "refuses (disarm): ann has control since" in asked(bob, "disarm")
+        assert "refuses (disarm): ann has had control for" in asked(bob, "disarm")
         bob.end()
         begin = len(heard)
         until(lambda: len(heard) > begin + 5, lambda: heard[-1:])

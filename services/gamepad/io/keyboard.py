@@ -6,7 +6,7 @@ present. When the window is closed, the pilot is lost.
 A key that is held down while the window gets the focus, or is opened, does nothing until it was let
 go: the system repeats it as if it was pressed in this window.
 
-A pilot's window: what a pilot must see, and below it what each key does.
+The window shows what a pilot must see, and below it what each key does.
 """
 
 from collections.abc import Sequence

@@ -196,7 +196,8 @@ class FailsafeStage(NamedTuple):
     reaction: Reaction
 
 
-NOTICE, LIMIT, STOP = (FailsafeStage(0.0, what) for what in SEVERITY[:3])
+NOTICE, LIMIT = FailsafeStage(0.0, "notice"), FailsafeStage(0.0, "limit")
+STOP = FailsafeStage(0.0, "stop")
 
 
 @dataclass(frozen=True, slots=True)

@@ -165,7 +165,7 @@ class ControlAuthority:
         if not (holder := self.holder(now)):
             return "nobody has control; take it first"
         seconds = max(0, now - self.lease.since_ns) / 1e9
-        return f"{holder} has control since {seconds:.0f} s; ask for an offer, or take by force"
+        return f"{holder} has had control for {seconds:.0f} s; ask for an offer, or take by force"
 
 
 def _name(request: PilotRequest) -> str:

@@ -144,7 +144,7 @@ class PilotOutputs:
         self._asked_ns = dict[str, Ns]()  # stamp of the newest request that was granted
         self._pilot_ns = now  # when a pilot was there last
         self._gripper_of = gripper_of(outputs)
-        self._let_go = False  # the gripper, since it last obeyed nobody
+        self._let_go = False  # the pilot has released the gripper since the last gap
         self.gripper = 0.0  # [-] now
 
     @property

@@ -65,7 +65,7 @@ def test_reasons_and_announcements_are_in_plain_words():
     drone.now += 11 * S
     assert drone.ask("bob", "light") == "nobody has control; take it first"
     drone.command("ann")
-    words = "ann has control since 12 s; ask for an offer, or take by force"
+    words = "ann has had control for 12 s; ask for an offer, or take by force"
     assert {drone.ask("bob", k) for k in OTHERS if k != "stop"} == {words}
     assert drone.ask("bob", "lease") == drone.ask("bob", "offer") == words
     assert drone.ask("bob", "stop") == ""
