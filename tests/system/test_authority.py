@@ -97,7 +97,7 @@ def test_an_ousted_pilot_can_stop_the_drone_but_disarm_it_only_once_nobody_has_c
     assert statuses[-1].activity == "stopping"
     second.speaks = False
     host.run(host.now + SILENT_NS - SECOND)
-    assert first.ask("disarm").startswith("second has control")
+    assert first.ask("disarm").startswith("second has had control")
     host.run(host.now + SECOND)
     assert (statuses[-1].pilot, statuses[-1].armed) == ("", True)
     assert first.ask("light", value=1.0) == "nobody has control; take it first"

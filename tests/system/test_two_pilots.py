@@ -74,7 +74,7 @@ def test_of_two_topsides_exactly_one_flies(tmp_path: Path) -> None:
         assert asked(ann, "offer", "bob2").endswith(": offer: accepted")
         assert asked(again, "take").endswith(": take: accepted")
         until_flown("bob2", armed=True)
-        assert "refuses (light): bob2 has control" in asked(ann, "light", "1")
+        assert "refuses (light): bob2 has had control" in asked(ann, "light", "1")
         assert asked(again, "light", "1").endswith(": light: accepted")
         for who, name in ((ann, "ann"), (again, "bob2")):
             assert asked(who, "take", "--force").endswith(": take: accepted")
